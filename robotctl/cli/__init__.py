@@ -1,0 +1,1 @@
+"""The `robotctl` command."""

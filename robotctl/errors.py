@@ -1,0 +1,19 @@
+"""The exceptions of robotctl: few, and each names what was found, where, and what was allowed."""
+
+from __future__ import annotations
+
+
+class RobotctlError(Exception):
+    """Base of all errors that robotctl raises on purpose."""
+
+
+class ConfigError(RobotctlError):
+    """A configuration file or an override is wrong; the message has one line for each error."""
+
+
+class LinkError(RobotctlError):
+    """A bus, a MAVLink link or a local socket could not be opened."""
+
+
+class MissionError(RobotctlError):
+    """A mission file is wrong or cannot be driven by this robot."""

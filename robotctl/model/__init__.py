@@ -1,0 +1,1 @@
+"""Typed, pure maths: poses, drive kinematics, motion and its noise."""

@@ -1,0 +1,1 @@
+"""From goals and missions to velocity commands, without clock or I/O."""

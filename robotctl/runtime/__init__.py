@@ -1,0 +1,1 @@
+"""Clock, loop, safety state machine, messages and recorder."""

@@ -1,0 +1,1 @@
+"""MAVLink services between the robot and its ground stations."""
