@@ -278,6 +278,9 @@ class LoopStatistics(msgspec.Struct, frozen=True):
     lag_us_max: float = 0.0
     step_us_p50: float = 0.0
     step_us_p99: float = 0.0
+    overrun_causes: dict[str, int] = {}  # noqa: RUF012 - msgspec copies empty defaults
+    stage_us_p50: dict[str, float] = {}  # noqa: RUF012
+    stage_us_p99: dict[str, float] = {}  # noqa: RUF012
 
 
 class ControlState(msgspec.Struct, frozen=True, tag=True):

@@ -43,6 +43,9 @@ class RobotPort(Protocol):
     def emergency_stop(self, source: EmergencyStopSource) -> None:
         """Stop and latch all motor controllers at once."""
 
+    def clear_faults(self) -> None:
+        """Ask the motor controllers to leave their latched states, where the causes are gone."""
+
     def close(self) -> None:
         """Disable the motors, then release the wire."""
 

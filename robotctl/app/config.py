@@ -1,0 +1,123 @@
+"""The configuration of one robot: a TOML file, checked as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from robotctl import toml_source
+from robotctl.control.limiter import LimitsConfig
+from robotctl.drivers.can_config import CanConfig
+from robotctl.errors import ConfigError
+from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.sonar import SonarMount
+from robotctl.planning.navigator import NavigationConfig
+from robotctl.runtime.core import ControlConfig
+from robotctl.runtime.realtime import LoopConfig
+from robotctl.runtime.safety import SafetyConfig
+from robotctl.telemetry.config import MavlinkConfig
+
+MAX_SONARS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who the robot is.
+
+    Parameters
+    ----------
+    name
+        Name in logs, sockets and on the ground station.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        """The name becomes part of file names."""
+        if not self.name.replace("_", "").replace("-", "").isalnum():
+            raise ValueError(f"name must be letters, digits, - and _, not {self.name!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """Everything about one robot. `simulation` belongs to firmware_sim, which checks it itself."""
+
+    robot: Identity
+    drive: Annotated[
+        DifferentialDrive | TricycleDrive | AckermannDrive, Field(discriminator="kind")
+    ]
+    limits: LimitsConfig
+    control: ControlConfig
+    sonar: tuple[SonarMount, ...] = ()
+    can: CanConfig = field(default_factory=CanConfig)
+    runtime: LoopConfig = field(default_factory=LoopConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+    mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
+    navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    simulation: dict[str, Any] = field(default_factory=dict)
+
+
+def config_directory() -> Path:
+    """Return the folder of the configurations that come with robotctl."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "configs"
+    return installed if installed.is_dir() else package.parent / "configs"
+
+
+def find_file(given: str, folder: str = "", suffix: str = ".toml") -> Path:
+    """Return the file that the user means: a path, or the name of one that comes with robotctl.
+
+    Raises
+    ------
+    ConfigError
+        Where there is neither; names the nearest.
+    """
+    path = Path(given)
+    shipped = config_directory() / folder
+    for candidate in (path, shipped / given, shipped / f"{given}{suffix}"):
+        if candidate.is_file():
+            return candidate
+    names = [file.stem for file in sorted(shipped.glob(f"*{suffix}"))]
+    raise ConfigError(
+        f"{given}: no such file, and not in {shipped}{toml_source.nearest(path.stem, names)}"
+    )
+
+
+def load_robot(path: Path, overrides: Sequence[str] = ()) -> RobotConfig:
+    """Read and check a robot's file.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each error.
+    """
+    config = toml_source.load(path, RobotConfig, overrides)
+    problems = [f"{path}: {problem}" for problem in _contradictions(config)]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return config
+
+
+def _contradictions(config: RobotConfig) -> list[str]:
+    """Return what no key alone shows."""
+    problems = []
+    try:
+        config.control.loops(config.drive.wheel_names)
+    except ValueError as error:
+        problems += str(error).splitlines()
+    two_periods_ms = 2 * config.runtime.period_ns / 1e6
+    if config.safety.command_timeout_ms < two_periods_ms:
+        problems.append(
+            f"safety.command_timeout_ms: {config.safety.command_timeout_ms} is under two control "
+            f"periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
+        )
+    names = [mount.name for mount in config.sonar]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        problems.append(f"sonar: the name {name!r} is given {names.count(name)} times")
+    if len(names) > MAX_SONARS:
+        problems.append(f"sonar: {len(names)} sonars, the bus carries {MAX_SONARS}")
+    return problems

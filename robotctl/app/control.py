@@ -1,0 +1,144 @@
+"""The control process: one thread, one fixed-rate loop between the CAN bus and the wheels."""
+
+from __future__ import annotations
+
+import sys
+from typing import Final
+
+import zmq
+
+from robotctl.app.config import RobotConfig
+from robotctl.app.options import StackOptions, options_of_command_line
+from robotctl.app.robot import make_core, make_robot, record_header
+from robotctl.app.signals import StopFlag
+from robotctl.errors import RobotctlError
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.core import ControlCore, Inputs, Outputs
+from robotctl.runtime.loop import Loop
+from robotctl.runtime.messages import ControlRequest, Feedback, Notice, WheelCommand
+from robotctl.runtime.ports import RobotPort
+from robotctl.runtime.realtime import acquire_realtime
+from robotctl.runtime.recorder import Recorder
+from robotctl.runtime.topics import (
+    Endpoints,
+    Publisher,
+    RequestReceiver,
+    StreamSender,
+    endpoint_directory,
+)
+
+PUBLISH_HZ: Final = 50
+_SEVERITY_WARNING, _SEVERITY_INFO = 4, 6
+
+
+class ControlTicker:
+    """The work of one control period.
+
+    Parameters
+    ----------
+    robot, core
+        The wire and what thinks.
+    requests, publisher
+        The other processes.
+    loop
+        The loop that calls, for its statistics.
+    recorder
+        Where inputs and outputs go, if anywhere.
+    """
+
+    def __init__(
+        self,
+        robot: RobotPort,
+        core: ControlCore,
+        requests: RequestReceiver[ControlRequest],
+        publisher: Publisher,
+        loop: Loop,
+        recorder: Recorder | None,
+    ) -> None:
+        self._robot = robot
+        self._core = core
+        self._requests = requests
+        self._publisher = publisher
+        self._loop = loop
+        self._recorder = recorder
+        self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
+        self._published_ns = 0
+        self._inputs = Inputs(Feedback())
+        self._outputs = Outputs(WheelCommand())
+
+    def receive(self, now_ns: int) -> None:
+        """Take in frames and requests."""
+        self._inputs = Inputs(self._robot.receive(now_ns), tuple(self._requests.receive()))
+
+    def control(self, now_ns: int) -> None:
+        """Step the core."""
+        self._outputs = self._core.step(self._inputs, now_ns)
+
+    def send(self, now_ns: int) -> None:
+        """Send the command; an emergency stop goes first."""
+        outputs = self._outputs
+        if outputs.emergency_stop is not None:
+            self._robot.emergency_stop(outputs.emergency_stop)
+        if outputs.clear_faults:
+            self._robot.clear_faults()
+        self._robot.send(outputs.command, now_ns)
+
+    def publish(self, now_ns: int) -> None:
+        """Record each tick; publish notices at once and the state at its own rate."""
+        if self._recorder is not None:
+            self._recorder.record(now_ns, self._inputs, self._outputs.command)
+        for notice in self._outputs.notices:
+            self._publisher.send(notice)
+        if now_ns - self._published_ns >= self._publish_period_ns:
+            self._published_ns = now_ns
+            self._loop.refresh()
+            self._publisher.send(self._core.snapshot(now_ns, self._loop.statistics()))
+            if self._recorder is not None:
+                self._recorder.flush()
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Run the control loop until SIGTERM or SIGINT; the motors go off first."""
+    stopped = StopFlag()
+    clock = RealClock()
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    context = zmq.Context()
+    publisher = Publisher(context, endpoints.control_state)
+    requests = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
+    recorder = None
+    if options.record:
+        stream = StreamSender(context, endpoints.control_record)
+        recorder = Recorder(stream.send, record_header(config, options))
+    robot = make_robot(config)
+    core = make_core(config, options)
+    loop = Loop(clock, config.runtime.period_ns)
+    ticker = ControlTicker(robot, core, requests, publisher, loop, recorder)
+    refused = acquire_realtime(config.runtime)
+    for sentence in refused:
+        print(f"robotctl: {sentence}", file=sys.stderr)  # noqa: T201
+        publisher.send(Notice(clock.now_ns(), _SEVERITY_WARNING, sentence))
+    try:
+        loop.run(ticker, stopped)
+    finally:
+        robot.close()
+        loop.refresh(whole=True)
+        publisher.send(core.snapshot(clock.now_ns(), loop.statistics()))
+        if recorder is not None:
+            recorder.flush()
+        publisher.close()
+        context.destroy(linger=200)
+
+
+def main() -> int:
+    """Entry point of the process."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl control: {error}", file=sys.stderr)  # noqa: T201
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,52 @@
+"""What the processes of one robot are started with, handed over as JSON on the command line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+
+from robotctl.app.config import RobotConfig, load_robot
+
+
+class StackOptions(msgspec.Struct, frozen=True):
+    """One running robot.
+
+    Attributes
+    ----------
+    instance
+        Name of the robot's sockets; two robots on one computer need two names.
+    robot
+        The robot's configuration file.
+    overrides
+        `key=value` settings on top of it.
+    mission
+        Mission file of mode AUTO; empty: none.
+    x_m, y_m, theta_rad
+        Pose of `base` in `world` at the start.
+    record
+        Directory for the record of the control loop and the CAN log; empty: none.
+    """
+
+    instance: str
+    robot: str
+    overrides: tuple[str, ...] = ()
+    mission: str = ""
+    x_m: float = 0.0
+    y_m: float = 0.0
+    theta_rad: float = 0.0
+    record: str = ""
+
+    def load(self) -> RobotConfig:
+        """Read the configuration with its overrides."""
+        return load_robot(Path(self.robot), self.overrides)
+
+    def command(self, module: str) -> list[str]:
+        """Return the command line of the process that `module` implements."""
+        return [sys.executable, "-m", module, msgspec.json.encode(self).decode()]
+
+
+def options_of_command_line(arguments: list[str]) -> StackOptions:
+    """Read the options that `StackOptions.command` wrote."""
+    return msgspec.json.decode(arguments[1], type=StackOptions)

@@ -1,0 +1,52 @@
+"""Clocks: the real one with absolute deadlines, and the virtual one that lockstep drives."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import time
+
+_CLOCK_MONOTONIC = 1
+_TIMER_ABSTIME = 1
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
+
+
+class RealClock:
+    """CLOCK_MONOTONIC; sleeps to absolute deadlines (POSIX `clock_nanosleep`, TIMER_ABSTIME).
+
+    `time.sleep` would add whatever passes between reading the clock and going to sleep.
+    """
+
+    def __init__(self) -> None:
+        self._nanosleep = ctypes.CDLL(None, use_errno=False).clock_nanosleep
+        self._nanosleep.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
+        self._request = _Timespec()
+        self._address = ctypes.addressof(self._request)
+
+    def now_ns(self) -> int:
+        """Return monotonic time [ns]."""
+        return time.monotonic_ns()
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Block until `deadline_ns`; a signal's handler runs and the sleep goes on."""
+        self._request.tv_sec, self._request.tv_nsec = divmod(deadline_ns, 1_000_000_000)
+        while self._nanosleep(_CLOCK_MONOTONIC, _TIMER_ABSTIME, self._address, None) == errno.EINTR:
+            pass
+
+
+class VirtualClock:
+    """Time that stands still until somebody moves it."""
+
+    def __init__(self, start_ns: int = 0) -> None:
+        self._now_ns = start_ns
+
+    def now_ns(self) -> int:
+        """Return virtual time [ns]."""
+        return self._now_ns
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Move time to `deadline_ns`, never back."""
+        self._now_ns = max(self._now_ns, deadline_ns)

@@ -1,0 +1,358 @@
+"""The control core: everything between feedback and command, as one pure step.
+
+`ControlCore.step` reads no clock, does no I/O and draws no random number, so the recorded inputs
+of a run give its outputs again bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import msgspec
+
+from robotctl.control.limiter import LimitsConfig, TwistLimiter
+from robotctl.control.pid import PidConfig
+from robotctl.control.pwm import PwmConfig
+from robotctl.control.wheel_loop import WheelLoop
+from robotctl.estimation.odometry import Odometry
+from robotctl.model.drives import Drive
+from robotctl.model.se2 import SE2
+from robotctl.model.twist import Twist
+from robotctl.runtime.health import Health
+from robotctl.runtime.messages import (
+    Ack,
+    Arm,
+    ControlRequest,
+    ControlState,
+    EmergencyStop,
+    EmergencyStopSource,
+    Feedback,
+    LoopStatistics,
+    Notice,
+    SonarFeedback,
+    VelocityCommand,
+    WheelCommand,
+)
+from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
+
+SONAR_MAX_AGE_NS: Final = 250_000_000
+"""Older sonar ranges are published as nan [ns]."""
+
+_STOPPED = WheelCommand(enable=False, brake=True)
+_AT_REST_M_S = 0.005
+_CLEAR_INTERVAL_NS = 100_000_000
+_SEVERITY_CRITICAL, _SEVERITY_WARNING, _SEVERITY_INFO = 2, 4, 6
+
+
+@dataclass(frozen=True, slots=True)
+class ControlConfig:
+    """Wheel loops: `left` and `right` for a differential drive, `drive` for drive-and-steer."""
+
+    pwm: PwmConfig = field(default_factory=PwmConfig)
+    left: PidConfig | None = None
+    right: PidConfig | None = None
+    drive: PidConfig | None = None
+
+    def loops(self, wheel_names: tuple[str, ...]) -> tuple[PidConfig, ...]:
+        """Return the loops of the named wheels.
+
+        Raises
+        ------
+        ValueError
+            Where one is missing, or one is given for a wheel that the drive has not.
+        """
+        given = {"left": self.left, "right": self.right, "drive": self.drive}
+        problems = [
+            f"control.{name}: missing, this drive has the wheels {', '.join(wheel_names)}"
+            for name in wheel_names
+            if given[name] is None
+        ] + [
+            f"control.{name}: this drive has no such wheel, only {', '.join(wheel_names)}"
+            for name, loop in given.items()
+            if loop is not None and name not in wheel_names
+        ]
+        if problems:
+            raise ValueError("\n".join(problems))
+        return tuple(loop for name in wheel_names if (loop := given[name]) is not None)
+
+
+class Inputs(msgspec.Struct, frozen=True, array_like=True):
+    """All that one step depends on, besides the configuration and the steps before."""
+
+    feedback: Feedback
+    requests: tuple[ControlRequest, ...] = ()
+
+
+class Outputs(msgspec.Struct, frozen=True, array_like=True):
+    """What one step wants done."""
+
+    command: WheelCommand
+    emergency_stop: EmergencyStopSource | None = None
+    clear_faults: bool = False
+    notices: tuple[Notice, ...] = ()
+
+
+class ControlCore:
+    """The state of the controller between ticks.
+
+    Parameters
+    ----------
+    drive
+        Kinematics.
+    control, limits, safety
+        Configuration of the wheel loops, of the set-point limiter and of the safety core.
+    period_ns
+        Control period [ns].
+    sonars
+        Number of sonars of the ring.
+    pose_world_base
+        Where odometry starts.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        control: ControlConfig,
+        limits: LimitsConfig,
+        safety: SafetyConfig,
+        period_ns: int,
+        sonars: int,
+        pose_world_base: SE2,
+    ) -> None:
+        self.machine = SafetyMachine()
+        self.odometry = Odometry(drive, pose_world_base)
+        self._drive = drive
+        self._wheels = tuple(
+            WheelLoop(pid, control.pwm, drive.counts_per_revolution)
+            for pid in control.loops(drive.wheel_names)
+        )
+        self._limiter = TwistLimiter(limits)
+        self._health = Health(safety, period_ns)
+        self._safety = safety
+        self._period_s = period_ns * 1e-9
+        self._command = _STOPPED
+        self._velocity: VelocityCommand | None = None
+        self._twist_meas = Twist(0.0, 0.0)
+        self._twist_ref = Twist(0.0, 0.0)
+        self._steering_rad = 0.0
+        self._has_counts = False
+        self._boots: dict[int, int] = {}
+        self._pending: Arm | None = None
+        self._cleared_ns = 0
+        self._ack: Ack | None = None
+        self._sonar_m = [float("nan")] * sonars
+        self._sonar_ns = [0] * sonars
+        self._notices: list[Notice] = []
+
+    def step(self, inputs: Inputs, now_ns: int) -> Outputs:
+        """Return the command of this tick; `now_ns` is its time, never read from a clock."""
+        self._notices = []
+        self._take_feedback(inputs.feedback, now_ns)
+        stop = self._take_requests(inputs, now_ns)
+        self._supervise(now_ns)
+        clear = self._pending is not None and self._try_to_arm(now_ns)
+        self._command = self._drive_wheels(now_ns)
+        return Outputs(self._command, stop, clear, tuple(self._notices))
+
+    def _take_feedback(self, feedback: Feedback, now_ns: int) -> None:
+        """Update estimates from what the bus brought."""
+        health = self._health
+        health.update(feedback)
+        for sonar in feedback.sonars:
+            self._take_sonar(sonar)
+        if feedback.drive is not None:
+            self._steering_rad = feedback.drive.steering_rad
+        wheels = feedback.wheels
+        if wheels is not None:
+            counts = (wheels.count1, wheels.count2)
+            if not self._has_counts:
+                self._has_counts = True
+                for wheel, count in zip(self._wheels, counts, strict=False):
+                    wheel.estimator.reset(count, wheels.timestamp_us)
+            for wheel, count in zip(self._wheels, counts, strict=False):
+                wheel.estimator.update(count, wheels.timestamp_us)
+            first, last = self._wheels[0].estimator, self._wheels[-1].estimator
+            self.odometry.update(first.position_rad, last.position_rad, self._steering_rad)
+            self._twist_meas = self._drive.forward(
+                first.velocity_rad_s, last.velocity_rad_s, self._steering_rad
+            )
+        for node in feedback.nodes:
+            self._take_boot(node.node_id, node.boots, node.name)
+        if feedback.emergency_stop is not None:
+            source = feedback.emergency_stop.name.lower().replace("_", " ")
+            self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
+
+    def _take_boot(self, node_id: int, boots: int, name: str) -> None:
+        """Stop where a node has restarted; its counts begin anew."""
+        before = self._boots.get(node_id)
+        if before == boots:
+            return
+        self._boots[node_id] = boots
+        self._has_counts = False
+        self.odometry.reset(0.0, 0.0)
+        if before is not None and self.machine.state in POWERED:
+            self._on(Event.FAULT, f"{name} (node {node_id}) restarted", 0)
+
+    def _take_sonar(self, sonar: SonarFeedback) -> None:
+        """Keep the ranges of one group."""
+        for offset, range_m in enumerate(sonar.ranges_m):
+            index = sonar.first + offset
+            if index < len(self._sonar_m):
+                self._sonar_m[index] = range_m
+                self._sonar_ns[index] = sonar.stamp_ns
+
+    def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
+        """Carry out requests that are not too old; an emergency stop has no age."""
+        stop = None
+        oldest_ns = now_ns - self._safety.request_max_age_ms * 1_000_000
+        for request in inputs.requests:
+            match request:
+                case VelocityCommand():
+                    self._velocity = request
+                case EmergencyStop():
+                    stop = request.source
+                    source = request.source.name.lower().replace("_", " ")
+                    self._on(Event.EMERGENCY_STOP, f"emergency stop ({source})", now_ns)
+                case Arm() if request.stamp_ns < oldest_ns:
+                    self._ack = Ack(request.request_id, accepted=False, reasons=("too old",))
+                case Arm(arm=False):
+                    self._pending = None
+                    self._on(Event.DISARM, "disarmed", now_ns)
+                    self._ack = Ack(request.request_id, accepted=True)
+                case Arm():
+                    self._pending = request
+                    if self.machine.state in LATCHED:
+                        self._on(Event.RESET, "arming after a stop", now_ns)
+        if stop is not None:
+            self._pending = None
+        return stop
+
+    def _supervise(self, now_ns: int) -> None:
+        """Let health move the state machine."""
+        if self.machine.state in POWERED:
+            problem = self._health.fault(now_ns)
+            if problem is not None:
+                self._on(Event.FAULT, problem, now_ns)
+        elif self.machine.state not in LATCHED:
+            problem = self._health.node_problem()
+            if problem is None:
+                self._on(Event.READY, "", now_ns)
+            elif not self._on(Event.NOT_READY, problem, now_ns):
+                self.machine.reason = problem
+
+    def _try_to_arm(self, now_ns: int) -> bool:
+        """Arm if nothing speaks against it; return whether the drive's latches must be cleared."""
+        request = self._pending
+        if request is None:
+            return False
+        if self.machine.state in POWERED:
+            self._pending = None
+            self._ack = Ack(request.request_id, accepted=True)
+            return False
+        refusals = self._health.refusals(now_ns)
+        if not refusals and self._on(Event.ARM, "", now_ns):
+            self._pending = None
+            self._ack = Ack(request.request_id, accepted=True)
+            self._take_over()
+            return False
+        if now_ns - request.stamp_ns > self._safety.arm_timeout_ms * 1_000_000:
+            self._pending = None
+            self._ack = Ack(request.request_id, accepted=False, reasons=refusals)
+            text = f"arming refused: {'; '.join(refusals) or self.machine.reason}"
+            self._notices.append(Notice(now_ns, _SEVERITY_WARNING, text))
+            return False
+        if self._health.drive_latched and now_ns - self._cleared_ns > _CLEAR_INTERVAL_NS:
+            self._cleared_ns = now_ns
+            return True
+        return False
+
+    def _take_over(self) -> None:
+        """Start the wheel loops from the present motion, so that arming causes no jump."""
+        self._velocity = None
+        self._limiter.reset(self._twist_meas.v_m_s, self._twist_meas.omega_rad_s)
+        for wheel in self._wheels:
+            wheel.reset()
+
+    def _drive_wheels(self, now_ns: int) -> WheelCommand:
+        """Return the command for the present state and velocity set-point."""
+        if self.machine.state not in POWERED:
+            self._twist_ref = Twist(0.0, 0.0)
+            return _STOPPED
+        velocity = self._velocity
+        if velocity is None or now_ns > velocity.expires_ns:
+            wanted_v, wanted_omega = 0.0, 0.0
+        else:
+            wanted_v, wanted_omega = velocity.v_m_s, velocity.omega_rad_s
+        self._twist_ref = reference = self._limiter.step(wanted_v, wanted_omega, self._period_s)
+        if wanted_v != 0.0 or wanted_omega != 0.0:
+            self._on(Event.MOVE, "", now_ns)
+        elif reference == (0.0, 0.0) and abs(self._twist_meas.v_m_s) < _AT_REST_M_S:
+            self._on(Event.REST, "", now_ns)
+        return self._wheel_command(reference)
+
+    def _wheel_command(self, reference: Twist) -> WheelCommand:
+        """Close the wheel loops on a body velocity."""
+        wheels = self._drive.inverse(reference.v_m_s, reference.omega_rad_s, self._steering_rad)
+        drive = self._health.drive
+        bus_voltage_v = drive.bus_voltage_v if drive is not None else 0.0
+        dt_s = self._period_s
+        duty1 = self._wheels[0].step(wheels.omega1_rad_s, bus_voltage_v, dt_s)
+        duty2 = 0.0
+        if len(self._wheels) == 2:
+            duty2 = self._wheels[1].step(wheels.omega2_rad_s, bus_voltage_v, dt_s)
+        return WheelCommand(True, False, duty1, duty2, wheels.steering_rad)
+
+    def _on(self, event: Event, reason: str, now_ns: int) -> bool:
+        """Apply an event to the state machine and tell people of stops and starts."""
+        changed = self.machine.on(event, reason)
+        if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
+            self._pending = None
+            self._velocity = None
+            self._notices.append(Notice(now_ns, _SEVERITY_CRITICAL, f"stopped: {reason}"))
+        elif changed and event in (Event.ARM, Event.DISARM, Event.READY):
+            text = {"arm accepted": "armed", "all nodes ready": "ready to arm"}
+            line = text.get(event.value, "disarmed")
+            self._notices.append(Notice(now_ns, _SEVERITY_INFO, line))
+        return changed
+
+    def snapshot(self, now_ns: int, loop: LoopStatistics) -> ControlState:
+        """Return what other processes may know."""
+        health, pose = self._health, self.odometry.pose_world_base
+        motor, wheels = health.motor, self._wheels
+        duties = (self._command.duty1, self._command.duty2)
+        n = len(wheels)
+        return ControlState(
+            stamp_ns=now_ns,
+            state=self.machine.state,
+            reason=self.machine.reason,
+            ack=self._ack,
+            x_m=pose.x_m,
+            y_m=pose.y_m,
+            theta_rad=pose.theta_rad,
+            v_m_s=self._twist_meas.v_m_s,
+            omega_rad_s=self._twist_meas.omega_rad_s,
+            v_ref_m_s=self._twist_ref.v_m_s,
+            omega_ref_rad_s=self._twist_ref.omega_rad_s,
+            distance_m=self.odometry.distance_m,
+            wheel_rad_s=tuple(w.estimator.velocity_rad_s for w in wheels),
+            wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),
+            wheel_distance_m=tuple(
+                w.estimator.position_rad * self._drive.wheel_radius_m for w in wheels
+            ),
+            duty=duties[:n],
+            current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),
+            temperature_c=(motor.temperature1_c, motor.temperature2_c)[:n] if motor else (),
+            steering_rad=self._steering_rad,
+            bus_voltage_v=health.drive.bus_voltage_v if health.drive else float("nan"),
+            battery=health.battery,
+            sonar_m=tuple(
+                range_m if now_ns - stamp_ns <= SONAR_MAX_AGE_NS else float("nan")
+                for range_m, stamp_ns in zip(self._sonar_m, self._sonar_ns, strict=True)
+            ),
+            sonar_stamp_ns=tuple(self._sonar_ns),
+            faults=motor.faults if motor else 0,
+            nodes=health.nodes,
+            bus=health.bus,
+            loop=loop,
+        )

@@ -1,0 +1,148 @@
+"""Port of the MAVLink links: what telemetry needs of sockets and serial lines, and their URLs."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+KINDS = ("udpout", "udpin", "tcpout", "tcpin", "serial")
+FORMS = (
+    "udpout:HOST:PORT, udpin:HOST:PORT, tcpout:HOST:PORT, tcpin:HOST:PORT or serial:/dev/NAME:BAUD"
+)
+MAX_BAUD = 4_000_000
+
+_SOCKET = re.compile(r"(?:\[([^\[\]]+)\]|([^:\[\]\s]+)):(\d{1,5})")
+_SERIAL = re.compile(r"(/\S+):(\d{1,7})")
+
+
+class LinkAddress(NamedTuple):
+    """A link's URL in parts. `port` is the UDP or TCP port, or the baud rate of a serial line."""
+
+    kind: str
+    host: str
+    port: int
+
+
+@dataclass(frozen=True, slots=True)
+class LinkConfig:
+    """One MAVLink link.
+
+    Parameters
+    ----------
+    url : str
+        `udpout:HOST:PORT` sends to a ground station, `udpin:HOST:PORT` waits for several,
+        `tcpout:HOST:PORT` connects to a server, `tcpin:HOST:PORT` is one,
+        `serial:/dev/NAME:BAUD` is a serial line or radio. IPv6 hosts stand in brackets.
+
+    Raises
+    ------
+    ValueError
+        If `url` has none of these forms; the message names them.
+    """
+
+    url: str
+
+    def __post_init__(self) -> None:
+        parse_link_url(self.url)
+
+    @property
+    def address(self) -> LinkAddress:
+        """The URL in parts."""
+        return parse_link_url(self.url)
+
+
+def parse_link_url(url: str) -> LinkAddress:
+    """Split the URL of a link.
+
+    Raises
+    ------
+    ValueError
+        Names what is wrong with `url` and which forms are allowed.
+    """
+    kind, _, rest = url.partition(":")
+    if kind not in KINDS:
+        near = difflib.get_close_matches(kind, KINDS, n=1)
+        hint = f'; did you mean "{near[0]}"?' if near else ""
+        raise _refusal(url, f'"{kind}" is no kind of link{hint}')
+    if kind == "serial":
+        if not (serial := _SERIAL.fullmatch(rest)):
+            raise _refusal(url, "a serial line needs a device path and a baud rate")
+        baud = int(serial[2])
+        if not 0 < baud <= MAX_BAUD:
+            raise _refusal(url, f"baud rate {baud} is not in 1 to {MAX_BAUD}")
+        return LinkAddress(kind, serial[1], baud)
+    if not (socket := _SOCKET.fullmatch(rest)):
+        raise _refusal(url, "this link needs a host and a port")
+    port = int(socket[3])
+    lowest = 0 if kind.endswith("in") else 1
+    if not lowest <= port <= 65535:
+        raise _refusal(url, f"port {port} is not in {lowest} to 65535")
+    return LinkAddress(kind, socket[1] or socket[2], port)
+
+
+def _refusal(url: str, problem: str) -> ValueError:
+    return ValueError(f'"{url}": {problem}; allowed: {FORMS}')
+
+
+class Peer(NamedTuple):
+    """One other end: the link's place in the configuration, and a number new for each peer."""
+
+    link: int
+    number: int
+
+
+class Received(NamedTuple):
+    """A message whose frame was complete and had the right checksum (a pymavlink object)."""
+
+    message: Any
+    peer: Peer
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatus:
+    """What one link did since the start.
+
+    `bad_bytes` belonged to no valid frame; `dropped` frames found no room or nobody listening;
+    `opened` counts (re)connections; `port` is the bound port of a server, else 0.
+    """
+
+    url: str
+    open: bool
+    peers: int
+    port: int
+    received: int
+    sent: int
+    bad_bytes: int
+    dropped: int
+    errors: int
+    opened: int
+    last_error: str
+
+
+class MavlinkPort(Protocol):
+    """Several MAVLink links that never raise and never wait unless asked to."""
+
+    @property
+    def count(self) -> int:
+        """Number of links."""
+
+    def poll(self, now_ns: int, timeout_s: float = 0.0) -> list[Received]:
+        """Keep the links alive and return what came, after waiting at most `timeout_s` for it."""
+
+    def broadcast(self, message: Any, links: Collection[int] | None = None) -> None:
+        """Queue `message` for every peer of `links` (None: all); dropped first where room ends."""
+
+    def reply(self, message: Any, peer: Peer) -> None:
+        """Queue `message` for one peer; nothing happens where it has gone."""
+
+    def flush(self) -> None:
+        """Hand what is queued to the operating system, as far as it takes it."""
+
+    def status(self) -> tuple[LinkStatus, ...]:
+        """Return the counters of each link, in the order of the configuration."""
+
+    def close(self) -> None:
+        """Release all links."""

@@ -1,0 +1,222 @@
+"""Messages between the processes of one robot: ZeroMQ over Unix sockets, msgpack by msgspec.
+
+States are published (PUB/SUB): who listens late misses the past, which is what a state wants.
+Requests are pushed (PUSH/PULL) and never kept for a process that is not there: a request to move
+or to arm that waited for a restart would come as a surprise.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import msgspec
+import zmq
+
+from robotctl.errors import LinkError
+
+T = TypeVar("T")
+
+_QUEUE = 256
+
+
+def endpoint_directory(instance: str) -> Path:
+    """Make and return the private directory of the sockets of one robot `instance`.
+
+    Raises
+    ------
+    LinkError
+        Where the directory belongs to somebody else or is open to others.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    base = Path(runtime) if runtime else Path(tempfile.gettempdir())
+    parent = base / ("robotctl" if runtime else f"robotctl-{os.getuid()}")
+    directory = parent / instance
+    try:
+        for path in (parent, directory):
+            path.mkdir(mode=0o700, exist_ok=True)
+            status = path.lstat()
+            if status.st_uid != os.getuid() or status.st_mode & 0o077:
+                raise LinkError(f"{path}: must belong to user {os.getuid()} and be closed to others")
+    except OSError as error:
+        raise LinkError(f"{directory}: cannot be made: {error.strerror}") from error
+    return directory
+
+
+class Endpoints:
+    """Addresses of the sockets of one robot instance.
+
+    Parameters
+    ----------
+    directory
+        Where the sockets live; see `endpoint_directory`.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.control_state = f"ipc://{directory}/control.state"
+        self.control_requests = f"ipc://{directory}/control.requests"
+        self.control_record = f"ipc://{directory}/control.record"
+        self.navigation_state = f"ipc://{directory}/navigation.state"
+        self.navigation_requests = f"ipc://{directory}/navigation.requests"
+        self.truth = f"ipc://{directory}/truth"
+        self.lidar = f"ipc://{directory}/lidar"
+
+
+class Publisher:
+    """Publishes messages, or ready-made bytes, to whoever listens."""
+
+    def __init__(self, context: zmq.Context[Any], address: str) -> None:
+        self._socket = _socket(context, zmq.PUB)
+        _bind(self._socket, address)
+        self._encoder = msgspec.msgpack.Encoder()
+
+    def send(self, message: msgspec.Struct) -> None:
+        """Publish one message without waiting."""
+        self._socket.send(self._encoder.encode(message), zmq.NOBLOCK)
+
+    def send_bytes(self, data: bytes) -> None:
+        """Publish bytes without waiting."""
+        self._socket.send(data, zmq.NOBLOCK)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class _Receiver(Generic[T]):
+    """Reads messages of the types in `kind`; others are dropped and counted."""
+
+    def __init__(self, socket: zmq.Socket[bytes], kind: Any) -> None:
+        self.rejected = 0
+        self._socket = socket
+        self._decoder = msgspec.msgpack.Decoder(kind)
+
+    def receive(self) -> list[T]:
+        """Return all waiting messages, oldest first, without waiting."""
+        messages: list[T] = []
+        while self._socket.getsockopt(zmq.EVENTS) & zmq.POLLIN:  # type: ignore[operator]
+            try:
+                messages.append(self._decoder.decode(self._socket.recv(zmq.NOBLOCK)))
+            except msgspec.DecodeError:
+                self.rejected += 1
+            except zmq.Again:
+                break
+        return messages
+
+    def fileno(self) -> int:
+        """Return a descriptor that wakes a poll; read until `receive` is empty after it did."""
+        return int(self._socket.getsockopt(zmq.FD))  # type: ignore[arg-type]
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class Subscriber(_Receiver[T]):
+    """Listens to publishers, which may start later or restart."""
+
+    def __init__(self, context: zmq.Context[Any], addresses: tuple[str, ...], kind: Any) -> None:
+        socket = _socket(context, zmq.SUB)
+        socket.setsockopt(zmq.SUBSCRIBE, b"")
+        for address in addresses:
+            socket.connect(address)
+        super().__init__(socket, kind)
+
+
+class RequestReceiver(_Receiver[T]):
+    """Takes requests from any process of the same user."""
+
+    def __init__(self, context: zmq.Context[Any], address: str, kind: Any) -> None:
+        socket = _socket(context, zmq.PULL)
+        _bind(socket, address)
+        super().__init__(socket, kind)
+
+
+class RequestSender:
+    """Sends requests to one process; where it is not there they are dropped, not kept."""
+
+    def __init__(self, context: zmq.Context[Any], address: str) -> None:
+        self._socket = _socket(context, zmq.PUSH)
+        self._socket.setsockopt(zmq.IMMEDIATE, 1)
+        self._socket.connect(address)
+        self._encoder = msgspec.msgpack.Encoder()
+
+    def send(self, request: msgspec.Struct) -> bool:
+        """Send one request without waiting; return whether a process was there to take it."""
+        try:
+            self._socket.send(self._encoder.encode(request), zmq.NOBLOCK)
+        except zmq.Again:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class StreamSender:
+    """Sends bytes to one reader that may start a little later; drops and counts when it lags.
+
+    Unlike a publisher it loses nothing before the reader is there.
+    """
+
+    def __init__(self, context: zmq.Context[Any], address: str) -> None:
+        self.dropped = 0
+        self._socket = _socket(context, zmq.PUSH)
+        _bind(self._socket, address)
+        self._waiting: list[bytes] = []
+
+    def send(self, data: bytes) -> None:
+        """Send one message without waiting."""
+        self._waiting.append(data)
+        try:
+            while self._waiting:
+                self._socket.send(self._waiting[0], zmq.NOBLOCK)
+                self._waiting.pop(0)
+        except zmq.Again:
+            if len(self._waiting) > _QUEUE:
+                self._waiting.pop()
+                self.dropped += 1
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class StreamReceiver:
+    """Reads what a `StreamSender` sends."""
+
+    def __init__(self, context: zmq.Context[Any], address: str) -> None:
+        self._socket = _socket(context, zmq.PULL)
+        self._socket.connect(address)
+
+    def receive(self) -> list[bytes]:
+        """Return all waiting messages, oldest first, without waiting."""
+        messages = []
+        while self._socket.getsockopt(zmq.EVENTS) & zmq.POLLIN:  # type: ignore[operator]
+            messages.append(self._socket.recv(zmq.NOBLOCK))
+        return messages
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def _socket(context: zmq.Context[Any], kind: int) -> zmq.Socket[bytes]:
+    """Make a socket with bounded queues that does not delay the end of its process."""
+    socket: zmq.Socket[bytes] = context.socket(kind)
+    socket.setsockopt(zmq.LINGER, 0)
+    socket.setsockopt(zmq.SNDHWM, _QUEUE)
+    socket.setsockopt(zmq.RCVHWM, _QUEUE)
+    return socket
+
+
+def _bind(socket: zmq.Socket[bytes], address: str) -> None:
+    """Bind, with an error that names the address."""
+    try:
+        socket.bind(address)
+    except zmq.ZMQError as error:
+        socket.close()
+        raise LinkError(f"{address}: cannot be bound: {error}") from error

@@ -1,0 +1,49 @@
+"""The table of transitions, read as laws."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.runtime.messages import SafetyState
+from robotctl.runtime.safety import LATCHED, POWERED, TRANSITIONS, Event, SafetyMachine
+
+EVENTS = st.lists(st.sampled_from(list(Event)), max_size=60)
+
+
+def test_an_emergency_stop_leads_to_its_latch_from_every_state() -> None:
+    for state in set(SafetyState) - {SafetyState.EMERGENCY_STOP}:
+        assert TRANSITIONS[state, Event.EMERGENCY_STOP] == SafetyState.EMERGENCY_STOP
+
+
+def test_only_an_accepted_request_to_arm_leads_from_unpowered_to_powered() -> None:
+    entries = {
+        (state, event)
+        for (state, event), new in TRANSITIONS.items()
+        if state not in POWERED and new in POWERED
+    }
+    assert entries == {(SafetyState.STANDBY, Event.ARM)}
+
+
+@given(EVENTS)
+def test_a_latched_state_is_left_only_by_a_request_to_arm(events: list[Event]) -> None:
+    machine = SafetyMachine()
+    for event in events:
+        before = machine.state
+        machine.on(event)
+        if before in LATCHED and machine.state not in LATCHED:
+            assert event == Event.RESET
+            assert machine.state not in POWERED
+
+
+@given(EVENTS)
+def test_after_a_fault_in_motion_the_robot_is_never_powered(events: list[Event]) -> None:
+    machine = SafetyMachine()
+    for event in events:
+        machine.on(event)
+        if event in (Event.EMERGENCY_STOP, Event.FAULT, Event.DISARM):
+            assert machine.state not in POWERED
+
+
+def test_every_state_can_be_reached_and_left() -> None:
+    reached = {new for new in TRANSITIONS.values()} | {SafetyState.BOOT}
+    left = {state for state, _ in TRANSITIONS}
+    assert reached == left == set(SafetyState)

@@ -1,0 +1,114 @@
+"""Errors in files, as a user meets them."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import pytest
+from pydantic import Field
+
+from robotctl.errors import ConfigError
+from robotctl.toml_source import parse
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    kp: float
+    kd: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kp < 0:
+            raise ValueError("kp must not be negative")
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    kind: Literal["round"]
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Square:
+    kind: Literal["square"]
+    side_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    gains: Gains
+    left: Gains | None = None
+    shape: tuple[Annotated[Round | Square, Field(discriminator="kind")], ...] = ()
+    names: tuple[str, ...] = field(default=())
+
+
+GOOD = """\
+names = ["a", "b"]
+
+[gains]
+kp = 2        # an integer will do
+
+[[shape]]
+kind = "round"
+radius_m = 0.5
+
+[[shape]]
+kind = "square"
+side_m = 1.0
+"""
+
+
+def errors(text: str, *overrides: str) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        parse(text, File, "robot.toml", overrides)
+    return str(caught.value).splitlines()
+
+
+def test_a_good_file_becomes_a_frozen_dataclass() -> None:
+    file = parse(GOOD, File, "robot.toml")
+    assert file == File(
+        Gains(2.0), None, (Round("round", 0.5), Square("square", 1.0)), ("a", "b")
+    )
+
+
+def test_an_unknown_key_names_its_line_and_the_nearest_key() -> None:
+    assert errors("[gains]\nkp = 1\nkdd = 2\n") == [
+        'robot.toml:3: gains.kdd: unknown key; did you mean "kd"?'
+    ]
+
+
+def test_all_errors_of_a_file_come_at_once() -> None:
+    found = errors('[gains]\nkp = "fast"\n[[shape]]\nkind = "round"\nradus_m = 1\n')
+    assert any(line.startswith("robot.toml:2: gains.kp:") and "'fast'" in line for line in found)
+    assert 'robot.toml:5: shape[0].radus_m: unknown key; did you mean "radius_m"?' in found
+    assert "robot.toml:3: shape[0].radius_m: missing key, it has no default" in found
+
+
+def test_a_rule_of_a_constructor_is_told_at_its_table() -> None:
+    assert errors("[gains]\nkp = -1\n") == ["robot.toml:1: gains: kp must not be negative"]
+
+
+def test_a_wrong_kind_names_the_allowed_ones() -> None:
+    (line,) = errors('[gains]\nkp = 1\n[[shape]]\nkind = "oval"\n')
+    assert line.startswith("robot.toml:3: shape[0]:")
+    assert "oval" in line
+    assert "'round', 'square'" in line
+
+
+def test_an_override_wins_and_is_named_in_its_own_errors() -> None:
+    assert parse(GOOD, File, "robot.toml", ["gains.kp=7.5"]).gains.kp == 7.5
+    assert parse(GOOD, File, "robot.toml", ["left.kp=1"]).left == Gains(1.0)
+    assert parse(GOOD, File, "robot.toml", ["shape.0.radius_m=2"]).shape[0] == Round("round", 2.0)
+    (line,) = errors(GOOD, "gains.kpp=7")
+    assert line == '--set gains.kpp=7: gains.kpp: unknown key; did you mean "kp"?'
+    (line,) = errors(GOOD, "gains.kp")
+    assert "key.subkey=value" in line
+
+
+def test_a_number_must_not_come_as_text() -> None:
+    (line,) = errors('[gains]\nkp = "2"\n')
+    assert "robot.toml:2: gains.kp" in line
+
+
+def test_text_that_is_no_toml_says_where() -> None:
+    (line,) = errors("[gains\nkp = 1\n")
+    assert "not valid TOML" in line
+    assert "line 1" in line

@@ -1,0 +1,157 @@
+"""Messages between processes, over real sockets."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import zmq
+
+from robotctl.errors import LinkError
+from robotctl.runtime.messages import (
+    Arm,
+    ControlRequest,
+    EmergencyStop,
+    EmergencyStopSource,
+    NavigationRequest,
+    Notice,
+    SetMode,
+    VelocityCommand,
+)
+from robotctl.runtime.topics import (
+    Endpoints,
+    Publisher,
+    RequestReceiver,
+    RequestSender,
+    StreamReceiver,
+    StreamSender,
+    Subscriber,
+    endpoint_directory,
+)
+
+
+class Closing(zmq.Context):
+    """A context whose sockets live as long as it does, so that none is left to the collector."""
+
+    kept: list[zmq.Socket]
+
+    def socket(self, *args, **kwargs):
+        self.kept.append(super().socket(*args, **kwargs))
+        return self.kept[-1]
+
+
+@pytest.fixture
+def context() -> Iterator[zmq.Context]:
+    context = Closing()
+    context.kept = []
+    yield context
+    context.destroy(linger=0)
+
+
+@pytest.fixture
+def endpoints(tmp_path: Path) -> Endpoints:
+    return Endpoints(tmp_path)
+
+
+def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.002)
+
+
+def test_requests_arrive_in_order_and_as_they_were(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    receiver = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
+    sender = RequestSender(context, endpoints.control_requests)
+    sent = [
+        Arm(stamp_ns=1, request_id=7, arm=True),
+        VelocityCommand(2, 3, 0.25, -0.5),
+        EmergencyStop(4, EmergencyStopSource.GROUND_STATION),
+    ]
+    until(lambda: sender.send(sent[0]))
+    assert all(sender.send(message) for message in sent[1:])
+    got: list[ControlRequest] = []
+    until(lambda: got.extend(receiver.receive()) or len(got) == 3)
+    assert got == sent
+
+
+def test_a_request_to_a_process_that_is_not_there_is_dropped_not_kept(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    sender = RequestSender(context, endpoints.control_requests)
+    assert not sender.send(Arm(stamp_ns=1, request_id=1, arm=True))
+    receiver = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
+    second = Arm(stamp_ns=2, request_id=2, arm=True)
+    until(lambda: sender.send(second))
+    got: list[ControlRequest] = []
+    until(lambda: got.extend(receiver.receive()) or got)
+    assert got == [second]
+
+
+def test_a_message_of_another_kind_is_dropped_and_counted(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    receiver = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
+    sender = RequestSender(context, endpoints.control_requests)
+    until(lambda: sender.send(SetMode(1, 4)))
+    until(lambda: receiver.receive() == [] and receiver.rejected == 1)
+    navigation = RequestReceiver[NavigationRequest](
+        context, endpoints.navigation_requests, NavigationRequest
+    )
+    assert navigation.receive() == []
+
+
+def test_a_listener_hears_a_publisher_that_starts_later_and_again(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    listener = Subscriber[Notice](context, (endpoints.control_state,), Notice)
+    for text in ("first life", "second life"):
+        publisher = Publisher(context, endpoints.control_state)
+        got: list[Notice] = []
+
+        def heard(
+            publisher: Publisher = publisher, got: list[Notice] = got, text: str = text
+        ) -> bool:
+            publisher.send(Notice(0, 6, text))
+            got.extend(listener.receive())
+            return any(notice.text == text for notice in got)
+
+        until(heard)
+        publisher.close()
+
+
+def test_a_stream_loses_nothing_before_its_reader_is_there(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    sender = StreamSender(context, endpoints.control_record)
+    for index in range(20):
+        sender.send(b"%d" % index)
+    reader = StreamReceiver(context, endpoints.control_record)
+    got: list[bytes] = []
+
+    def all_read() -> bool:
+        sender.send(b"")
+        got.extend(part for part in reader.receive() if part)
+        return len(got) == 20
+
+    until(all_read)
+    assert got == [b"%d" % index for index in range(20)]
+    assert sender.dropped == 0
+
+
+def test_a_directory_open_to_others_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    directory = endpoint_directory("robot")
+    assert directory.stat().st_mode & 0o777 == 0o700
+    directory.chmod(0o755)
+    with pytest.raises(LinkError, match="closed to others"):
+        endpoint_directory("robot")
+
+
+def test_binding_an_address_twice_names_it(context: zmq.Context, tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match="nowhere"):
+        Publisher(context, f"ipc://{tmp_path}/nowhere/socket")
