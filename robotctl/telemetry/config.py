@@ -1,0 +1,96 @@
+"""Configuration of the MAVLink side, the `[mavlink]` section of a robot's file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from robotctl.runtime.mavlink_port import LinkConfig
+
+MAX_RATE_HZ = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class StreamRates:
+    """How often each message goes out on every link, until a peer asks for other rates.
+
+    0 switches a message off, 100 is the most. HEARTBEAT goes out once a second, always.
+
+    Parameters
+    ----------
+    attitude_hz : float
+        ATTITUDE [Hz].
+    position_hz : float
+        LOCAL_POSITION_NED [Hz].
+    odometry_hz : float
+        ODOMETRY [Hz].
+    wheel_distance_hz : float
+        WHEEL_DISTANCE [Hz].
+    sonar_hz : float
+        DISTANCE_SENSOR of each sonar [Hz].
+    battery_hz : float
+        BATTERY_STATUS [Hz].
+    status_hz : float
+        SYS_STATUS [Hz].
+    """
+
+    attitude_hz: float = 10.0
+    position_hz: float = 10.0
+    odometry_hz: float = 10.0
+    wheel_distance_hz: float = 5.0
+    sonar_hz: float = 5.0
+    battery_hz: float = 1.0
+    status_hz: float = 1.0
+
+    def __post_init__(self) -> None:
+        for rate in dataclasses.fields(self):
+            value = getattr(self, rate.name)
+            if not 0.0 <= value <= MAX_RATE_HZ:
+                raise ValueError(f"{rate.name} must be 0 to {MAX_RATE_HZ:g}, not {value}")
+
+
+@dataclass(frozen=True, slots=True)
+class MavlinkConfig:
+    """MAVLink identity, links and rates.
+
+    Parameters
+    ----------
+    system_id, component_id : int
+        Address of the robot in the MAVLink network, 1 to 255 each.
+    link : tuple of LinkConfig
+        The links, all used at once.
+    rates : StreamRates
+        Rates of the periodic messages.
+    setpoint_timeout_s : float
+        Velocity set-points and manual control are void after this long [s], 0.05 to 10.
+    gcs_timeout_s : float
+        A ground station is lost when its heartbeat is older [s], 1 to 60.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range or two links are the same.
+    """
+
+    system_id: int = 1
+    component_id: int = 1
+    link: tuple[LinkConfig, ...] = ()
+    rates: StreamRates = StreamRates()
+    setpoint_timeout_s: float = 0.5
+    gcs_timeout_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name in ("system_id", "component_id"):
+            if not 1 <= getattr(self, name) <= 255:
+                raise ValueError(f"{name} must be 1 to 255, not {getattr(self, name)}")
+        _check_range("setpoint_timeout_s", self.setpoint_timeout_s, 0.05, 10.0)
+        _check_range("gcs_timeout_s", self.gcs_timeout_s, 1.0, 60.0)
+        urls = [link.url for link in self.link]
+        if repeated := sorted({url for url in urls if urls.count(url) > 1}):
+            raise ValueError(f"links must differ, found more than once: {', '.join(repeated)}")
+
+
+def _check_range(name: str, value: float, low: float, high: float) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ValueError(f"{name} must be {low:g} to {high:g}, not {value}")
