@@ -1,0 +1,123 @@
+"""From a wanted motor voltage to the duty of the bridge.
+
+The motor sees `bus_voltage * e`, where the bridge with a dead-band b turns a duty d into the
+effective duty ``e = sign(d) max(0, |d| - b) / (1 - b)``. This module applies the inverse,
+``d = sign(e) (b + (1 - b) |e|)``, so that the effective voltage is linear in the demand, and
+limits e in size and slope.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+ZERO_DUTY: Final = 0.5e-4
+"""Smaller effective duties are 0: half the resolution of the wire's duty signals."""
+
+
+@dataclass(frozen=True, slots=True)
+class PwmConfig:
+    """Properties of one bridge.
+
+    Parameters
+    ----------
+    deadband
+        Duty up to which the motor gets no voltage, [0, 1).
+    slew_per_s
+        Largest change of the effective duty [1/s], > 0; inf for no limit.
+    max_duty
+        Largest magnitude of the duty, (deadband, 1].
+    min_bus_voltage_v
+        Floor of the supply voltage in the compensation [V], > 0: below it the duty does not grow
+        any further.
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range.
+    """
+
+    deadband: float = 0.0
+    slew_per_s: float = 40.0
+    max_duty: float = 1.0
+    min_bus_voltage_v: float = 6.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.deadband < 1.0:
+            raise ValueError(f"deadband: {self.deadband} found, [0, 1) allowed")
+        if not self.slew_per_s > 0.0:
+            raise ValueError(f"slew_per_s: {self.slew_per_s} found, a number > 0 allowed")
+        if not self.deadband < self.max_duty <= 1.0:
+            raise ValueError(
+                f"max_duty: {self.max_duty} found, ({self.deadband}, 1] allowed (above deadband)"
+            )
+        if not 0.0 < self.min_bus_voltage_v < math.inf:
+            raise ValueError(
+                f"min_bus_voltage_v: {self.min_bus_voltage_v} found, a finite number > 0 allowed"
+            )
+
+
+class PwmMap:
+    """Maps voltages to duties; keeps the last effective duty for the slew limit."""
+
+    __slots__ = ("_deadband", "_effective", "_floor_v", "_max_effective", "_slew_per_s")
+
+    def __init__(self, config: PwmConfig) -> None:
+        self._deadband = config.deadband
+        self._slew_per_s = config.slew_per_s
+        self._max_effective = (config.max_duty - config.deadband) / (1.0 - config.deadband)
+        self._floor_v = config.min_bus_voltage_v
+        self._effective = 0.0
+
+    def reset(self) -> None:
+        """Take the output to be zero, as after the bridge was off."""
+        self._effective = 0.0
+
+    def voltage_limit_v(self, bus_voltage_v: float) -> float:
+        """Return the largest motor voltage [V] in reach: the `limit` for the PID before it.
+
+        0 where the bus voltage is not known (not finite or not positive), as in `step`.
+        """
+        if not 0.0 < bus_voltage_v < math.inf:
+            return 0.0
+        return self._max_effective * max(bus_voltage_v, self._floor_v)
+
+    def step(self, voltage_v: float, bus_voltage_v: float, dt_s: float) -> float:
+        """Return the duty [-max_duty, max_duty] for a wanted mean motor voltage.
+
+        Where an argument is not finite, or bus voltage or `dt_s` is not positive, the duty is 0
+        at once and the slew limit starts from there.
+
+        Parameters
+        ----------
+        voltage_v
+            Wanted voltage [V], positive forwards.
+        bus_voltage_v
+            Supply of the bridge [V].
+        dt_s
+            Time since the last call [s].
+        """
+        if not (0.0 < bus_voltage_v < math.inf and 0.0 < dt_s < math.inf) or not math.isfinite(
+            voltage_v
+        ):
+            self._effective = 0.0
+            return 0.0
+        effective = voltage_v / (bus_voltage_v if bus_voltage_v > self._floor_v else self._floor_v)
+        top = self._max_effective
+        if effective > top:
+            effective = top
+        elif effective < -top:
+            effective = -top
+        last = self._effective
+        change = self._slew_per_s * dt_s
+        if effective > last + change:
+            effective = last + change
+        elif effective < last - change:
+            effective = last - change
+        self._effective = effective
+        if effective > ZERO_DUTY:
+            return self._deadband + (1.0 - self._deadband) * effective
+        if effective < -ZERO_DUTY:
+            return -self._deadband + (1.0 - self._deadband) * effective
+        return 0.0
