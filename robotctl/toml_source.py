@@ -63,7 +63,7 @@ def parse(text: str, kind: type[T], name: str, overrides: Sequence[str] = ()) ->
 
 
 def nearest(word: str, allowed: Sequence[str]) -> str:
-    """Return `; did you mean "..."?` for the allowed name nearest to `word`, else what is allowed."""
+    """Return `; did you mean "..."?` for the name nearest to `word`, else what is allowed."""
     match = difflib.get_close_matches(word, allowed, n=1, cutoff=0.5)
     if match:
         return f'; did you mean "{match[0]}"?'
@@ -102,12 +102,11 @@ def _data_key(location: tuple[str | int, ...], data: Any) -> Key:
     """Drop from pydantic's location the names of union members, which are no keys of the file."""
     key: list[str | int] = []
     for position, part in enumerate(location):
-        if isinstance(data, dict) and part in data:
+        try:
             data = data[part]
-        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
-            data = data[part]
-        elif position < len(location) - 1:
-            continue
+        except (KeyError, IndexError, TypeError):
+            if position < len(location) - 1:
+                continue
         key.append(part)
     return tuple(key)
 
@@ -160,7 +159,7 @@ def _apply_override(data: dict[str, Any], override: str) -> Key:
     parts = [part.strip() for part in path.split(".")]
     for position, part in enumerate(parts):
         last = position == len(parts) - 1
-        index: str | int = int(part) if isinstance(target, list) and part.isdigit() else part
+        index: Any = int(part) if isinstance(target, list) and part.isdigit() else part
         key.append(index)
         try:
             if last:

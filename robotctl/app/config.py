@@ -37,7 +37,7 @@ class Identity:
     name: str
 
     def __post_init__(self) -> None:
-        """The name becomes part of file names."""
+        """Check the name, which becomes part of file names."""
         if not self.name.replace("_", "").replace("-", "").isalnum():
             raise ValueError(f"name must be letters, digits, - and _, not {self.name!r}")
 

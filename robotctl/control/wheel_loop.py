@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from robotctl.control.pid import Pid, PidConfig, feedforward_v
 from robotctl.control.pwm import PwmConfig, PwmMap
 from robotctl.control.wheel_velocity import WheelVelocityEstimator
 
-_REST_RAD_S = 1e-3
+_REST_WINDOW_S = 0.03
 
 
 class WheelLoop:
@@ -24,6 +26,8 @@ class WheelLoop:
         self.estimator = WheelVelocityEstimator(counts_per_revolution)
         self.reference_rad_s = 0.0
         self.duty = 0.0
+        # Slower than one count in this time is rest, as far as the encoder can tell.
+        self._rest_rad_s = 2.0 * math.pi / counts_per_revolution / _REST_WINDOW_S
         self._config = pid
         self._pid = Pid(pid)
         self._pwm = PwmMap(pwm)
@@ -44,7 +48,8 @@ class WheelLoop:
         measured_rad_s = self.estimator.velocity_rad_s
         before_rad_s = self.reference_rad_s
         self.reference_rad_s = reference_rad_s
-        if reference_rad_s == 0.0 and before_rad_s == 0.0 and abs(measured_rad_s) < _REST_RAD_S:
+        at_rest = abs(measured_rad_s) < self._rest_rad_s
+        if at_rest and reference_rad_s == 0.0 and before_rad_s == 0.0:
             self._pid.reset(measured_rad_s)
             self._pwm.reset()
             self.duty = 0.0
@@ -55,7 +60,7 @@ class WheelLoop:
             measured_rad_s,
             dt_s,
             feedforward_v(self._config, reference_rad_s, alpha_rad_s2),
-            bus_voltage_v,
+            self._pwm.voltage_limit_v(bus_voltage_v),
         )
         self.duty = self._pwm.step(voltage_v, bus_voltage_v, dt_s)
         return self.duty

@@ -32,8 +32,7 @@ class Histogram:
             index = min(((shift + 1) << _SUB_BITS) + (value >> shift) - _SUB, _SUB * _OCTAVES - 1)
         self._counts[index] += 1
         self.total += 1
-        if value > self.maximum:
-            self.maximum = value
+        self.maximum = max(self.maximum, value)
 
     def percentiles(self, *shares: float) -> tuple[int, ...]:
         """Return, for each share [0, 1], the upper bound of the bucket that holds that quantile.

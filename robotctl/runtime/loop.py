@@ -95,9 +95,7 @@ class Loop:
             deadline_ns = self._skip(deadline_ns, done_ns, lag_ns, durations)
         return deadline_ns
 
-    def _skip(
-        self, deadline_ns: int, now_ns: int, lag_ns: int, durations: tuple[int, ...]
-    ) -> int:
+    def _skip(self, deadline_ns: int, now_ns: int, lag_ns: int, durations: tuple[int, ...]) -> int:
         """Count the deadlines missed at `now_ns` and return the first one after it."""
         missed = (now_ns - deadline_ns) // self.period_ns + 1
         self.overruns += missed

@@ -6,13 +6,16 @@ import difflib
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 KINDS = ("udpout", "udpin", "tcpout", "tcpin", "serial")
 FORMS = (
     "udpout:HOST:PORT, udpin:HOST:PORT, tcpout:HOST:PORT, tcpin:HOST:PORT or serial:/dev/NAME:BAUD"
 )
 MAX_BAUD = 4_000_000
+
+Message: TypeAlias = Any
+"""A pymavlink message object; pymavlink has no types, and is not imported by the configuration."""
 
 _SOCKET = re.compile(r"(?:\[([^\[\]]+)\]|([^:\[\]\s]+)):(\d{1,5})")
 _SERIAL = re.compile(r"(/\S+):(\d{1,7})")
@@ -97,7 +100,7 @@ class Peer(NamedTuple):
 class Received(NamedTuple):
     """A message whose frame was complete and had the right checksum (a pymavlink object)."""
 
-    message: Any
+    message: Message
     peer: Peer
 
 
@@ -132,10 +135,10 @@ class MavlinkPort(Protocol):
     def poll(self, now_ns: int, timeout_s: float = 0.0) -> list[Received]:
         """Keep the links alive and return what came, after waiting at most `timeout_s` for it."""
 
-    def broadcast(self, message: Any, links: Collection[int] | None = None) -> None:
+    def broadcast(self, message: Message, links: Collection[int] | None = None) -> None:
         """Queue `message` for every peer of `links` (None: all); dropped first where room ends."""
 
-    def reply(self, message: Any, peer: Peer) -> None:
+    def reply(self, message: Message, peer: Peer) -> None:
         """Queue `message` for one peer; nothing happens where it has gone."""
 
     def flush(self) -> None:

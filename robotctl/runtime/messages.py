@@ -278,9 +278,9 @@ class LoopStatistics(msgspec.Struct, frozen=True):
     lag_us_max: float = 0.0
     step_us_p50: float = 0.0
     step_us_p99: float = 0.0
-    overrun_causes: dict[str, int] = {}  # noqa: RUF012 - msgspec copies empty defaults
-    stage_us_p50: dict[str, float] = {}  # noqa: RUF012
-    stage_us_p99: dict[str, float] = {}  # noqa: RUF012
+    overrun_causes: dict[str, int] = {}
+    stage_us_p50: dict[str, float] = {}
+    stage_us_p99: dict[str, float] = {}
 
 
 class ControlState(msgspec.Struct, frozen=True, tag=True):
@@ -334,6 +334,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     items: int
     item_name: str
     mission_completed: bool
+    mission_failed: bool
     message: str
     step_us: float = 0.0
 

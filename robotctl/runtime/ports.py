@@ -1,4 +1,4 @@
-"""Ports: what the runtime needs of the world, implemented by drivers and by their simulated twins."""
+"""Ports: what the runtime needs of the world, implemented by drivers and their simulated twins."""
 
 from __future__ import annotations
 

@@ -91,8 +91,7 @@ class SafetyConfig:
             )
         if not 2 <= self.feedback_timeout_periods <= 10:
             raise ValueError(
-                "feedback_timeout_periods must be 2 to 10, not "
-                f"{self.feedback_timeout_periods}"
+                f"feedback_timeout_periods must be 2 to 10, not {self.feedback_timeout_periods}"
             )
         for name in (
             "status_timeout_ms",

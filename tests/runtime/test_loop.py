@@ -65,9 +65,7 @@ def test_an_overrun_skips_its_deadlines_and_is_blamed_on_the_longest_stage() -> 
 
 @given(st.lists(st.integers(0, 4 * PERIOD_NS), min_size=1, max_size=50))
 def test_no_deadline_is_served_twice_and_none_is_lost_from_the_count(costs: list[int]) -> None:
-    loop, work = run(
-        len(costs), lambda tick, stage: costs[tick - 1] if stage == "send" else 0
-    )
+    loop, work = run(len(costs), lambda tick, stage: costs[tick - 1] if stage == "send" else 0)
     assert all(start % PERIOD_NS == 0 for start in work.started_ns)
     gaps = [b - a for a, b in zip(work.started_ns, work.started_ns[1:], strict=False)]
     assert all(gap >= PERIOD_NS for gap in gaps)

@@ -44,6 +44,6 @@ def test_after_a_fault_in_motion_the_robot_is_never_powered(events: list[Event])
 
 
 def test_every_state_can_be_reached_and_left() -> None:
-    reached = {new for new in TRANSITIONS.values()} | {SafetyState.BOOT}
+    reached = set(TRANSITIONS.values()) | {SafetyState.BOOT}
     left = {state for state, _ in TRANSITIONS}
     assert reached == left == set(SafetyState)

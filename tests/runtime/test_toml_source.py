@@ -64,9 +64,7 @@ def errors(text: str, *overrides: str) -> list[str]:
 
 def test_a_good_file_becomes_a_frozen_dataclass() -> None:
     file = parse(GOOD, File, "robot.toml")
-    assert file == File(
-        Gains(2.0), None, (Round("round", 0.5), Square("square", 1.0)), ("a", "b")
-    )
+    assert file == File(Gains(2.0), None, (Round("round", 0.5), Square("square", 1.0)), ("a", "b"))
 
 
 def test_an_unknown_key_names_its_line_and_the_nearest_key() -> None:

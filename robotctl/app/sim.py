@@ -1,0 +1,342 @@
+"""A simulated run: firmware_sim and the whole stack as processes, one mission, one score."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import zmq
+
+from robotctl.app.config import RobotConfig, find_file
+from robotctl.app.options import StackOptions
+from robotctl.app.score import PoseScore, Report, bus_report, loop_report
+from robotctl.app.stack import Stack
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.planning.mission import Mission, load_mission
+from robotctl.runtime.messages import (
+    Arm,
+    ControlState,
+    Mode,
+    NavigationState,
+    Notice,
+    SafetyState,
+    SetMode,
+)
+from robotctl.runtime.safety import LATCHED
+from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
+
+_READY_S = 60.0
+_POLL_S = 0.05
+_ASK_S = 0.5
+
+
+class SimulatorError(RobotctlError):
+    """The simulated firmware could not start or has ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimOptions:
+    """What the user asked for.
+
+    Parameters
+    ----------
+    robot, mission, world
+        Files; an empty world means the mission's own.
+    bus
+        `simcan[:CHANNEL]`, or the name of a SocketCAN interface.
+    seed
+        Seed of the simulated world.
+    max_seconds
+        The run ends there as not completed.
+    overrides
+        `key=value` settings of the robot.
+    record
+        Directory of record and logs; None: none.
+    """
+
+    robot: Path
+    mission: Path
+    world: str = ""
+    bus: str = "simcan"
+    seed: int = 1
+    max_seconds: float = 300.0
+    overrides: tuple[str, ...] = ()
+    record: Path | None = None
+
+    @property
+    def channel(self) -> tuple[str, str]:
+        """python-can interface and channel of the host."""
+        kind, _, channel = self.bus.partition(":")
+        if kind == "simcan":
+            return "simcan", channel or "simcan0"
+        if channel:
+            raise ConfigError(
+                f"--bus {self.bus}: allowed are simcan, simcan:CHANNEL or a SocketCAN interface "
+                "such as vcan0"
+            )
+        return "socketcan", kind
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """The part of firmware_sim's published truth that scores a run."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+    distance_m: float
+    collisions: int
+
+
+@dataclass(slots=True)
+class Progress:
+    """What is known of a run while it lasts."""
+
+    elapsed_s: float = 0.0
+    control: ControlState | None = None
+    navigation: NavigationState | None = None
+    truth: Truth | None = None
+    lines: list[str] = field(default_factory=list)
+
+
+class SimRun:
+    """One run with processes in real time; use as a context manager.
+
+    Parameters
+    ----------
+    options
+        What to run.
+    """
+
+    def __init__(self, options: SimOptions) -> None:
+        self._options = options
+        interface, channel = options.channel
+        overrides = (
+            *options.overrides,
+            f'can.interface="{interface}"',
+            f'can.channel="{channel}"',
+        )
+        self.mission: Mission = load_mission(options.mission)
+        self.world = find_file(options.world or self.mission.world, "worlds")
+        start = self.mission.start
+        self._stack_options = StackOptions(
+            instance=f"sim-{os.getpid()}",
+            robot=str(options.robot.resolve()),
+            overrides=overrides,
+            mission=str(options.mission.resolve()),
+            x_m=start.x_m,
+            y_m=start.y_m,
+            theta_rad=start.theta_rad,
+            record=str(options.record.resolve()) if options.record else "",
+        )
+        self.config: RobotConfig = self._stack_options.load()
+        self._endpoints = Endpoints(endpoint_directory(self._stack_options.instance))
+        self._context = zmq.Context()
+        self._states = Subscriber[ControlState | NavigationState | Notice](
+            self._context,
+            (self._endpoints.control_state, self._endpoints.navigation_state),
+            ControlState | NavigationState | Notice,
+        )
+        self._truths = Subscriber[Truth](self._context, (self._endpoints.truth,), Truth)
+        self._to_control = RequestSender(self._context, self._endpoints.control_requests)
+        self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
+        self._firmware: subprocess.Popen[str] | None = None
+        self._stack: Stack | None = None
+        self._request_ids = itertools.count(1)
+        self._score = PoseScore()
+        self.progress = Progress()
+
+    def __enter__(self) -> SimRun:
+        """Start firmware_sim, then the stack."""
+        try:
+            self._firmware = self._start_firmware()
+            self._stack = Stack(self._stack_options)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """End the stack first, so that its motors stop on a live bus."""
+        if self._stack is not None:
+            self._stack.close()
+            self._stack = None
+        if self._firmware is not None:
+            self._firmware.terminate()
+            try:
+                self._firmware.wait(3.0)
+            except subprocess.TimeoutExpired:
+                self._firmware.kill()
+                self._firmware.wait()
+            if self._firmware.stdout is not None:
+                self._firmware.stdout.close()
+            self._firmware = None
+        self._context.destroy(linger=0)
+
+    def _start_firmware(self) -> subprocess.Popen[str]:
+        """Start firmware_sim and wait for its nodes."""
+        options, start = self._options, self.mission.start
+        command = [
+            sys.executable,
+            "-m",
+            "firmware_sim",
+            *("--robot", str(options.robot)),
+            *("--world", str(self.world)),
+            *("--bus", options.bus),
+            *("--seed", str(options.seed)),
+            f"--start={start.x_m},{start.y_m},{start.heading_deg}",
+            *("--truth", self._endpoints.truth),
+            *("--lidar", self._endpoints.lidar),
+        ]
+        if options.record is not None:
+            options.record.mkdir(parents=True, exist_ok=True)
+            command += ["--log", str(options.record / "can.log")]
+        process = subprocess.Popen(  # noqa: S603 - our own module
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        if not _said_ready(process, _READY_S):
+            process.kill()
+            status = process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+            raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
+        return process
+
+    def steps(self, *, until_done: bool = True) -> Iterator[Progress]:
+        """Arm, start the mission, and yield the progress until the run is over.
+
+        Without `until_done` the robot stays in service after its mission, for ground stations.
+        """
+        begin_s = asked_s = time.monotonic()
+        asked_s -= _ASK_S
+        while True:
+            now_s = time.monotonic()
+            self._listen()
+            progress = self.progress
+            progress.elapsed_s = now_s - begin_s
+            yield progress
+            if progress.elapsed_s > self._options.max_seconds or (
+                until_done and _is_over(progress)
+            ):
+                return
+            if now_s - asked_s >= _ASK_S:
+                asked_s = now_s
+                self._ask(progress)
+            if self._stack is not None:
+                progress.lines += self._stack.watch()
+            if self._firmware is not None and self._firmware.poll() is not None:
+                raise SimulatorError(f"firmware_sim ended (status {self._firmware.returncode})")
+            time.sleep(_POLL_S)
+
+    def _ask(self, progress: Progress) -> None:
+        """Ask for what is missing: arming, then mode AUTO."""
+        control, navigation = progress.control, progress.navigation
+        if control is None or navigation is None:
+            return
+        now_ns = time.monotonic_ns()
+        if control.state == SafetyState.STANDBY:
+            self._to_control.send(Arm(now_ns, next(self._request_ids), arm=True))
+        elif (
+            control.state in (SafetyState.ARMED, SafetyState.DRIVING)
+            and navigation.mode == Mode.HOLD
+            and not navigation.mission_completed
+        ):
+            self._to_navigation.send(SetMode(now_ns, Mode.AUTO))
+
+    def _listen(self) -> None:
+        """Take in what the processes published."""
+        progress = self.progress
+        for truth in self._truths.receive():
+            progress.truth = truth
+        for message in self._states.receive():
+            match message:
+                case ControlState():
+                    progress.control = message
+                case NavigationState():
+                    progress.navigation = message
+                case Notice():
+                    progress.lines.append(message.text)
+        control, truth = progress.control, progress.truth
+        if control is not None and truth is not None:
+            self._score.add(
+                (control.x_m, control.y_m, control.theta_rad),
+                (truth.x_m, truth.y_m, truth.theta_rad),
+            )
+
+    def report(self) -> Report:
+        """Return the score of the run so far."""
+        progress = self.progress
+        control, navigation, truth = progress.control, progress.navigation, progress.truth
+        if control is None or navigation is None or truth is None:
+            missing = [
+                name
+                for name, part in (
+                    ("control", control),
+                    ("navigation", navigation),
+                    ("firmware_sim", truth),
+                )
+                if part is None
+            ]
+            raise SimulatorError(f"nothing was heard of {', '.join(missing)}")
+        return Report(
+            robot=self.config.robot.name,
+            world=self.world.stem,
+            mission=self.mission.name,
+            seed=self._options.seed,
+            bus_kind=self._options.bus,
+            mission_completed=navigation.mission_completed,
+            message=navigation.message or control.reason,
+            items_done=navigation.item,
+            items=navigation.items,
+            duration_s=round(progress.elapsed_s, 3),
+            distance_m=round(truth.distance_m, 3),
+            collisions=truth.collisions,
+            pose_error=self._score.result(),
+            loop=loop_report(control.loop),
+            bus=bus_report(control.bus),
+            real_time_factor=1.0,
+        )
+
+
+def _is_over(progress: Progress) -> bool:
+    """Return whether the mission has ended, well or not."""
+    control, navigation = progress.control, progress.navigation
+    if control is not None and control.state in LATCHED:
+        return True
+    return navigation is not None and (navigation.mission_completed or navigation.mission_failed)
+
+
+def _said_ready(process: subprocess.Popen[str], seconds: float) -> bool:
+    """Wait for the line `ready` on a process's output, and go on emptying the pipe afterwards."""
+    lines: queue.Queue[str | None] = queue.Queue()
+
+    def read() -> None:
+        if process.stdout is not None:
+            for line in process.stdout:
+                lines.put(line)
+        lines.put(None)
+
+    threading.Thread(target=read, daemon=True).start()
+    deadline_s = time.monotonic() + seconds
+    while True:
+        try:
+            line = lines.get(timeout=max(0.0, deadline_s - time.monotonic()))
+        except queue.Empty:
+            return False
+        if line is None:
+            return False
+        if line.startswith("ready"):
+            return True

@@ -1,0 +1,61 @@
+"""A small drawing surface of Unicode braille: two by four dots to a character."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+_DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+
+
+class Canvas:
+    """Draws in metres, x to the right and y up.
+
+    Parameters
+    ----------
+    columns, rows
+        Size in characters.
+    bounds
+        (x_min, y_min, x_max, y_max) in metres that must be visible.
+    """
+
+    def __init__(self, columns: int, rows: int, bounds: tuple[float, float, float, float]) -> None:
+        x_min, y_min, x_max, y_max = bounds
+        self._columns, self._rows = columns, rows
+        width, height = 2 * columns - 1, 4 * rows - 1
+        self._scale = min(width / max(x_max - x_min, 1e-6), height / max(y_max - y_min, 1e-6))
+        self._x_min, self._y_min = x_min, y_min
+        self._cells = [[0] * columns for _ in range(rows)]
+        self._marks: dict[tuple[int, int], str] = {}
+
+    def point(self, x_m: float, y_m: float) -> None:
+        """Set the dot at a point; outside nothing happens."""
+        column, row = self._dot(x_m, y_m)
+        if 0 <= column < 2 * self._columns and 0 <= row < 4 * self._rows:
+            self._cells[row // 4][column // 2] |= _DOTS[row % 4][column % 2]
+
+    def line(self, x1_m: float, y1_m: float, x2_m: float, y2_m: float) -> None:
+        """Draw a segment."""
+        steps = max(1, math.ceil(math.hypot(x2_m - x1_m, y2_m - y1_m) * self._scale * 1.5))
+        for step in range(steps + 1):
+            share = step / steps
+            self.point(x1_m + share * (x2_m - x1_m), y1_m + share * (y2_m - y1_m))
+
+    def mark(self, x_m: float, y_m: float, character: str) -> None:
+        """Put one character over the point."""
+        column, row = self._dot(x_m, y_m)
+        self._marks[row // 4, column // 2] = character
+
+    def lines(self) -> Iterable[str]:
+        """Yield the rows from the top."""
+        for row, cells in enumerate(self._cells):
+            yield "".join(
+                self._marks.get((row, column), chr(0x2800 + cell) if cell else " ")
+                for column, cell in enumerate(cells)
+            )
+
+    def _dot(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """Return the dot (column, row from the top) of a point."""
+        column = round((x_m - self._x_min) * self._scale)
+        row = 4 * self._rows - 1 - round((y_m - self._y_min) * self._scale)
+        return column, row

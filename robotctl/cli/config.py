@@ -1,0 +1,42 @@
+"""`robotctl config`: check a robot's file, show it whole, list every key."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import msgspec
+import pydantic
+import typer
+
+from robotctl.app.config import RobotConfig, find_file, load_robot
+from robotctl.cli.arguments import Overrides, RobotName
+
+app = typer.Typer(help="Check and show robot configurations.", no_args_is_help=True)
+
+
+@app.command()
+def check(
+    file: Annotated[str, typer.Argument(help="Robot file, or the name of one that comes along.")],
+    overrides: Overrides = None,
+) -> None:
+    """Check a robot's file as a whole; status 2 and one line for each error if it is wrong."""
+    path = find_file(file)
+    config = load_robot(path, overrides or ())
+    print(
+        f"{path}: {config.robot.name}, {config.drive.kind}, {len(config.sonar)} sonars, "
+        f"{config.runtime.rate_hz} Hz: all keys are known and all values are allowed"
+    )
+
+
+@app.command()
+def show(robot: RobotName = "diff_drive", overrides: Overrides = None) -> None:
+    """Print a robot's whole configuration as JSON, defaults and overrides included."""
+    config = load_robot(find_file(robot), overrides or ())
+    print(msgspec.json.format(msgspec.json.encode(config)).decode())
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of a robot's file: every key, its type and its default."""
+    print(json.dumps(pydantic.TypeAdapter(RobotConfig).json_schema(), indent=2))

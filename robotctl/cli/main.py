@@ -1,0 +1,44 @@
+"""The `robotctl` command: subcommands, and errors without tracebacks."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+from rich.console import Console
+
+import robotctl
+from robotctl.cli import can, config, run, sim, tune
+from robotctl.errors import RobotctlError
+
+BAD_INPUT = 2
+
+app = typer.Typer(
+    name="robotctl",
+    help="Real-time controller for wheeled robots.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+app.add_typer(config.app, name="config")
+app.add_typer(can.app, name="can")
+app.command("sim")(sim.sim)
+app.command("run")(run.run)
+app.command("tune")(tune.tune)
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    print(robotctl.__version__)
+
+
+def main() -> None:
+    """Run the command line; a known error ends it with its message and status 2."""
+    try:
+        app()
+    except RobotctlError as error:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(
+            f"robotctl: {error}", markup=False
+        )
+        sys.exit(BAD_INPUT)

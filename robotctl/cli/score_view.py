@@ -1,0 +1,53 @@
+"""The score of a run on one screen."""
+
+from __future__ import annotations
+
+import math
+
+from rich.table import Table
+
+from robotctl.app.score import Report
+
+
+def score_table(report: Report) -> Table:
+    """Return the report as a table for a terminal."""
+    verdict = "completed" if report.mission_completed else "not completed"
+    table = Table(
+        title=f"{report.robot} · {report.mission} in {report.world} · seed {report.seed}",
+        show_header=False,
+        title_justify="left",
+    )
+    pose, loop, bus = report.pose_error, report.loop, report.bus
+    lag, step = loop["lag_us"], loop["step_us"]
+    done = f"{verdict}, {report.items_done} of {report.items} items"
+    rows = (
+        ("mission", f"{done}{f' ({report.message})' if report.message else ''}"),
+        ("duration", f"{report.duration_s:.1f} s, {report.real_time_factor:.1f} × real time"),
+        ("distance", f"{report.distance_m:.2f} m, {report.collisions} collisions"),
+        (
+            "pose error",
+            (
+                f"rmse {pose.rmse_m:.3f} m, max {pose.max_m:.3f} m, at the end {pose.final_m:.3f} m "
+                f"and {math.degrees(pose.final_rad):.1f}°"
+            ),
+        ),
+        (
+            "loop",
+            f"{loop['rate_hz']:.0f} Hz, {loop['ticks']} ticks, {loop['overruns']} overruns",
+        ),
+        (
+            "lag",
+            (
+                f"p50 {lag['p50']:.0f} µs, p99 {lag['p99']:.0f} µs, p99.9 {lag['p999']:.0f} µs, "
+                f"max {lag['max']:.0f} µs"
+            ),
+        ),
+        ("step", f"p50 {step['p50']:.0f} µs, p99 {step['p99']:.0f} µs"),
+        (
+            f"bus {report.bus_kind}",
+            f"{bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['errors']} errors",
+        ),
+    )
+    for name, text in rows:
+        table.add_row(name, text)
+    return table

@@ -1,0 +1,86 @@
+"""`robotctl sim`: the whole robot in simulation, from the bus to the score."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import run_lockstep
+from robotctl.app.score import Report
+from robotctl.app.sim import SimOptions, SimRun
+from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.score_view import score_table
+from robotctl.cli.view import make_view
+
+NOT_COMPLETED = 3
+
+
+def sim(
+    robot: RobotName = "diff_drive",
+    world: Annotated[
+        str, typer.Option(help="World file or name; default: the mission's own.")
+    ] = "",
+    mission: Annotated[str, typer.Option(help="Mission file or name.")] = "patrol",
+    bus: Annotated[
+        str,
+        typer.Option(help="simcan, simcan:CHANNEL, or a SocketCAN interface such as vcan0."),
+    ] = "simcan",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
+    max_seconds: Annotated[
+        float, typer.Option(min=1.0, help="Give up after so many seconds of the robot's time.")
+    ] = 300.0,
+    report: Annotated[Path | None, typer.Option(help="Write the score here as JSON.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Folder for the control record and the CAN log.")
+    ] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No live view.")] = False,
+    until_done: Annotated[
+        bool,
+        typer.Option(
+            "--until-done/--stay",
+            help="End with the mission, or stay for ground stations until Ctrl-C or the limit.",
+        ),
+    ] = True,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="One process, virtual time, same seed same run.")
+    ] = False,
+    overrides: Overrides = None,
+) -> None:
+    """Drive a mission in simulation and score it.
+
+    Status 0: completed. 3: not completed. 2: bad input.
+    """
+    options = SimOptions(
+        robot=find_file(robot),
+        mission=find_file(mission, "missions"),
+        world=world,
+        bus=bus,
+        seed=seed,
+        max_seconds=max_seconds,
+        overrides=tuple(overrides or ()),
+        record=record,
+    )
+    if lockstep:
+        result = run_lockstep(options)
+    else:
+        result = _run(options, headless=headless, until_done=until_done)
+    if report is not None:
+        report.write_bytes(result.json())
+    Console().print(score_table(result))
+    sys.exit(0 if result.mission_completed else NOT_COMPLETED)
+
+
+def _run(options: SimOptions, *, headless: bool, until_done: bool) -> Report:
+    """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
+    with SimRun(options) as run, make_view(run, headless=headless) as view:
+        try:
+            for progress in run.steps(until_done=until_done):
+                view.update(progress)
+        except KeyboardInterrupt:
+            run.progress.lines.append("stopped by the user")
+        return run.report()

@@ -1,0 +1,134 @@
+"""A robot for tests of the core: ideal first-order wheels behind quantised encoders."""
+
+import math
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.control.pid import PidConfig
+from robotctl.model.drives import DifferentialDrive
+from robotctl.model.se2 import SE2
+from robotctl.runtime.core import ControlConfig, ControlCore, Inputs, Outputs
+from robotctl.runtime.messages import (
+    Arm,
+    BatteryFeedback,
+    BusStatus,
+    ControlRequest,
+    DriveState,
+    DriveStatus,
+    Feedback,
+    LoopStatistics,
+    MotorStatus,
+    NodeStatus,
+    SafetyState,
+    VelocityCommand,
+    WheelCommand,
+    WheelFeedback,
+)
+from robotctl.runtime.safety import SafetyConfig
+
+PERIOD_NS = 5_000_000
+BUS_V = 12.0
+K_V_S_RAD = 0.45
+TAU_S = 0.08
+DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
+PID = PidConfig(kp=0.25, ki=3.0, kv=K_V_S_RAD)
+
+
+def make_core() -> ControlCore:
+    return ControlCore(
+        DRIVE,
+        ControlConfig(left=PID, right=PID),
+        LimitsConfig(),
+        SafetyConfig(),
+        PERIOD_NS,
+        4,
+        SE2(1.0, 2.0, 0.0),
+    )
+
+
+class RobotDouble:
+    """Steps core and wheels together; every input can be withheld or bent by the test."""
+
+    def __init__(self) -> None:
+        self.core = make_core()
+        self.now_ns = 1_000_000_000
+        self.speeds = [0.0, 0.0]
+        self.angles = [0.0, 0.0]
+        self.motor_state = DriveState.READY
+        self.faults = 0
+        self.problem = ""
+        self.boots = 1
+        self.bus = BusStatus()
+        self.battery: BatteryFeedback | None = BatteryFeedback(0, 12.0, 1.0, 0.8, 25, False, False)
+        self.mute_wheels = False
+        self.mute_status = False
+        self.bus_stop = None
+        self.record: list[tuple[int, Inputs, WheelCommand]] = []
+        self.outputs = Outputs(WheelCommand())
+
+    @property
+    def state(self) -> SafetyState:
+        return self.core.machine.state
+
+    def tick(self, *requests: ControlRequest) -> Outputs:
+        """One period: wheels move under the last command, then the core sees them."""
+        self.now_ns += PERIOD_NS
+        self._move()
+        inputs = Inputs(self._feedback(), requests)
+        self.outputs = self.core.step(inputs, self.now_ns)
+        self.record.append((self.now_ns, inputs, self.outputs.command))
+        if self.outputs.clear_faults and self.motor_state not in (DriveState.BOOT,):
+            self.motor_state = DriveState.READY
+        if self.motor_state in (DriveState.READY, DriveState.ENABLED):
+            enabled = self.outputs.command.enable
+            self.motor_state = DriveState.ENABLED if enabled else DriveState.READY
+        return self.outputs
+
+    def ticks(self, count: int, velocity: tuple[float, float] | None = None) -> None:
+        for _ in range(count):
+            self.tick(*([self.velocity(*velocity)] if velocity else []))
+
+    def velocity(self, v_m_s: float, omega_rad_s: float, ttl_ns: int = 200_000_000):
+        return VelocityCommand(self.now_ns, self.now_ns + ttl_ns, v_m_s, omega_rad_s)
+
+    def arm(self, request_id: int = 1) -> Outputs:
+        return self.tick(Arm(self.now_ns, request_id, arm=True))
+
+    def disarm(self) -> Outputs:
+        return self.tick(Arm(self.now_ns, 99, arm=False))
+
+    def armed(self) -> "RobotDouble":
+        self.ticks(3)
+        self.arm()
+        assert self.state == SafetyState.ARMED
+        return self
+
+    def snapshot(self):
+        return self.core.snapshot(self.now_ns, LoopStatistics())
+
+    def _move(self) -> None:
+        command = self.outputs.command
+        dt_s = PERIOD_NS * 1e-9
+        for i, duty in enumerate((command.duty1, command.duty2)):
+            on = command.enable and self.motor_state == DriveState.ENABLED
+            final = duty * BUS_V / K_V_S_RAD if on else 0.0
+            self.speeds[i] = final + (self.speeds[i] - final) * math.exp(-dt_s / TAU_S)
+            self.angles[i] += self.speeds[i] * dt_s
+
+    def _feedback(self) -> Feedback:
+        now = self.now_ns
+        counts = [math.floor(angle / (2 * math.pi) * 2400) & 0xFFFF for angle in self.angles]
+        status = not self.mute_status
+        stop, self.bus_stop = self.bus_stop, None
+        return Feedback(
+            wheels=None
+            if self.mute_wheels
+            else WheelFeedback(now, (now // 1000) & 0xFFFFF, counts[0], counts[1]),
+            motor=MotorStatus(now, self.motor_state, 0.5, 0.5, 30, 30, self.faults)
+            if status
+            else None,
+            drive=DriveStatus(now, 0, 0.0, BUS_V, 1, 0) if status else None,
+            battery=self.battery,
+            emergency_stop=stop,
+            nodes=(NodeStatus(1, "drive", 5, now, self.boots, self.problem),),
+            bus=self.bus,
+        )

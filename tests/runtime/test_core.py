@@ -1,0 +1,285 @@
+"""The control core in closed loop with ideal wheels: it drives, and it stops."""
+
+import math
+from collections.abc import Callable
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robotctl.control.pid import PidConfig
+from robotctl.runtime.core import ControlConfig
+from robotctl.runtime.messages import (
+    Arm,
+    BatteryFeedback,
+    BusState,
+    BusStatus,
+    DriveState,
+    EmergencyStop,
+    EmergencyStopSource,
+    SafetyState,
+    SonarFeedback,
+)
+from robotctl.runtime.recorder import Recorder, RecordHeader, read_record, replay
+from tests.runtime.robot_double import PERIOD_NS, RobotDouble, make_core
+
+
+def test_it_boots_to_standby_and_arms_on_request_only() -> None:
+    robot = RobotDouble()
+    robot.ticks(100, (0.5, 0.0))
+    assert robot.state == SafetyState.STANDBY
+    assert robot.outputs.command.enable is False
+    robot.arm(request_id=42)
+    assert robot.state == SafetyState.ARMED
+    ack = robot.snapshot().ack
+    assert ack is not None
+    assert (ack.request_id, ack.accepted) == (42, True)
+
+
+def test_it_reaches_the_velocity_it_is_told_and_integrates_its_way() -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(400, (0.5, 0.0))
+    state = robot.snapshot()
+    assert robot.state == SafetyState.DRIVING
+    assert state.v_m_s == pytest.approx(0.5, rel=0.01)
+    true_m = 0.05 * sum(robot.angles) / 2
+    assert state.x_m - 1.0 == pytest.approx(true_m, abs=2e-4)
+    assert state.y_m == pytest.approx(2.0, abs=1e-3)
+    assert state.distance_m == pytest.approx(true_m, abs=2e-4)
+
+
+def test_positive_omega_turns_left() -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(200, (0.0, 1.0))
+    state = robot.snapshot()
+    assert state.theta_rad > 0.5
+    assert robot.angles[1] > 0.5 > 0 > -0.5 > robot.angles[0]
+
+
+def test_a_set_point_expires_and_the_robot_comes_to_rest_by_itself() -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(200, (0.5, 0.0))
+    robot.ticks(800)
+    assert robot.state == SafetyState.ARMED
+    assert robot.speeds == pytest.approx([0.0, 0.0], abs=1e-3)
+    assert robot.snapshot().duty == (0.0, 0.0)
+
+
+Break = Callable[[RobotDouble], None]
+
+
+def mute_wheels(robot: RobotDouble) -> None:
+    robot.mute_wheels = True
+
+
+def mute_status(robot: RobotDouble) -> None:
+    robot.mute_status = True
+
+
+def bus_off(robot: RobotDouble) -> None:
+    robot.bus = BusStatus(state=BusState.BUS_OFF)
+
+
+def lose_node(robot: RobotDouble) -> None:
+    robot.problem = "drive (node 1): no heartbeat"
+
+
+def reboot_node(robot: RobotDouble) -> None:
+    robot.boots += 1
+
+
+def drive_timeout(robot: RobotDouble) -> None:
+    robot.motor_state = DriveState.STOPPED
+
+
+def drive_fault(robot: RobotDouble) -> None:
+    robot.motor_state = DriveState.FAULT
+    robot.faults = 1
+
+
+def empty_battery(robot: RobotDouble) -> None:
+    robot.battery = BatteryFeedback(0, 9.0, 1.0, 0.0, 25, True, True)
+
+
+@pytest.mark.parametrize(
+    ("damage", "within_ticks", "word"),
+    [
+        (mute_wheels, 4, "wheel feedback"),
+        (mute_status, 41, "status"),
+        (bus_off, 1, "bus off"),
+        (lose_node, 1, "no heartbeat"),
+        (reboot_node, 1, "restarted"),
+        (drive_timeout, 1, "stopped"),
+        (drive_fault, 1, "over current"),
+        (empty_battery, 1, "critical"),
+    ],
+)
+def test_each_fault_stops_within_its_time_and_latches(
+    damage: Break, within_ticks: int, word: str
+) -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(100, (0.5, 0.0))
+    damage(robot)
+    for _ in range(within_ticks):
+        robot.tick(robot.velocity(0.5, 0.0))
+    assert robot.state == SafetyState.FAULT
+    assert word in robot.snapshot().reason
+    assert robot.outputs.command.enable is False
+    assert (robot.outputs.command.duty1, robot.outputs.command.duty2) == (0.0, 0.0)
+    robot.mute_wheels = robot.mute_status = False
+    robot.bus, robot.problem, robot.faults = BusStatus(), "", 0
+    robot.motor_state = DriveState.READY
+    robot.battery = BatteryFeedback(0, 12.0, 1.0, 0.8, 25, False, False)
+    robot.ticks(200, (0.5, 0.0))
+    assert robot.state == SafetyState.FAULT
+    assert max(map(abs, robot.speeds)) < 0.01
+
+
+def test_feedback_that_comes_again_in_time_does_not_stop() -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(100, (0.5, 0.0))
+    for _ in range(20):
+        robot.mute_wheels = True
+        robot.ticks(3, (0.5, 0.0))
+        robot.mute_wheels = False
+        robot.ticks(1, (0.5, 0.0))
+    assert robot.state == SafetyState.DRIVING
+
+
+@pytest.mark.parametrize("way", ["request", "bus"])
+def test_an_emergency_stop_acts_in_its_tick_and_only_arming_ends_it(way: str) -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(100, (0.5, 0.0))
+    if way == "request":
+        outputs = robot.tick(EmergencyStop(0, EmergencyStopSource.GROUND_STATION))
+        assert outputs.emergency_stop == EmergencyStopSource.GROUND_STATION
+    else:
+        robot.bus_stop = EmergencyStopSource.OPERATOR
+        outputs = robot.tick()
+    assert outputs.command.enable is False
+    assert robot.state == SafetyState.EMERGENCY_STOP
+    robot.motor_state = DriveState.EMERGENCY_STOP
+    robot.ticks(100, (0.5, 0.0))
+    assert robot.state == SafetyState.EMERGENCY_STOP
+    robot.arm()
+    robot.ticks(3)
+    assert robot.state == SafetyState.ARMED
+    assert robot.motor_state == DriveState.ENABLED
+
+
+def test_a_refused_arming_says_every_reason() -> None:
+    robot = RobotDouble()
+    robot.mute_status = True
+    robot.battery = BatteryFeedback(0, 10.0, 1.0, 0.1, 25, True, False)
+    robot.ticks(3)
+    robot.arm(5)
+    robot.ticks(250)
+    ack = robot.snapshot().ack
+    assert ack is not None
+    assert (ack.request_id, ack.accepted) == (5, False)
+    assert any("status" in reason for reason in ack.reasons)
+    assert any("battery is low" in reason for reason in ack.reasons)
+    assert robot.state == SafetyState.STANDBY
+
+
+def test_an_old_request_to_arm_is_refused() -> None:
+    robot = RobotDouble()
+    robot.ticks(3)
+    robot.tick(Arm(robot.now_ns - 2_000_000_000, 6, arm=True))
+    robot.ticks(3)
+    assert robot.state == SafetyState.STANDBY
+    ack = robot.snapshot().ack
+    assert ack is not None
+    assert not ack.accepted
+
+
+def test_disarming_in_motion_brakes() -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(100, (0.5, 0.0))
+    outputs = robot.disarm()
+    assert robot.state == SafetyState.STANDBY
+    assert (outputs.command.enable, outputs.command.brake) == (False, True)
+
+
+@settings(max_examples=30)
+@given(st.integers(1, 150), st.floats(-0.6, 0.6), st.floats(-1.5, 1.5))
+def test_arming_again_in_motion_starts_from_the_present_speed(
+    fault_tick: int, v_m_s: float, omega_rad_s: float
+) -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(fault_tick, (v_m_s, omega_rad_s))
+    robot.motor_state = DriveState.STOPPED
+    robot.tick()
+    robot.motor_state = DriveState.READY
+    robot.tick()
+    robot.arm()
+    after = robot.snapshot()
+    assert robot.state == SafetyState.ARMED
+    limit_v = 2.5 * PERIOD_NS * 1e-9 + 0.02
+    assert abs(after.v_ref_m_s - after.v_m_s) <= limit_v
+    assert abs(after.omega_ref_rad_s - after.omega_rad_s) <= 10 * PERIOD_NS * 1e-9 + 0.1
+
+
+def test_sonar_ranges_land_at_their_index_and_grow_stale() -> None:
+    robot = RobotDouble().armed()
+    feedback = robot._feedback()
+    sonar = SonarFeedback(robot.now_ns, 0, (1.0, math.inf, 2.5, math.nan))
+    robot.core.step(
+        msgspec.structs.replace(
+            robot.record[-1][1], feedback=msgspec.structs.replace(feedback, sonars=(sonar,))
+        ),
+        robot.now_ns,
+    )
+    assert robot.snapshot().sonar_m[:3] == (1.0, math.inf, 2.5)
+    robot.ticks(60)
+    assert all(math.isnan(range_m) for range_m in robot.snapshot().sonar_m)
+
+
+def test_a_recorded_run_replays_bit_for_bit(tmp_path) -> None:
+    robot = RobotDouble()
+    path = tmp_path / "control.rec"
+    with path.open("wb") as file:
+        recorder = Recorder(file.write, RecordHeader("0", "{}", 1.0, 2.0, 0.0))
+        robot.ticks(3)
+        robot.arm()
+        for step in range(600):
+            robot.tick(robot.velocity(0.5 * math.sin(step / 50), math.cos(step / 70)))
+        for entry in robot.record:
+            recorder.record(*entry)
+            recorder.flush()
+    with path.open("rb") as file:
+        header, ticks = read_record(file, "control.rec")
+        agreed, different, _ = replay(make_core(), ticks)
+    assert header.x_m == 1.0
+    assert (agreed, different) == (len(robot.record), None)
+    torn = path.read_bytes()[:-7]
+    path.write_bytes(torn)
+    with path.open("rb") as file:
+        _, ticks = read_record(file, "control.rec")
+        assert replay(make_core(), ticks)[0] == len(robot.record) - 1
+
+
+def test_a_replay_that_differs_names_the_tick(tmp_path) -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(50, (0.4, 0.2))
+    path = tmp_path / "control.rec"
+    with path.open("wb") as file:
+        recorder = Recorder(file.write, RecordHeader("0", "{}", 1.0, 2.0, 0.0))
+        for index, (now_ns, inputs, command) in enumerate(robot.record):
+            bent = msgspec.structs.replace(command, duty1=command.duty1 + 1e-12)
+            recorder.record(now_ns, inputs, bent if index == 30 else command)
+        recorder.flush()
+    with path.open("rb") as file:
+        _, ticks = read_record(file, "control.rec")
+        agreed, different, _ = replay(make_core(), ticks)
+    assert agreed == 30
+    assert different is not None
+    assert different.now_ns == robot.record[30][0]
+
+
+def test_loops_must_fit_the_wheels() -> None:
+    with pytest.raises(ValueError, match=r"control\.right: missing"):
+        ControlConfig(left=PidConfig()).loops(("left", "right"))
+    with pytest.raises(ValueError, match=r"control\.left: this drive has no such wheel"):
+        ControlConfig(left=PidConfig(), drive=PidConfig()).loops(("drive",))
