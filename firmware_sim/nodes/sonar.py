@@ -1,0 +1,144 @@
+"""CANopen node 2: ring of up to 16 sonars, fired in groups of four, one group after another."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Protocol, TypeAlias
+
+from firmware_sim.nodes import wire
+from firmware_sim.nodes.e2e import Protector
+from firmware_sim.nodes.node import MILLISECOND_NS, NEVER_NS, NmtState, Node
+from firmware_sim.nodes.object_dictionary import (
+    Access,
+    DataType,
+    Object,
+    ObjectDictionary,
+    variable,
+)
+from firmware_sim.nodes.parameter_store import ParameterStore
+from firmware_sim.nodes.standard_objects import pdo_communication, standard_objects
+
+NODE_ID: Final = 2
+GROUP_SIZE: Final = 4
+SONARS_MAX: Final = 16
+SONAR_COUNT: Final = 0x2200
+RING_PERIOD: Final = 0x2201
+EVENT_DRIVEN: Final = 254
+
+SPEED_OF_SOUND_M_S: Final = 343.0
+PROCESSING_NS: Final = 500_000
+"""From the last echo to the frame."""
+
+Ranges: TypeAlias = tuple[float, float, float, float]
+
+
+class Echoes(Protocol):
+    """Fires one group from where the robot is now; inf no echo, nan no such sensor [m]."""
+
+    def __call__(self, group: int, now_ns: int) -> Ranges:
+        """Return the ranges of sonars 4 * group to 4 * group + 3."""
+
+
+def sonar_objects(count: int) -> list[Object]:
+    """Return all objects of a ring of `count` sonars."""
+    pdos = [
+        pdo_communication(0x1800 + group, f"TPDO {group + 1} communication", can_id, EVENT_DRIVEN)
+        for group, can_id in enumerate(wire.SONAR_RANGES[: _groups(count)])
+    ]
+    return [
+        *standard_objects(NODE_ID, "robotctl sonar ring", 2),
+        *pdos,
+        variable(SONAR_COUNT, "Number of sonars", DataType.UNSIGNED8, Access.RO, count),
+        variable(
+            RING_PERIOD, "Ring period [ms]", DataType.UNSIGNED16, Access.RW, 50,
+            low=20, high=2000, stored=True,
+        ),
+    ]  # fmt: skip
+
+
+def _groups(count: int) -> int:
+    return -(-count // GROUP_SIZE)
+
+
+class SonarNode(Node):
+    """The sonar ring.
+
+    In operational each group fires once a ring period, the groups evenly spread over it. Its frame
+    leaves when the last echo is in, or, where one is missing, when the time of the maximum range
+    has passed.
+
+    Parameters
+    ----------
+    count
+        Number of sonars, 0..16.
+    max_range_m
+        Of the sensors: how long they listen.
+    fire
+        Takes the ranges of a group.
+    store
+        Non-volatile memory.
+
+    Raises
+    ------
+    ValueError
+        If `count` is outside 0..16.
+    """
+
+    def __init__(
+        self, count: int, max_range_m: float, fire: Echoes, store: ParameterStore | None = None
+    ) -> None:
+        if not 0 <= count <= SONARS_MAX:
+            raise ValueError(f"{count} sonars, allowed are 0..{SONARS_MAX}")
+        self._groups = _groups(count)
+        self._max_range_m = max_range_m
+        self._fire: Callable[[int, int], Ranges] = fire
+        self._protectors = [
+            Protector(wire.data_id(each)) for each in wire.SONAR_RANGES[: self._groups]
+        ]
+        self._group = 0
+        self._fire_ns = NEVER_NS
+        self._echoes: deque[tuple[int, int, Ranges]] = deque()
+        super().__init__(NODE_ID, "sonar", ObjectDictionary(sonar_objects(count)), store)
+
+    def _on_power_up(self) -> None:
+        for protector in self._protectors:
+            protector.reset()
+        self._silence()
+
+    def _silence(self) -> None:
+        self._fire_ns = NEVER_NS
+        self._echoes.clear()
+
+    def _on_nmt_change(self) -> None:
+        self._silence()
+        if self.state is NmtState.OPERATIONAL and self._groups:
+            self._group = 0
+            self._fire_ns = self._now_ns
+
+    def _due_ns(self) -> int:
+        return min(self._fire_ns, self._echoes[0][0]) if self._echoes else self._fire_ns
+
+    def _step(self, now_ns: int) -> None:
+        while self._echoes and now_ns >= self._echoes[0][0]:
+            _, group, ranges_m = self._echoes.popleft()
+            payload = wire.sonar_ranges(ranges_m)
+            self.send(wire.SONAR_RANGES[group], self._protectors[group].protect(payload))
+        if now_ns >= self._fire_ns:
+            self._fire_group(now_ns)
+
+    def _fire_group(self, now_ns: int) -> None:
+        group = self._group
+        ranges_m = self._fire(group, now_ns)
+        done_ns = now_ns + self._listen_ns(ranges_m) + PROCESSING_NS
+        if self._echoes:
+            done_ns = max(done_ns, self._echoes[-1][0])
+        self._echoes.append((done_ns, group, ranges_m))
+        self._group = (group + 1) % self._groups
+        period_ns = self.dictionary.number(RING_PERIOD) * MILLISECOND_NS
+        self._fire_ns += period_ns // self._groups
+
+    def _listen_ns(self, ranges_m: Ranges) -> int:
+        farthest_m = max((each for each in ranges_m if not math.isnan(each)), default=0.0)
+        return int(2e9 * min(farthest_m, self._max_range_m) / SPEED_OF_SOUND_M_S)
