@@ -1,0 +1,165 @@
+"""The structure that holds the MAVLink microservices: what they share, and who gets which message."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
+
+from robotctl.model.sonar import SonarMount
+from robotctl.runtime.mavlink_port import MavlinkPort, Message, Peer, Received
+from robotctl.runtime.messages import (
+    Ack,
+    ControlRequest,
+    ControlState,
+    Mode,
+    NavigationRequest,
+    NavigationState,
+    Notice,
+)
+from robotctl.telemetry.config import MavlinkConfig
+
+FRESH_NS = 1_000_000_000
+"""A state older than this [ns] says nothing about the robot any more."""
+
+MAX_TEXTS = 64
+
+Request: TypeAlias = ControlRequest | NavigationRequest
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryRobot:
+    """What telemetry tells about the robot and does not hear from its processes.
+
+    Parameters
+    ----------
+    name : str
+        Name of the robot; its hash is the unique identifier of AUTOPILOT_VERSION.
+    version : str
+        Version of robotctl, `major.minor.patch`.
+    sonars : tuple of SonarMount
+        In the order of `ControlState.sonar_m`.
+    sonar_min_m, sonar_max_m : float
+        Range within which a sonar measures [m].
+    sonar_fov_rad : float
+        Full angle of its beam [rad].
+    """
+
+    name: str = "robot"
+    version: str = "0.0.0"
+    sonars: tuple[SonarMount, ...] = ()
+    sonar_min_m: float = 0.02
+    sonar_max_m: float = 4.0
+    sonar_fov_rad: float = 0.52
+
+
+@dataclass
+class Context:
+    """The present state and the outputs of a step, shared by all microservices.
+
+    `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for the
+    process, which may publish them; they must not come back as input, they are sent already.
+    """
+
+    config: MavlinkConfig
+    robot: TelemetryRobot
+    links: MavlinkPort
+    control: ControlState | None = None
+    navigation: NavigationState | None = None
+    acks: list[Ack] = field(default_factory=list)
+    requests: list[Request] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
+    texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+
+    def take(self, state: ControlState | NavigationState | Notice) -> None:
+        """Take in one message of another process."""
+        if isinstance(state, ControlState):
+            self.control = state
+            if state.ack is not None:
+                self.acks.append(state.ack)
+        elif isinstance(state, NavigationState):
+            self.navigation = state
+        else:
+            self.texts.append((state.severity, state.text))
+
+    def say(self, now_ns: int, severity: int, text: str) -> None:
+        """Tell people `text`, on the ground stations and in the notices."""
+        self.texts.append((severity, text))
+        self.notices.append(Notice(now_ns, severity, text))
+
+    def fresh_control(self, now_ns: int) -> ControlState | None:
+        """Return the control process's state, None where it is silent."""
+        state = self.control
+        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def fresh_navigation(self, now_ns: int) -> NavigationState | None:
+        """Return the navigation process's state, None where it is silent."""
+        state = self.navigation
+        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def mode(self, now_ns: int) -> Mode:
+        """Return who steers: nobody where the navigation process is silent."""
+        navigation = self.fresh_navigation(now_ns)
+        return Mode.HOLD if navigation is None else navigation.mode
+
+
+class Microservice(Protocol):
+    """One MAVLink microservice: reacts to messages, acts with time."""
+
+    @property
+    def handles(self) -> frozenset[int]:
+        """Identifiers of the messages it takes."""
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take one message that is addressed to this robot."""
+
+    def step(self, now_ns: int) -> None:
+        """Do what time or the robot's state asks for."""
+
+
+class Router:
+    """Gives each message to the services that handle it.
+
+    Dropped and counted are messages for others (`misaddressed`) and our own that came back
+    (`echoes`); messages that nobody handles are passed over.
+    """
+
+    def __init__(self, services: Sequence[Microservice], config: MavlinkConfig) -> None:
+        self._services = tuple(services)
+        self._handlers: dict[int, list[Microservice]] = {}
+        for service in services:
+            for message_id in service.handles:
+                self._handlers.setdefault(message_id, []).append(service)
+        self._system = (0, config.system_id)
+        self._component = (0, config.component_id)
+        self._self = (config.system_id, config.component_id)
+        self.misaddressed = 0
+        self.echoes = 0
+
+    def route(self, received: Received, now_ns: int) -> None:
+        """Hand one message to its services."""
+        message = received.message
+        handlers = self._handlers.get(message.get_msgId())
+        if handlers is None:
+            return
+        if source(message) == self._self:
+            self.echoes += 1
+        elif (
+            getattr(message, "target_system", 0) not in self._system
+            or getattr(message, "target_component", 0) not in self._component
+        ):
+            self.misaddressed += 1
+        else:
+            for service in handlers:
+                service.on_message(message, received.peer, now_ns)
+
+    def step(self, now_ns: int) -> None:
+        """Step all services in their order."""
+        for service in self._services:
+            service.step(now_ns)
+
+
+def source(message: Message) -> tuple[int, int]:
+    """Return the system and component that sent `message`."""
+    return message.get_srcSystem(), message.get_srcComponent()

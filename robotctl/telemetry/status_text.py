@@ -1,0 +1,60 @@
+"""STATUSTEXT: lines for people, long ones in chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.runtime.mavlink_port import Message, Peer
+from robotctl.telemetry.service import Context
+
+CHUNK = 50
+MAX_LENGTH = 1000
+TEXTS_PER_STEP = 4
+"""A burst of notices is spread, so that it does not crowd out answers on slow links."""
+
+
+class StatusText:
+    """Sends the texts that other services and processes left in the context."""
+
+    handles: frozenset[int] = frozenset()
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._last_id = 0
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take nothing."""
+
+    def step(self, now_ns: int) -> None:  # noqa: ARG002
+        """Send a few of the waiting texts."""
+        texts = self._context.texts
+        for _ in range(min(TEXTS_PER_STEP, len(texts))):
+            severity, text = texts.popleft()
+            self._last_id = self._last_id % 0xFFFF + 1
+            for message in status_texts(severity, text, self._last_id):
+                self._context.links.broadcast(message)
+
+
+def status_texts(severity: int, text: str, identifier: int) -> Iterator[Message]:
+    """Yield the messages of one text.
+
+    Parameters
+    ----------
+    severity : int
+        RFC 5424 number, the same as MAV_SEVERITY; forced into 0 to 7.
+    text : str
+        Characters beyond ASCII become question marks; cut after 1000 characters.
+    identifier : int
+        1 to 65535, common to the chunks of a text longer than 50 characters.
+    """
+    severity = max(0, min(severity, 7))
+    data = text[:MAX_LENGTH].encode("ascii", "replace").replace(b"\0", b" ")
+    if len(data) <= CHUNK:
+        yield common.MAVLink_statustext_message(severity, data)
+        return
+    # A chunk of less than 50 characters ends the text, if need be an empty one.
+    for number in range(len(data) // CHUNK + 1):
+        chunk = data[number * CHUNK : (number + 1) * CHUNK]
+        yield common.MAVLink_statustext_message(severity, chunk, identifier, number)
