@@ -120,6 +120,15 @@ class WheelVelocityEstimator:
         """Angle turned since `reset` [rad], unwrapped."""
         return self._total * self._rad_per_count
 
+    @property
+    def delay_s(self) -> float:
+        """How old the velocity is at the latch [s]: half the window in use.
+
+        A loop that follows a ramp compares like with like when it takes the reference of that
+        time: reference minus acceleration times (this and the loop's own dead time).
+        """
+        return 0.5e-6 * (self._times_us[-1] - self._times_us[0])
+
     def update(self, count_u16: int, timestamp_us_u20: int) -> float:
         """Take one latched sample and return the velocity [rad/s].
 

@@ -65,8 +65,10 @@ class WheelLoopRig:
         """One tick: the command computed now acts from the next tick on."""
         measured = self.estimator.update(*self.motor.latch())
         self.motor.step(self._duty, self.bus_voltage_v, self.dt_s)
+        # The measurement is as old as the estimator's window, the motor as late as the command.
+        delay_s = self.estimator.delay_s + 1.5 * self.dt_s
         voltage = self.pid.step(
-            omega_ref_rad_s,
+            omega_ref_rad_s - alpha_ref_rad_s2 * delay_s,
             measured,
             self.dt_s,
             feedforward_v(self.pid.config, omega_ref_rad_s, alpha_ref_rad_s2),
