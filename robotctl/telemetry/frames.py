@@ -69,7 +69,7 @@ def omega_from_yaw_rate_frd(yaw_rate_rad_s: float) -> float:
 
 
 def velocity_ned(v_m_s: float, theta_rad: float) -> North:
-    """Return in local NED [m/s] the velocity of a robot driving forward with heading `theta_rad`."""
+    """Return in local NED the velocity [m/s] of a robot that drives forward at `theta_rad`."""
     return ned_from_enu(v_m_s * math.cos(theta_rad), v_m_s * math.sin(theta_rad))
 
 

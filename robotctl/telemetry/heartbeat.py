@@ -49,7 +49,8 @@ class Heartbeat:
     def step(self, now_ns: int) -> None:
         """Send when a second is over; a late step does not lead to a burst."""
         if now_ns >= self._next_ns:
-            self._next_ns = max(self._next_ns + INTERVAL_NS, now_ns + INTERVAL_NS // 2)
+            following = self._next_ns + INTERVAL_NS
+            self._next_ns = following if following > now_ns else now_ns + INTERVAL_NS
             self._context.links.broadcast(self.message(now_ns))
 
     def message(self, now_ns: int) -> Message:

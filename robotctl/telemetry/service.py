@@ -1,4 +1,4 @@
-"""The structure that holds the MAVLink microservices: what they share, and who gets which message."""
+"""The structure that holds the MAVLink microservices: what they share, who gets which message."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Context:
     navigation: NavigationState | None = None
     acks: list[Ack] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
-    notices: list[Notice] = field(default_factory=list)
+    notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
     texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
 
     def take(self, state: ControlState | NavigationState | Notice) -> None:

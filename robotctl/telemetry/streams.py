@@ -103,7 +103,7 @@ class Streams:
         return self._due
 
     def _count_resets(self) -> None:
-        """A driven distance that shrinks means a new control process and a new `world` frame."""
+        """Count new `world` frames: a driven distance that shrinks means a new control process."""
         control = self._context.control
         if control is not None:
             self._resets += control.distance_m < self._distance_m

@@ -1,0 +1,158 @@
+"""Arming, disarming and the emergency stop.
+
+| command | meaning |
+|---|---|
+| COMPONENT_ARM_DISARM, param1 1 | arm; param2 21196 ("force") does not get round any check |
+| COMPONENT_ARM_DISARM, param1 0 | disarm |
+| COMPONENT_ARM_DISARM, param1 0, param2 21196 | emergency stop |
+| DO_FLIGHTTERMINATION, param1 1 | emergency stop |
+| DO_FLIGHTTERMINATION, param1 0 | denied: only arming ends an emergency stop |
+
+Arming and disarming are acknowledged when the control process has answered. A request to arm that
+is repeated meanwhile, or up to a second later, is not carried out again: a late copy that took
+another way must not arm a robot that was stopped in between. Disarming and stops are always
+carried out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.runtime.mavlink_port import Message, Peer
+from robotctl.runtime.messages import Ack, Arm, EmergencyStop, EmergencyStopSource
+from robotctl.telemetry.commands import (
+    ACCEPTED,
+    DENIED,
+    TEMPORARILY_REJECTED,
+    Command,
+    acknowledge,
+)
+from robotctl.telemetry.service import Context
+
+ARM_DISARM: int = common.MAV_CMD_COMPONENT_ARM_DISARM
+FLIGHT_TERMINATION: int = common.MAV_CMD_DO_FLIGHTTERMINATION
+FORCE = 21196.0
+
+TIMEOUT_NS = 2_000_000_000
+"""How long the control process may take [ns]; it refuses by itself after one second."""
+
+REPEAT_NS = 1_000_000_000
+WARNING = 4
+
+
+@dataclass(frozen=True, slots=True)
+class _Pending:
+    command: Command
+    arm: bool
+    deadline_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Answered:
+    params: tuple[float, ...]
+    result: int
+    answered_ns: int
+
+
+class Arming:
+    """Turns the commands of the table above into requests and the answers into COMMAND_ACK."""
+
+    handles: frozenset[int] = frozenset()
+    commands = frozenset({ARM_DISARM, FLIGHT_TERMINATION})
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._pending: dict[int, _Pending] = {}
+        self._answered: dict[tuple[int, int], _Answered] = {}
+        self._last_request = 0
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take nothing: commands come through `on_command`."""
+
+    def on_command(self, command: Command, now_ns: int) -> int | None:
+        """Carry out one command of the table."""
+        if command.number == FLIGHT_TERMINATION:
+            return self._terminate(command, now_ns)
+        if command.params[0] == 1.0:
+            return self._arm(command, now_ns)
+        if command.params[0] == 0.0:
+            return self._disarm(command, now_ns)
+        self._context.say(now_ns, WARNING, f"Arm: neither 0 nor 1: {command.params[0]:g}")
+        return DENIED
+
+    def _terminate(self, command: Command, now_ns: int) -> int:
+        if command.params[0] == 1.0:
+            return self._stop(now_ns)
+        self._context.say(now_ns, WARNING, "Emergency stop: only arming ends it")
+        return DENIED
+
+    def _stop(self, now_ns: int) -> int:
+        source = EmergencyStopSource.GROUND_STATION
+        self._context.requests.append(EmergencyStop(now_ns, source))
+        return ACCEPTED
+
+    def _arm(self, command: Command, now_ns: int) -> int | None:
+        if self._find(command.sender, arm=True) is not None:
+            return None
+        last = self._answered.get(command.sender)
+        if last and last.params == command.params and now_ns - last.answered_ns <= REPEAT_NS:
+            return last.result
+        self._ask(command, now_ns, arm=True)
+        return None
+
+    def _disarm(self, command: Command, now_ns: int) -> int | None:
+        if command.params[1] == FORCE:
+            return self._stop(now_ns)
+        if (repeated := self._find(command.sender, arm=False)) is not None:
+            del self._pending[repeated]  # the new request will be answered in its place
+        self._ask(command, now_ns, arm=False)
+        return None
+
+    def _find(self, sender: tuple[int, int], *, arm: bool) -> int | None:
+        """Return the number of this sender's request that waits for its answer."""
+        for request_id, pending in self._pending.items():
+            if pending.arm == arm and pending.command.sender == sender:
+                return request_id
+        return None
+
+    def _ask(self, command: Command, now_ns: int, *, arm: bool) -> None:
+        # Numbers from the clock differ from those before a restart of this process, to which the
+        # control process's present answer may still belong.
+        self._last_request = max(self._last_request + 1, now_ns)
+        self._context.requests.append(Arm(now_ns, self._last_request, arm))
+        self._pending[self._last_request] = _Pending(command, arm, now_ns + TIMEOUT_NS)
+
+    def step(self, now_ns: int) -> None:
+        """Acknowledge what the control process has answered, or has not answered in time."""
+        for ack in self._context.acks:
+            if (pending := self._pending.pop(ack.request_id, None)) is not None:
+                self._finish(pending, ack, now_ns)
+        for request_id, pending in list(self._pending.items()):
+            if now_ns > pending.deadline_ns:
+                del self._pending[request_id]
+                self._context.say(now_ns, WARNING, f"{_verb(pending)}: control does not answer")
+                self._answer(pending, TEMPORARILY_REJECTED, now_ns)
+
+    def _finish(self, pending: _Pending, ack: Ack, now_ns: int) -> None:
+        if not ack.accepted:
+            for reason in ack.reasons or ("refused",):
+                self._context.say(now_ns, WARNING, f"{_verb(pending)}: {reason}")
+        self._answer(pending, ACCEPTED if ack.accepted else DENIED, now_ns)
+
+    def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:
+        acknowledge(self._context, pending.command, result)
+        if pending.arm:
+            self._answered[pending.command.sender] = _Answered(
+                pending.command.params, result, now_ns
+            )
+        self._answered = {
+            sender: answered
+            for sender, answered in self._answered.items()
+            if now_ns - answered.answered_ns <= REPEAT_NS
+        }
+
+
+def _verb(pending: _Pending) -> str:
+    return "Arm" if pending.arm else "Disarm"

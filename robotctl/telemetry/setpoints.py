@@ -1,0 +1,206 @@
+"""SET_POSITION_TARGET_LOCAL_NED: velocities and positions from a ground station.
+
+| type_mask uses | frame | request |
+|---|---|---|
+| vx, may use vy = 0 | BODY_NED, BODY_FRD | drive at vx, turning at yaw_rate if used |
+| vx and vy, yaw_rate | LOCAL_NED | drive at the part of the velocity along the heading, and turn |
+| vx and vy | LOCAL_NED | turn towards the velocity, or towards yaw if used, and drive along it |
+| x and y | LOCAL_NED | drive to the point; yaw and yaw_rate do not matter |
+
+z, vz and their bits do not matter to a rover. All else (accelerations, forces, position together
+with velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite,
+a sideways velocity) is refused, counted by reason, and said once in a while.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.model.angles import wrap_angle
+from robotctl.model.twist import Twist
+from robotctl.runtime.mavlink_port import Message, Peer
+from robotctl.runtime.messages import PositionTarget, VelocityTarget
+from robotctl.telemetry import frames
+from robotctl.telemetry.service import Context
+
+BODY_FRAMES = frozenset({common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_FRD})
+LOCAL_NED: int = common.MAV_FRAME_LOCAL_NED
+
+HEADING_GAIN_1_S = 2.0
+"""Turning rate for each radian of heading error [1/s], where a direction is commanded."""
+
+SAY_AGAIN_NS = 30_000_000_000
+WARNING = 4
+
+_MASK = "POSITION_TARGET_TYPEMASK_"
+
+
+class Used(NamedTuple):
+    """What a type_mask does not tell to ignore; vectors need both horizontal parts."""
+
+    position: int
+    velocity: int
+    acceleration: bool
+    yaw: bool
+    yaw_rate: bool
+
+
+class Refused(ValueError):  # noqa: N818 - says what happened to the set-point
+    """A set-point that cannot be followed; the text is the reason."""
+
+
+class Setpoints:
+    """Turns valid set-points into requests; velocities expire.
+
+    `refused` counts by reason.
+    """
+
+    handles = frozenset({common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED})
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._timeout_ns = round(context.config.setpoint_timeout_s * 1e9)
+        self.refused: Counter[str] = Counter()
+        self._said_ns: dict[str, int] = {}
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
+        """Take one set-point."""
+        try:
+            self._follow(message, now_ns)
+        except Refused as refused:
+            reason = str(refused)
+            self.refused[reason] += 1
+            if now_ns >= self._said_ns.get(reason, now_ns):
+                self._said_ns[reason] = now_ns + SAY_AGAIN_NS
+                self._context.say(now_ns, WARNING, f"Set-point refused: {reason}")
+
+    def step(self, now_ns: int) -> None:
+        """Do nothing: the requests carry the time when they are void."""
+
+    def _follow(self, message: Message, now_ns: int) -> None:
+        used = used_parts(message.type_mask)
+        if used.position:
+            self._context.requests.append(position_target(message, used, now_ns))
+            return
+        control = self._context.fresh_control(now_ns)
+        twist = velocity_twist(message, used, None if control is None else control.theta_rad)
+        expires_ns = now_ns + self._timeout_ns
+        self._context.requests.append(
+            VelocityTarget(now_ns, expires_ns, twist.v_m_s, twist.omega_rad_s)
+        )
+
+
+def used_parts(mask: int) -> Used:
+    """Read a type_mask.
+
+    Raises
+    ------
+    Refused
+        If it contradicts itself or asks for what a rover does not follow.
+    """
+    used = Used(
+        position=2 - (mask & 1) - (mask >> 1 & 1),
+        velocity=2 - (mask >> 3 & 1) - (mask >> 4 & 1),
+        acceleration=mask & 0x1C0 != 0x1C0
+        or bool(mask & common.POSITION_TARGET_TYPEMASK_FORCE_SET),
+        yaw=not mask & common.POSITION_TARGET_TYPEMASK_YAW_IGNORE,
+        yaw_rate=not mask & common.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE,
+    )
+    if used.acceleration:
+        raise Refused("accelerations and forces are not followed")
+    if used.position and used.velocity:
+        raise Refused("position and velocity together")
+    if used.position == 1:
+        raise Refused("half a position")
+    if not used.position and not used.velocity:
+        raise Refused("neither position nor velocity")
+    return used
+
+
+def position_target(message: Message, used: Used, now_ns: int) -> PositionTarget:  # noqa: ARG001
+    """Return the point of `world` to drive to.
+
+    Raises
+    ------
+    Refused
+        If the frame or a number is wrong.
+    """
+    if message.coordinate_frame != LOCAL_NED:
+        raise Refused(f"position in frame {message.coordinate_frame}, not LOCAL_NED")
+    _check_finite(message.x, message.y)
+    point = frames.enu_from_ned(message.x, message.y)
+    return PositionTarget(now_ns, point.x, point.y)
+
+
+def velocity_twist(message: Message, used: Used, theta_rad: float | None) -> Twist:
+    """Return the velocity of `base` that a velocity set-point asks for.
+
+    Parameters
+    ----------
+    message : SET_POSITION_TARGET_LOCAL_NED
+        The set-point.
+    used : Used
+        Its type_mask.
+    theta_rad : float or None
+        Present heading in `world` [rad], needed in LOCAL_NED only.
+
+    Raises
+    ------
+    Refused
+        If the frame, a number or the combination is wrong, or the heading is not known.
+    """
+    if used.yaw and used.yaw_rate:
+        raise Refused("yaw and yaw rate together")
+    if used.yaw_rate:
+        _check_finite(message.yaw_rate)
+    if message.coordinate_frame in BODY_FRAMES:
+        return _body_twist(message, used)
+    if message.coordinate_frame != LOCAL_NED:
+        raise Refused(f"velocity in frame {message.coordinate_frame}, not body or LOCAL_NED")
+    return _local_twist(message, used, theta_rad)
+
+
+def _body_twist(message: Message, used: Used) -> Twist:
+    if used.yaw:
+        raise Refused("yaw with a velocity of the body")
+    if message.type_mask & common.POSITION_TARGET_TYPEMASK_VX_IGNORE:
+        raise Refused("half a velocity")
+    _check_finite(message.vx)
+    if used.velocity == 2:
+        _check_finite(message.vy)
+        if message.vy != 0.0:
+            raise Refused("sideways velocity")
+    omega_rad_s = frames.omega_from_yaw_rate_frd(message.yaw_rate) if used.yaw_rate else 0.0
+    return Twist(message.vx, omega_rad_s)
+
+
+def _local_twist(message: Message, used: Used, theta_rad: float | None) -> Twist:
+    if used.velocity != 2:
+        raise Refused("half a velocity")
+    if theta_rad is None or not math.isfinite(theta_rad):
+        raise Refused("velocity in LOCAL_NED while the heading is not known")
+    _check_finite(message.vx, message.vy)
+    velocity = frames.enu_from_ned(message.vx, message.vy)
+    if used.yaw_rate:
+        along = velocity.x * math.cos(theta_rad) + velocity.y * math.sin(theta_rad)
+        return Twist(along, frames.omega_from_yaw_rate_frd(message.yaw_rate))
+    if used.yaw:
+        _check_finite(message.yaw)
+        direction_rad = frames.theta_from_yaw_ned(message.yaw)
+    elif velocity == (0.0, 0.0):
+        return Twist(0.0, 0.0)
+    else:
+        direction_rad = math.atan2(velocity.y, velocity.x)
+    along = velocity.x * math.cos(direction_rad) + velocity.y * math.sin(direction_rad)
+    error_rad = wrap_angle(direction_rad - theta_rad)
+    # Facing away it turns on the spot first instead of driving off in the wrong direction.
+    return Twist(along * max(0.0, math.cos(error_rad)), HEADING_GAIN_1_S * error_rad)
+
+
+def _check_finite(*values: float) -> None:
+    if not all(math.isfinite(value) for value in values):
+        raise Refused("a number that is not finite")

@@ -1,0 +1,107 @@
+"""Telemetry: the MAVLink microservices put together, one step at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.runtime.mavlink_port import MavlinkPort
+from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.telemetry.arming import Arming
+from robotctl.telemetry.commands import Commands
+from robotctl.telemetry.config import MavlinkConfig
+from robotctl.telemetry.ground_stations import GroundStation, GroundStations
+from robotctl.telemetry.heartbeat import Heartbeat
+from robotctl.telemetry.manual_control import ManualControls
+from robotctl.telemetry.message_requests import MessageRequests
+from robotctl.telemetry.modes import Modes
+from robotctl.telemetry.service import Context, Microservice, Request, Router, TelemetryRobot
+from robotctl.telemetry.setpoints import Setpoints
+from robotctl.telemetry.status_text import StatusText
+from robotctl.telemetry.streams import Streams
+from robotctl.telemetry.time_sync import TimeSync
+
+
+class Telemetry:
+    """The robot as MAVLink sees it: a step depends on its inputs and on what the links bring.
+
+    Parameters
+    ----------
+    config : MavlinkConfig
+        Address, rates and time-outs.
+    robot : TelemetryRobot
+        What it tells about the robot.
+    links : MavlinkPort
+        Made with the same addresses and links as `config`; the caller closes them.
+    """
+
+    def __init__(self, config: MavlinkConfig, robot: TelemetryRobot, links: MavlinkPort) -> None:
+        context = Context(config, robot, links)
+        streams = Streams(context)
+        heartbeat = Heartbeat(context)
+        arming = Arming(context)
+        modes = Modes(context)
+        self._ground_stations = GroundStations(context)
+        requests = MessageRequests(
+            context,
+            streams,
+            {common.MAVLINK_MSG_ID_HEARTBEAT: lambda now_ns: [heartbeat.message(now_ns)]},
+        )
+        services: tuple[Microservice, ...] = (
+            self._ground_stations,
+            Commands(context, (arming, modes, requests)),
+            arming,
+            modes,
+            Setpoints(context),
+            ManualControls(context),
+            TimeSync(context),
+            heartbeat,
+            streams,
+            StatusText(context),
+        )
+        self._context = context
+        self._router = Router(services, config)
+
+    def step(
+        self, now_ns: int, received: Sequence[ControlState | NavigationState | Notice]
+    ) -> list[Request]:
+        """Take in what came, send what is due.
+
+        Parameters
+        ----------
+        now_ns : int
+            Monotonic time [ns].
+        received : sequence of ControlState, NavigationState and Notice
+            Messages of the other processes since the last step, oldest first.
+
+        Returns
+        -------
+        list of ControlRequest and NavigationRequest
+            For the other processes, in the order in which they came.
+        """
+        context = self._context
+        context.acks.clear()
+        for state in received:
+            context.take(state)
+        for message in context.links.poll(now_ns):
+            self._router.route(message, now_ns)
+        self._router.step(now_ns)
+        context.links.flush()
+        requests = list(context.requests)
+        context.requests.clear()
+        return requests
+
+    def take_notices(self) -> list[Notice]:
+        """Return what telemetry itself had to say since the last call.
+
+        The ground stations have it already: do not hand it to `step` again.
+        """
+        notices = list(self._context.notices)
+        self._context.notices.clear()
+        return notices
+
+    @property
+    def ground_stations(self) -> tuple[GroundStation, ...]:
+        """The ground stations that are alive."""
+        return self._ground_stations.alive
