@@ -1,0 +1,323 @@
+"""The robot's body, motors and battery in the room.
+
+The state is the truth: nothing here is measured but the encoder counts, which are whole numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+import numpy as np
+
+from firmware_sim.battery import open_circuit_voltage
+from firmware_sim.compiled import noise_state
+from firmware_sim.config import RobotConfig
+from firmware_sim.contact import COLUMNS, ROWS
+from firmware_sim.errors import SimulationError
+from firmware_sim.plant_state import BODY, DIFFERENTIAL, DT_S, WHEEL, constants
+from firmware_sim.plant_step import run_plant
+from firmware_sim.walls import body_outline, wall_grid
+from firmware_sim.world import World
+
+STEP_NS = round(DT_S * 1e9)
+"""Length of one step of the plant [ns]."""
+
+
+class Bridge(IntEnum):
+    """What the bridges do: drive by duty, let the wheels run free, short the windings."""
+
+    DRIVE = 0
+    COAST = 1
+    BRAKE = 2
+
+
+class Plant:
+    """A robot in a room, advanced in steps of 1 ms.
+
+    Starts at rest at the world's start pose with the bridges open. Channel 1 is the left wheel of a
+    differential drive, or the only motor of a drive-and-steer robot, whose channel 2 is dead.
+
+    Parameters
+    ----------
+    config
+        The robot.
+    world
+        The room.
+    rng
+        Seeds the roughness of the floor. The same seed and commands give the same motion, bit for
+        bit, on the same machine.
+
+    Raises
+    ------
+    SimulationError
+        The robot cannot stand where it should start, or not on its wheels at all.
+    """
+
+    def __init__(self, config: RobotConfig, world: World, rng: np.random.Generator) -> None:
+        try:
+            self._p = constants(config)
+        except ValueError as error:
+            raise SimulationError(f"{config.robot.name}: simulation.{error}") from error
+        self._bits = config.simulation.bridge.pwm_bits
+        self._deadband = config.simulation.bridge.deadband
+        self._per_rad = config.drive.counts_per_revolution / (2.0 * math.pi)
+        self._motors = int(self._p["wheels"][0])
+        self._segments = world.segments
+        self._outline = body_outline(config.simulation.body)
+        self._origin, self._grid = wall_grid(
+            world.segments, world.bounds, float(self._p["reach"][0])
+        )
+        self._rows = np.zeros((ROWS, COLUMNS))
+        self._noise = noise_state(rng)
+        self._body = np.zeros(1, BODY)
+        self._wheels = np.zeros(2, WHEEL)
+        self._b = self._body[0]
+        self._w = (self._wheels[0], self._wheels[1])
+        self._start(config)
+        self.place(*world.start)
+
+    def _start(self, config: RobotConfig) -> None:
+        """Set what is not zero at power-on."""
+        s = config.simulation
+        for wheel, error in zip(self._w, s.errors.wheel_radius, strict=True):
+            wheel["radius"] = config.drive.wheel_radius_m * (1.0 + error)
+            wheel["winding_c"] = wheel["case_c"] = s.motor.air_c
+        self._b["bridge"] = Bridge.COAST
+        self._b["charge"] = s.battery.charge
+        self._b["battery_a"] = s.battery.electronics_current_a
+        source = float(self._p["cells_scale"][0]) * open_circuit_voltage(s.battery.charge)
+        self._b["bus_v"] = source - s.battery.internal_resistance_ohm * self.battery_current_a
+
+    def warm(self) -> None:
+        """Compile, or load from the cache, what `step` needs; changes nothing."""
+        self.step(0)
+
+    def command(
+        self, duty1: float, duty2: float, steering_rad: float = 0.0, bridge: Bridge = Bridge.DRIVE
+    ) -> None:
+        """Set what the bridges and the steering servo do from now on.
+
+        Parameters
+        ----------
+        duty1, duty2
+            Share of the rail's voltage in [-1, 1], positive forwards; the bridge rounds it to its
+            PWM steps and gives nothing within its dead-band. Without effect unless driving.
+        steering_rad
+            Demanded angle, positive left; limited to what the linkage allows.
+        bridge
+            What the bridges do.
+
+        Raises
+        ------
+        ValueError
+            A duty is not in [-1, 1], or the angle not finite.
+        """
+        if not (-1.0 <= duty1 <= 1.0 and -1.0 <= duty2 <= 1.0 and math.isfinite(steering_rad)):
+            raise ValueError(
+                f"command: duties {duty1}, {duty2} not in [-1, 1], or steering {steering_rad}"
+            )
+        b = self._b
+        b["bridge"] = bridge
+        self._w[0]["duty"] = self._output(duty1)
+        self._w[1]["duty"] = self._output(duty2)
+        limit = float(self._p["steering_max"][0])
+        b["steering_cmd"] = min(max(steering_rad, -limit), limit)
+
+    def _output(self, duty: float) -> float:
+        """Mean output of a bridge for a duty: rounded to PWM steps, the dead-band taken off."""
+        top = 2**self._bits
+        size = round(abs(duty) * top) / top - self._deadband
+        if size <= 0.0:
+            return 0.0
+        return math.copysign(size / (1.0 - self._deadband), duty)
+
+    def step(self, n: int = 1) -> None:
+        """Advance by n milliseconds."""
+        run_plant(
+            n,
+            self._body,
+            self._wheels,
+            self._p,
+            self._outline,
+            self._segments,
+            self._origin,
+            self._grid,
+            self._rows,
+            self._noise,
+        )
+
+    def place(self, x_m: float, y_m: float, theta_rad: float) -> None:
+        """Put the robot somewhere else, at rest; counts and distance go on.
+
+        Raises
+        ------
+        SimulationError
+            A wall is in the way.
+        """
+        if _overlaps(self._outline, self._segments, x_m, y_m, theta_rad):
+            raise SimulationError(
+                f"the robot cannot stand at x {x_m} m, y {y_m} m, heading {theta_rad} rad: "
+                "a wall is in the way"
+            )
+        b = self._b
+        b["x"], b["y"], b["theta"] = x_m, y_m, theta_rad
+        b["vx"] = b["vy"] = b["omega"] = b["touch_s"] = b["contacts"] = 0.0
+        for wheel in self._w:
+            wheel["omega"] = 0.0
+
+    def jam(self, channel: int, torque_n_m: float) -> None:
+        """Hold the wheel of channel 1 or 2 by a friction torque [N m] (0 lets it go): a fault."""
+        self._w[channel - 1]["jam"] = torque_n_m
+
+    def _count(self, k: int) -> int:
+        if k >= self._motors:
+            return 0
+        return math.floor(float(self._w[k]["angle"]) * self._per_rad)
+
+    @property
+    def count1(self) -> int:
+        """Quadrature counts of channel 1 since power-on, unbounded."""
+        return self._count(0)
+
+    @property
+    def count2(self) -> int:
+        """Quadrature counts of channel 2 since power-on, unbounded; 0 where there is none."""
+        return self._count(1)
+
+    @property
+    def current1_a(self) -> float:
+        """Current of motor 1 [A], positive with forward torque."""
+        return float(self._w[0]["current"])
+
+    @property
+    def current2_a(self) -> float:
+        """Current of motor 2 [A], positive with forward torque; 0 where there is none."""
+        return float(self._w[1]["current"])
+
+    @property
+    def temperature1_c(self) -> float:
+        """Winding temperature of motor 1 [°C]."""
+        return float(self._w[0]["winding_c"])
+
+    @property
+    def temperature2_c(self) -> float:
+        """Winding temperature of motor 2 [°C]."""
+        return float(self._w[1]["winding_c"])
+
+    @property
+    def omega1_rad_s(self) -> float:
+        """True speed of wheel 1 [rad/s]."""
+        return float(self._w[0]["omega"])
+
+    @property
+    def omega2_rad_s(self) -> float:
+        """True speed of wheel 2 [rad/s]; 0 where there is none."""
+        return float(self._w[1]["omega"])
+
+    @property
+    def bus_voltage_v(self) -> float:
+        """Voltage of the rail that feeds all bridges [V]."""
+        return float(self._b["bus_v"])
+
+    @property
+    def battery_current_a(self) -> float:
+        """Current out of the battery [A]; negative charges."""
+        return float(self._b["battery_a"])
+
+    @property
+    def charge(self) -> float:
+        """State of charge in [0, 1]."""
+        return float(self._b["charge"])
+
+    @charge.setter
+    def charge(self, value: float) -> None:
+        self._b["charge"] = min(max(value, 0.0), 1.0)
+
+    @property
+    def steering_rad(self) -> float:
+        """Angle of the steering servo, or of a car's virtual centre wheel [rad], positive left."""
+        return float(self._b["steering"])
+
+    @property
+    def x_m(self) -> float:
+        """True x of base in world [m]."""
+        return float(self._b["x"])
+
+    @property
+    def y_m(self) -> float:
+        """True y of base in world [m]."""
+        return float(self._b["y"])
+
+    @property
+    def theta_rad(self) -> float:
+        """True heading [rad], in (-π, π]."""
+        return -math.remainder(-float(self._b["theta"]), 2.0 * math.pi)
+
+    @property
+    def v_m_s(self) -> float:
+        """True forward speed of base [m/s]."""
+        return float(self._b["vx"]) + self.omega_rad_s * float(self._p["com_y"][0])
+
+    @property
+    def lateral_m_s(self) -> float:
+        """True sideways speed of base [m/s]: tyres slipping."""
+        return float(self._b["vy"]) - self.omega_rad_s * float(self._p["com_x"][0])
+
+    @property
+    def omega_rad_s(self) -> float:
+        """True yaw rate [rad/s]."""
+        return float(self._b["omega"])
+
+    @property
+    def collisions(self) -> int:
+        """Collisions since power-on; contacts that follow within 0.3 s are one."""
+        return int(self._b["collisions"])
+
+    @property
+    def touching(self) -> bool:
+        """Whether a wall is touched, or was within the last 0.3 s."""
+        return float(self._b["touch_s"]) > 0.0
+
+    @property
+    def impact_m_s(self) -> float:
+        """Speed towards the wall at the beginning of the last collision [m/s]."""
+        return float(self._b["impact_m_s"])
+
+    @property
+    def distance_m(self) -> float:
+        """Length of the base's path since power-on [m]."""
+        return float(self._b["distance"])
+
+    @property
+    def rear_wheels_rad_s(self) -> tuple[float, float]:
+        """Speeds of the left and right wheel of the base's axle [rad/s], if they roll freely."""
+        if int(self._p["kind"][0]) == DIFFERENTIAL:
+            return self.omega1_rad_s, self.omega2_rad_s
+        half, radius = float(self._p["half_track"][0]), float(self._w[0]["radius"])
+        turn = self.omega_rad_s * half
+        return (self.v_m_s - turn) / radius, (self.v_m_s + turn) / radius
+
+
+def _overlaps(outline: np.ndarray, segments: np.ndarray, x: float, y: float, theta: float) -> bool:
+    """Whether the outline at a pose touches a wall: separating axes of convex shapes."""
+    if len(segments) == 0:
+        return False
+    c, s = math.cos(theta), math.sin(theta)
+    relative = segments - np.array([x, y, x, y])
+    ends = np.stack(
+        [
+            np.stack([c * relative[:, i] + s * relative[:, i + 1] for i in (0, 2)], axis=1),
+            np.stack([-s * relative[:, i] + c * relative[:, i + 1] for i in (0, 2)], axis=1),
+        ],
+        axis=2,
+    )
+    apart = np.zeros(len(segments), dtype=bool)
+    for vx, vy, nx, ny, _ in outline:
+        gap = (ends[:, :, 0] - vx) * nx + (ends[:, :, 1] - vy) * ny
+        apart |= np.min(gap, axis=1) > 0.0
+    side = ends[:, 1] - ends[:, 0]
+    normal = np.stack([-side[:, 1], side[:, 0]], axis=1)
+    across = (outline[None, :, :2] - ends[:, None, 0]) @ normal[:, :, None]
+    apart |= (np.min(across[:, :, 0], axis=1) > 0.0) | (np.max(across[:, :, 0], axis=1) < 0.0)
+    return bool(np.any(~apart))
