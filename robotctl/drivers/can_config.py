@@ -1,0 +1,88 @@
+"""Configuration of the CAN side: which bus, and what the nodes on it are told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+_BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+
+
+@dataclass(frozen=True, slots=True)
+class CanConfig:
+    """The bus the robot hangs on.
+
+    Parameters
+    ----------
+    interface
+        python-can interface: `socketcan` (kernel) or `simcan` (the simulated bus).
+    channel
+        Network device (`can0`) or the simulated bus's socket.
+    bitrate
+        [bit/s], one of CiA 301's. The kernel's interface must have been brought up with it; here
+        it only scales the bus load.
+    """
+
+    interface: Literal["socketcan", "simcan"] = "socketcan"
+    channel: str = "can0"
+    bitrate: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.channel:
+            raise ValueError("channel must not be empty")
+        if self.bitrate not in _BITRATES:
+            allowed = ", ".join(str(bitrate) for bitrate in _BITRATES)
+            raise ValueError(f"bitrate must be one of {allowed}, not {self.bitrate}")
+
+
+@dataclass(frozen=True, slots=True)
+class NodeParameters:
+    """What the nodes must be, or are told to be, before the robot may arm.
+
+    Parameters
+    ----------
+    rate_hz
+        Rate of the control loop and so of SYNC [Hz].
+    command_timeout_ms
+        Written to the drive and read back [ms]: 10 to 1000, at least two control periods.
+    heartbeat_timeout_ms
+        A node silent for longer is lost [ms].
+    counts_per_revolution
+        Quadrature counts at the wheel that the drive must report.
+    steered
+        Whether the robot has a steering angle; if so, DriveStatus comes on every SYNC.
+    sonars
+        Sonars the ring must have, 0 to 16; with 0 the sonar node is not needed.
+    """
+
+    rate_hz: int
+    command_timeout_ms: int
+    heartbeat_timeout_ms: int
+    counts_per_revolution: int
+    steered: bool
+    sonars: int
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 1 <= self.rate_hz <= 10_000:
+            raise ValueError(f"rate_hz must be 1 to 10000, not {self.rate_hz}")
+        if not 10 <= self.command_timeout_ms <= 1000:
+            raise ValueError(
+                f"command_timeout_ms must be 10 to 1000, not {self.command_timeout_ms}"
+            )
+        if self.command_timeout_ms * self.rate_hz < 2000:
+            raise ValueError(
+                f"command_timeout_ms must be at least two control periods "
+                f"({2000 / self.rate_hz:g} ms), not {self.command_timeout_ms}"
+            )
+        if self.heartbeat_timeout_ms <= 0:
+            raise ValueError(
+                f"heartbeat_timeout_ms must be positive, not {self.heartbeat_timeout_ms}"
+            )
+        if self.counts_per_revolution <= 0:
+            raise ValueError(
+                f"counts_per_revolution must be positive, not {self.counts_per_revolution}"
+            )
+        if not 0 <= self.sonars <= 16:
+            raise ValueError(f"sonars must be 0 to 16, not {self.sonars}")

@@ -1,0 +1,164 @@
+"""Commissioning: what a node must prove and be told before it is started.
+
+Each kind of node has a script, a generator that yields SDO transfers and gets their answers; what
+it returns is what is wrong, in a sentence, or nothing. `Node` advances it from within the control
+loop, one frame at a time, and starts over whenever the node boots or comes back after a silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import Final, TypeAlias
+
+from robotctl.drivers.bus_load import STEERING_STATUS, SYNC, transmission_type
+from robotctl.drivers.can_config import NodeParameters
+from robotctl.drivers.dbc import Dbc
+from robotctl.drivers.sdo import ABORT_NO_OBJECT, Request, Response
+
+Script: TypeAlias = Generator[Request, Response, str]
+"""Yields transfers, receives their ends, returns the problem ("" where there is none)."""
+
+VENDOR_ID: Final = 0x00526F62
+REVISION_MAJOR: Final = 0x0001
+PRODUCT_DRIVE, PRODUCT_SONAR, PRODUCT_POWER = 1, 2, 3
+
+CLEAR_FAULTS: Final = Request(0x2010, 0, "clear faults", value=1, size=1)
+
+
+def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
+    """Return the script of the motor controller.
+
+    Identity, wire version, counts per revolution; then the command time-out, written and read
+    back, and how often the status frames come.
+    """
+    sync = dbc.message(SYNC)
+    rate_hz = parameters.rate_hz
+    motor_every = transmission_type(dbc.message("MotorStatus"), sync, rate_hz)
+    drive_every = transmission_type(dbc.message(STEERING_STATUS), sync, rate_hz)
+    if parameters.steered:
+        drive_every = 1
+
+    def script() -> Script:
+        counts = parameters.counts_per_revolution
+        return (
+            (yield from _identify(PRODUCT_DRIVE))
+            or (yield from _wire_version(dbc.wire_version))
+            or (
+                yield from _expect(
+                    Request(0x2002, 0, "counts per revolution"),
+                    counts,
+                    "has {found} counts per revolution, the configuration says {wanted}",
+                )
+            )
+            or (
+                yield from _configure(
+                    0x2000, 0, "command time-out", parameters.command_timeout_ms, 2, " ms"
+                )
+            )
+            or (yield from _configure(0x1801, 2, "period of MotorStatus", motor_every, 1, " SYNC"))
+            or (yield from _configure(0x1802, 2, "period of DriveStatus", drive_every, 1, " SYNC"))
+        )
+
+    return script
+
+
+def sonar_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
+    """Return the script of the sonar ring: identity, number of sonars, ring period of the DBC."""
+    period_ms = dbc.message("SonarRangesA").cycle_ms
+
+    def script() -> Script:
+        return (
+            (yield from _identify(PRODUCT_SONAR))
+            or (yield from _wire_version(dbc.wire_version, optional=True))
+            or (
+                yield from _expect(
+                    Request(0x2200, 0, "number of sonars"),
+                    parameters.sonars,
+                    "has {found} sonars, the configuration says {wanted}",
+                )
+            )
+            or (yield from _configure(0x2201, 0, "ring period", period_ms, 2, " ms"))
+        )
+
+    return script
+
+
+def power_script(dbc: Dbc, _: NodeParameters) -> Callable[[], Script]:
+    """Return the script of the battery monitor: identity."""
+
+    def script() -> Script:
+        return (yield from _identify(PRODUCT_POWER)) or (
+            yield from _wire_version(dbc.wire_version, optional=True)
+        )
+
+    return script
+
+
+def _identify(product: int) -> Script:
+    """Check the identity object 0x1018."""
+    problem = yield from _expect(
+        Request(0x1018, 1, "vendor"), VENDOR_ID, "vendor 0x{found:08X} is not ours 0x{wanted:08X}"
+    )
+    if problem:
+        return problem
+    problem = yield from _expect(
+        Request(0x1018, 2, "product code"),
+        product,
+        "is another device: product code {found} instead of {wanted}",
+    )
+    if problem:
+        return problem
+    request = Request(0x1018, 3, "revision")
+    response = yield request
+    if response.value is None:
+        return _failure(request, response)
+    if response.value >> 16 != REVISION_MAJOR:
+        return f"revision 0x{response.value:08X} is not 0x{REVISION_MAJOR:04X}xxxx"
+    return ""
+
+
+def _wire_version(ours: int, *, optional: bool = False) -> Script:
+    """Check that the node speaks the same DBC; an `optional` version may be missing."""
+    request = Request(0x2001, 0, "wire version")
+    response = yield request
+    if optional and response.abort == ABORT_NO_OBJECT:
+        return ""
+    if response.value is None:
+        return _failure(request, response)
+    if response.value != ours:
+        return f"wire version 0x{response.value:08X} is not ours 0x{ours:08X}"
+    return ""
+
+
+def _expect(request: Request, wanted: int, problem: str) -> Script:
+    """Read an object that must have the value `wanted`."""
+    response = yield request
+    if response.value is None:
+        return _failure(request, response)
+    if response.value != wanted:
+        return problem.format(found=response.value, wanted=wanted)
+    return ""
+
+
+def _configure(index: int, subindex: int, name: str, wanted: int, size: int, unit: str) -> Script:
+    """Write an object and read it back."""
+    write = Request(index, subindex, name, wanted, size)
+    response = yield write
+    if response.value is None:
+        return _failure(write, response)
+    return (
+        yield from _expect(
+            Request(index, subindex, name),
+            wanted,
+            f"{name} reads back {{found}}{unit}, wanted {{wanted}}{unit}",
+        )
+    )
+
+
+def _failure(request: Request, response: Response) -> str:
+    """Say that a transfer did not succeed."""
+    if response.abort is None:
+        return f"no answer to {request}"
+    if response.abort == ABORT_NO_OBJECT:
+        return f"refused {request}: it has no such object"
+    return f"refused {request}: SDO abort 0x{response.abort:08X}"
