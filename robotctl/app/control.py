@@ -109,7 +109,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     if options.record:
         stream = StreamSender(context, endpoints.control_record)
         recorder = Recorder(stream.send, record_header(config, options))
-    robot = make_robot(config)
+    robot = make_robot(config, clock)
     core = make_core(config, options)
     loop = Loop(clock, config.runtime.period_ns)
     ticker = ControlTicker(robot, core, requests, publisher, loop, recorder)

@@ -7,8 +7,14 @@ import msgspec
 import robotctl
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions
+from robotctl.drivers.can_config import NodeParameters
+from robotctl.drivers.can_port import SocketPort
+from robotctl.drivers.dbc import load_dbc
+from robotctl.drivers.robot_can import CanRobot
+from robotctl.drivers.robot_codec import RobotCodec
 from robotctl.model.se2 import SE2
 from robotctl.runtime.core import ControlCore
+from robotctl.runtime.ports import Clock
 from robotctl.runtime.recorder import RecordHeader
 
 
@@ -23,6 +29,36 @@ def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
         len(config.sonar),
         SE2(options.x_m, options.y_m, options.theta_rad),
     )
+
+
+def make_codec() -> RobotCodec:
+    """Return the codec of `robot.dbc`."""
+    return RobotCodec(load_dbc(config_directory() / "robot.dbc"))
+
+
+def node_parameters(config: RobotConfig) -> NodeParameters:
+    """Return what the nodes of a robot must be and are told to be."""
+    return NodeParameters(
+        rate_hz=config.runtime.rate_hz,
+        command_timeout_ms=config.safety.command_timeout_ms,
+        heartbeat_timeout_ms=config.safety.heartbeat_timeout_ms,
+        counts_per_revolution=config.drive.counts_per_revolution,
+        steered=config.drive.steered,
+        sonars=len(config.sonar),
+    )
+
+
+def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
+    """Return the robot on its CAN bus.
+
+    Raises
+    ------
+    LinkError
+        If the bus cannot be opened.
+    """
+    codec = make_codec()
+    port = SocketPort(config.can, codec.arbitration_ids, clock)
+    return CanRobot(port, codec, node_parameters(config))
 
 
 def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -45,29 +47,78 @@ class Report(msgspec.Struct, frozen=True):
         return msgspec.json.format(msgspec.json.encode(self), indent=2) + b"\n"
 
 
+class StampedPose(NamedTuple):
+    """A pose of `base` in `world` and its time."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+
 class PoseScore:
-    """Collects pose errors of a run."""
+    """Compares estimates with the truth interpolated to their time.
+
+    Both streams must come in the order of their stamps, each at its own pace.
+    """
 
     def __init__(self) -> None:
+        self._truths: deque[StampedPose] = deque()
+        self._estimates: deque[StampedPose] = deque()
         self._squares = 0.0
         self._count = 0
         self._max_m = 0.0
         self._final_m = 0.0
         self._final_rad = 0.0
 
-    def add(self, estimate: tuple[float, float, float], truth: tuple[float, float, float]) -> None:
-        """Compare two poses (x [m], y [m], theta [rad]) of the same moment in the same frame."""
-        distance_m = math.hypot(estimate[0] - truth[0], estimate[1] - truth[1])
+    def truth(self, pose: StampedPose) -> None:
+        """Add a true pose."""
+        self._truths.append(pose)
+        self._match()
+
+    def estimate(self, pose: StampedPose) -> None:
+        """Add an estimated pose."""
+        self._estimates.append(pose)
+        self._match()
+
+    def _match(self) -> None:
+        """Score each estimate that lies between two truths."""
+        truths, estimates = self._truths, self._estimates
+        while estimates and truths and truths[-1].stamp_ns >= estimates[0].stamp_ns:
+            estimate = estimates.popleft()
+            while len(truths) > 1 and truths[1].stamp_ns <= estimate.stamp_ns:
+                truths.popleft()
+            if truths[0].stamp_ns <= estimate.stamp_ns:
+                self._add(estimate, _interpolate(truths, estimate.stamp_ns))
+
+    def _add(self, estimate: StampedPose, truth: StampedPose) -> None:
+        """Score one pair."""
+        distance_m = math.hypot(estimate.x_m - truth.x_m, estimate.y_m - truth.y_m)
         self._squares += distance_m * distance_m
         self._count += 1
         self._max_m = max(self._max_m, distance_m)
         self._final_m = distance_m
-        self._final_rad = abs(wrap_angle(estimate[2] - truth[2]))
+        self._final_rad = abs(wrap_angle(estimate.theta_rad - truth.theta_rad))
 
     def result(self) -> PoseError:
         """Return the errors so far; all 0 where nothing was compared."""
         rmse_m = math.sqrt(self._squares / self._count) if self._count else 0.0
         return PoseError(rmse_m, self._max_m, self._final_m, self._final_rad)
+
+
+def _interpolate(truths: Sequence[StampedPose], stamp_ns: int) -> StampedPose:
+    """Return the pose at `stamp_ns` between the first two truths."""
+    first = truths[0]
+    if first.stamp_ns == stamp_ns or len(truths) == 1:
+        return first
+    second = truths[1]
+    share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
+    return StampedPose(
+        stamp_ns,
+        first.x_m + share * (second.x_m - first.x_m),
+        first.y_m + share * (second.y_m - first.y_m),
+        wrap_angle(first.theta_rad + share * wrap_angle(second.theta_rad - first.theta_rad)),
+    )
 
 
 def loop_report(loop: LoopStatistics) -> dict[str, Any]:

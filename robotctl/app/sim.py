@@ -18,7 +18,7 @@ import zmq
 
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
-from robotctl.app.score import PoseScore, Report, bus_report, loop_report
+from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, loop_report
 from robotctl.app.stack import Stack
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.planning.mission import Mission, load_mission
@@ -261,20 +261,22 @@ class SimRun:
         progress = self.progress
         for truth in self._truths.receive():
             progress.truth = truth
+            self._score.truth(
+                StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad)
+            )
         for message in self._states.receive():
             match message:
                 case ControlState():
                     progress.control = message
+                    self._score.estimate(
+                        StampedPose(
+                            message.stamp_ns, message.x_m, message.y_m, message.theta_rad
+                        )
+                    )
                 case NavigationState():
                     progress.navigation = message
                 case Notice():
                     progress.lines.append(message.text)
-        control, truth = progress.control, progress.truth
-        if control is not None and truth is not None:
-            self._score.add(
-                (control.x_m, control.y_m, control.theta_rad),
-                (truth.x_m, truth.y_m, truth.theta_rad),
-            )
 
     def report(self) -> Report:
         """Return the score of the run so far."""

@@ -11,12 +11,13 @@ from typing import Final
 
 import msgspec
 
+from robotctl.control.command_guard import guard_command
 from robotctl.control.limiter import LimitsConfig, TwistLimiter
 from robotctl.control.pid import PidConfig
 from robotctl.control.pwm import PwmConfig
 from robotctl.control.wheel_loop import WheelLoop
 from robotctl.estimation.odometry import Odometry
-from robotctl.model.drives import Drive
+from robotctl.model.drives import DifferentialDrive, Drive
 from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
 from robotctl.runtime.health import Health
@@ -39,7 +40,6 @@ from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, Safet
 SONAR_MAX_AGE_NS: Final = 250_000_000
 """Older sonar ranges are published as nan [ns]."""
 
-_STOPPED = WheelCommand(enable=False, brake=True)
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
 _SEVERITY_CRITICAL, _SEVERITY_WARNING, _SEVERITY_INFO = 2, 4, 6
@@ -131,7 +131,10 @@ class ControlCore:
         self._health = Health(safety, period_ns)
         self._safety = safety
         self._period_s = period_ns * 1e-9
-        self._command = _STOPPED
+        self._command = WheelCommand(enable=False, brake=True)
+        self._steering_max_rad = (
+            0.0 if isinstance(drive, DifferentialDrive) else drive.steering_max_rad
+        )
         self._velocity: VelocityCommand | None = None
         self._twist_meas = Twist(0.0, 0.0)
         self._twist_ref = Twist(0.0, 0.0)
@@ -277,8 +280,7 @@ class ControlCore:
     def _drive_wheels(self, now_ns: int) -> WheelCommand:
         """Return the command for the present state and velocity set-point."""
         if self.machine.state not in POWERED:
-            self._twist_ref = Twist(0.0, 0.0)
-            return _STOPPED
+            return self._stopped()
         velocity = self._velocity
         if velocity is None or now_ns > velocity.expires_ns:
             wanted_v, wanted_omega = 0.0, 0.0
@@ -289,9 +291,9 @@ class ControlCore:
             self._on(Event.MOVE, "", now_ns)
         elif reference == (0.0, 0.0) and abs(self._twist_meas.v_m_s) < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
-        return self._wheel_command(reference)
+        return self._wheel_command(reference, now_ns)
 
-    def _wheel_command(self, reference: Twist) -> WheelCommand:
+    def _wheel_command(self, reference: Twist, now_ns: int) -> WheelCommand:
         """Close the wheel loops on a body velocity."""
         wheels = self._drive.inverse(reference.v_m_s, reference.omega_rad_s, self._steering_rad)
         drive = self._health.drive
@@ -301,7 +303,23 @@ class ControlCore:
         duty2 = 0.0
         if len(self._wheels) == 2:
             duty2 = self._wheels[1].step(wheels.omega2_rad_s, bus_voltage_v, dt_s)
-        return WheelCommand(True, False, duty1, duty2, wheels.steering_rad)
+        guarded = guard_command(
+            True,
+            duty1,
+            duty2,
+            wheels.steering_rad,
+            self._steering_max_rad,
+            self._command.steering_rad,
+        )
+        if guarded.fault:
+            self._on(Event.FAULT, f"command guard: {guarded.fault}", now_ns)
+            return self._stopped()
+        return WheelCommand(True, False, guarded.duty1, guarded.duty2, guarded.steering_rad)
+
+    def _stopped(self) -> WheelCommand:
+        """Return the command that brakes the wheels and leaves the steering where it is."""
+        self._twist_ref = Twist(0.0, 0.0)
+        return WheelCommand(False, True, 0.0, 0.0, self._steering_rad)
 
     def _on(self, event: Event, reason: str, now_ns: int) -> bool:
         """Apply an event to the state machine and tell people of stops and starts."""

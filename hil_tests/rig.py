@@ -1,0 +1,303 @@
+"""The test bench: simulated firmware and control stack as processes on one bus, and an observer."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import can
+import canopen
+import zmq
+
+from robotctl.app.config import config_directory, find_file
+from robotctl.app.options import StackOptions
+from robotctl.app.sim import Truth
+from robotctl.app.stack import CONTROL, NAVIGATION
+from robotctl.drivers.dbc import load_dbc
+from robotctl.runtime.messages import (
+    Arm,
+    ControlState,
+    EmergencyStop,
+    EmergencyStopSource,
+    NavigationState,
+    Notice,
+    SafetyState,
+    VelocityCommand,
+)
+from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
+
+DBC = load_dbc(config_directory() / "robot.dbc")
+DRIVE, SONAR, POWER = 1, 2, 3
+ROOM_M = (6.0, 4.0)
+NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
+
+_POLL_S = 0.005
+_instances = itertools.count()
+
+
+class Rig:
+    """One bench on one bus.
+
+    Parameters
+    ----------
+    bus
+        `simcan`, or a SocketCAN interface.
+    robot, world, start
+        What stands on the bench: configuration, world, and pose "x,y,heading_deg".
+    directory
+        Where output of the processes goes.
+    """
+
+    def __init__(
+        self,
+        bus: str,
+        directory: Path,
+        robot: str = "diff_drive",
+        world: str = "empty_room",
+        start: str = "2.0,2.0,0",
+    ) -> None:
+        self.robot = robot
+        number = next(_instances)
+        name = f"hil-{os.getpid()}-{number}"
+        simulated = bus == "simcan"
+        self.interface = "simcan" if simulated else "socketcan"
+        self.channel = name if simulated else bus
+        self._firmware_bus = f"simcan:{name}" if simulated else bus
+        self._world, self._start, self._directory = world, start, directory
+        x_m, y_m, heading_deg = (float(part) for part in start.split(","))
+        self.options = StackOptions(
+            instance=name,
+            robot=str(find_file(robot).resolve()),
+            overrides=(
+                f'can.interface="{self.interface}"',
+                f'can.channel="{self.channel}"',
+                "mavlink.link=[]",
+            ),
+            x_m=x_m,
+            y_m=y_m,
+            theta_rad=heading_deg * 0.017453292519943295,
+        )
+        self.config = self.options.load()
+        self.endpoints = Endpoints(endpoint_directory(name))
+        self._context = zmq.Context()
+        self._states = Subscriber[ControlState | NavigationState | Notice](
+            self._context,
+            (self.endpoints.control_state, self.endpoints.navigation_state),
+            ControlState | NavigationState | Notice,
+        )
+        self._truths = Subscriber[Truth](self._context, (self.endpoints.truth,), Truth)
+        self._requests = RequestSender(self._context, self.endpoints.control_requests)
+        self._ids = itertools.count(1)
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._observer: can.BusABC | None = None
+        self.control: ControlState | None = None
+        self.truth: Truth | None = None
+        self.notices: list[str] = []
+
+    # Processes
+
+    def start_firmware(self) -> None:
+        """Start firmware_sim and wait until its nodes are on the bus."""
+        log = self._directory / "firmware.log"
+        with log.open("ab") as output:
+            process = subprocess.Popen(
+                [
+                    *(sys.executable, "-m", "firmware_sim"),
+                    *("--robot", self.options.robot),
+                    *("--world", str(find_file(self._world, "worlds"))),
+                    *("--bus", self._firmware_bus),
+                    f"--start={self._start}",
+                    *("--truth", self.endpoints.truth),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+            )
+        self._processes["firmware"] = process
+        already = log.read_bytes().count(b"ready") if log.exists() else 0
+
+        def ready() -> bool:
+            assert process.poll() is None, f"firmware_sim ended:\n{log.read_text()}"
+            return log.read_bytes().count(b"ready") > already
+
+        if not already:
+            self.wait(ready, 90.0, "firmware_sim is ready")
+
+    def start(self, module: str = CONTROL) -> None:
+        """Start one process of the stack."""
+        self._processes[module] = subprocess.Popen(
+            self.options.command(module), stdin=subprocess.DEVNULL
+        )
+
+    def kill(self, name: str, number: int = signal.SIGKILL) -> int:
+        """Send a signal to a process, wait for its end, and return its status."""
+        process = self._processes.pop(name)
+        process.send_signal(number)
+        return process.wait(10)
+
+    def close(self) -> None:
+        """End everything, the stack first."""
+        if self._observer is not None:
+            self._observer.shutdown()
+        for name in (NAVIGATION, CONTROL, "firmware"):
+            if name in self._processes:
+                self.kill(name, signal.SIGTERM)
+        self._context.destroy(linger=0)
+
+    # Looking
+
+    @property
+    def observer(self) -> can.BusABC:
+        """A further participant on the bus, which hears all."""
+        if self._observer is None:
+            self._observer = can.Bus(
+                interface=self.interface, channel=self.channel, receive_own_messages=False
+            )
+        return self._observer
+
+    def heard(self, seconds: float) -> list[can.Message]:
+        """Return what the observer hears from now on for so long, by the frames' own stamps."""
+        while self.observer.recv(0) is not None:
+            pass
+        messages: list[can.Message] = []
+        deadline_s = time.monotonic() + seconds
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            message = self.observer.recv(left_s)
+            if message is not None:
+                messages.append(message)
+        return messages
+
+    def heard_until(self, arbitration_id: int, seconds: float) -> list[can.Message]:
+        """Return what the observer has heard, up to and with the first frame of that identifier."""
+        messages: list[can.Message] = []
+        deadline_s = time.monotonic() + seconds
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            message = self.observer.recv(left_s)
+            if message is not None:
+                messages.append(message)
+                if message.arbitration_id == arbitration_id:
+                    return messages
+        raise AssertionError(f"no frame 0x{arbitration_id:03X} within {seconds} s")
+
+    def heard_since(self, seconds: float) -> list[can.Message]:
+        """Return what the observer has heard since it was made, until a pause of so long."""
+        messages: list[can.Message] = []
+        while (message := self.observer.recv(seconds)) is not None:
+            if message.arbitration_id < 0x700:
+                messages.append(message)
+            elif messages and message.timestamp - messages[-1].timestamp > seconds:
+                break
+        return messages
+
+    def room_distances(self) -> dict[str, float | None]:
+        """Return the range to the wall of the empty room for each sonar square to one, else None.
+
+        The robot must stand along the x axis.
+        """
+        x_m, y_m = self.options.x_m, self.options.y_m
+        by_heading = {0: ROOM_M[0] - x_m, 90: ROOM_M[1] - y_m, 180: x_m, -90: y_m}
+        return {
+            mount.name: by_heading[mount.heading_deg] - max(abs(mount.x_m), abs(mount.y_m))
+            if mount.heading_deg in by_heading
+            else None
+            for mount in self.config.sonar
+        }
+
+    def listen(self) -> None:
+        """Take in what the processes have published."""
+        for truth in self._truths.receive():
+            self.truth = truth
+        for message in self._states.receive():
+            if isinstance(message, ControlState):
+                self.control = message
+            elif isinstance(message, Notice):
+                self.notices.append(message.text)
+
+    def wait(self, condition: Callable[[], Any], seconds: float, what: str) -> None:
+        """Wait until `condition()`, listening; fail with what was waited for and the last state."""
+        deadline_s = time.monotonic() + seconds
+        while True:
+            self.listen()
+            if condition():
+                return
+            if time.monotonic() > deadline_s:
+                state = (self.control.state.name, self.control.reason) if self.control else None
+                message = f"not within {seconds} s: {what}; control: {state}; {self.notices[-5:]}"
+                raise AssertionError(message)
+            time.sleep(_POLL_S)
+
+    def wait_for_state(self, state: SafetyState, seconds: float = 10.0) -> ControlState:
+        """Wait until the control process is in `state`."""
+        self.wait(lambda: self.control and self.control.state == state, seconds, state.name)
+        assert self.control is not None
+        return self.control
+
+    # Doing
+
+    def arm(self) -> None:
+        """Arm and wait for it."""
+        self.wait_for(lambda: self._requests.send(
+            Arm(time.monotonic_ns(), next(self._ids), arm=True)
+        ), SafetyState.ARMED)
+
+    def wait_for(self, ask: Callable[[], Any], state: SafetyState, seconds: float = 10.0) -> None:
+        """Ask now and each second until the control process is in `state`."""
+        asked_s = 0.0
+
+        def asked() -> bool:
+            nonlocal asked_s
+            if self.control is not None and self.control.state == state:
+                return True
+            if time.monotonic() - asked_s > 1.0:
+                asked_s = time.monotonic()
+                ask()
+            return False
+
+        self.wait(asked, seconds, state.name)
+
+    def velocity(self, v_m_s: float, omega_rad_s: float, ttl_s: float = 0.3) -> None:
+        """Send one velocity command."""
+        now_ns = time.monotonic_ns()
+        self._requests.send(
+            VelocityCommand(now_ns, now_ns + round(ttl_s * 1e9), v_m_s, omega_rad_s)
+        )
+
+    def drive(self, v_m_s: float, omega_rad_s: float, seconds: float) -> None:
+        """Hold a velocity for so long, refreshing the command at 20 Hz."""
+        deadline_s = time.monotonic() + seconds
+        while time.monotonic() < deadline_s:
+            self.velocity(v_m_s, omega_rad_s)
+            time.sleep(0.05)
+            self.listen()
+
+    def emergency_stop(self) -> None:
+        """Ask the control process for an emergency stop."""
+        self._requests.send(EmergencyStop(time.monotonic_ns(), EmergencyStopSource.TEST))
+
+    def rejected_frames(self) -> dict[str, int]:
+        """Return how many commands the drive has rejected, by cause."""
+        if "firmware" not in self._processes:
+            return {}
+        causes = {"CRC": 2, "counter": 3, "length or range": 4}
+        counts = self.read_objects(DRIVE, [(0x2100, sub) for sub in causes.values()])
+        return dict(zip(causes, counts, strict=True))
+
+    def read_objects(self, node: int, objects: Sequence[tuple[int, int]]) -> list[int]:
+        """Read unsigned objects by SDO through the independent `canopen` master."""
+        network = canopen.Network()
+        network.connect(interface=self.interface, channel=self.channel)
+        try:
+            remote = network.add_node(node, canopen.objectdictionary.ObjectDictionary())
+            remote.sdo.RESPONSE_TIMEOUT = 1.0
+            return [
+                int.from_bytes(remote.sdo.upload(index, sub), "little") for index, sub in objects
+            ]
+        finally:
+            network.disconnect()

@@ -1,0 +1,41 @@
+"""Bring-up, second step: are they the nodes we think, with the parameters we want?"""
+
+import zlib
+
+import pytest
+
+from hil_tests.rig import DRIVE, NODE_NAMES, Rig
+from robotctl.app.config import config_directory
+from robotctl.runtime.messages import SafetyState
+
+
+@pytest.mark.parametrize("node", NODE_NAMES)
+def test_each_node_tells_who_it_is_and_which_wire_it_speaks(rig: Rig, node: int) -> None:
+    vendor, product, wire = rig.read_objects(node, [(0x1018, 1), (0x1018, 2), (0x2001, 0)])
+    assert vendor == 0x00526F62
+    assert product == node
+    assert wire == zlib.crc32((config_directory() / "robot.dbc").read_bytes())
+
+
+def test_the_host_brings_all_nodes_into_service_and_waits_to_be_armed(rig: Rig) -> None:
+    rig.start()
+    state = rig.wait_for_state(SafetyState.STANDBY)
+    assert [(node.name, node.problem) for node in state.nodes] == [
+        (name, "") for name in NODE_NAMES.values()
+    ]
+
+
+def test_the_drive_holds_the_time_out_that_the_host_wrote(rig: Rig) -> None:
+    rig.start()
+    rig.wait_for_state(SafetyState.STANDBY)
+    assert rig.read_objects(DRIVE, [(0x2000, 0)]) == [rig.config.safety.command_timeout_ms]
+
+
+def test_without_the_firmware_the_host_says_what_is_missing_and_does_not_arm(make_rig) -> None:
+    rig = make_rig()
+    rig.start_firmware()
+    rig.start()
+    rig.wait_for_state(SafetyState.STANDBY)
+    rig.kill("firmware")
+    state = rig.wait_for_state(SafetyState.BOOT)
+    assert "drive" in state.reason

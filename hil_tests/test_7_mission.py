@@ -1,0 +1,32 @@
+"""Bring-up, last step: the whole stack drives its mission, as a user would start it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
+def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    channel = f"simcan:patrol-{robot}" if bus == "simcan" else bus
+    command = [
+        *(sys.executable, "-c", "from robotctl.cli.main import main; main()", "sim"),
+        *("--headless", "--until-done", "--max-seconds", "240", "--seed", "3"),
+        *("--robot", robot, "--bus", channel, "--report", str(report)),
+        *("--set", "mavlink.link=[]"),
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=390, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    score = json.loads(report.read_text())
+    assert score["mission_completed"] is True
+    assert score["collisions"] == 0
+    assert score["distance_m"] > 15
+    assert score["pose_error"]["max_m"] < 0.02 * score["distance_m"]
+    assert score["bus"]["errors"] == 0
+    assert 0.05 < score["bus"]["load"] < 0.5
+    assert score["loop"]["rate_hz"] == 200
+    assert score["loop"]["ticks"] > 150 * score["duration_s"]

@@ -1,0 +1,117 @@
+"""The telemetry process: MAVLink links, and the record of the control loop on disk."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import zmq
+
+import robotctl
+from robotctl.app.config import RobotConfig
+from robotctl.app.options import StackOptions, options_of_command_line
+from robotctl.app.signals import StopFlag
+from robotctl.drivers.mavlink_link import MavlinkLinks
+from robotctl.errors import RobotctlError
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.messages import (
+    ControlRequest,
+    ControlState,
+    NavigationState,
+    Notice,
+)
+from robotctl.runtime.topics import (
+    Endpoints,
+    RequestSender,
+    StreamReceiver,
+    Subscriber,
+    endpoint_directory,
+)
+from robotctl.telemetry.service import TelemetryRobot
+from robotctl.telemetry.telemetry import Telemetry
+
+RATE_HZ: Final = 100
+
+
+class RecordWriter:
+    """Appends the control process's record to `control.rec`.
+
+    Parameters
+    ----------
+    stream
+        Where the record comes from.
+    directory
+        Made where it is missing.
+    """
+
+    def __init__(self, stream: StreamReceiver, directory: Path) -> None:
+        directory.mkdir(parents=True, exist_ok=True)
+        self._stream = stream
+        self._file: BinaryIO = (directory / "control.rec").open("wb")
+
+    def step(self) -> None:
+        """Write what came; each batch reaches the kernel at once, so a kill loses none of it."""
+        for batch in self._stream.receive():
+            self._file.write(batch)
+        self._file.flush()
+
+    def close(self) -> None:
+        """Write the rest."""
+        self.step()
+        self._file.close()
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Serve the links until SIGTERM or SIGINT."""
+    stopped = StopFlag()
+    clock = RealClock()
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    context = zmq.Context()
+    states = Subscriber[ControlState | NavigationState | Notice](
+        context,
+        (endpoints.control_state, endpoints.navigation_state),
+        ControlState | NavigationState | Notice,
+    )
+    to_control = RequestSender(context, endpoints.control_requests)
+    to_navigation = RequestSender(context, endpoints.navigation_requests)
+    mavlink = config.mavlink
+    robot = TelemetryRobot(
+        name=config.robot.name, version=robotctl.__version__, sonars=config.sonar
+    )
+    with ExitStack() as stack:
+        stack.callback(context.destroy, linger=0)
+        links = stack.enter_context(
+            MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
+        )
+        writer = None
+        if options.record:
+            stream = StreamReceiver(context, endpoints.control_record)
+            writer = RecordWriter(stream, Path(options.record))
+            stack.callback(writer.close)
+        telemetry = Telemetry(mavlink, robot, links)
+        deadline_ns = clock.now_ns()
+        while not stopped():
+            for request in telemetry.step(clock.now_ns(), states.receive()):
+                sender = to_control if isinstance(request, ControlRequest) else to_navigation
+                sender.send(request)
+            if writer is not None:
+                writer.step()
+            deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())
+            clock.sleep_until(deadline_ns)
+
+
+def main() -> int:
+    """Entry point of the process."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl telemetry: {error}", file=sys.stderr)  # noqa: T201
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
