@@ -78,9 +78,7 @@ def test_a_load_is_worked_off_by_the_integral(wheel_loop_rig):
     rig = wheel_loop_rig(gains(), PWM)
     speed_step(rig, 0.3)
     rig.motor.coulomb_v += 1.5
-    speeds = []
-    for _ in range(200):
-        speeds.append(rig.step(6.0) * RADIUS_M)
+    speeds = [rig.step(6.0) * RADIUS_M for _ in range(200)]
     assert min(speeds) < 0.27
     assert settled_after_s(np.array(speeds), 0.3, 0.02) < 0.6
 
