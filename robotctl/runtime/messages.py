@@ -11,6 +11,8 @@ from typing import TypeAlias
 
 import msgspec
 
+from robotctl.planning.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
+
 
 class DriveState(enum.IntEnum):
     """State of the motor controller as it reports it (MotorStatus.State of robot.dbc)."""
@@ -65,16 +67,6 @@ class SafetyState(enum.IntEnum):
     DRIVING = 3
     FAULT = 4
     EMERGENCY_STOP = 5
-
-
-class Mode(enum.IntEnum):
-    """Who steers, with ArduRover's mode numbers."""
-
-    MANUAL = 0
-    HOLD = 4
-    AUTO = 10
-    RTL = 11
-    GUIDED = 15
 
 
 class WheelFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):

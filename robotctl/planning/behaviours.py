@@ -1,0 +1,191 @@
+"""Behaviours that move along paths, to points and to headings, and that wait."""
+
+from __future__ import annotations
+
+import math
+
+from robotctl.model.angles import wrap_angle
+from robotctl.model.drives import Drive
+from robotctl.model.se2 import SE2
+from robotctl.planning.path import Path
+from robotctl.planning.pursuit import (
+    Pursuit,
+    PursuitConfig,
+    bend_speed,
+    heading_error_rad,
+    miss_m,
+    turn_rate,
+)
+from robotctl.planning.situation import Situation, Step, done, failed
+
+_REACH_AGAIN = 1.15
+"""Backing up for a point out of reach goes on until it is reachable with this share to spare."""
+
+
+class FollowPath:
+    """Drives along a path from near its beginning to its end.
+
+    After an interruption it goes on from where it was; `reset` begins at the start again.
+
+    Parameters
+    ----------
+    path
+        The path, in `world`.
+    config, drive, speed_m_s, reverse
+        As for `Pursuit`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        config: PursuitConfig,
+        drive: Drive,
+        speed_m_s: float,
+        *,
+        reverse: bool = False,
+    ) -> None:
+        self._pursuit = Pursuit(path, config, drive, speed_m_s, reverse=reverse)
+        self._off_path_max = config.off_path_max_m
+
+    @property
+    def s_m(self) -> float:
+        """Length along the path up to where the robot is [m]."""
+        return self._pursuit.s_m
+
+    def reset(self) -> None:
+        """Begin at the start of the path."""
+        self._pursuit.reset()
+
+    def pause(self) -> None:
+        """Keep the progress along the path."""
+
+    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+        """Return the next velocity; fails further off the path than allowed."""
+        step = self._pursuit.step(situation.pose, situation.twist)
+        if step.off_path_m > self._off_path_max:
+            return failed(
+                f"{step.off_path_m:.2f} m off the path, {self._off_path_max:g} m are allowed"
+            )
+        if step.done:
+            return done()
+        return Step(step.v_m_s, step.omega_rad_s, text=f"{step.remaining_m:.1f} m to go")
+
+
+class GoTo:
+    """Drives straight to a point: a differential drive turns to face it first (notes, 1.5).
+
+    A drive-and-steer robot drives an arc. A point inside of its smallest turning circles is out
+    of reach of any single arc: it backs up straight until the point is within reach.
+
+    Parameters
+    ----------
+    x_m, y_m
+        The point in `world` [m].
+    config, drive, speed_m_s
+        As for `Pursuit`.
+    """
+
+    def __init__(
+        self, x_m: float, y_m: float, config: PursuitConfig, drive: Drive, speed_m_s: float
+    ) -> None:
+        self._goal = (x_m, y_m)
+        self._config = config
+        self._radius = drive.min_turning_radius_m
+        self._steered = drive.steered
+        self._speed = speed_m_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew."""
+        self._turning = False
+        self._backing = False
+
+    def pause(self) -> None:
+        """Plan anew from wherever the robot is."""
+        self.reset()
+
+    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+        """Return the next velocity; done within the goal tolerance of the point."""
+        config, pose = self._config, situation.pose
+        x, y = self._goal
+        distance = math.hypot(x - pose.x_m, y - pose.y_m)
+        if distance <= config.goal_tolerance_m:
+            return done()
+        text = f"{distance:.1f} m to go"
+        bearing = heading_error_rad(pose, x, y)
+        v = min(self._speed, math.sqrt(2.0 * config.acceleration_m_s2 * distance))
+        if self._steered and self._must_back(pose):
+            return Step(-0.5 * self._speed, 0.0, text=f"{text}, backing up")
+        if not self._steered and self._must_turn(bearing):
+            return Step(0.0, turn_rate(bearing, config), text=f"{text}, turning")
+        curvature = 2.0 * math.sin(bearing) / distance
+        if self._steered:
+            limit = 1.0 / self._radius
+            curvature = min(max(curvature, -limit), limit)
+        v = max(min(v, bend_speed(abs(curvature), config)), config.creep_m_s)
+        return Step(v, curvature * v, text=text)
+
+    def _must_back(self, pose: SE2) -> bool:
+        """Say whether to back up; a point that full lock passes within tolerance is in reach."""
+        x, y = self._goal
+        if self._backing:
+            miss = miss_m(pose, x, y, _REACH_AGAIN * self._radius)
+            self._backing = miss > 0.0
+        else:
+            miss = miss_m(pose, x, y, self._radius)
+            self._backing = miss > 0.8 * self._config.goal_tolerance_m
+        return self._backing
+
+    def _must_turn(self, bearing_rad: float) -> bool:
+        """Say whether to turn on the spot; once begun, until the point is nearly ahead."""
+        limit = self._config.turned_deg if self._turning else self._config.turn_on_spot_deg
+        self._turning = abs(bearing_rad) > math.radians(limit)
+        return self._turning
+
+
+class TurnTo:
+    """Turns on the spot to a heading of `world` [rad]. Only for a differential drive."""
+
+    tolerance_rad = math.radians(2.0)
+
+    def __init__(self, heading_rad: float, config: PursuitConfig) -> None:
+        self._heading = heading_rad
+        self._config = config
+
+    def reset(self) -> None:
+        """Start anew; there is nothing to forget."""
+
+    def pause(self) -> None:
+        """There is nothing to forget."""
+
+    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+        """Return the next turn rate; done within 2 degrees and nearly at rest."""
+        error = wrap_angle(self._heading - situation.pose.theta_rad)
+        slow = abs(situation.twist.omega_rad_s) < 0.1
+        if abs(error) <= self.tolerance_rad and slow:
+            return done()
+        return Step(
+            0.0, turn_rate(error, self._config), text=f"{math.degrees(error):.0f} deg to turn"
+        )
+
+
+class Wait:
+    """Stands still for a time [s]."""
+
+    def __init__(self, duration_s: float) -> None:
+        self._duration_ns = round(duration_s * 1e9)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin to wait with the next step."""
+        self._since_ns: int | None = None
+
+    def pause(self) -> None:
+        """Keep the time waited."""
+
+    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+        """Return a stop; done when the time is over."""
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        left_ns = self._since_ns + self._duration_ns - now_ns
+        return done() if left_ns <= 0 else Step(0.0, 0.0, text=f"{left_ns / 1e9:.0f} s to wait")

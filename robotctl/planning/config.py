@@ -1,0 +1,46 @@
+"""Settings of the navigator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from robotctl.planning.follow_wall import WallConfig
+from robotctl.planning.obstacle_guard import GuardConfig
+from robotctl.planning.pursuit import PursuitConfig
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationConfig:
+    """Settings of the navigator.
+
+    Parameters
+    ----------
+    rate_hz
+        Steps in a second [Hz], in [5, 100].
+    guided_speed_m_s
+        Largest speed towards positions from the ground station [m/s], > 0.
+    return_speed_m_s
+        Largest speed on the way home [m/s], > 0.
+    pursuit, guard, wall
+        Following paths, minding obstacles, following walls.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    rate_hz: float = 20.0
+    guided_speed_m_s: float = 0.4
+    return_speed_m_s: float = 0.3
+    pursuit: PursuitConfig = field(default_factory=PursuitConfig)
+    guard: GuardConfig = field(default_factory=GuardConfig)
+    wall: WallConfig = field(default_factory=WallConfig)
+
+    def __post_init__(self) -> None:
+        if not 5.0 <= self.rate_hz <= 100.0:
+            raise ValueError(f"rate_hz: {self.rate_hz} found, 5 to 100 allowed")
+        for key in ("guided_speed_m_s", "return_speed_m_s"):
+            if not 0.0 < getattr(self, key) < math.inf:
+                raise ValueError(f"{key}: {getattr(self, key)} found, a number > 0 allowed")

@@ -1,0 +1,20 @@
+"""Who steers."""
+
+from __future__ import annotations
+
+import enum
+
+
+class Mode(enum.IntEnum):
+    """Modes of the navigator, with ArduRover's mode numbers."""
+
+    MANUAL = 0
+    """The sticks of the operator."""
+    HOLD = 4
+    """Stand still."""
+    AUTO = 10
+    """The mission."""
+    RTL = 11
+    """Back home the way it came."""
+    GUIDED = 15
+    """Velocities or positions from a ground station."""

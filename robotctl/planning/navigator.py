@@ -1,0 +1,264 @@
+"""The navigator: from mode, mission and requests to a body velocity, in pure steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.model.drives import Drive
+from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
+from robotctl.model.twist import Twist
+from robotctl.planning.behaviours import GoTo
+from robotctl.planning.breadcrumbs import Breadcrumbs
+from robotctl.planning.config import NavigationConfig
+from robotctl.planning.guarded import Guarded, limited
+from robotctl.planning.mission import Mission
+from robotctl.planning.mission_runner import MissionRunner
+from robotctl.planning.mode import Mode
+from robotctl.planning.obstacle_guard import ObstacleGuard
+from robotctl.planning.requests import (
+    ModeRequest,
+    PositionRequest,
+    Request,
+    StickRequest,
+    VelocityRequest,
+)
+from robotctl.planning.return_home import ReturnHome
+from robotctl.planning.situation import Situation, Status, Step
+
+__all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
+
+_LONGEST_STEP_NS = 500_000_000
+"""A longer gap between steps counts as this much for time-outs."""
+
+
+class NavigationInputs(NamedTuple):
+    """All that a step depends on."""
+
+    pose: SE2
+    """`base` in `world`."""
+    twist: Twist
+    """Present velocity of `base`."""
+    ranges_m: tuple[float, ...]
+    """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale.
+
+    Any other number of ranges counts as all missing.
+    """
+    enabled: bool
+    """The control core follows commands now: armed and without fault."""
+    requests: tuple[Request, ...] = ()
+    """What came since the last step, oldest first."""
+
+
+class NavigationOutputs(NamedTuple):
+    """What a step decides; `item` counts from 0 and equals `items` once all are done."""
+
+    v_m_s: float
+    omega_rad_s: float
+    mode: Mode
+    item: int
+    items: int
+    item_name: str
+    mission_completed: bool
+    mission_failed: bool
+    message: str
+
+
+class Navigator:
+    """Decides the velocity of the body in each mode.
+
+    - HOLD stands still. It is the mode at the start.
+    - MANUAL scales the sticks to the limits, until they expire; without the obstacle guard, since
+      the operator sees. The turn stick sets the turn rate of a differential drive and the
+      curvature of a drive-and-steer robot.
+    - GUIDED takes velocities, until they expire, and positions, both with the guard.
+    - AUTO runs the mission from where it was left; failed items are tried again and a completed
+      mission is repeated when AUTO is asked for anew.
+    - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
+
+    While `enabled` is false the output is zero and time stands still for items and time-outs.
+
+    Parameters
+    ----------
+    config
+        Settings.
+    drive
+        Drive model.
+    limits
+        Speed limits; they scale the sticks.
+    mounts
+        The sonars, in the order of the ranges.
+    mission
+        What AUTO does; None: AUTO is refused.
+    home
+        Where RTL leads to, usually the start, in `world`.
+
+    Raises
+    ------
+    MissionError
+        If the robot cannot drive the mission; one line for each item.
+    """
+
+    def __init__(
+        self,
+        config: NavigationConfig,
+        drive: Drive,
+        limits: LimitsConfig,
+        mounts: Sequence[SonarMount],
+        mission: Mission | None,
+        home: SE2,
+    ) -> None:
+        self._config = config
+        self._drive = drive
+        self._limits = limits
+        self._sonars = len(mounts)
+        self._guard = ObstacleGuard(config.guard, mounts)
+        self._runner = (
+            MissionRunner(mission, config, drive, mounts, self._guard) if mission else None
+        )
+        self._crumbs = Breadcrumbs(home, steered=drive.steered)
+        self._mode = Mode.HOLD
+        self._velocity: VelocityRequest | None = None
+        self._sticks: StickRequest | None = None
+        self._behaviour: Guarded | None = None
+        self._ended = ""
+        self._refused = ""
+        self._active_ns = 0
+        self._last_ns: int | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """The present mode."""
+        return self._mode
+
+    def refusal(self, mode: Mode) -> str:
+        """Return why `mode` cannot be had, empty where it can."""
+        if mode is Mode.AUTO and self._runner is None:
+            return "no mission is loaded"
+        return ""
+
+    def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:
+        """Return the decision at `now_ns`, monotonic [ns]. Input that is not finite stops."""
+        for request in inputs.requests:
+            self._take(request)
+        if not _finite(inputs):
+            self._pause()
+            return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
+        ranges = inputs.ranges_m
+        if len(ranges) != self._sonars:
+            ranges = (math.nan,) * self._sonars
+        situation = Situation(inputs.pose, inputs.twist, ranges)
+        self._guard.observe(ranges)
+        if self._mode is not Mode.RTL:
+            self._crumbs.record(inputs.pose)
+        if not inputs.enabled:
+            self._pause()
+            return self._outputs(Step(0.0, 0.0, text="not armed"))
+        if self._last_ns is not None:
+            self._active_ns += min(max(now_ns - self._last_ns, 0), _LONGEST_STEP_NS)
+        self._last_ns = now_ns
+        return self._outputs(self._decide(situation, now_ns))
+
+    def _take(self, request: Request) -> None:
+        """Take one request."""
+        match request:
+            case ModeRequest(mode):
+                self._refused = self.refusal(mode)
+                if not self._refused:
+                    self._change_mode(mode)
+            case VelocityRequest():
+                self._velocity = request
+                if self._mode is Mode.GUIDED:
+                    self._behaviour = None
+            case PositionRequest(x, y):
+                if self._mode is Mode.GUIDED and math.isfinite(x + y):
+                    speed = self._config.guided_speed_m_s
+                    goal = GoTo(x, y, self._config.pursuit, self._drive, speed)
+                    self._velocity, self._ended = None, ""
+                    self._behaviour = Guarded(goal, self._guard, self._config.guard)
+            case StickRequest():
+                self._sticks = request
+
+    def _change_mode(self, mode: Mode) -> None:
+        """Leave the present mode and begin another; the same one again begins anew."""
+        self._pause()
+        self._mode = mode
+        self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
+        if mode is Mode.AUTO and self._runner is not None:
+            self._runner.begin()
+        if mode is Mode.RTL:
+            home = ReturnHome(
+                self._crumbs, self._config.pursuit, self._drive, self._config.return_speed_m_s
+            )
+            self._behaviour = Guarded(home, self._guard, self._config.guard)
+
+    def _pause(self) -> None:
+        """Stop time for whatever is going on."""
+        self._last_ns = None
+        if self._mode is Mode.AUTO and self._runner is not None:
+            self._runner.pause()
+        if self._behaviour is not None:
+            self._behaviour.pause()
+
+    def _decide(self, situation: Situation, now_ns: int) -> Step:
+        """Return the step of the present mode."""
+        if self._mode is Mode.MANUAL:
+            return self._manual(now_ns)
+        if self._mode is Mode.AUTO and self._runner is not None:
+            return self._runner.step(situation, self._active_ns)
+        if self._behaviour is not None:
+            step = self._behaviour.step(situation, self._active_ns)
+            if step.status is Status.RUNNING:
+                return step
+            self._behaviour = None
+            self._ended = step.text or "arrived"
+        if self._mode is Mode.GUIDED and self._velocity is not None:
+            return self._guided_velocity(self._velocity, now_ns)
+        return Step(0.0, 0.0, text=self._ended)
+
+    def _manual(self, now_ns: int) -> Step:
+        """Return the velocity of the sticks."""
+        sticks = self._sticks
+        if sticks is None or now_ns >= sticks.expires_ns:
+            return Step(0.0, 0.0, text="no sticks")
+        forward, turn = _unit(sticks.forward), _unit(sticks.turn)
+        v = forward * self._limits.v_max_m_s
+        if self._drive.steered:
+            return Step(v, turn * v / self._drive.min_turning_radius_m)
+        return Step(v, turn * self._limits.omega_max_rad_s)
+
+    def _guided_velocity(self, target: VelocityRequest, now_ns: int) -> Step:
+        """Return the velocity of the ground station, as far as the guard allows."""
+        if now_ns >= target.expires_ns or not math.isfinite(target.v_m_s + target.omega_rad_s):
+            return Step(0.0, 0.0, text="no valid velocity")
+        return limited(Step(target.v_m_s, target.omega_rad_s), self._guard)[0]
+
+    def _outputs(self, step: Step) -> NavigationOutputs:
+        """Return a step as outputs."""
+        runner = self._runner
+        return NavigationOutputs(
+            step.v_m_s,
+            step.omega_rad_s,
+            self._mode,
+            runner.index if runner else 0,
+            len(runner.mission.item) if runner else 0,
+            runner.item_name if runner else "",
+            runner.completed if runner else False,
+            bool(runner.failure) if runner else False,
+            f"refused: {self._refused}" if self._refused else step.text,
+        )
+
+
+def _unit(stick: float) -> float:
+    """Return a stick clamped to [-1, 1], 0 where it is not finite."""
+    return min(max(stick, -1.0), 1.0) if math.isfinite(stick) else 0.0
+
+
+def _finite(inputs: NavigationInputs) -> bool:
+    """Say whether pose and velocity are numbers."""
+    pose, twist = inputs.pose, inputs.twist
+    total = pose.x_m + pose.y_m + pose.theta_rad + twist.v_m_s + twist.omega_rad_s
+    return math.isfinite(total)

@@ -1,0 +1,40 @@
+"""What operators and ground stations ask of the navigator."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+from robotctl.planning.mode import Mode
+
+
+class ModeRequest(NamedTuple):
+    """Change who steers."""
+
+    mode: Mode
+
+
+class VelocityRequest(NamedTuple):
+    """GUIDED: drive with this velocity [m/s, rad/s] until `expires_ns`."""
+
+    expires_ns: int
+    v_m_s: float
+    omega_rad_s: float
+
+
+class PositionRequest(NamedTuple):
+    """GUIDED: drive to this point of `world` [m]."""
+
+    x_m: float
+    y_m: float
+
+
+class StickRequest(NamedTuple):
+    """MANUAL: sticks in [-1, 1], forward and to the left, until `expires_ns`."""
+
+    expires_ns: int
+    forward: float
+    turn: float
+
+
+Request: TypeAlias = ModeRequest | VelocityRequest | PositionRequest | StickRequest
+"""Any of them; the application makes them from its messages."""

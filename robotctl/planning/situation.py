@@ -1,0 +1,60 @@
+"""What behaviours see and what they answer."""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple, Protocol
+
+from robotctl.model.se2 import SE2
+from robotctl.model.twist import Twist
+
+
+class Situation(NamedTuple):
+    """The robot and its surroundings at one navigation step."""
+
+    pose: SE2
+    """`base` in `world`."""
+    twist: Twist
+    """Present velocity of `base`."""
+    ranges_m: tuple[float, ...]
+    """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale."""
+
+
+class Status(enum.Enum):
+    """How a behaviour is getting on."""
+
+    RUNNING = enum.auto()
+    DONE = enum.auto()
+    FAILED = enum.auto()
+
+
+class Step(NamedTuple):
+    """What a behaviour wants now: a velocity [m/s, rad/s], its status and a reason or remark."""
+
+    v_m_s: float
+    omega_rad_s: float
+    status: Status = Status.RUNNING
+    text: str = ""
+
+
+def done(text: str = "") -> Step:
+    """Return a stop at the end of a behaviour."""
+    return Step(0.0, 0.0, Status.DONE, text)
+
+
+def failed(reason: str) -> Step:
+    """Return a stop with the reason why a behaviour gives up."""
+    return Step(0.0, 0.0, Status.FAILED, reason)
+
+
+class Behaviour(Protocol):
+    """One thing the robot does until it is done or has failed."""
+
+    def reset(self) -> None:
+        """Start anew."""
+
+    def pause(self) -> None:
+        """Somebody else steers for a while; the next step goes on from wherever the robot is."""
+
+    def step(self, situation: Situation, now_ns: int) -> Step:
+        """Return what to do at `now_ns`, a clock that stands still while the robot is paused."""
