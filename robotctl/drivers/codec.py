@@ -96,7 +96,7 @@ def compile_decoder(message: Message, signals: Sequence[str], raw: Collection[st
     source = (
         "def decode(data):\n"
         '    n = from_bytes(data, "little")\n'
-        f"    return ({', '.join(fields)},)\n"
+        f"    return ({''.join(f'{field}, ' for field in fields)})\n"
     )
     decoder: Decoder = _compile(source, "decode", {"from_bytes": int.from_bytes})
     return decoder
