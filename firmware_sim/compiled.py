@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -27,17 +28,25 @@ def _cache_folder() -> str:
     """Folder of this package for compiled code of exactly these sources; "" for numba's choice."""
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.glob("*.py")):
-        digest.update(source.read_bytes())
+        text = source.read_bytes()
+        if b"@compiled" in text or b"Final = " in text:
+            digest.update(text)
     parent = _PACKAGE / "__pycache__"
     folder = parent / f"compiled-{digest.hexdigest()[:12]}"
     try:
         if not folder.is_dir():
-            for old in parent.glob("compiled-*"):
-                shutil.rmtree(old, ignore_errors=True)
+            _remove_old(parent)
             folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return ""
     return str(folder) if os.access(folder, os.W_OK) else ""
+
+
+def _remove_old(parent: Path) -> None:
+    """Remove what no running process can still be writing: folders older than a day."""
+    for old in parent.glob("compiled-*"):
+        if time.time() - old.stat().st_mtime > 86_400.0:
+            shutil.rmtree(old, ignore_errors=True)
 
 
 _FOLDER = _cache_folder()
