@@ -189,6 +189,14 @@ class Bus:
         """Share [0, 1] of time the bus was busy in the last window."""
         return self._meter.load(self.now_ns)
 
+    def schedule(self, due_ns: int, action: Callable[[], None]) -> None:
+        """Have `action` called when time reaches `due_ns` (at once where it has passed).
+
+        For the timers of nodes. The action may send, attach and detach, but not advance the bus.
+        It runs before a frame that is complete at the same instant.
+        """
+        self._schedule(due_ns, action)
+
     @property
     def next_event_ns(self) -> int | None:
         """Time of the next thing to happen if nobody sends anything more; None: nothing will.
@@ -370,7 +378,7 @@ class Bus:
         """Take a frame from a port which is not in the plain state (see `Port.send`)."""
         if port._detached or port._closing:
             raise RuntimeError(f"port {port.name!r} has left the bus")
-        if port.counters.bus_off or port._listen_only or len(port._queue) >= port._queue_limit:
+        if port.counters.bus_off or port._listen_only or len(port._queue) >= port.queue_limit:
             port.statistics.refused += 1
             return False
         if self._injector.watches_sending:

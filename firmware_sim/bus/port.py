@@ -44,6 +44,8 @@ class Port:
         Name of the node, unique on the bus.
     counters
         Error counters and state of the controller.
+    queue_limit
+        Frames which wait besides the one being sent.
     statistics
         Counters since the port was attached.
     """
@@ -64,7 +66,6 @@ class Port:
         "_muted",
         "_on_sent",
         "_queue",
-        "_queue_limit",
         "_ready_ns",
         "_receive",
         "_recovery",
@@ -72,6 +73,7 @@ class Port:
         "_routes",
         "counters",
         "name",
+        "queue_limit",
         "statistics",
     )
 
@@ -97,7 +99,7 @@ class Port:
         self._errors = errors
         self._on_sent = on_sent
         self._queue: deque[Offer] = deque()
-        self._queue_limit = queue_limit
+        self.queue_limit = queue_limit
         self._restart_ns = restart_ns
         self._listen_only = listen_only
         self._routes: dict[int, Route] = {}
@@ -141,7 +143,7 @@ class Port:
         queue = self._queue
         if not self._direct:
             return self._bus._send_checked(self, (key, arbitration_id, bytes(data)))
-        if len(queue) >= self._queue_limit:
+        if len(queue) >= self.queue_limit:
             self.statistics.refused += 1
             return False
         queue.append((key, arbitration_id, bytes(data)))
@@ -162,7 +164,7 @@ class Port:
     @property
     def room(self) -> int:
         """Frames which the queue still takes."""
-        return max(0, self._queue_limit - len(self._queue))
+        return max(0, self.queue_limit - len(self._queue))
 
     @property
     def attached(self) -> bool:

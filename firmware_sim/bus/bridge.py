@@ -1,0 +1,152 @@
+"""Couples a simulated bus to a SocketCAN interface, as a node of the bus.
+
+Frames which host programs send on the interface (`vcan0`) enter the bus at the time they are read
+and compete there; frames of the simulated nodes leave on the interface when they are complete.
+Error messages of the bridge's controller leave there, too. Nothing goes round in circles: a raw
+socket does not get its own frames back (CAN_RAW_RECV_OWN_MSGS is off, the kernel's default), and
+the bus does not give a port its own frames.
+
+What host programs see differs from a real interface in one thing: among themselves they see a
+frame when it is sent, before it has passed the bus.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+from typing import TYPE_CHECKING
+
+from firmware_sim.bus import wire
+from firmware_sim.bus.errors import ErrorState
+from firmware_sim.bus.frame import ERROR_FLAG, Frame
+
+if TYPE_CHECKING:
+    from firmware_sim.bus.core import Bus
+
+_READS_PER_SERVICE = 64
+_RECEIVE_BUFFER = 1 << 20
+
+
+class Bridge:
+    """A raw CAN socket on one side, a port of the bus on the other.
+
+    Parameters
+    ----------
+    bus
+        The bus.
+    connection
+        A bound raw CAN socket, or anything which passes `struct can_frame`s as datagrams. The
+        bridge closes it.
+    name
+        Name of the node.
+    restart_ms, queue_limit
+        As in `Bus.attach`.
+
+    Attributes
+    ----------
+    lost
+        Frames which the interface did not take.
+    dropped
+        Frames of the host which the bus did not take, or which are no classic frames.
+    problem
+        The interface's last error; None while all is well.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        connection: socket.socket,
+        name: str = "bridge",
+        *,
+        restart_ms: int | None = 100,
+        queue_limit: int = 64,
+    ) -> None:
+        self.lost = 0
+        self.dropped = 0
+        self.problem: OSError | None = None
+        self._socket = connection
+        self._socket.setblocking(False)
+        self._paused = False
+        self.port = bus.attach(
+            name, self._receive, errors=True, restart_ms=restart_ms, queue_limit=queue_limit
+        )
+        self._epoll = select.epoll()
+        self._epoll.register(connection.fileno(), select.EPOLLIN)
+
+    @classmethod
+    def open(cls, bus: Bus, interface: str, *, restart_ms: int | None = 100) -> Bridge:
+        """Bridge the bus to a SocketCAN interface, as "bridge:INTERFACE".
+
+        Raises
+        ------
+        OSError
+            If the kernel has no CAN, or there is no such interface; the message names it.
+        """
+        try:
+            connection = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        except OSError as error:
+            text = f"{interface}: this kernel has no SocketCAN ({error.strerror})"
+            raise OSError(error.errno, text) from error
+        try:
+            with contextlib.suppress(OSError):  # as much as the system allows
+                connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            connection.bind((interface,))
+        except OSError as error:
+            connection.close()
+            raise OSError(error.errno, f"{interface}: {error.strerror}") from error
+        return cls(bus, connection, f"bridge:{interface}", restart_ms=restart_ms)
+
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when `service` has something to do."""
+        return self._epoll.fileno()
+
+    def service(self, now_ns: int) -> None:  # noqa: ARG002 - the same call as Hub.service
+        """Send the host's frames at the bus's present time; never waits.
+
+        To be called when `fileno` is readable, and now and then besides.
+        """
+        port = self.port
+        for _ in range(_READS_PER_SERVICE):
+            self._pause(paused=not port.room and port.state is not ErrorState.BUS_OFF)
+            if self._paused:
+                return
+            try:
+                message = self._socket.recv(128)
+            except BlockingIOError:
+                return
+            except OSError as error:  # the interface went down
+                self.problem = error
+                return
+            if not self._pass_on(message):
+                self.dropped += 1
+
+    def _pass_on(self, message: bytes) -> bool:
+        if len(message) != wire.CAN_FRAME.size:
+            return False
+        try:
+            arbitration_id, data = wire.unpack_frame(message)
+            return not arbitration_id & ERROR_FLAG and self.port.send(arbitration_id, data)
+        except ValueError:
+            return False
+
+    def _pause(self, *, paused: bool) -> None:
+        """Stop waiting for the host's frames while the bus takes none."""
+        if paused != self._paused:
+            self._paused = paused
+            self._epoll.modify(self._socket.fileno(), 0 if paused else select.EPOLLIN)
+
+    def _receive(self, frame: Frame) -> None:
+        try:
+            self._socket.send(wire.pack_frame(frame), socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            self.lost += 1
+        except OSError as error:  # no buffers, or the interface is down
+            self.lost += 1
+            self.problem = error
+
+    def close(self) -> None:
+        """Leave the bus and the interface."""
+        self.port.detach()
+        self._epoll.close()
+        self._socket.close()

@@ -1,0 +1,139 @@
+"""One client of a hub: a socket on one side, a port of the bus on the other."""
+
+from __future__ import annotations
+
+import socket
+from collections import deque
+from typing import TYPE_CHECKING
+
+from firmware_sim.bus import wire
+from firmware_sim.bus.errors import ErrorState, overflow_message
+from firmware_sim.bus.frame import Frame
+
+if TYPE_CHECKING:
+    from firmware_sim.bus.hub import Hub
+    from firmware_sim.bus.port import Port
+
+_READS_PER_SERVICE = 64
+SEND_FLAGS = socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL
+
+
+class Client:
+    """One connected process: a socket on one side, a port of the bus on the other.
+
+    Attributes
+    ----------
+    port
+        The client's node; None before it has said hello.
+    lost
+        Frames it was too slow to take.
+    malformed
+        Messages that were no frames.
+    dropped
+        Frames it sent while bus-off or listening only.
+    """
+
+    def __init__(self, hub: Hub, connection: socket.socket, since_ns: int) -> None:
+        self.port: Port | None = None
+        self.lost = 0
+        self.malformed = 0
+        self.dropped = 0
+        self.gone = False
+        self.connection = connection
+        self.since_ns = since_ns
+        self.paused = False
+        self._hub = hub
+        self._backlog: deque[bytes] = deque()
+        self._overflown = False
+
+    def receive(self, frame: Frame) -> None:
+        """Take a frame from the bus."""
+        arbitration_id, data, stamp_ns = frame
+        stamp_ns += self._hub.origin_ns
+        self._pass_on(wire.STAMPED_FRAME.pack(arbitration_id, len(data), 0, 0, 0, data, stamp_ns))
+
+    def receive_own(self, frame: Frame) -> None:
+        """Take back a frame of its own."""
+        arbitration_id, data, stamp_ns = frame
+        stamp_ns += self._hub.origin_ns
+        self._pass_on(
+            wire.STAMPED_FRAME.pack(arbitration_id, len(data), wire.OWN, 0, 0, data, stamp_ns)
+        )
+
+    def _pass_on(self, message: bytes) -> None:
+        if self.gone:
+            return
+        if not self._backlog:
+            try:
+                self.connection.send(message, SEND_FLAGS)
+            except BlockingIOError:
+                pass
+            except OSError:
+                self.gone = True
+                return
+            else:
+                return
+        if len(self._backlog) >= self._hub.backlog:
+            self.lost += 1
+            self._overflown = True
+            return
+        self._backlog.append(message)
+        self._hub.watch(self)
+
+    @property
+    def behind(self) -> bool:
+        """Whether frames wait for the client."""
+        return bool(self._backlog) or self._overflown
+
+    def flush(self) -> None:
+        """Pass on what waits, and word of what has been lost."""
+        backlog = self._backlog
+        try:
+            while backlog:
+                self.connection.send(backlog[0], SEND_FLAGS)
+                backlog.popleft()
+        except BlockingIOError:
+            return
+        except OSError:
+            self.gone = True
+            return
+        if self._overflown:
+            self._overflown = False
+            self.receive(Frame(*overflow_message(), self._hub.bus.now_ns))
+
+    def read(self) -> None:
+        """Take what the client has sent, as far as its queue on the bus has room."""
+        for _ in range(_READS_PER_SERVICE):
+            port = self.port
+            if port is not None and not port.room and port.state is not ErrorState.BUS_OFF:
+                self.paused = True
+                return
+            try:
+                message = self.connection.recv(wire.MAX_MESSAGE, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            except OSError:
+                message = b""
+            if not message:
+                self.gone = True
+                return
+            self._take(message)
+
+    def _take(self, message: bytes) -> None:
+        port = self.port
+        if port is not None and len(message) in (wire.CAN_FRAME.size, wire.STAMPED_FRAME.size):
+            try:
+                arbitration_id, data = wire.unpack_frame(message)
+                if not port.send(arbitration_id, data):
+                    self.dropped += 1
+            except ValueError:
+                self.malformed += 1
+            return
+        filters = wire.unpack_filters(message)
+        hello = wire.unpack_hello(message)
+        if hello is not None:
+            self._hub.greet(self, *hello)
+        elif filters is not None and port is not None:
+            port.set_filters(filters)
+        else:
+            self.malformed += 1

@@ -1,0 +1,116 @@
+"""Writes what happens on a bus as a candump log (`candump -L`), readable by python-can.
+
+One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus. The same
+run writes the same bytes. There are no comment lines: readers of the format do not know them.
+Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, TextIO
+
+from firmware_sim.bus.frame import (
+    ERROR_FLAG,
+    EXTENDED_FLAG,
+    EXTENDED_MASK,
+    REMOTE_FLAG,
+    STANDARD_MASK,
+    Frame,
+)
+
+if TYPE_CHECKING:
+    from firmware_sim.bus.core import Bus
+
+
+def log_line(frame: Frame, channel: str, epoch_ns: int = 0) -> str:
+    """Return a frame as one line of a candump log, with its line end.
+
+    Parameters
+    ----------
+    frame
+        Frame or error message.
+    channel
+        Name of the bus, without spaces.
+    epoch_ns
+        Added to the time of the bus (ns).
+    """
+    arbitration_id, data, stamp_ns = frame
+    micros = (stamp_ns + epoch_ns) // 1000
+    text = data.hex().upper()
+    if arbitration_id <= STANDARD_MASK:
+        return (
+            f"({micros // 1_000_000:010d}.{micros % 1_000_000:06d}) {channel} "
+            f"{arbitration_id:03X}#{text}\n"
+        )
+    if arbitration_id & ERROR_FLAG:
+        name = f"{arbitration_id:08X}"
+    elif arbitration_id & EXTENDED_FLAG:
+        name = f"{arbitration_id & EXTENDED_MASK:08X}"
+    else:
+        name = f"{arbitration_id & STANDARD_MASK:03X}"
+    if arbitration_id & REMOTE_FLAG:
+        text = f"R{len(data)}" if data else "R"
+    return f"({micros // 1_000_000:010d}.{micros % 1_000_000:06d}) {channel} {name}#{text}\n"
+
+
+class LogWriter:
+    """Writes every frame of a bus to a file.
+
+    Parameters
+    ----------
+    bus
+        The bus; the writer taps it and is no node.
+    file
+        Path to write to, replaced where it exists, or an open text file (which `close` leaves
+        open).
+    channel
+        Name of the bus in the log.
+    epoch_ns
+        Added to the time of the bus (ns).
+
+    Raises
+    ------
+    ValueError
+        If the channel's name has spaces.
+    OSError
+        If the file cannot be written.
+    """
+
+    def __init__(
+        self, bus: Bus, file: Path | TextIO, channel: str = "simcan0", *, epoch_ns: int = 0
+    ) -> None:
+        if not channel or channel.split() != [channel]:
+            raise ValueError(f"channel {channel!r}: a log needs a name without spaces")
+        self._owned = isinstance(file, Path)
+        self._file = file.open("w", encoding="ascii") if isinstance(file, Path) else file
+        self._channel = channel
+        self._epoch_ns = epoch_ns
+        bus.tap(self._write)
+
+    def _write(self, frame: Frame) -> None:
+        if not self._file.closed:
+            self._file.write(log_line(frame, self._channel, self._epoch_ns))
+
+    def flush(self) -> None:
+        """Pass on what has been written so far."""
+        if not self._file.closed:
+            self._file.flush()
+
+    def close(self) -> None:
+        """Finish the log; frames to come are not written."""
+        self.flush()
+        if self._owned:
+            self._file.close()
+
+    def __enter__(self) -> LogWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
