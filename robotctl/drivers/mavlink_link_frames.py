@@ -118,7 +118,8 @@ class FrameReader:
         except common.MAVError:
             return False
         if isinstance(message, common.MAVLink_unknown):
-            # Its checksum cannot be known; what stands behind it tells a frame from garbage.
+            # Its checksum cannot be known; what stands behind it tells a frame from garbage. Its
+            # inside is not searched: messages that carry others must not be taken apart.
             if end < len(buffer) and buffer[end] not in (MARKER_V1, MARKER_V2):
                 return False
             self.unknown += 1

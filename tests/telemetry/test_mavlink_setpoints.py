@@ -1,0 +1,234 @@
+"""Set-points and sticks: what drives the robot, when it is void, and what is refused."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common
+
+from robotctl.runtime.messages import ManualControl, PositionTarget, VelocityTarget
+
+BODY_NED, BODY_FRD, LOCAL = 8, 12, 1
+# Bits of type_mask: 0-2 position, 3-5 velocity, 6-8 acceleration, 9 force, 10 yaw, 11 yaw rate.
+POSITION, VELOCITY, ACCELERATION, YAW, YAW_RATE = 0x007, 0x038, 0x1C0, 0x400, 0x800
+ALL = POSITION | VELOCITY | ACCELERATION | YAW | YAW_RATE
+
+
+def setpoint(frame=BODY_NED, mask=ALL, target=(1, 1), **fields):
+    names = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
+    values = [fields.get(name, 0.0) for name in names]
+    return common.MAVLink_set_position_target_local_ned_message(0, *target, frame, mask, *values)
+
+
+def using(*parts):
+    mask = ALL
+    for part in parts:
+        mask &= ~part
+    return mask
+
+
+@pytest.mark.parametrize("frame", [BODY_NED, BODY_FRD])
+def test_a_body_velocity_drives_forward_and_a_positive_yaw_rate_turns_right(bench, frame):
+    bench.receive(setpoint(frame, using(VELOCITY, YAW_RATE), vx=0.5, yaw_rate=0.25))
+    (request,) = bench.step()
+    assert isinstance(request, VelocityTarget)
+    assert (request.v_m_s, request.omega_rad_s) == (0.5, -0.25)
+
+
+def test_velocities_are_void_after_the_configured_time(make_bench):
+    bench = make_bench(setpoint_timeout_s=0.75)
+    bench.receive(setpoint(mask=using(VELOCITY), vx=-0.5))
+    (request,) = bench.step()
+    assert request.stamp_ns == bench.now_ns
+    assert request.expires_ns - request.stamp_ns == 750_000_000
+    assert request.v_m_s == -0.5
+    assert bench.run(1.0) == []  # and nothing renews them
+
+
+def test_vx_alone_is_enough_in_the_body_frame(bench):
+    bench.receive(setpoint(mask=ALL & ~0x008, vx=0.5, vy=math.nan))
+    (request,) = bench.step()
+    assert request.v_m_s == 0.5
+
+
+def test_a_position_becomes_a_point_of_the_world(bench):
+    bench.receive(setpoint(LOCAL, using(POSITION, YAW), x=3.0, y=1.0, z=-2.0, yaw=1.0))
+    assert bench.step() == [PositionTarget(bench.now_ns, 1.0, 3.0)]  # 3 north, 1 east
+
+
+def test_a_local_velocity_ahead_drives_straight_on(bench):
+    """Heading east (theta 0); 0.5 m/s east."""
+    bench.receive(setpoint(LOCAL, using(VELOCITY), vy=0.5))
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert (request.v_m_s, request.omega_rad_s) == pytest.approx((0.5, 0.0))
+
+
+def test_a_local_velocity_to_the_left_turns_left(bench):
+    """Heading east; 0.5 m/s north is to the left."""
+    bench.receive(setpoint(LOCAL, using(VELOCITY), vx=0.5))
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert request.v_m_s == pytest.approx(0.0, abs=1e-9)
+    assert request.omega_rad_s == pytest.approx(2.0 * math.pi / 2)
+
+
+def test_a_local_velocity_behind_turns_before_it_drives(bench):
+    bench.receive(setpoint(LOCAL, using(VELOCITY), vy=-0.5))
+    (request,) = bench.step(bench.control(theta_rad=0.1))
+    assert request.v_m_s == 0.0
+    assert request.omega_rad_s > 0.0  # from 0.1 rad the short way to pi is left
+
+
+def test_a_local_velocity_against_its_yaw_drives_backwards(bench):
+    """Yaw east (90 degrees), velocity west, heading east."""
+    mask = using(VELOCITY, YAW)
+    bench.receive(setpoint(LOCAL, mask, vy=-0.5, yaw=math.pi / 2))
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert (request.v_m_s, request.omega_rad_s) == pytest.approx((-0.5, 0.0), abs=1e-6)
+
+
+def test_a_local_velocity_with_yaw_rate_is_projected_on_the_heading(bench):
+    bench.receive(setpoint(LOCAL, using(VELOCITY, YAW_RATE), vx=0.5, vy=0.5, yaw_rate=0.25))
+    (request,) = bench.step(bench.control(theta_rad=math.pi / 2))  # heading north
+    assert (request.v_m_s, request.omega_rad_s) == pytest.approx((0.5, -0.25))
+
+
+def test_a_zero_local_velocity_stops(bench):
+    bench.receive(setpoint(LOCAL, using(VELOCITY)))
+    (request,) = bench.step(bench.control(theta_rad=2.0))
+    assert (request.v_m_s, request.omega_rad_s) == (0.0, 0.0)
+
+
+@settings(deadline=None)
+@given(st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.floats(0.01, 1.0))
+def test_following_a_local_velocity_ends_up_driving_along_it(make_bench, theta, direction, speed):
+    """Integrate the requests as a unicycle: heading and velocity become those asked for."""
+    bench = make_bench()
+    north, east = speed * math.sin(direction), speed * math.cos(direction)
+    for _ in range(250):
+        bench.receive(setpoint(LOCAL, using(VELOCITY), vx=north, vy=east))
+        (request,) = bench.step(bench.control(theta_rad=theta))
+        theta = math.remainder(theta + 0.02 * request.omega_rad_s, math.tau)
+    assert math.remainder(theta - direction, math.tau) == pytest.approx(0.0, abs=1e-3)
+    assert request.v_m_s == pytest.approx(speed, rel=1e-3)
+
+
+REFUSED = {
+    "nothing": setpoint(mask=ALL),
+    "position and velocity": setpoint(LOCAL, using(POSITION, VELOCITY)),
+    "accelerations": setpoint(mask=using(ACCELERATION)),
+    "velocity with accelerations": setpoint(mask=using(VELOCITY, ACCELERATION)),
+    "one acceleration": setpoint(mask=ALL & ~VELOCITY & ~0x040),
+    "force": setpoint(mask=using(VELOCITY) | 0x200),
+    "yaw alone": setpoint(mask=using(YAW)),
+    "yaw and yaw rate": setpoint(LOCAL, using(VELOCITY, YAW, YAW_RATE)),
+    "yaw of a body velocity": setpoint(mask=using(VELOCITY, YAW)),
+    "half a position": setpoint(LOCAL, ALL & ~0x001),
+    "half a position and a velocity": setpoint(LOCAL, using(VELOCITY) & ~0x002),
+    "sideways alone": setpoint(mask=ALL & ~0x010, vy=1.0),
+    "sideways": setpoint(mask=using(VELOCITY), vx=1.0, vy=0.1),
+    "half a local velocity": setpoint(LOCAL, ALL & ~0x008, vx=1.0),
+    "position in the body": setpoint(BODY_NED, using(POSITION)),
+    "offset position": setpoint(7, using(POSITION)),
+    "offset velocity": setpoint(7, using(VELOCITY)),
+    "ENU": setpoint(4, using(VELOCITY)),
+    "unknown frame": setpoint(255, using(VELOCITY)),
+    "nan vx": setpoint(mask=using(VELOCITY), vx=math.nan),
+    "nan vy": setpoint(mask=using(VELOCITY), vy=math.nan),
+    "inf vx": setpoint(mask=using(VELOCITY), vx=math.inf),
+    "nan yaw rate": setpoint(mask=using(VELOCITY, YAW_RATE), yaw_rate=math.nan),
+    "nan x": setpoint(LOCAL, using(POSITION), x=math.nan),
+    "inf y": setpoint(LOCAL, using(POSITION), y=-math.inf),
+    "nan local vx": setpoint(LOCAL, using(VELOCITY), vx=math.nan),
+    "nan yaw": setpoint(LOCAL, using(VELOCITY, YAW), yaw=math.nan),
+}
+
+
+@pytest.mark.parametrize("message", REFUSED.values(), ids=REFUSED.keys())
+def test_what_cannot_be_followed_is_refused_and_said_once(bench, message):
+    requests = []
+    for _ in range(20):
+        bench.receive(message)
+        requests += bench.step(bench.control())
+    assert requests == []
+    texts = bench.texts()
+    assert len(texts) == 1
+    assert texts[0].startswith("Set-point refused: ")
+
+
+def test_a_local_velocity_without_a_known_heading_is_refused(bench):
+    bench.receive(setpoint(LOCAL, using(VELOCITY), vx=0.5))
+    assert bench.step() == []
+    assert "heading is not known" in "".join(bench.texts())
+
+
+def test_set_points_for_other_systems_are_not_taken(bench):
+    bench.receive(setpoint(mask=using(VELOCITY), vx=0.5, target=(2, 1)))
+    assert bench.step() == []
+
+
+FLOAT32 = st.floats(width=32)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    frame=st.sampled_from([LOCAL, BODY_NED, BODY_FRD]) | st.integers(0, 255),
+    mask=st.integers(0, 0xFFFF),
+    values=st.lists(FLOAT32, min_size=11, max_size=11),
+)
+def test_any_set_point_gives_finite_numbers_or_nothing(make_bench, frame, mask, values):
+    bench = make_bench()
+    bench.receive(
+        common.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *values)
+    )
+    for request in bench.step(bench.control(theta_rad=1.0)):
+        if isinstance(request, PositionTarget):
+            assert math.isfinite(request.x_m + request.y_m)
+            assert mask & POSITION == 0 or mask & 3 == 0
+        else:
+            assert math.isfinite(request.v_m_s)
+            assert math.isfinite(request.omega_rad_s)
+            assert request.expires_ns > request.stamp_ns
+            assert mask & 0x008 == 0
+
+
+def sticks(x=0, y=0, z=500, r=0, target=1):
+    return common.MAVLink_manual_control_message(target, x, y, z, r, 0)
+
+
+@pytest.mark.parametrize(
+    ("message", "forward", "turn"),
+    [
+        (sticks(x=1000), 1.0, 0.0),
+        (sticks(x=-250), -0.25, 0.0),
+        (sticks(y=500), 0.0, -0.5),  # right
+        (sticks(r=500), 0.0, -0.5),  # right
+        (sticks(r=-1000, y=200), 0.0, 1.0),  # the larger deflection counts
+        (sticks(y=0x7FFF, r=100), 0.0, -0.1),  # y is marked absent
+        (sticks(y=0x7FFF, r=0x7FFF), 0.0, 0.0),
+        (sticks(z=1000), 0.0, 0.0),  # the throttle lever does not drive
+        (sticks(x=100, target=0), 0.1, 0.0),
+    ],
+)
+def test_sticks_drive_and_turn(bench, message, forward, turn):
+    bench.receive(message)
+    (request,) = bench.step()
+    assert isinstance(request, ManualControl)
+    assert (request.forward, request.turn) == (forward, turn)
+    assert request.expires_ns - request.stamp_ns == 500_000_000
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        sticks(x=1001),
+        sticks(x=0x7FFF),
+        sticks(y=-1001),
+        sticks(r=-32768),
+        sticks(x=1000, target=2),
+    ],
+    ids=["x too large", "x absent", "y too small", "r too small", "other target"],
+)
+def test_sticks_out_of_range_or_of_others_do_nothing(bench, message):
+    bench.receive(message)
+    assert bench.step() == []
