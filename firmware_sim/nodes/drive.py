@@ -10,7 +10,6 @@ encoder, duty range, E2E) work in every NMT state and cannot be switched off ove
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Callable
 from typing import Final, Protocol
 
@@ -38,6 +37,7 @@ from firmware_sim.nodes.node import (
 )
 from firmware_sim.nodes.object_dictionary import AbortCode, ObjectDictionary, SdoAbortError
 from firmware_sim.nodes.parameter_store import ParameterStore
+from firmware_sim.plant import Bridge
 
 GUARD_PERIOD_NS: Final = 10 * MILLISECOND_NS
 """The guards look at the power stage this often, at a frame that touches it …"""
@@ -62,14 +62,6 @@ TROUBLES: Final = {
 """EMCY of each fault: codes of CiA 301, table 26, and CiA 402-2, table 2."""
 
 EMERGENCY_STOP_TROUBLE: Final = Trouble(0xFF01, GENERIC | _MANUFACTURER)
-
-
-class Bridge(enum.IntEnum):
-    """How the power stage holds the motors."""
-
-    DRIVE = 0
-    COAST = 1
-    BRAKE = 2
 
 
 class PowerStage(Protocol):
@@ -111,7 +103,7 @@ class PowerStage(Protocol):
     def steering_rad(self) -> float:
         """Measured steering angle [rad]."""
 
-    def command(self, duty1: float, duty2: float, steering_rad: float, bridge: int) -> None:
+    def command(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
         """Set what the bridges and the servo do from now on."""
 
 
@@ -131,6 +123,8 @@ class DriveNode(Node):
         Non-volatile memory.
     current_limit_ma
         Default of object 0x2003.
+    channels
+        Motors fitted: 2, or 1 where only channel 1 has one.
     """
 
     def __init__(
@@ -140,6 +134,7 @@ class DriveNode(Node):
         model: MotorModel,
         store: ParameterStore | None = None,
         current_limit_ma: int = objects.DEFAULT_CURRENT_LIMIT_MA,
+        channels: int = 2,
     ) -> None:
         dictionary = ObjectDictionary(
             objects.drive_objects(model.counts_per_revolution, current_limit_ma)
@@ -148,7 +143,7 @@ class DriveNode(Node):
         self._stage = stage
         self._run_to = run_to
         self._machine = DriveStateMachine()
-        self._guards = (ChannelGuard(model), ChannelGuard(model))
+        self._guards = tuple(ChannelGuard(model) for _ in range(channels))
         self._supply_guard = SupplyGuard()
         self._checker = Checker(wire.data_id(wire.MOTOR_COMMAND), MAX_COUNTER_STEP)
         self._feedback = Protector(wire.data_id(wire.WHEEL_FEEDBACK))
@@ -292,7 +287,7 @@ class DriveNode(Node):
         self._guarded_ns = stage_ns
         limits, voltage_v = self._limits, self._stage.bus_voltage_v
         faults = self._supply_guard.update(voltage_v, limits, elapsed_ns)
-        for guard, sample in zip(self._guards, self._samples(), strict=True):
+        for guard, sample in zip(self._guards, self._samples(), strict=False):
             faults |= guard.update(sample, voltage_v, limits, elapsed_ns)
         if faults:
             if self._machine.handle(DriveEvent.FAULT):
@@ -313,7 +308,7 @@ class DriveNode(Node):
 
     def _causes_present(self) -> DriveFault:
         causes = self._supply_guard.cause_present(self._stage.bus_voltage_v, self._limits)
-        for guard, sample in zip(self._guards, self._samples(), strict=True):
+        for guard, sample in zip(self._guards, self._samples(), strict=False):
             causes |= guard.cause_present(sample, self._limits)
         return causes & self.faults
 

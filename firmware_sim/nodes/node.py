@@ -1,7 +1,7 @@
 """What all nodes have in common: NMT, boot-up, heartbeat, EMCY, SDO, stored parameters (CiA 301).
 
-A node is told of every frame at its exact time (`on_frame`) and says when it next wants to be
-called without one (`next_due_ns`, then `step`). It keeps no clock of its own.
+A node is told of every frame at its exact time (`on_frame`) and asks through its alarm to be woken
+at an exact time without one (`wake`). It keeps no clock of its own.
 """
 
 from __future__ import annotations
@@ -45,6 +45,13 @@ class CanPort(Protocol):
 
     def send(self, arbitration_id: int, data: bytes) -> object:
         """Queue one frame at the bus's present time."""
+
+
+class Alarm(Protocol):
+    """An alarm clock."""
+
+    def __call__(self, due_ns: int, node: Node) -> object:
+        """Have `node.wake` called at `due_ns` [ns]."""
 
 
 class NmtState(enum.IntEnum):
@@ -109,6 +116,8 @@ class Node:
         self.next_due_ns = NEVER_NS
         self._store = MemoryStore() if store is None else store
         self._port: CanPort | None = None
+        self._alarm: Alarm | None = None
+        self._alarm_ns = NEVER_NS
         self._sdo = SdoServer(dictionary)
         self._now_ns = 0
         self._boot_ns = NEVER_NS
@@ -127,9 +136,11 @@ class Node:
         """Identifiers this node listens to (its acceptance filter)."""
         return tuple(self._handlers)
 
-    def connect(self, port: CanPort) -> None:
-        """Give the node its place on the bus."""
+    def connect(self, port: CanPort, alarm: Alarm) -> None:
+        """Give the node its place on the bus and its alarm clock."""
         self._port = port
+        self._alarm = alarm
+        self._alarm_ns = NEVER_NS
 
     def power_cycle(self, now_ns: int) -> None:
         """Take the supply away and give it back: everything but stored parameters is forgotten."""
@@ -144,6 +155,16 @@ class Node:
         if handler is not None:
             self._now_ns = frame.stamp_ns
             handler(frame.data, frame.stamp_ns)
+
+    def wake(self, now_ns: int) -> None:
+        """Take an alarm at `now_ns` [ns]; one that has been overtaken does nothing."""
+        if now_ns < self._alarm_ns:
+            return
+        self._alarm_ns = NEVER_NS
+        if now_ns >= self.next_due_ns:
+            self.step(now_ns)
+        else:
+            self._reschedule()
 
     def step(self, now_ns: int) -> None:
         """Do what is due at `now_ns` [ns], then say anew in `next_due_ns` when to be called."""
@@ -230,7 +251,11 @@ class Node:
         self._heartbeat_ns = from_ns + period_ms * MILLISECOND_NS if period_ms else NEVER_NS
 
     def _reschedule(self) -> None:
-        self.next_due_ns = min(self._boot_ns, self._heartbeat_ns, self._due_ns())
+        due_ns = min(self._boot_ns, self._heartbeat_ns, self._due_ns())
+        self.next_due_ns = due_ns
+        if due_ns < self._alarm_ns and self._alarm is not None:
+            self._alarm_ns = due_ns
+            self._alarm(due_ns, self)
 
     # Errors -------------------------------------------------------------------------------------
 

@@ -1,0 +1,160 @@
+"""Ground truth and lidar scans on local streams, for scoring and for the estimators to come.
+
+Ground truth must never reach the controller, and a lidar's scans (360 ranges at 10 Hz) do not fit
+a classic CAN bus, so neither travels on it. Both are published on ZeroMQ PUB sockets on `ipc://`
+addresses, one MessagePack message a sample (`msgspec`, arrays as below): the same transport that
+the robot's own processes use among each other. A subscriber that is slow or absent loses samples
+and never delays the simulator. The sockets lie in a directory that only the user may enter.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+import zmq
+
+from firmware_sim.errors import SimulationError
+
+IPC = "ipc://"
+QUEUE_LIMIT = 16
+"""Messages kept for a slow subscriber."""
+
+
+class Truth(msgspec.Struct, frozen=True, gc=False):
+    """What really is. Pose of `base` in `world`; times on CLOCK_MONOTONIC.
+
+    Attributes
+    ----------
+    stamp_ns
+        Time of the sample.
+    x_m, y_m, theta_rad
+        Pose, heading in (-pi, pi].
+    v_m_s, omega_rad_s
+        Body velocity of base.
+    distance_m
+        Length of the path since the start.
+    collisions
+        Collisions since the start.
+    charge
+        Of the battery, [0, 1].
+    bus_frames, bus_errors
+        Frames and errors on the simulated bus since the start.
+    bus_load
+        Share [0, 1] of the last second.
+    late
+        Times the simulator fell behind real time so far that it let time go; 0 in lockstep.
+    """
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+    v_m_s: float
+    omega_rad_s: float
+    distance_m: float
+    collisions: int
+    charge: float
+    bus_frames: int
+    bus_load: float
+    bus_errors: int
+    late: int = 0
+
+
+class Scan(msgspec.Struct, frozen=True, gc=False):
+    """One scan of the planar lidar.
+
+    Attributes
+    ----------
+    stamp_ns
+        Time of the scan, all beams at once.
+    x_m, y_m, heading_rad
+        Mount of the lidar in base; heading of the middle of its field of view.
+    fov_rad
+        Field of view; beam i looks at heading - fov / 2 + i * fov / (beams - 1), or, for a full
+        turn, at heading - pi + i * 2 pi / beams.
+    ranges
+        Ranges [m] as float32 little-endian bytes, one a beam from right to left; inf: no return.
+    """
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    fov_rad: float
+    ranges: bytes
+
+
+class Publisher:
+    """A PUB socket on an `ipc://` address.
+
+    Parameters
+    ----------
+    address
+        `ipc://PATH`. The directory of PATH is made, private to the user, where it is missing.
+
+    Raises
+    ------
+    SimulationError
+        If the address is none, its directory is open to others, or it cannot be bound.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self._path = _private_path(address)
+        self._encoder = msgspec.msgpack.Encoder()
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.PUB)
+        self._socket.setsockopt(zmq.SNDHWM, QUEUE_LIMIT)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        try:
+            self._socket.bind(address)
+        except zmq.ZMQError as error:
+            self._context.destroy(linger=0)
+            raise SimulationError(f"{address}: cannot be bound: {error}") from error
+
+    def publish(self, sample: Truth | Scan) -> None:
+        """Send one sample to whoever listens; never waits."""
+        self._socket.send(self._encoder.encode(sample), zmq.DONTWAIT)
+
+    def close(self) -> None:
+        """Release the socket and remove its file."""
+        self._socket.close(linger=0)
+        self._context.term()
+        self._path.unlink(missing_ok=True)
+
+    def __enter__(self) -> Publisher:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _private_path(address: str) -> Path:
+    """Return the path of an address whose directory only the user may enter."""
+    path = Path(address.removeprefix(IPC))
+    if not address.startswith(IPC) or not path.is_absolute():
+        raise SimulationError(f"{address}: not an address; allowed is ipc:///ABSOLUTE/PATH")
+    directory = path.parent
+    try:
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        mode = directory.stat().st_mode
+    except OSError as error:
+        raise SimulationError(f"{address}: {error}") from error
+    if mode & 0o077:
+        raise SimulationError(
+            f"{address}: others may enter {directory}; allowed is a directory of mode 0700"
+        )
+    return path
+
+
+def full_turn(fov_rad: float) -> bool:
+    """Whether a field of view closes on itself."""
+    return fov_rad >= 2.0 * math.pi - 1e-9
