@@ -151,7 +151,8 @@ class WheelParameters:
     reaches at `slip_speed_m_s` + `slip_ratio` · |speed|. `floor_noise` is the standard deviation
     of the relative change of the rolling radius from bumps and dust, correlated over
     `floor_length_m`; on it dead reckoning drifts with a variance of
-    2 · floor_noise² · floor_length_m per metre of each wheel.
+    2 · floor_noise² · floor_length_m per metre of each wheel. `inertia_kg_m2` is that of one
+    driven wheel.
     """
 
     inertia_kg_m2: NotNegative = 2.0e-4

@@ -80,8 +80,10 @@ class Plant:
     def _start(self, config: RobotConfig) -> None:
         """Set what is not zero at power-on."""
         s = config.simulation
-        for wheel, error in zip(self._w, s.errors.wheel_radius, strict=True):
+        loads = (self._p["load0"][0], self._p["load1"][0])
+        for wheel, error, load in zip(self._w, s.errors.wheel_radius, loads, strict=True):
             wheel["radius"] = config.drive.wheel_radius_m * (1.0 + error)
+            wheel["rolling"] = s.wheels.rolling_resistance * load * wheel["radius"]
             wheel["winding_c"] = wheel["case_c"] = s.motor.air_c
         self._b["bridge"] = Bridge.COAST
         self._b["charge"] = s.battery.charge

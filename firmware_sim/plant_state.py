@@ -60,6 +60,7 @@ WHEEL = np.dtype(
             "case_c",
             "floor",  # relative change of the rolling radius
             "jam",  # friction torque of a jam, N m
+            "rolling",  # rolling resistance, N m
             "radius",  # true rolling radius, m
             "voltage",  # at the bridge, mean over the last step
             "resistance",  # workspace: of winding and bridge
