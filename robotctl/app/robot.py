@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 import robotctl
-from robotctl.app.config import RobotConfig
+from robotctl.app.config import RobotConfig, config_directory
 from robotctl.app.options import StackOptions
 from robotctl.drivers.can_config import NodeParameters
 from robotctl.drivers.can_port import SocketPort

@@ -21,7 +21,7 @@ from robotctl.app.options import StackOptions
 from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, loop_report
 from robotctl.app.stack import Stack
 from robotctl.errors import ConfigError, RobotctlError
-from robotctl.planning.mission import Mission, load_mission
+from robotctl.app.pilot import load_mission
 from robotctl.runtime.messages import (
     Arm,
     ControlState,
@@ -125,7 +125,7 @@ class SimRun:
             f'can.interface="{interface}"',
             f'can.channel="{channel}"',
         )
-        self.mission: Mission = load_mission(options.mission)
+        self.mission = load_mission(options.mission)
         self.world = find_file(options.world or self.mission.world, "worlds")
         start = self.mission.start
         self._stack_options = StackOptions(

@@ -1,0 +1,262 @@
+"""Lockstep: firmware, bus and controller in one process under one virtual clock.
+
+The same seed gives the same run to the byte, as fast as the processor allows. Nothing here
+differs from the real processes but the clock and the way frames and messages travel.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from firmware_sim.bus.log import LogWriter
+from firmware_sim.config import load_robot as load_simulated_robot
+from firmware_sim.errors import SimulationError
+from firmware_sim.simulation import Simulation
+from firmware_sim.world import load_world
+from robotctl.app.config import RobotConfig, find_file
+from robotctl.app.options import StackOptions
+from robotctl.app.pilot import Pilot, load_mission
+from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
+from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, loop_report
+from robotctl.app.sim import SimOptions, SimulatorError
+from robotctl.drivers.memory_port import MemoryPort
+from robotctl.drivers.robot_can import CanRobot
+from robotctl.runtime.clock import VirtualClock
+from robotctl.runtime.core import ControlCore, Inputs, Outputs
+from robotctl.runtime.histogram import Histogram
+from robotctl.runtime.messages import (
+    Arm,
+    ControlRequest,
+    ControlState,
+    LoopStatistics,
+    Mode,
+    NavigationState,
+    SafetyState,
+    SetMode,
+    WheelCommand,
+)
+from robotctl.runtime.recorder import Recorder
+from robotctl.runtime.safety import LATCHED, POWERED
+
+_ARM_RETRY_NS = 1_000_000_000
+
+
+class Bench:
+    """A simulated robot with its controller on one virtual clock, moved tick by tick.
+
+    Parameters
+    ----------
+    config, options
+        The robot and its start pose.
+    simulation
+        The other end of the wire.
+    """
+
+    def __init__(
+        self, config: RobotConfig, options: StackOptions, simulation: Simulation
+    ) -> None:
+        self.clock = VirtualClock(simulation.now_ns)
+        self.simulation = simulation
+        self.period_ns = config.runtime.period_ns
+        self.step_ns = Histogram()
+        codec = make_codec()
+        wire = simulation.bus.attach(
+            "host", lambda frame: port.deliver(*frame), accept=codec.arbitration_ids
+        )
+        port = MemoryPort(wire.send, codec.arbitration_ids, config.can.bitrate, self.clock)
+        self.robot = CanRobot(port, codec, node_parameters(config))
+        self.core: ControlCore = make_core(config, options)
+        self.inputs = Inputs(self.robot.receive(self.clock.now_ns()))
+        self.ticks = 0
+
+    def tick(self, requests: tuple[ControlRequest, ...] = ()) -> Outputs:
+        """Let one period pass, then do what the control process does in a tick."""
+        now_ns = self._advance()
+        begin_ns = time.perf_counter_ns()
+        self.inputs = Inputs(self.robot.receive(now_ns), requests)
+        outputs = self.core.step(self.inputs, now_ns)
+        if outputs.emergency_stop is not None:
+            self.robot.emergency_stop(outputs.emergency_stop)
+        if outputs.clear_faults:
+            self.robot.clear_faults()
+        self.robot.send(outputs.command, now_ns)
+        self.step_ns.add((time.perf_counter_ns() - begin_ns) // 100)
+        return outputs
+
+    def open_loop_tick(self, command: WheelCommand) -> Inputs:
+        """Let one period pass and send `command` past the core, for identification."""
+        now_ns = self._advance()
+        self.inputs = Inputs(self.robot.receive(now_ns))
+        self.robot.send(command, now_ns)
+        return self.inputs
+
+    def _advance(self) -> int:
+        """Move firmware and clock by one period."""
+        self.ticks += 1
+        now_ns = self.clock.now_ns() + self.period_ns
+        self.simulation.advance(now_ns)
+        self.clock.sleep_until(now_ns)
+        return now_ns
+
+    def snapshot(self) -> ControlState:
+        """Return the control core's state now."""
+        return self.core.snapshot(self.clock.now_ns(), self.statistics())
+
+    def statistics(self) -> LoopStatistics:
+        """Return the loop's figures: no lag under a virtual clock, but real times of the step."""
+        p50, p99 = self.step_ns.percentiles(0.5, 0.99)
+        return LoopStatistics(
+            rate_hz=1e9 / self.period_ns,
+            ticks=self.ticks,
+            step_us_p50=p50 / 10,
+            step_us_p99=p99 / 10,
+        )
+
+
+def make_simulation(
+    robot: Path, world: Path, seed: int, start: tuple[float, float, float]
+) -> Simulation:
+    """Return the simulated robot in its world, compiled and ready.
+
+    Raises
+    ------
+    SimulatorError
+        If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
+    """
+    try:
+        simulation = Simulation(load_simulated_robot(robot), load_world(world), seed, start)
+    except SimulationError as error:
+        raise SimulatorError(str(error)) from error
+    simulation.warm()
+    return simulation
+
+
+class LockstepRun:
+    """One mission in lockstep.
+
+    Parameters
+    ----------
+    options
+        What to run; the bus is always the one in this process.
+    """
+
+    def __init__(self, options: SimOptions) -> None:
+        self._options = options
+        self._mission = load_mission(options.mission)
+        self._world = find_file(options.world or self._mission.world, "worlds")
+        start = self._mission.start.pose
+        stack = StackOptions(
+            instance="lockstep",
+            robot=str(options.robot),
+            overrides=options.overrides,
+            mission=str(options.mission),
+            x_m=start.x_m,
+            y_m=start.y_m,
+            theta_rad=start.theta_rad,
+        )
+        self._config = stack.load()
+        self._stack = stack
+        self._pilot = Pilot(self._config, stack)
+        self._score = PoseScore()
+        self._navigation: NavigationState | None = None
+        self._asked_ns = -_ARM_RETRY_NS
+        self._request_id = 0
+        simulation = make_simulation(
+            options.robot, self._world, options.seed, (start.x_m, start.y_m, start.theta_rad)
+        )
+        self.bench = Bench(self._config, stack, simulation)
+
+    def run(self) -> Report:
+        """Drive until the mission is over or the time is up."""
+        bench, record = self.bench, self._options.record
+        every = max(1, round(self._pilot.period_ns / bench.period_ns))
+        end_ns = round(self._options.max_seconds * 1e9)
+        begin_s = time.perf_counter()
+        with ExitStack() as files:
+            recorder = self._open_record(files, record) if record is not None else None
+            requests: tuple[ControlRequest, ...] = ()
+            while bench.clock.now_ns() < end_ns:
+                outputs = bench.tick(requests)
+                if recorder is not None:
+                    recorder.record(bench.clock.now_ns(), bench.inputs, outputs.command)
+                    recorder.flush()
+                requests = ()
+                if bench.ticks % every == 0:
+                    requests = self._navigate()
+                    if self._is_over():
+                        break
+            bench.robot.close()
+        return self._report(time.perf_counter() - begin_s)
+
+    def _open_record(self, files: ExitStack, directory: Path) -> Recorder:
+        """Write the CAN log and the control record into `directory`."""
+        directory.mkdir(parents=True, exist_ok=True)
+        files.enter_context(LogWriter(self.bench.simulation.bus, directory / "can.log"))
+        file = files.enter_context((directory / "control.rec").open("wb"))
+        return Recorder(file.write, record_header(self._config, self._stack))
+
+    def _navigate(self) -> tuple[ControlRequest, ...]:
+        """Do what the navigation process and the operator do, 20 times a second."""
+        now_ns = self.bench.clock.now_ns()
+        control = self.bench.snapshot()
+        truth = self.bench.simulation.truth()
+        self._score.truth(StampedPose(now_ns, truth.x_m, truth.y_m, truth.theta_rad))
+        self._score.estimate(StampedPose(now_ns, control.x_m, control.y_m, control.theta_rad))
+        wishes: tuple[SetMode, ...] = ()
+        if (
+            control.state in POWERED
+            and self._navigation is not None
+            and self._navigation.mode == Mode.HOLD
+        ):
+            wishes = (SetMode(now_ns, Mode.AUTO),)
+        command, self._navigation = self._pilot.step(control, wishes, now_ns)
+        if control.state == SafetyState.STANDBY and now_ns - self._asked_ns >= _ARM_RETRY_NS:
+            self._asked_ns = now_ns
+            self._request_id += 1
+            return (Arm(now_ns, self._request_id, arm=True),)
+        return (command,)
+
+    def _is_over(self) -> bool:
+        """Return whether the mission has ended, well or not."""
+        navigation = self._navigation
+        return self.bench.core.machine.state in LATCHED or (
+            navigation is not None
+            and (navigation.mission_completed or navigation.mission_failed)
+        )
+
+    def _report(self, took_s: float) -> Report:
+        """Return the score; only times of computation differ between two runs of one seed."""
+        control, navigation = self.bench.snapshot(), self._navigation
+        truth = self.bench.simulation.truth()
+        duration_s = self.bench.clock.now_ns() * 1e-9
+        return Report(
+            robot=self._config.robot.name,
+            world=self._world.stem,
+            mission=self._mission.name,
+            seed=self._options.seed,
+            bus_kind="lockstep",
+            mission_completed=navigation is not None and navigation.mission_completed,
+            message=(navigation.message if navigation else "") or control.reason,
+            items_done=navigation.item if navigation else 0,
+            items=navigation.items if navigation else 0,
+            duration_s=round(duration_s, 3),
+            distance_m=round(truth.distance_m, 3),
+            collisions=truth.collisions,
+            pose_error=self._score.result(),
+            loop=loop_report(control.loop),
+            bus=bus_report(control.bus),
+            real_time_factor=round(duration_s / took_s, 2),
+        )
+
+
+def run_lockstep(options: SimOptions) -> Report:
+    """Drive a mission in lockstep and score it.
+
+    Raises
+    ------
+    ConfigError, MissionError, SimulatorError
+        If a file is wrong or robot, mission and world do not fit.
+    """
+    return LockstepRun(options).run()

@@ -1,0 +1,71 @@
+"""The navigation process: mode, mission and behaviours at 20 Hz."""
+
+from __future__ import annotations
+
+import sys
+
+import msgspec
+import zmq
+
+from robotctl.app.config import RobotConfig
+from robotctl.app.options import StackOptions, options_of_command_line
+from robotctl.app.pilot import Pilot
+from robotctl.app.signals import StopFlag
+from robotctl.errors import RobotctlError
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.messages import ControlState, NavigationRequest, Notice
+from robotctl.runtime.topics import (
+    Endpoints,
+    Publisher,
+    RequestReceiver,
+    RequestSender,
+    Subscriber,
+    endpoint_directory,
+)
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Navigate until SIGTERM or SIGINT; then the commands expire and the robot comes to rest."""
+    stopped = StopFlag()
+    clock = RealClock()
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    context = zmq.Context()
+    states = Subscriber[ControlState | Notice](
+        context, (endpoints.control_state,), ControlState | Notice
+    )
+    requests = RequestReceiver[NavigationRequest](
+        context, endpoints.navigation_requests, NavigationRequest
+    )
+    publisher = Publisher(context, endpoints.navigation_state)
+    to_control = RequestSender(context, endpoints.control_requests)
+    pilot = Pilot(config, options)
+    control: ControlState | None = None
+    deadline_ns = clock.now_ns()
+    try:
+        while not stopped():
+            deadline_ns = max(deadline_ns + pilot.period_ns, clock.now_ns())
+            clock.sleep_until(deadline_ns)
+            begin_ns = clock.now_ns()
+            for message in states.receive():
+                control = message if isinstance(message, ControlState) else control
+            command, state = pilot.step(control, requests.receive(), begin_ns)
+            to_control.send(command)
+            step_us = (clock.now_ns() - begin_ns) / 1000
+            publisher.send(msgspec.structs.replace(state, step_us=step_us))
+    finally:
+        context.destroy(linger=0)
+
+
+def main() -> int:
+    """Entry point of the process."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl navigation: {error}", file=sys.stderr)  # noqa: T201
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,119 @@
+"""The navigator between messages: control state and requests in, velocity and own state out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from robotctl import toml_source
+from robotctl.app.config import RobotConfig
+from robotctl.app.options import StackOptions
+from robotctl.model.se2 import SE2
+from robotctl.model.twist import Twist
+from robotctl.planning.mission import Mission
+from robotctl.planning.navigator import NavigationInputs, Navigator
+from robotctl.planning.requests import (
+    ModeRequest,
+    PositionRequest,
+    Request,
+    StickRequest,
+    VelocityRequest,
+)
+from robotctl.runtime.messages import (
+    ControlState,
+    ManualControl,
+    NavigationRequest,
+    NavigationState,
+    PositionTarget,
+    SetMode,
+    VelocityCommand,
+    VelocityTarget,
+)
+from robotctl.runtime.safety import POWERED
+
+COMMAND_LIFE_PERIODS: Final = 4
+"""A velocity command expires after so many periods of the navigator."""
+
+STATE_MAX_AGE_NS: Final = 200_000_000
+"""An older control state is not acted on [ns]."""
+
+
+def load_mission(path: Path) -> Mission:
+    """Read a mission file.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each error.
+    """
+    return toml_source.load(path, Mission)
+
+
+class Pilot:
+    """Runs a `Navigator` on messages.
+
+    Parameters
+    ----------
+    config
+        The robot.
+    options
+        Mission and start pose.
+    """
+
+    def __init__(self, config: RobotConfig, options: StackOptions) -> None:
+        self._mission = load_mission(Path(options.mission)) if options.mission else None
+        self._navigator = Navigator(
+            config.navigation,
+            config.drive,
+            config.limits,
+            config.sonar,
+            self._mission,
+            SE2(options.x_m, options.y_m, options.theta_rad),
+        )
+        self.period_ns = round(1e9 / config.navigation.rate_hz)
+
+    def step(
+        self, control: ControlState | None, requests: Sequence[NavigationRequest], now_ns: int
+    ) -> tuple[VelocityCommand, NavigationState]:
+        """Return the velocity command of this step and what to publish."""
+        fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
+        if control is None:
+            pose, twist, ranges_m = SE2(), Twist(0.0, 0.0), ()
+        else:
+            pose = SE2(control.x_m, control.y_m, control.theta_rad)
+            twist = Twist(control.v_m_s, control.omega_rad_s)
+            ranges_m = control.sonar_m
+        enabled = fresh and control is not None and control.state in POWERED
+        inputs = NavigationInputs(
+            pose, twist, ranges_m, enabled, tuple(_request(each) for each in requests)
+        )
+        out = self._navigator.step(inputs, now_ns)
+        command = VelocityCommand(
+            now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
+        )
+        state = NavigationState(
+            stamp_ns=now_ns,
+            mode=out.mode,
+            mission=self._mission.name if self._mission else "",
+            item=out.item,
+            items=out.items,
+            item_name=out.item_name,
+            mission_completed=out.mission_completed,
+            mission_failed=out.mission_failed,
+            message=out.message,
+        )
+        return command, state
+
+
+def _request(message: NavigationRequest) -> Request:
+    """Translate a message for the planning layer, which knows none."""
+    match message:
+        case SetMode():
+            return ModeRequest(message.mode)
+        case VelocityTarget():
+            return VelocityRequest(message.expires_ns, message.v_m_s, message.omega_rad_s)
+        case PositionTarget():
+            return PositionRequest(message.x_m, message.y_m)
+        case ManualControl():
+            return StickRequest(message.expires_ns, message.forward, message.turn)

@@ -1,0 +1,67 @@
+"""Robot files as a user edits them."""
+
+from pathlib import Path
+
+import pytest
+
+from robotctl.app.config import config_directory, find_file, load_robot
+from robotctl.errors import ConfigError
+
+ROBOTS = sorted(config_directory().glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
+def test_every_robot_that_comes_along_is_right(path: Path) -> None:
+    config = load_robot(path)
+    assert config.robot.name == path.stem
+
+
+def test_an_override_changes_one_value_only() -> None:
+    plain = load_robot(find_file("diff_drive"))
+    changed = load_robot(find_file("diff_drive"), ["control.left.kp=2"])
+    assert changed.control.left is not None
+    assert changed.control.left.kp == 2.0
+    assert changed.control.right == plain.control.right
+    assert changed.limits == plain.limits
+
+
+def test_errors_name_file_line_key_and_the_nearest_key(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    text = find_file("diff_drive").read_text().replace("kd = 0.0 ", "kdd = 0.0", 1)
+    path.write_text(text)
+    line = next(i for i, row in enumerate(text.splitlines(), 1) if row.startswith("kdd"))
+    with pytest.raises(ConfigError) as caught:
+        load_robot(path)
+    assert str(caught.value) == f'{path}:{line}: control.left.kdd: unknown key; did you mean "kd"?'
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("safety.command_timeout_ms=0", "10 to 1000"),
+        ("runtime.rate_hz=5000", "100 to 1000"),
+        ('drive.kind="hover"', "differential"),
+        ("drive.track_width_m=-1", "track_width_m"),
+        ('can.interface="pcan"', "socketcan"),
+        ('mavlink.link.0.url="http://x"', "udpout"),
+        ("control.drive.kp=1", "no such wheel"),
+        ('sonar.1.name="front"', "given 2 times"),
+        ("limits.v_max_m_s=nan", "v_max_m_s"),
+    ],
+)
+def test_wrong_values_are_refused_with_what_is_allowed(override: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_robot(find_file("diff_drive"), [override])
+    assert words in str(caught.value)
+
+
+def test_a_time_out_under_two_periods_is_refused_with_both_figures() -> None:
+    with pytest.raises(ConfigError, match=r"12 is under two control periods \(20 ms at 100 Hz\)"):
+        load_robot(
+            find_file("diff_drive"), ["runtime.rate_hz=100", "safety.command_timeout_ms=12"]
+        )
+
+
+def test_a_file_that_is_not_there_names_the_nearest_one() -> None:
+    with pytest.raises(ConfigError, match='did you mean "diff_drive"'):
+        find_file("dif_drive")
