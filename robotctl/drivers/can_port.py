@@ -25,6 +25,9 @@ from robotctl.runtime.messages import BusState, BusStatus
 from robotctl.runtime.ports import Clock, Frame
 
 CAN_SFF_MASK: Final = 0x7FF
+NODE_NAME: Final = "host"
+"""What simcan calls this node in its log and its faults."""
+
 RETRY_NS: Final = 500_000_000
 """Between attempts to open a bus that went down [ns]."""
 
@@ -76,7 +79,8 @@ def opener(config: CanConfig, arbitration_ids: Collection[int]) -> OpenDescripto
     """Return what opens the bus of `config`, filtered to the given identifiers.
 
     The first call goes through `can.Bus`, which looks the interface up among the installed ones;
-    later calls build the same class directly, without that search.
+    later calls build the same class directly, without that search. A network device that is not
+    there is found out first, since python-can logs each failure.
     """
     filters = [
         CanFilter(can_id=each, can_mask=CAN_SFF_MASK, extended=False) for each in arbitration_ids
@@ -84,10 +88,17 @@ def opener(config: CanConfig, arbitration_ids: Collection[int]) -> OpenDescripto
     found: list[type[can.BusABC]] = []
 
     def open_descriptor() -> Descriptor:
+        if config.interface == "socketcan":
+            socket.if_nametoindex(config.channel)
         if found:
-            bus = found[0](channel=config.channel, can_filters=filters)
+            bus = found[0](channel=config.channel, can_filters=filters, node=NODE_NAME)
         else:
-            bus = can.Bus(interface=config.interface, channel=config.channel, can_filters=filters)
+            bus = can.Bus(
+                interface=config.interface,
+                channel=config.channel,
+                can_filters=filters,
+                node=NODE_NAME,
+            )
             found.append(type(bus))
         try:
             return Descriptor(bus)
