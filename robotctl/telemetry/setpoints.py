@@ -7,9 +7,10 @@
 | vx and vy | LOCAL_NED | turn towards the velocity, or towards yaw if used, and drive along it |
 | x and y | LOCAL_NED | drive to the point; yaw and yaw_rate do not matter |
 
-z, vz and their bits do not matter to a rover. All else (accelerations, forces, position together
-with velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite,
-a sideways velocity) is refused, counted by reason, and said once in a while.
+z, vz and their bits do not matter to a rover, nor does FORCE_SET without accelerations, which many
+programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
+velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite, a
+sideways velocity) is refused, counted by reason, and said once in a while.
 """
 
 from __future__ import annotations
@@ -35,8 +36,6 @@ HEADING_GAIN_1_S = 2.0
 
 SAY_AGAIN_NS = 30_000_000_000
 WARNING = 4
-
-_MASK = "POSITION_TARGET_TYPEMASK_"
 
 
 class Used(NamedTuple):
@@ -76,7 +75,7 @@ class Setpoints:
             self.refused[reason] += 1
             if now_ns >= self._said_ns.get(reason, now_ns):
                 self._said_ns[reason] = now_ns + SAY_AGAIN_NS
-                self._context.say(now_ns, WARNING, f"Set-point refused: {reason}")
+                self._context.say(now_ns, WARNING, f"Setpoint: {reason}")
 
     def step(self, now_ns: int) -> None:
         """Do nothing: the requests carry the time when they are void."""
@@ -105,13 +104,12 @@ def used_parts(mask: int) -> Used:
     used = Used(
         position=2 - (mask & 1) - (mask >> 1 & 1),
         velocity=2 - (mask >> 3 & 1) - (mask >> 4 & 1),
-        acceleration=mask & 0x1C0 != 0x1C0
-        or bool(mask & common.POSITION_TARGET_TYPEMASK_FORCE_SET),
+        acceleration=mask & 0x1C0 != 0x1C0,
         yaw=not mask & common.POSITION_TARGET_TYPEMASK_YAW_IGNORE,
         yaw_rate=not mask & common.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE,
     )
     if used.acceleration:
-        raise Refused("accelerations and forces are not followed")
+        raise Refused("accelerations are not followed")
     if used.position and used.velocity:
         raise Refused("position and velocity together")
     if used.position == 1:
@@ -130,7 +128,7 @@ def position_target(message: Message, used: Used, now_ns: int) -> PositionTarget
         If the frame or a number is wrong.
     """
     if message.coordinate_frame != LOCAL_NED:
-        raise Refused(f"position in frame {message.coordinate_frame}, not LOCAL_NED")
+        raise Refused(f"position frame {message.coordinate_frame} is not LOCAL_NED")
     _check_finite(message.x, message.y)
     point = frames.enu_from_ned(message.x, message.y)
     return PositionTarget(now_ns, point.x, point.y)
@@ -160,7 +158,7 @@ def velocity_twist(message: Message, used: Used, theta_rad: float | None) -> Twi
     if message.coordinate_frame in BODY_FRAMES:
         return _body_twist(message, used)
     if message.coordinate_frame != LOCAL_NED:
-        raise Refused(f"velocity in frame {message.coordinate_frame}, not body or LOCAL_NED")
+        raise Refused(f"velocity frame {message.coordinate_frame} is not body or local")
     return _local_twist(message, used, theta_rad)
 
 
@@ -182,7 +180,7 @@ def _local_twist(message: Message, used: Used, theta_rad: float | None) -> Twist
     if used.velocity != 2:
         raise Refused("half a velocity")
     if theta_rad is None or not math.isfinite(theta_rad):
-        raise Refused("velocity in LOCAL_NED while the heading is not known")
+        raise Refused("local velocity, but heading not known")
     _check_finite(message.vx, message.vy)
     velocity = frames.enu_from_ned(message.vx, message.vy)
     if used.yaw_rate:

@@ -73,6 +73,8 @@ NAVIGATION = NavigationState(
     message="",
 )
 
+FIRST_PEER = Peer(0, 0)
+
 
 def control_state(now_ns, **changes):
     """Return a state of the control process stamped `now_ns`."""
@@ -127,7 +129,7 @@ class Bench:
         self.telemetry = Telemetry(self.config, self.robot, self.links)
         self.now_ns = 1_000_000_000_000
 
-    def receive(self, message, system=255, component=190, peer=Peer(0, 0)):
+    def receive(self, message, system=255, component=190, peer=FIRST_PEER):
         """Let `message` arrive from a ground station, over the wire."""
         codec = common.MAVLink(None, system, component)
         decoded = codec.decode(bytearray(message.pack(codec)))
@@ -191,6 +193,12 @@ def bench():
 def make_control():
     """Return a function that makes control states."""
     return control_state
+
+
+@pytest.fixture(scope="session")
+def make_navigation():
+    """Return a function that makes navigation states."""
+    return navigation_state
 
 
 @pytest.fixture(scope="session")

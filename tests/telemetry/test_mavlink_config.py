@@ -55,7 +55,7 @@ def test_each_form_of_url_is_taken_apart(url, parts):
 )
 def test_a_wrong_url_is_refused_with_all_allowed_forms(url, complaint):
     with pytest.raises(
-        ValueError, match="allowed: udpout:HOST:PORT, .*serial:/dev/NAME:BAUD"
+        ValueError, match=r"allowed: udpout:HOST:PORT, .*serial:/dev/NAME:BAUD"
     ) as no:
         LinkConfig(url)
     assert complaint in str(no.value)
@@ -64,9 +64,10 @@ def test_a_wrong_url_is_refused_with_all_allowed_forms(url, complaint):
 @given(st.text(max_size=40))
 def test_any_text_is_a_link_or_a_value_error(text):
     try:
-        assert LinkConfig(text).url == text
-    except ValueError as error:
-        assert "allowed:" in str(error)
+        url = LinkConfig(text).url
+    except ValueError:
+        return
+    assert url == text
 
 
 def test_the_section_of_the_default_robot_loads():

@@ -52,6 +52,12 @@ def test_vx_alone_is_enough_in_the_body_frame(bench):
     assert request.v_m_s == 0.5
 
 
+def test_the_mask_0fc7_that_many_programs_use_is_a_velocity(bench):
+    bench.receive(setpoint(LOCAL, 0x0FC7, vy=0.5))
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert request.v_m_s == pytest.approx(0.5)
+
+
 def test_a_position_becomes_a_point_of_the_world(bench):
     bench.receive(setpoint(LOCAL, using(POSITION, YAW), x=3.0, y=1.0, z=-2.0, yaw=1.0))
     assert bench.step() == [PositionTarget(bench.now_ns, 1.0, 3.0)]  # 3 north, 1 east
@@ -119,7 +125,7 @@ REFUSED = {
     "accelerations": setpoint(mask=using(ACCELERATION)),
     "velocity with accelerations": setpoint(mask=using(VELOCITY, ACCELERATION)),
     "one acceleration": setpoint(mask=ALL & ~VELOCITY & ~0x040),
-    "force": setpoint(mask=using(VELOCITY) | 0x200),
+    "force": setpoint(mask=using(VELOCITY, ACCELERATION) | 0x200),
     "yaw alone": setpoint(mask=using(YAW)),
     "yaw and yaw rate": setpoint(LOCAL, using(VELOCITY, YAW, YAW_RATE)),
     "yaw of a body velocity": setpoint(mask=using(VELOCITY, YAW)),
@@ -153,13 +159,13 @@ def test_what_cannot_be_followed_is_refused_and_said_once(bench, message):
     assert requests == []
     texts = bench.texts()
     assert len(texts) == 1
-    assert texts[0].startswith("Set-point refused: ")
+    assert texts[0].startswith("Setpoint: ")
 
 
 def test_a_local_velocity_without_a_known_heading_is_refused(bench):
     bench.receive(setpoint(LOCAL, using(VELOCITY), vx=0.5))
     assert bench.step() == []
-    assert "heading is not known" in "".join(bench.texts())
+    assert "heading not known" in "".join(bench.texts())
 
 
 def test_set_points_for_other_systems_are_not_taken(bench):
