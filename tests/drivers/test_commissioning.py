@@ -1,0 +1,404 @@
+"""Commissioning against nodes that lie, keep silent, forget and restart."""
+
+import struct
+
+import pytest
+
+from robotctl.drivers.memory_port import MemoryPort
+from robotctl.drivers.robot_can import CanRobot
+from robotctl.runtime.messages import WheelCommand
+
+TICK_NS = 5_000_000
+MS = 1_000_000
+BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
+NO_OBJECT = 0x06020000
+IDENTITY = {(0x1018, 1): 0x526F62, (0x1018, 3): 0x10000, (0x1018, 4): 77}
+
+
+class FakeNode:
+    """A node of a few objects; `deaf` requests go unanswered, `forgetful` objects ignore writes."""
+
+    def __init__(self, bus, node_id, objects):
+        self.bus = bus
+        self.node_id = node_id
+        self.objects = {**IDENTITY, (0x1018, 2): node_id, **objects}
+        self.state = PRE_OPERATIONAL
+        self.deaf = 0
+        self.forgetful = set()
+        self.refusals = {}
+        self.requests = []
+        self.obeys_nmt = True
+        self.alive = True
+
+    def beat(self, state=None):
+        if self.alive:
+            state = self.state if state is None else state
+            self.bus.deliver(0x700 + self.node_id, bytes((state,)))
+
+    def boot(self):
+        self.state = PRE_OPERATIONAL
+        self.beat(BOOT_UP)
+
+    def on_frame(self, can_id, data):
+        if not self.alive:
+            return
+        if can_id == 0x000 and data[1] == self.node_id and self.obeys_nmt:
+            self.state = {1: OPERATIONAL, 2: STOPPED, 128: PRE_OPERATIONAL}[data[0]]
+        elif can_id == 0x600 + self.node_id and self.state != STOPPED:
+            self.on_request(data)
+
+    def on_request(self, data):
+        command, index, subindex, value = struct.unpack("<BHBI", data)
+        key = (index, subindex)
+        if self.deaf:
+            self.deaf -= 1
+            return
+        self.requests.append((key, value if command != 0x40 else None))
+        abort = self.refusals.get(key, None if key in self.objects else NO_OBJECT)
+        if abort is not None:
+            answer = struct.pack("<BHBI", 0x80, index, subindex, abort)
+        elif command == 0x40:
+            answer = struct.pack("<BHBI", 0x43, index, subindex, self.objects[key])
+        else:
+            if key not in self.forgetful:
+                self.objects[key] = value
+            answer = struct.pack("<BHBI", 0x60, index, subindex, 0)
+        self.bus.deliver(0x580 + self.node_id, answer)
+
+
+class FakeBus:
+    """Three nodes and the host; what is delivered arrives with the next tick."""
+
+    def __init__(self, codec, parameters, clock):
+        self.clock = clock
+        self.sent = []
+        self.port = MemoryPort(self.transmit, codec.arbitration_ids, 1_000_000, clock)
+        self.robot = CanRobot(self.port, codec, parameters)
+        self.drive = FakeNode(
+            self,
+            1,
+            {
+                (0x2000, 0): 250,
+                (0x2001, 0): codec.dbc.wire_version,
+                (0x2002, 0): 2400,
+                (0x1801, 2): 1,
+                (0x1802, 2): 1,
+                (0x2010, 0): 0,
+            },
+        )
+        self.sonar = FakeNode(self, 2, {(0x2200, 0): 8, (0x2201, 0): 20})
+        self.power = FakeNode(self, 3, {})
+        self.nodes = [self.drive, self.sonar, self.power]
+        self.ticks = 0
+        self.feedback = None
+
+    def transmit(self, can_id, data):
+        self.sent.append((self.ticks, can_id, data))
+        for node in self.nodes:
+            node.on_frame(can_id, data)
+
+    def deliver(self, can_id, data):
+        self.port.deliver(can_id, data, self.clock.now_ns())
+
+    def run(self, duration_ms):
+        for _ in range(duration_ms * MS // TICK_NS):
+            self.ticks += 1
+            if self.ticks % 20 == 0:
+                for node in self.nodes:
+                    node.beat()
+            self.clock.sleep_until(self.clock.now_ns() + TICK_NS)
+            self.feedback = self.robot.receive(self.clock.now_ns())
+            self.robot.send(WheelCommand(), self.clock.now_ns())
+
+    def status(self, node_id):
+        return next(node for node in self.feedback.nodes if node.node_id == node_id)
+
+    def problems(self):
+        return [node.problem for node in self.feedback.nodes]
+
+
+@pytest.fixture
+def bus(codec, parameters, clock):
+    return FakeBus(codec, parameters, clock)
+
+
+def test_before_a_node_is_heard_the_robot_says_so(bus):
+    bus.drive.alive = False
+    bus.run(50)
+    assert bus.status(1).problem == "drive (node 1): not heard on the bus"
+    assert bus.status(1).boots == 0
+
+
+def test_all_nodes_are_identified_configured_and_started(bus):
+    bus.run(400)
+    assert bus.problems() == ["", "", ""]
+    assert [node.nmt_state for node in bus.feedback.nodes] == [OPERATIONAL] * 3
+    assert [node.state for node in bus.nodes] == [OPERATIONAL] * 3
+    assert bus.drive.objects[0x2000, 0] == 100
+    assert bus.drive.objects[0x1801, 2] == 4
+    assert bus.drive.objects[0x1802, 2] == 4
+    assert bus.sonar.objects[0x2201, 0] == 50
+
+
+def test_a_node_is_started_only_after_it_was_identified_and_configured(bus):
+    bus.run(400)
+    frames = [
+        (can_id, data)
+        for _, can_id, data in bus.sent
+        if can_id == 0x601 or (can_id == 0x000 and data[1] == 1)
+    ]
+    assert frames[-1] == (0x000, b"\x01\x01")
+    assert frames[0] == (0x601, bytes.fromhex("4018100100000000"))
+    assert [can_id for can_id, _ in frames].count(0x000) == 1
+
+
+def test_no_tick_carries_more_than_one_frame_of_node_services(bus):
+    bus.run(600)
+    ticks = [tick for tick, can_id, _ in bus.sent if can_id not in (0x201, 0x080)]
+    assert len(ticks) > 20
+    assert len(ticks) == len(set(ticks))
+
+
+def test_command_and_sync_go_out_on_every_tick_in_this_order(bus):
+    bus.run(200)
+    for tick in range(1, bus.ticks + 1):
+        ids = [can_id for sent, can_id, _ in bus.sent if sent == tick]
+        assert ids[:2] == [0x201, 0x080]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "problem"),
+    [
+        (
+            (0x1018, 1),
+            0x123,
+            "drive (node 1): vendor 0x00000123 is not ours 0x00526F62",
+        ),
+        (
+            (0x1018, 2),
+            2,
+            "drive (node 1): is another device: product code 2 instead of 1",
+        ),
+        ((0x1018, 3), 0x20000, "drive (node 1): revision 0x00020000 is not 0x0001xxxx"),
+        (
+            (0x2001, 0),
+            0xDEADBEEF,
+            "drive (node 1): wire version 0xDEADBEEF is not ours 0x0B5AA063",
+        ),
+        (
+            (0x2002, 0),
+            4096,
+            "drive (node 1): has 4096 counts per revolution, the configuration says 2400",
+        ),
+    ],
+)
+def test_a_drive_that_is_not_ours_is_not_started(bus, key, value, problem):
+    bus.drive.objects[key] = value
+    bus.run(700)
+    assert bus.status(1).problem == problem.replace(
+        "0x0B5AA063", f"0x{bus.robot._codec.dbc.wire_version:08X}"
+    )
+    assert bus.drive.state == PRE_OPERATIONAL
+    assert (0x000, b"\x01\x01") not in [frame[1:] for frame in bus.sent]
+
+
+def test_a_ring_with_another_number_of_sonars_is_not_started(bus):
+    bus.sonar.objects[0x2200, 0] = 12
+    bus.run(700)
+    assert bus.status(2).problem == ("sonar (node 2): has 12 sonars, the configuration says 8")
+    assert bus.sonar.state == PRE_OPERATIONAL
+    assert bus.problems()[0] == ""
+
+
+def test_a_sonar_ring_of_another_wire_version_is_not_started(bus):
+    bus.sonar.objects[0x2001, 0] = 1
+    bus.run(700)
+    assert bus.status(2).problem.startswith("sonar (node 2): wire version 0x00000001 is not ours")
+
+
+def test_a_time_out_that_reads_back_wrong_keeps_the_drive_out_of_service(bus):
+    bus.drive.forgetful.add((0x2000, 0))
+    bus.drive.objects[0x2000, 0] = 0
+    bus.run(700)
+    assert bus.status(1).problem == (
+        "drive (node 1): command time-out reads back 0 ms, wanted 100 ms"
+    )
+    assert bus.drive.state == PRE_OPERATIONAL
+
+
+@pytest.mark.parametrize(
+    ("abort", "words"),
+    [(0x06090030, "SDO abort 0x06090030"), (NO_OBJECT, "it has no such object")],
+)
+def test_a_refused_write_is_named(bus, abort, words):
+    bus.drive.refusals[0x2000, 0] = abort
+    bus.run(700)
+    assert bus.status(1).problem == (
+        f"drive (node 1): refused write of 0x2000:00 (command time-out): {words}"
+    )
+
+
+def test_a_drive_without_wire_version_is_refused_but_a_battery_monitor_is_not(bus):
+    del bus.drive.objects[0x2001, 0]
+    bus.run(700)
+    assert bus.problems() == [
+        "drive (node 1): refused read of 0x2001:00 (wire version): it has no such object",
+        "",
+        "",
+    ]
+
+
+def test_up_to_three_lost_answers_do_no_harm(bus):
+    bus.drive.deaf = 3
+    bus.run(700)
+    assert bus.problems() == ["", "", ""]
+
+
+def test_a_node_that_never_answers_is_named(bus):
+    bus.drive.deaf = 10_000
+    bus.run(700)
+    assert bus.status(1).problem == ("drive (node 1): no answer to read of 0x1018:01 (vendor)")
+    assert bus.problems()[1:] == ["", ""]
+
+
+def test_a_refused_node_gets_another_chance_each_second(bus):
+    bus.drive.objects[0x2002, 0] = 1
+    bus.run(700)
+    problem = bus.status(1).problem
+    bus.drive.objects[0x2002, 0] = 2400
+    bus.run(300)
+    assert bus.status(1).problem == problem
+    bus.run(1200)
+    assert bus.problems() == ["", "", ""]
+
+
+def test_a_node_that_does_not_obey_nmt_is_named_and_tried_again(bus):
+    bus.drive.obeys_nmt = False
+    bus.run(1200)
+    assert bus.status(1).problem == "drive (node 1): does not become operational"
+    assert [frame[1:] for frame in bus.sent].count((0x000, b"\x01\x01")) == 3
+    bus.drive.obeys_nmt = True
+    bus.run(1500)
+    assert bus.problems() == ["", "", ""]
+
+
+def test_a_node_in_nmt_stopped_answers_no_sdo_and_is_woken_first(bus):
+    bus.power.state = STOPPED
+    bus.run(600)
+    assert bus.problems() == ["", "", ""]
+    frames = [frame[1:] for frame in bus.sent]
+    assert frames.index((0x000, b"\x80\x03")) < frames.index((0x000, b"\x01\x03"))
+
+
+def test_a_node_that_reboots_is_commissioned_again_and_the_boot_is_counted(bus):
+    bus.run(400)
+    assert bus.status(1).boots == 0
+    bus.drive.objects[0x2000, 0] = 250
+    bus.drive.boot()
+    bus.run(5)
+    assert bus.status(1).problem == "drive (node 1): is being identified"
+    assert bus.status(1).boots == 1
+    bus.run(400)
+    assert bus.problems() == ["", "", ""]
+    assert bus.status(1).boots == 1
+    assert bus.drive.objects[0x2000, 0] == 100
+
+
+def test_a_boot_in_the_middle_of_commissioning_starts_it_over(bus):
+    bus.run(100)
+    bus.run(20)
+    assert bus.status(1).problem
+    before = len(bus.drive.requests)
+    bus.drive.boot()
+    bus.run(400)
+    assert bus.problems() == ["", "", ""]
+    assert bus.drive.requests[before:].count(((0x1018, 1), None)) >= 1
+    assert bus.status(1).boots == 1
+
+
+def test_a_node_whose_heartbeat_stops_is_lost_after_its_time_and_not_before(bus):
+    bus.run(500)
+    bus.power.alive = False
+    last_ns = bus.status(3).heartbeat_ns
+    while bus.clock.now_ns() - last_ns < 345 * MS:
+        bus.run(5)
+        assert bus.status(3).problem == ""
+    bus.run(10)
+    assert bus.status(3).problem == "power (node 3): no heartbeat for 350 ms"
+
+
+def test_a_lost_node_that_comes_back_without_a_word_counts_as_booted(bus):
+    bus.run(500)
+    bus.power.alive = False
+    bus.run(500)
+    bus.power.alive = True
+    bus.run(500)
+    assert bus.problems() == ["", "", ""]
+    assert bus.status(3).boots == 1
+
+
+def test_a_node_that_was_stopped_by_somebody_is_commissioned_again(bus):
+    bus.run(500)
+    bus.drive.state = PRE_OPERATIONAL
+    bus.run(100)
+    assert bus.status(1).problem != ""
+    bus.run(400)
+    assert bus.problems() == ["", "", ""]
+
+
+def test_a_robot_without_sonars_does_not_ask_for_the_ring(codec, parameters, clock):
+    import dataclasses
+
+    bus = FakeBus(codec, dataclasses.replace(parameters, sonars=0), clock)
+    bus.run(500)
+    assert [node.node_id for node in bus.feedback.nodes] == [1, 3]
+    assert bus.sonar.state == PRE_OPERATIONAL
+
+
+def test_a_steered_robot_gets_its_drive_status_on_every_sync(codec, parameters, clock):
+    import dataclasses
+
+    bus = FakeBus(codec, dataclasses.replace(parameters, steered=True, rate_hz=1000), clock)
+    bus.run(500)
+    assert bus.drive.objects[0x1801, 2] == 20
+    assert bus.drive.objects[0x1802, 2] == 1
+
+
+def test_clearing_faults_writes_the_drives_object_once(bus):
+    bus.run(500)
+    bus.robot.clear_faults()
+    bus.run(50)
+    writes = [request for request in bus.drive.requests if request[0] == (0x2010, 0)]
+    assert writes == [((0x2010, 0), 1)]
+    assert bus.problems() == ["", "", ""]
+
+
+def test_a_refused_clearing_leaves_the_node_in_service(bus):
+    bus.run(500)
+    bus.drive.refusals[0x2010, 0] = 0x08000022
+    bus.robot.clear_faults()
+    bus.run(500)
+    assert bus.problems() == ["", "", ""]
+    bus.drive.refusals.clear()
+    bus.robot.clear_faults()
+    bus.run(50)
+    assert bus.drive.objects[0x2010, 0] == 1
+
+
+def test_clearing_does_not_wait_for_a_drive_that_is_not_in_service(bus):
+    bus.run(5)
+    bus.robot.clear_faults()
+    bus.run(800)
+    assert bus.problems() == ["", "", ""]
+    assert bus.drive.objects[0x2010, 0] == 0
+
+
+def test_an_unanswered_clearing_is_given_up(bus):
+    bus.run(500)
+    bus.drive.deaf = 4
+    bus.robot.clear_faults()
+    bus.run(500)
+    bus.robot.clear_faults()
+    bus.run(100)
+    assert bus.drive.objects[0x2010, 0] == 1
+    assert bus.problems() == ["", "", ""]
