@@ -9,7 +9,6 @@ and never delays the simulator. The sockets lie in a directory that only the use
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from types import TracebackType
 
@@ -70,20 +69,19 @@ class Scan(msgspec.Struct, frozen=True, gc=False):
     ----------
     stamp_ns
         Time of the scan, all beams at once.
-    x_m, y_m, heading_rad
-        Mount of the lidar in base; heading of the middle of its field of view.
-    fov_rad
-        Field of view; beam i looks at heading - fov / 2 + i * fov / (beams - 1), or, for a full
-        turn, at heading - pi + i * 2 pi / beams.
+    x_m, y_m
+        Mount of the lidar in base.
+    first_rad, step_rad
+        Beam i looks at first + i * step from forward in base, counter-clockwise.
     ranges
-        Ranges [m] as float32 little-endian bytes, one a beam from right to left; inf: no return.
+        Ranges [m], float32 little-endian, one a beam; inf: nothing came back.
     """
 
     stamp_ns: int
     x_m: float
     y_m: float
-    heading_rad: float
-    fov_rad: float
+    first_rad: float
+    step_rad: float
     ranges: bytes
 
 
@@ -153,8 +151,3 @@ def _private_path(address: str) -> Path:
             f"{address}: others may enter {directory}; allowed is a directory of mode 0700"
         )
     return path
-
-
-def full_turn(fov_rad: float) -> bool:
-    """Whether a field of view closes on itself."""
-    return fov_rad >= 2.0 * math.pi - 1e-9

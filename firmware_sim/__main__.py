@@ -1,0 +1,180 @@
+"""`python -m firmware_sim`: the simulated robot as a process of its own, in real time.
+
+SIGTERM and SIGINT end it; SIGHUP, as ending and starting it anew, is a power cycle of all nodes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import NoReturn
+
+from firmware_sim.bus.bridge import Bridge
+from firmware_sim.bus.hub import Hub, HubError
+from firmware_sim.bus.log import LogWriter
+from firmware_sim.errors import SimulationError
+from firmware_sim.nodes.node import NmtState
+from firmware_sim.realtime import RealTime, raise_priority
+from firmware_sim.simulation import Simulation
+from firmware_sim.truth import Publisher
+
+SIMCAN = "simcan"
+_CAN_LINK_TYPE = "280"
+"""ARPHRD_CAN of linux/if_arp.h."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    result = _Parser(
+        prog="python -m firmware_sim", description="Run a simulated robot on a CAN bus."
+    )
+    add = result.add_argument
+    add("--robot", type=Path, required=True, help="TOML of the robot")
+    add("--world", type=Path, required=True, help="TOML of the room")
+    add("--bus", default="simcan:simcan0", help="simcan:CHANNEL or a CAN interface (%(default)s)")
+    add("--seed", type=int, default=0, help="of all random draws (%(default)s)")
+    add("--start", type=_pose, metavar="X,Y,HEADING_DEG", help="instead of the world's start pose")
+    add("--state", type=Path, metavar="DIR", help="keep stored parameters here")
+    add("--truth", metavar="ADDRESS", help="publish the ground truth at ipc:///PATH")
+    add("--lidar", metavar="ADDRESS", help="publish the lidar's scans at ipc:///PATH")
+    add("--log", type=Path, metavar="FILE", help="write a candump log")
+    add("--duration", type=float, default=math.inf, metavar="S", help="end after this time")
+    add("--priority", type=int, default=0, help="of SCHED_FIFO, 1..99, where permitted (off)")
+    return result
+
+
+def _pose(text: str) -> tuple[float, float, float]:
+    """Parse X,Y,HEADING_DEG into metres and radians."""
+    try:
+        x_m, y_m, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,HEADING_DEG") from None
+    if not all(map(math.isfinite, (x_m, y_m, heading_deg))):
+        raise argparse.ArgumentTypeError(f"{text!r} is not finite")
+    return x_m, y_m, math.radians(heading_deg)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit status: 0, or 2 on bad input."""
+    signals: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, lambda number, _: signals.append(number))
+    try:
+        _run(parser().parse_args(arguments), signals)
+    except (SimulationError, HubError) as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    return 0
+
+
+def _run(options: argparse.Namespace, signals: list[int]) -> None:
+    simulation = Simulation(
+        options.robot,
+        options.world,
+        options.seed,
+        options.start,
+        state_directory=options.state,
+    )
+    if options.lidar and simulation.config.simulation.lidar is None:
+        raise SimulationError(f"--lidar: {options.robot} has no table [simulation.lidar]")
+    simulation.warm()
+    with ExitStack() as stack:
+        service, channel = _open_bus(simulation, options.bus)
+        stack.enter_context(closing(service))
+        loop = RealTime(simulation, [service])
+        if options.truth:
+            loop.publish_truth(stack.enter_context(Publisher(options.truth)))
+        if options.lidar:
+            loop.publish_scans(stack.enter_context(Publisher(options.lidar)))
+        if options.log:
+            stack.enter_context(_open_log(simulation, options.log, channel))
+        raise_priority(options.priority)
+        _announce_when_booted(simulation, options)
+        loop.run(lambda: _finished(simulation, signals, options.duration))
+
+
+def _open_log(simulation: Simulation, path: Path, channel: str) -> LogWriter:
+    epoch_ns = time.time_ns() - simulation.now_ns
+    try:
+        return LogWriter(simulation.bus, path, channel, epoch_ns=epoch_ns)
+    except OSError as error:
+        raise SimulationError(f"--log: {error}") from error
+
+
+def _open_bus(simulation: Simulation, name: str) -> tuple[Hub | Bridge, str]:
+    """Return what couples the bus to the outside, and its name in a log."""
+    interface, _, channel = name.partition(":")
+    if channel:
+        if interface != SIMCAN:
+            raise SimulationError(f"--bus {name}: allowed are simcan:CHANNEL or a CAN interface")
+        try:
+            return Hub(simulation.bus, channel), Path(channel).stem
+        except ValueError as error:
+            raise SimulationError(f"--bus {name}: {error}") from error
+    _check_interface(name)
+    try:
+        return Bridge.open(simulation.bus, name), name
+    except OSError as error:
+        raise SimulationError(f"--bus {name}: {error}") from error
+
+
+def _check_interface(name: str) -> None:
+    """Raise SimulationError with what to do where there is no such CAN interface."""
+    classes = Path("/sys/class/net")
+    if not classes.is_dir():
+        return
+    links = sorted(
+        each.parent.name
+        for each in classes.glob("*/type")
+        if each.read_text(encoding="ascii").strip() == _CAN_LINK_TYPE
+    )
+    if name not in links:
+        there = f"there are {', '.join(links)}" if links else "there are none"
+        raise SimulationError(
+            f"--bus {name}: no such CAN interface, {there}; make it with "
+            f"`ip link add dev {name} type vcan && ip link set {name} up`, or use simcan:simcan0 "
+            "where the kernel has no CAN"
+        )
+
+
+def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -> None:
+    """Print the line that says that the robot is there, once its nodes have booted."""
+    bus = simulation.bus
+    addresses = [f"{key}={getattr(options, key)}" for key in ("truth", "lidar")
+                 if getattr(options, key)]  # fmt: skip
+
+    def look() -> None:
+        if all(node.state is not NmtState.INITIALISING for node in simulation.nodes):
+            sys.stdout.write(" ".join(["ready", options.bus, *addresses]) + "\n")
+            sys.stdout.flush()
+        else:
+            bus.schedule(bus.now_ns + 1_000_000, look)
+
+    bus.schedule(bus.now_ns, look)
+
+
+def _finished(simulation: Simulation, signals: list[int], duration_s: float) -> bool:
+    """Answer the signals that have come; tell whether it is time to end."""
+    if signal.SIGHUP in signals:
+        signals.remove(signal.SIGHUP)
+        simulation.power_cycle()
+    if signal.SIGTERM in signals or signal.SIGINT in signals:
+        return True
+    return simulation.now_ns >= duration_s * 1e9
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+"""Keeps a simulation at the pace of the clock and serves the processes around it.
+
+One thread, absolute deadlines: the loop sleeps until the next event of the bus (frames and the
+nodes' timers) or until a client has sent something. A simulator that has been held up for less
+than `LATE_NS` catches up, and the clients notice frames that come late. Beyond that it lets the
+lost time go: the simulation stands still for that long, nothing is made up for in a burst, and
+`late` counts it.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import select
+import time
+from collections.abc import Callable, Sequence
+
+from firmware_sim.bus.hub import Hub
+from firmware_sim.bus.serve import Service, sharpen_timers
+from firmware_sim.simulation import Simulation
+from firmware_sim.truth import Publisher, Scan, Truth
+
+LATE_NS = 50_000_000
+"""Lag from which lost time is let go."""
+LONGEST_WAIT_NS = 50_000_000
+TRUTH_PERIOD_NS = 20_000_000
+
+
+class RealTime:
+    """The loop of the separate process.
+
+    Parameters
+    ----------
+    simulation
+        The simulation; its time goes on from where it stands.
+    services
+        Hub or bridge.
+
+    Attributes
+    ----------
+    origin_ns
+        CLOCK_MONOTONIC at time 0 of the simulation [ns]; grows when time is let go.
+    late
+        How often that has happened.
+    """
+
+    def __init__(self, simulation: Simulation, services: Sequence[Service] = ()) -> None:
+        self.simulation = simulation
+        self.late = 0
+        self.origin_ns = 0
+        self._services = services
+        self._set_origin(time.monotonic_ns() - simulation.now_ns)
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Run until `stop`, asked at least every 50 ms, says so."""
+        sharpen_timers()
+        gc.collect()
+        gc.freeze()
+        self._set_origin(time.monotonic_ns() - self.simulation.now_ns)
+        bus, services = self.simulation.bus, self._services
+        while not stop():
+            event_ns = bus.next_event_ns
+            latest_ns = bus.now_ns + LONGEST_WAIT_NS
+            due_ns = latest_ns if event_ns is None else min(event_ns, latest_ns)
+            wait_ns = due_ns + self.origin_ns - time.monotonic_ns()
+            select.select(services, (), (), max(0, wait_ns) / 1e9)
+            wall_ns = time.monotonic_ns()
+            self._let_go(wall_ns, due_ns)
+            self.simulation.advance(max(wall_ns - self.origin_ns, bus.now_ns))
+            for service in services:
+                service.service(wall_ns)
+
+    def publish_truth(self, publisher: Publisher, period_ns: int = TRUTH_PERIOD_NS) -> None:
+        """Publish the ground truth every `period_ns` [ns] of the simulation."""
+        self._every(period_ns, publisher, self._truth)
+
+    def publish_scans(self, publisher: Publisher) -> None:
+        """Publish the lidar's scans at its rate; nothing where there is no lidar."""
+        lidar = self.simulation.config.simulation.lidar
+        if lidar is not None:
+            self._every(round(1e9 / lidar.rate_hz), publisher, self._scan)
+
+    def _every(
+        self, period_ns: int, publisher: Publisher, sample: Callable[[], Truth | Scan | None]
+    ) -> None:
+        bus = self.simulation.bus
+
+        def tick() -> None:
+            bus.schedule(bus.now_ns + period_ns, tick)
+            taken = sample()
+            if taken is not None:
+                publisher.publish(taken)
+
+        bus.schedule(bus.now_ns + period_ns, tick)
+
+    def _truth(self) -> Truth:
+        return self.simulation.truth(origin_ns=self.origin_ns, late=self.late)
+
+    def _scan(self) -> Scan | None:
+        return self.simulation.scan(origin_ns=self.origin_ns)
+
+    def _let_go(self, wall_ns: int, due_ns: int) -> None:
+        """Shift the origin where the loop is too late for what was due."""
+        lag_ns = wall_ns - self.origin_ns - due_ns
+        if lag_ns > LATE_NS:
+            self.late += 1
+            self._set_origin(self.origin_ns + lag_ns)
+
+    def _set_origin(self, origin_ns: int) -> None:
+        self.origin_ns = origin_ns
+        for service in self._services:
+            if isinstance(service, Hub):
+                service.origin_ns = origin_ns
+
+
+def raise_priority(priority: int) -> bool:
+    """Schedule this process first in, first out; tell whether that was permitted.
+
+    Parameters
+    ----------
+    priority
+        1..99; 0 leaves the process as it is.
+    """
+    if priority <= 0:
+        return False
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        return False
+    return True

@@ -1,0 +1,245 @@
+"""The simulated robot as one object: bus, nodes, plant and sensors under one virtual time.
+
+Time passes only in `advance`. Nodes are told of frames at the bit, and are woken by the bus's
+timers at the nanosecond they asked for; nothing is polled. The plant runs behind, in whole steps
+of 1 ms, and is brought up to the present only where something touches it: a command, a SYNC, a
+sonar, a guard, a look at the truth.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from firmware_sim.bus.core import Bus
+from firmware_sim.bus.faults import FaultPlan
+from firmware_sim.bus.port import Port
+from firmware_sim.config import RobotConfig, load_robot
+from firmware_sim.lidar import Lidar
+from firmware_sim.nodes.drive import DriveNode
+from firmware_sim.nodes.drive_guards import MotorModel
+from firmware_sim.nodes.node import Node
+from firmware_sim.nodes.parameter_store import FileStore, MemoryStore, ParameterStore
+from firmware_sim.nodes.power import BatterySample, PowerNode
+from firmware_sim.nodes.sonar import Ranges, SonarNode
+from firmware_sim.parameters import DifferentialDrive
+from firmware_sim.plant import STEP_NS, Plant
+from firmware_sim.sonar import SonarRing
+from firmware_sim.truth import Scan, Truth
+from firmware_sim.world import World, load_world
+
+Memory: TypeAlias = Callable[[str], ParameterStore]
+"""Gives each node, by its name, its non-volatile memory."""
+
+CONTINUOUS_SHARE = 0.8
+"""Default current limit of the drive's guard, as a share of where its bridge chops."""
+
+
+class Simulation:
+    """A robot on its CAN bus in a room.
+
+    Attach a host with `simulation.bus.attach`, then let time pass with `advance`. The nodes boot
+    in the first 8 ms.
+
+    Parameters
+    ----------
+    robot
+        The robot or its TOML.
+    world
+        The room or its TOML.
+    seed
+        Of all random draws: bus faults, floor, sonar and lidar each have a stream of their own.
+        Same seed, same commands: the same frames at the same nanoseconds.
+    start
+        Pose of base in world: x [m], y [m], heading [rad]; None: the world's.
+    state_directory
+        Where stored parameters live; None: in this object.
+    faults
+        Faults of the bus.
+    start_ns
+        Time at which the simulation starts [ns].
+
+    Raises
+    ------
+    SimulationError
+        If a file is wrong or the robot cannot stand at `start`.
+    """
+
+    def __init__(
+        self,
+        robot: RobotConfig | Path,
+        world: World | Path,
+        seed: int = 0,
+        start: tuple[float, float, float] | None = None,
+        *,
+        state_directory: Path | None = None,
+        faults: FaultPlan | None = None,
+        start_ns: int = 0,
+    ) -> None:
+        config = load_robot(robot) if isinstance(robot, Path) else robot
+        room = load_world(world) if isinstance(world, Path) else world
+        if start is not None:
+            room = dataclasses.replace(room, start=start)
+        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
+        self.config = config
+        self.world = room
+        self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
+        self.plant = Plant(config, room, streams[1])
+        self._plant_ns = start_ns
+        self._ring = SonarRing(config, room, streams[2])
+        lidar = config.simulation.lidar
+        self._lidar = None if lidar is None else Lidar(lidar, room, streams[3])
+        memory = _memory(state_directory)
+        self.drive = self._make_drive(memory)
+        self.sonar = SonarNode(
+            len(config.sonar), config.simulation.sonar.max_range_m, self._fire, memory("sonar")
+        )
+        self.power = PowerNode(
+            self._measure_battery, config.simulation.battery.cells, memory("power")
+        )
+        self._ports: dict[str, Port] = {}
+        for node in self.nodes:
+            self._power_up(node)
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Drive, sonar and power: node ids 1, 2, 3."""
+        return self.drive, self.sonar, self.power
+
+    @property
+    def now_ns(self) -> int:
+        """Present time [ns]."""
+        return self.bus.now_ns
+
+    def warm(self) -> None:
+        """Compile, or load from the cache, what the first steps would else wait for."""
+        self.plant.warm()
+        self._ring.warm()
+
+    def advance(self, until_ns: int) -> None:
+        """Let time pass up to and including `until_ns` [ns].
+
+        Raises
+        ------
+        ValueError
+            If `until_ns` lies in the past.
+        """
+        self.bus.advance(until_ns)
+
+    def power_cycle(self) -> None:
+        """Take the supply from all nodes and give it back: they boot, robot and room stay."""
+        for node in self.nodes:
+            self._ports.pop(node.name).detach()
+            self._power_up(node)
+
+    def truth(self, *, origin_ns: int = 0, late: int = 0) -> Truth:
+        """Return what really is, at the present time.
+
+        Parameters
+        ----------
+        origin_ns
+            Added to the time stamp: CLOCK_MONOTONIC at time 0 of the simulation [ns].
+        late
+            For `Truth.late`.
+        """
+        stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
+        plant, statistics = self.plant, self.bus.statistics
+        return Truth(
+            stamp_ns=stamp_ns,
+            x_m=plant.x_m,
+            y_m=plant.y_m,
+            theta_rad=plant.theta_rad,
+            v_m_s=plant.v_m_s,
+            omega_rad_s=plant.omega_rad_s,
+            distance_m=plant.distance_m,
+            collisions=plant.collisions,
+            charge=plant.charge,
+            bus_frames=statistics.frames,
+            bus_load=self.bus.load(),
+            bus_errors=sum(statistics.errors.values()),
+            late=late,
+        )
+
+    def scan(self, *, origin_ns: int = 0) -> Scan | None:
+        """Return a scan of the lidar from where the robot is now; None where it has none.
+
+        `origin_ns` is added to the time stamp, as in `truth`.
+        """
+        lidar = self._lidar
+        if lidar is None:
+            return None
+        stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
+        plant, mount = self.plant, lidar.parameters
+        ranges_m = lidar.scan(plant.x_m, plant.y_m, plant.theta_rad)
+        angles_rad = lidar.angles_rad
+        return Scan(
+            stamp_ns=stamp_ns,
+            x_m=mount.x_m,
+            y_m=mount.y_m,
+            first_rad=float(angles_rad[0]),
+            step_rad=float(angles_rad[1] - angles_rad[0]),
+            ranges=ranges_m.astype("<f4").tobytes(),
+        )
+
+    def run_to(self, now_ns: int) -> int:
+        """Bring the plant to the last whole millisecond up to `now_ns`; return that time [ns]."""
+        steps = (now_ns - self._plant_ns) // STEP_NS
+        if steps > 0:
+            self.plant.step(steps)
+            self._plant_ns += steps * STEP_NS
+        return self._plant_ns
+
+    def _make_drive(self, memory: Memory) -> DriveNode:
+        motor = self.config.simulation.motor
+        model = MotorModel(
+            resistance_ohm=motor.resistance_ohm,
+            back_emf_v_s_rad=motor.back_emf_v_s_rad * motor.gear_ratio,
+            current_limit_a=motor.current_limit_a,
+            counts_per_revolution=self.config.drive.counts_per_revolution,
+        )
+        return DriveNode(
+            self.plant,
+            self.run_to,
+            model,
+            memory("drive"),
+            current_limit_ma=round(motor.current_limit_a * CONTINUOUS_SHARE * 1e3),
+            channels=2 if isinstance(self.config.drive, DifferentialDrive) else 1,
+        )
+
+    def _power_up(self, node: Node) -> None:
+        port = self.bus.attach(node.name, node.on_frame, accept=node.arbitration_ids)
+        self._ports[node.name] = port
+        node.connect(port, self._alarm)
+        node.power_cycle(self.bus.now_ns)
+
+    def _alarm(self, due_ns: int, node: Node) -> None:
+        self.bus.schedule(due_ns, partial(self._wake, node))
+
+    def _wake(self, node: Node) -> None:
+        node.wake(self.bus.now_ns)
+
+    def _fire(self, group: int, now_ns: int) -> Ranges:
+        self.run_to(now_ns)
+        plant = self.plant
+        return self._ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
+
+    def _measure_battery(self, now_ns: int) -> BatterySample:
+        self.run_to(now_ns)
+        plant = self.plant
+        return BatterySample(
+            plant.bus_voltage_v,
+            plant.battery_current_a,
+            plant.charge,
+            self.config.simulation.motor.air_c,
+        )
+
+
+def _memory(directory: Path | None) -> Memory:
+    if directory is None:
+        return lambda _name: MemoryStore()
+    return lambda name: FileStore(directory, name)
