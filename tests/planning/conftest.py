@@ -1,0 +1,246 @@
+"""A small kinematic robot in a flat of two rooms, independent of firmware_sim."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.model.drives import AckermannDrive, DifferentialDrive, Drive, TricycleDrive
+from robotctl.model.motion import integrate
+from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
+from robotctl.model.twist import Twist
+from robotctl.planning.navigator import NavigationConfig, NavigationInputs, Navigator
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:
+    return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+
+
+FLAT = np.array(
+    box(0, 0, 8, 5)
+    + box(4.95, 0, 5.05, 2)  # inner wall, the door from y = 2 to 3
+    + box(4.95, 3, 5.05, 5)
+    + box(0, 3.9, 0.6, 5)  # cabinet
+    + box(7.2, 0, 8, 0.8)  # table
+)
+EMPTY = np.array(box(-50, -50, 50, 50))
+
+
+def ring(front: float, back: float, side: float) -> tuple[SonarMount, ...]:
+    middle = 0.5 * (front + back)
+    return (
+        SonarMount("front", front, 0.0, 0.0),
+        SonarMount("front_left", front - 0.03, side - 0.05, 45.0),
+        SonarMount("left", middle, side, 90.0),
+        SonarMount("rear_left", back + 0.03, side - 0.05, 135.0),
+        SonarMount("rear", back, 0.0, 180.0),
+        SonarMount("rear_right", back + 0.03, 0.05 - side, -135.0),
+        SonarMount("right", middle, -side, -90.0),
+        SonarMount("front_right", front - 0.03, 0.05 - side, -45.0),
+    )
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A drive with its body (front, rear, half-width about `base`) and sonars."""
+
+    drive: Drive
+    front: float
+    rear: float
+    side: float
+    mounts: tuple[SonarMount, ...]
+
+    @staticmethod
+    def make(drive: Drive, front: float, rear: float, side: float) -> Robot:
+        return Robot(drive, front, rear, side, ring(front, rear, side))
+
+
+ROBOTS = {
+    "differential": Robot.make(
+        DifferentialDrive("differential", 0.3, 0.05, 2400), 0.18, -0.15, 0.15
+    ),
+    "tricycle": Robot.make(
+        TricycleDrive("tricycle", "front", 0.32, 0.05, 0.6, 2.0, 2400), 0.38, -0.08, 0.15
+    ),
+    "ackermann": Robot.make(
+        AckermannDrive("ackermann", 0.35, 0.26, 0.05, 0.6, 2.0, 2400), 0.43, -0.07, 0.15
+    ),
+}
+
+
+def cast(walls: np.ndarray, x: float, y: float, angles: np.ndarray) -> np.ndarray:
+    """Return range and |cosine of incidence| of each ray, (n, 2)."""
+    ux, uy = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
+    dx, dy = walls[:, 0] - x, walls[:, 1] - y
+    cross = ux * ey - uy * ex
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (dx * ey - dy * ex) / cross
+        share = (dx * uy - dy * ux) / cross
+    along = np.where((along > 0) & (share >= 0) & (share <= 1), along, np.inf)
+    nearest = np.argmin(along, axis=1)
+    length = np.hypot(ex, ey)[nearest]
+    rows = np.arange(len(angles))
+    return np.stack([along[rows, nearest], np.abs(cross[rows, nearest]) / length], axis=1)
+
+
+@dataclass
+class World:
+    """One robot among walls; `odometry` is what it believes, `pose` is the truth."""
+
+    robot: Robot
+    walls: np.ndarray
+    pose: SE2
+    rng: np.random.Generator
+    drift: float = 0.0  # m per sqrt(m) and rad per sqrt(m)
+    range_noise_m: float = 0.0
+    outliers: float = 0.0
+    twist: Twist = field(default_factory=lambda: Twist(0.0, 0.0))
+    steering: float = 0.0
+    odometry: SE2 = field(init=False)
+    touched: int = 0
+    distance_m: float = 0.0
+    obstacle: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        self.odometry = self.pose
+
+    def all_walls(self) -> np.ndarray:
+        return self.walls if self.obstacle is None else np.vstack([self.walls, self.obstacle])
+
+    def drive(self, v_ref: float, omega_ref: float, dt: float) -> None:
+        """Follow the set-point with limited acceleration and steering rate."""
+        v = self._slew(self.twist.v_m_s, v_ref, 2.0 * dt)
+        drive = self.robot.drive
+        if drive.steered:
+            wanted = drive.inverse(v_ref, omega_ref, self.steering).steering_rad
+            self.steering = self._slew(self.steering, wanted, 2.0 * dt)
+            curvature = math.tan(self.steering) / drive.wheelbase_m
+            self.twist = Twist(v, v * curvature)
+        else:
+            self.twist = Twist(v, self._slew(self.twist.omega_rad_s, omega_ref, 6.0 * dt))
+        self.pose = integrate(self.pose, *self.twist, dt)
+        step = abs(v) * dt
+        self.distance_m += step
+        noise = self.drift * math.sqrt(step) * self.rng.standard_normal(2)
+        believed = Twist(v + noise[0] / dt, self.twist.omega_rad_s + noise[1] / dt)
+        self.odometry = integrate(self.odometry, *believed, dt)
+        self._check_contact()
+
+    @staticmethod
+    def _slew(value: float, target: float, change: float) -> float:
+        return min(max(target, value - change), value + change)
+
+    def _check_contact(self) -> None:
+        r = self.robot
+        local = self.all_walls().reshape(-1, 2) - [self.pose.x_m, self.pose.y_m]
+        c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
+        local = (local @ np.array([[c, -s], [s, c]])).reshape(-1, 4)
+        # Liang-Barsky: does a wall cross the body's rectangle?
+        p0, d = local[:, :2], local[:, 2:] - local[:, :2]
+        low, high = np.array([r.rear, -r.side]), np.array([r.front, r.side])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (low - p0) / d, (high - p0) / d
+        inside = (p0 >= low) & (p0 <= high)
+        enter = np.where(d == 0, np.where(inside, -np.inf, np.inf), np.minimum(a, b)).max(axis=1)
+        leave = np.where(d == 0, np.where(inside, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
+        if np.any((enter <= leave) & (enter <= 1) & (leave >= 0)):
+            self.touched += 1
+
+    def ranges(self) -> tuple[float, ...]:
+        """One reading of each sonar: nearest wall in a cone of 24 degrees, lost beyond 65."""
+        readings = []
+        walls = self.all_walls()
+        for mount in self.robot.mounts:
+            x, y = self.pose.apply(mount.x_m, mount.y_m)
+            axis = self.pose.theta_rad + mount.heading_rad
+            hits = cast(walls, x, y, axis + np.radians([-12.0, -6.0, 0.0, 6.0, 12.0]))
+            seen = hits[hits[:, 1] > math.cos(math.radians(65.0)), 0]
+            reading = float(seen.min()) if len(seen) else math.inf
+            reading += self.range_noise_m * self.rng.standard_normal()
+            if self.rng.random() < self.outliers:
+                reading = float(self.rng.uniform(0.03, 4.0))
+            readings.append(max(reading, 0.02) if reading <= 4.0 else math.inf)
+        return tuple(readings)
+
+
+@dataclass
+class Run:
+    """A navigator driving in a world at 20 Hz, with 100 Hz motion."""
+
+    world: World
+    navigator: Navigator
+    now_ns: int = 0
+    enabled: bool = True
+    messages: list[str] = field(default_factory=list)
+    trace: list[SE2] = field(default_factory=list)
+
+    def step(self, *requests):
+        inputs = NavigationInputs(
+            self.world.odometry,
+            self.world.twist,
+            self.world.ranges(),
+            self.enabled,
+            requests,
+        )
+        out = self.navigator.step(inputs, self.now_ns)
+        if not self.messages or self.messages[-1] != out.message:
+            self.messages.append(out.message)
+        for _ in range(5):
+            self.world.drive(out.v_m_s, out.omega_rad_s, 0.01)
+        self.trace.append(self.world.pose)
+        self.now_ns += 50_000_000
+        return out
+
+    def until(self, condition, seconds: float):
+        """Step until `condition(outputs)`; fail after `seconds` of simulated time."""
+        deadline = self.now_ns + int(seconds * 1e9)
+        while self.now_ns < deadline:
+            out = self.step()
+            if condition(out):
+                return out
+        raise AssertionError(f"not within {seconds} s; messages: {self.messages[-5:]}")
+
+
+@pytest.fixture(params=list(ROBOTS))
+def robot(request) -> Robot:
+    """Return each of the three drives in turn."""
+    return ROBOTS[request.param]
+
+
+@pytest.fixture(params=["tricycle", "ackermann"])
+def steered(request) -> Robot:
+    """Return each drive-and-steer robot in turn."""
+    return ROBOTS[request.param]
+
+
+@pytest.fixture
+def differential() -> Robot:
+    """Return the differential robot."""
+    return ROBOTS["differential"]
+
+
+@pytest.fixture
+def make_run():
+    """Return a function that puts a robot into a world: `make_run(robot, start=..., ...)`."""
+
+    def make(robot, start=None, mission=None, config=None, flat=True, seed=1, **world):
+        start = start or (mission.start.pose if mission else SE2())
+        rng = np.random.default_rng(seed)
+        place = World(robot, FLAT if flat else EMPTY, start, rng, **world)
+        navigator = Navigator(
+            config or NavigationConfig(),
+            robot.drive,
+            LimitsConfig(0.8, 2.5, 2.5, 8.0, 30.0, 100.0),
+            robot.mounts,
+            mission,
+            start,
+        )
+        return Run(place, navigator)
+
+    return make

@@ -1,0 +1,102 @@
+"""The obstacle guard: what it counts, how fast it allows, what it does when blind."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.model.sonar import SonarMount
+from robotctl.planning.obstacle_guard import GuardConfig, ObstacleGuard
+
+CONFIG = GuardConfig()
+MOUNTS = (
+    SonarMount("front", 0.18, 0.0, 0.0),
+    SonarMount("front_left", 0.15, 0.10, 45.0),
+    SonarMount("left", 0.0, 0.15, 90.0),
+    SonarMount("rear", -0.15, 0.0, 180.0),
+)
+FREE = (math.inf,) * 4
+
+
+def limit(front=math.inf, front_left=math.inf, left=math.inf, rear=math.inf, direction=1.0):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    for _ in range(3):
+        guard.observe((front, front_left, left, rear))
+    return guard.step(direction)
+
+
+def test_with_nothing_near_the_speed_is_free():
+    assert limit() == (math.inf, "")
+
+
+@given(st.floats(0.12, 4.0))
+def test_braking_from_the_speed_allowed_ends_before_the_margin(reading):
+    v = limit(front=reading).v_max_m_s
+    way = v * CONFIG.reaction_s + v * v / (2 * CONFIG.deceleration_m_s2)
+    assert way == pytest.approx(reading - CONFIG.margin_m, abs=1e-9)
+
+
+@given(st.floats(0.0, 0.12))
+def test_within_the_margin_the_robot_stands(reading):
+    step = limit(front=reading)
+    assert step.v_max_m_s == pytest.approx(0.0, abs=1e-9)
+    assert "front sees" in step.obstacle
+
+
+def test_only_the_direction_of_travel_counts():
+    assert limit(front=0.05, direction=-1.0).v_max_m_s == math.inf
+    assert limit(rear=0.05, direction=1.0).v_max_m_s == math.inf
+    assert limit(rear=0.05, direction=-1.0).v_max_m_s == 0.0
+    assert limit(front=0.05, rear=0.05, direction=0.0).v_max_m_s == math.inf
+
+
+def test_a_slanting_sonar_counts_what_is_in_the_way_and_not_a_wall_beside():
+    assert limit(front_left=0.10).v_max_m_s == 0.0  # lateral 0.10 + 0.07 m
+    assert limit(front_left=0.30).v_max_m_s == math.inf  # lateral 0.31 m
+    assert limit(left=0.05).v_max_m_s == math.inf
+
+
+def test_a_mirrored_robot_gets_the_same_limit():
+    right = (SonarMount("front_right", 0.15, -0.10, -45.0),)
+    guard = ObstacleGuard(CONFIG, right)
+    guard.observe((0.10,))
+    assert guard.step(1.0).v_max_m_s == limit(front_left=0.10).v_max_m_s
+
+
+def test_slanting_rear_sonars_see_along_the_way_back():
+    guard = ObstacleGuard(CONFIG, (SonarMount("rear_left", -0.12, 0.10, 135.0),))
+    guard.observe((0.1,))
+    assert guard.step(-1.0).v_max_m_s == 0.0
+    assert guard.step(1.0).v_max_m_s == math.inf
+
+
+def test_a_single_outlier_and_a_single_lost_echo_change_nothing():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for reading in (2.0, 2.0, 0.05):
+        guard.observe((reading,))
+    assert guard.step(1.0).v_max_m_s > 1.0
+    for reading in (0.1, 0.1, math.inf):
+        guard.observe((reading,))
+    assert guard.step(1.0).v_max_m_s == 0.0
+
+
+def test_a_sonar_ahead_without_reading_stops_the_robot_and_is_named():
+    step = limit(front=math.nan)
+    assert step.v_max_m_s == 0.0
+    assert "front gives no reading" in step.obstacle
+    assert limit(front_left=math.nan).v_max_m_s == math.inf
+
+
+def test_before_the_first_reading_the_robot_stands():
+    assert ObstacleGuard(CONFIG, MOUNTS).step(1.0).v_max_m_s == 0.0
+
+
+def test_without_a_sonar_in_the_direction_of_travel_there_is_nothing_to_guard():
+    assert ObstacleGuard(CONFIG, ()).step(1.0).v_max_m_s == math.inf
+
+
+@pytest.mark.parametrize("key", ["margin_m", "reaction_s", "blocked_max_s"])
+def test_a_setting_that_is_not_positive_is_refused_by_name(key):
+    with pytest.raises(ValueError, match=key):
+        GuardConfig(**{key: 0.0})
