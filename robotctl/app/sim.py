@@ -14,8 +14,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 import zmq
 
+from firmware_sim.errors import SimulationError
+from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, loop_report
@@ -35,6 +39,7 @@ from robotctl.runtime.safety import LATCHED
 from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
 
 _READY_S = 60.0
+_BELOW_CONTROL = 10
 _POLL_S = 0.05
 _ASK_S = 0.5
 
@@ -135,7 +140,7 @@ class SimRun:
             mission=str(options.mission.resolve()),
             x_m=start.x_m,
             y_m=start.y_m,
-            theta_rad=start.theta_rad,
+            theta_rad=start.pose.theta_rad,
             record=str(options.record.resolve()) if options.record else "",
         )
         self.config: RobotConfig = self._stack_options.load()
@@ -149,6 +154,7 @@ class SimRun:
         self._truths = Subscriber[Truth](self._context, (self._endpoints.truth,), Truth)
         self._to_control = RequestSender(self._context, self._endpoints.control_requests)
         self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
+        self.walls = load_walls(self.world)
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
@@ -185,18 +191,22 @@ class SimRun:
     def _start_firmware(self) -> subprocess.Popen[str]:
         """Start firmware_sim and wait for its nodes."""
         options, start = self._options, self.mission.start
+        interface, channel = options.channel
+        bus = f"simcan:{channel}" if interface == "simcan" else channel
         command = [
             sys.executable,
             "-m",
             "firmware_sim",
             *("--robot", str(options.robot)),
             *("--world", str(self.world)),
-            *("--bus", options.bus),
+            *("--bus", bus),
             *("--seed", str(options.seed)),
             f"--start={start.x_m},{start.y_m},{start.heading_deg}",
             *("--truth", self._endpoints.truth),
-            *("--lidar", self._endpoints.lidar),
+            *("--priority", str(max(0, self.config.runtime.priority - _BELOW_CONTROL))),
         ]
+        if "lidar" in self.config.simulation:
+            command += ["--lidar", self._endpoints.lidar]
         if options.record is not None:
             options.record.mkdir(parents=True, exist_ok=True)
             command += ["--log", str(options.record / "can.log")]
@@ -214,6 +224,13 @@ class SimRun:
                 process.stdout.close()
             raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
         return process
+
+    @property
+    def connections(self) -> tuple[str, ...]:
+        """Where ground stations and CAN tools can connect."""
+        interface, channel = self._options.channel
+        links = tuple(f"MAVLink {link.url}" for link in self.config.mavlink.link)
+        return (*links, f"CAN {interface} {channel}")
 
     def steps(self, *, until_done: bool = True) -> Iterator[Progress]:
         """Arm, start the mission, and yield the progress until the run is over.
@@ -311,6 +328,20 @@ class SimRun:
             bus=bus_report(control.bus),
             real_time_factor=1.0,
         )
+
+
+def load_walls(world: Path) -> npt.NDArray[np.float64]:
+    """Return the wall segments (n, 4) of a world [m].
+
+    Raises
+    ------
+    SimulatorError
+        If the file is wrong.
+    """
+    try:
+        return load_world(world).segments
+    except SimulationError as error:
+        raise SimulatorError(str(error)) from error
 
 
 def _is_over(progress: Progress) -> bool:

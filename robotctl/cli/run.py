@@ -14,7 +14,7 @@ from robotctl.app.options import StackOptions
 from robotctl.app.signals import StopFlag
 from robotctl.app.stack import Stack
 from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.planning.mission import load_mission
+from robotctl.app.pilot import load_mission
 from robotctl.runtime.messages import Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
 
@@ -34,7 +34,7 @@ def run(
     """Run control, navigation and telemetry until Ctrl-C; arm from a ground station."""
     path = find_file(robot)
     mission_path = find_file(mission, "missions") if mission else None
-    start = load_mission(mission_path).start if mission_path else None
+    start = load_mission(mission_path).start.pose if mission_path else None
     options = StackOptions(
         instance="robot",
         robot=str(path.resolve()),

@@ -56,9 +56,8 @@ class View(Protocol):
 def make_view(run: SimRun, *, headless: bool) -> View:
     """Return the live screen on a terminal, else plain lines."""
     console = Console(highlight=False)
-    lines = LineView(console, run.config)
     if headless or not console.is_terminal:
-        return lines
+        return LineView(console, run.config, run.connections)
     return LiveView(console, run.config, run.walls, run.connections)
 
 
@@ -71,15 +70,22 @@ class LineView:
         Where to print.
     config
         The robot.
+    connections
+        Where others can connect.
     """
 
-    def __init__(self, console: Console, config: RobotConfig) -> None:
+    def __init__(
+        self, console: Console, config: RobotConfig, connections: tuple[str, ...]
+    ) -> None:
         self._console = console
         self._config = config
+        self._connections = connections
         self._printed_s = -math.inf
 
     def __enter__(self) -> LineView:
         """Begin to show."""
+        for connection in self._connections:
+            self._print(0.0, f"connect: {connection}")
         return self
 
     def __exit__(

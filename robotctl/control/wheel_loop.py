@@ -9,6 +9,8 @@ from robotctl.control.pwm import PwmConfig, PwmMap
 from robotctl.control.wheel_velocity import WheelVelocityEstimator
 
 _REST_WINDOW_S = 0.03
+_LOOP_DELAY_PERIODS = 1.5
+"""One period from latch to use, and half a period as the mean age of the command it meets."""
 
 
 class WheelLoop:
@@ -55,8 +57,11 @@ class WheelLoop:
             self.duty = 0.0
             return 0.0
         alpha_rad_s2 = (reference_rad_s - before_rad_s) / dt_s
+        # The measurement is old by half the estimator's window and by the way over the bus: the
+        # reference of that time belongs to it, else every ramp would wind up the integral.
+        age_s = self.estimator.delay_s + _LOOP_DELAY_PERIODS * dt_s
         voltage_v = self._pid.step(
-            reference_rad_s,
+            reference_rad_s - alpha_rad_s2 * age_s,
             measured_rad_s,
             dt_s,
             feedforward_v(self._config, reference_rad_s, alpha_rad_s2),
