@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.command_guard import guard_command
@@ -11,11 +11,13 @@ from robotctl.control.command_guard import guard_command
 anything = st.floats()
 
 
+@settings(deadline=None)
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-0.6, 0.6))
 def test_a_good_command_passes_unchanged(duty1, duty2, steering):
     assert guard_command(True, duty1, duty2, steering, 0.6) == (True, duty1, duty2, steering, "")
 
 
+@settings(deadline=None)
 @given(st.booleans(), anything, anything, anything, st.floats(0.0, 1.5), anything)
 def test_whatever_comes_in_a_safe_command_goes_out(enable, duty1, duty2, steering, bound, held):
     out = guard_command(enable, duty1, duty2, steering, bound, held)

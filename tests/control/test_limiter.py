@@ -35,7 +35,7 @@ def assert_within(values, start, dt_s, limits, rtol=1e-9):
     assert np.all(np.abs(jerks) <= j_max * (1.0 + rtol) + 16.0 * ulp / dt_s)
 
 
-@settings(max_examples=300)
+@settings(deadline=None, max_examples=300)
 @given(sequences)
 def test_no_sequence_of_setpoints_breaks_a_limit(targets):
     out = run(TwistLimiter(LIMITS), targets)
@@ -44,7 +44,7 @@ def test_no_sequence_of_setpoints_breaks_a_limit(targets):
     assert_within(out[:, 1], 0.0, H, OMEGA_AXIS)
 
 
-@settings(max_examples=200)
+@settings(deadline=None, max_examples=200)
 @given(st.lists(st.tuples(setpoints, setpoints, st.floats(1e-3, 0.05)), min_size=1, max_size=200))
 def test_no_sequence_of_step_lengths_breaks_a_limit(steps):
     limiter = TwistLimiter(LIMITS)
@@ -54,7 +54,7 @@ def test_no_sequence_of_step_lengths_breaks_a_limit(steps):
     assert_within(out[:, 1], 0.0, dt, OMEGA_AXIS)
 
 
-@settings(max_examples=200)
+@settings(deadline=None, max_examples=200)
 @given(
     st.floats(-0.8, 0.8),
     st.floats(-0.8, 0.8),
@@ -109,6 +109,7 @@ def test_a_setpoint_that_moves_up_is_never_overshot():
         assert limiter.step(target, 0.0, H).v_m_s <= target + 1e-9
 
 
+@settings(deadline=None)
 @given(st.floats(-5.0, 5.0), st.floats(-20.0, 20.0))
 def test_a_setpoint_too_fast_keeps_its_curvature(v, omega):
     scaled = scale_to_limits(v, omega, 0.8, 2.5)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
@@ -116,12 +116,14 @@ def test_integral_removes_the_steady_state_error():
     assert only_p[-1] == pytest.approx(0.5 * 2.0 / (1.0 + 0.5 * 2.0))
 
 
+@settings(deadline=None)
 @given(configs, st.lists(st.tuples(speeds, speeds), min_size=1, max_size=30), st.floats(0.0, 24.0))
 def test_output_is_within_the_limit_whatever_comes(config, inputs, limit):
     pid = Pid(config)
     assert all(abs(pid.step(r, y, H, 0.0, limit)) <= limit for r, y in inputs)
 
 
+@settings(deadline=None)
 @given(configs, configs, st.lists(st.tuples(speeds, speeds), min_size=1, max_size=20))
 def test_output_is_continuous_across_a_gain_change(before, after, inputs):
     pid = Pid(before)
@@ -197,6 +199,7 @@ def test_huge_values_neither_raise_nor_poison_the_state():
     assert pid.step(1.0, 1.0, H, 0.0, 12.0) == 0.0
 
 
+@settings(deadline=None)
 @given(speeds, st.floats(-500.0, 500.0))
 def test_feedforward_is_odd_and_has_the_motor_equation_outside_the_friction_band(omega, alpha):
     config = PidConfig(kv=0.45, ks=0.3, ka=0.02)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.pwm import PwmConfig, PwmMap
@@ -13,6 +13,7 @@ voltages = st.floats(-30.0, 30.0)
 buses = st.floats(6.0, 30.0)
 
 
+@settings(deadline=None)
 @given(voltages, buses, st.floats(0.0, 0.5))
 def test_voltage_behind_the_dead_band_is_the_wanted_one(motor_rig, voltage, bus, deadband):
     duty = PwmMap(PwmConfig(deadband=deadband, slew_per_s=math.inf)).step(voltage, bus, 0.005)
@@ -41,6 +42,7 @@ def test_below_the_voltage_floor_the_duty_grows_no_further():
     assert pwm.step(3.0, 0.5, 0.005) == pytest.approx(0.5)
 
 
+@settings(deadline=None)
 @given(st.lists(voltages, min_size=1, max_size=50), st.floats(0.1, 100.0), st.floats(1e-4, 0.02))
 def test_effective_duty_never_changes_faster_than_the_slew_limit(demands, slew, dt):
     deadband = 0.05
@@ -68,6 +70,7 @@ def test_reset_starts_the_slew_from_zero():
     assert pwm.step(12.0, 12.0, 0.005) == pytest.approx(0.2)
 
 
+@settings(deadline=None)
 @given(voltages, buses)
 def test_duty_is_bounded_and_the_voltage_limit_says_where(voltage, bus):
     config = PwmConfig(deadband=0.1, slew_per_s=math.inf, max_duty=0.6)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.servoing import ServoConfig, gain_limit, gain_without_overshoot, servo
@@ -67,6 +67,7 @@ def test_the_direction_decides_between_convergence_and_flight(direction):
     assert z < 0.0
 
 
+@settings(deadline=None)
 @given(st.floats(), st.floats())
 def test_the_demand_is_finite_and_within_its_limit(reference, reading):
     demand = servo(ServoConfig(kp=3.0, direction=1, limit=0.7), reference, reading)

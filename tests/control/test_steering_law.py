@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.steering_law import SteeringLawConfig, nearer_side, steer_round
@@ -81,6 +81,7 @@ def test_driving_on_the_tangent_needs_no_steering():
     assert steer_round(CONFIG, -half_width, distance, "right") == (0.0, False)
 
 
+@settings(deadline=None)
 @given(st.floats(-math.pi, math.pi), st.floats(0.01, 100.0))
 def test_left_and_right_are_mirror_images(bearing, distance):
     left = steer_round(CONFIG, bearing, distance, "left")
@@ -108,6 +109,7 @@ def test_from_inside_the_radius_the_robot_comes_out():
     assert distances[-1] >= CONFIG.radius_m
 
 
+@settings(deadline=None)
 @given(st.floats(), st.floats())
 def test_any_numbers_give_a_bounded_angle(bearing, distance):
     demand = steer_round(CONFIG, bearing, distance, "left")

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.wall_following import (
@@ -74,8 +74,9 @@ def test_too_far_turns_towards_the_wall_and_too_near_away_from_it(side):
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("distance", [0.25, 0.5, 1.0, 1.6])
 @pytest.mark.parametrize("heading", [-0.35, 0.0, 0.35])
-def test_it_settles_from_far_and_near_without_touching_the_wall(side, distance, heading):
-    out, follower = follow(config_for(side), Room(side, distance, heading), metres=8.0)
+@pytest.mark.parametrize("v", [0.3, -0.3])
+def test_it_settles_from_far_and_near_without_touching_the_wall(side, distance, heading, v):
+    out, follower = follow(config_for(side), Room(side, distance, heading), v, metres=8.0)
     assert abs(out[-1, 0] - 0.5) < 0.01
     assert abs(out[-1, 1]) < 0.02
     assert np.min(out[:, 0]) > 0.12
@@ -132,7 +133,8 @@ def test_a_wall_that_jumps_is_taken_up_when_the_readings_agree():
     def reading(k, distance):
         return distance if k < 1000 else distance - 0.2  # a cupboard along the wall
 
-    out, follower = follow(config_for("left"), Room("left", 0.5), metres=6.0, reading=reading)
+    config = config_for("left", lost_after_s=60.0)
+    out, follower = follow(config, Room("left", 0.5), metres=6.0, reading=reading)
     just_after = out[1000:1050, 0]
     assert np.max(np.abs(just_after - 0.5)) < 0.003
     assert out[-1, 0] == pytest.approx(0.7, abs=0.01)
@@ -148,6 +150,17 @@ def test_it_is_lost_before_the_first_reading_and_found_with_it():
     assert not follower.lost
     follower.reset()
     assert follower.lost
+
+
+def test_a_wall_found_again_is_taken_as_parallel():
+    follower = WallFollower(config_for("left", lost_after_s=0.5))
+    follower.step(0.5, 0.3, DT)
+    for _ in range(200):
+        follower.step(math.nan, 0.0, DT, 0.5)
+    assert follower.lost
+    assert follower.heading_est_rad == pytest.approx(0.5, abs=0.01)
+    follower.step(0.7, 0.0, DT, 0.0)
+    assert (follower.distance_est_m, follower.heading_est_rad) == (0.7, 0.0)
 
 
 def test_an_echo_from_beyond_the_range_is_no_wall():
@@ -177,6 +190,7 @@ def test_a_measured_turning_rate_replaces_the_commanded_one():
     assert room.distance == pytest.approx(0.5, abs=0.01)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(), st.floats(-1.0, 1.0)), min_size=1, max_size=50))
 def test_any_readings_give_a_bounded_finite_turning_rate(steps):
     follower = WallFollower(config_for("left", omega_max_rad_s=0.8))

@@ -59,6 +59,7 @@ def test_ripple_at_constant_speed_is_many_times_below_the_bare_difference(speed_
     assert ripple_ratio(speed_m_s * MS_TO_RAD_S) > at_least
 
 
+@settings(deadline=None)
 @given(st.floats(-40.0, 40.0), st.floats(0.0, 1.0))
 def test_error_at_constant_speed_is_below_one_count_per_window(omega, phase):
     errors = estimates(constant_speed(omega, 0.3, phase))[20:] - omega
@@ -102,6 +103,20 @@ def test_an_abrupt_change_is_seen_within_two_samples(omega):
     assert speeds[92] == pytest.approx(-omega, abs=one_count)
 
 
+def test_a_stop_from_crawling_speed_shows_at_the_first_still_sample_and_ends_at_the_second():
+    times_us = np.arange(0, 300_000, PERIOD_US)
+    t = times_us * 1e-6
+    first, second = [], []
+    for phase in np.linspace(0.0, 0.9, 10):
+        samples = latches(np.minimum(t, 0.2) + phase * RAD_PER_COUNT, times_us)
+        speeds = estimates(samples)
+        first.append(speeds[41])
+        second.append(speeds[42])
+    assert np.mean(first) < 0.8
+    assert np.mean(second) < 0.2
+
+
+@settings(deadline=None)
 @given(st.floats(-20.0, 20.0))
 def test_a_stop_decays_to_exactly_zero_within_the_window(omega):
     times_us = np.arange(0, 500_000, PERIOD_US)
@@ -121,7 +136,7 @@ def test_direction_reversal_through_a_slow_sine():
     assert bare > 2.0 * ours
 
 
-@settings(max_examples=50)
+@settings(deadline=None, max_examples=50)
 @given(st.floats(-60.0, 60.0), st.integers(0, 65535), st.integers(0, (1 << 20) - 1))
 def test_roll_over_of_counts_and_time_changes_nothing(omega, count0, time0):
     times_us = np.arange(0, 1_500_000, PERIOD_US)
@@ -131,6 +146,7 @@ def test_roll_over_of_counts_and_time_changes_nothing(omega, count0, time0):
     np.testing.assert_array_equal(estimates(plain), estimates(shifted))
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(-2200, 2200), min_size=1, max_size=100), st.integers(0, 65535))
 def test_position_is_the_sum_of_all_counts(steps, first):
     estimator = WheelVelocityEstimator(CPR)
@@ -143,7 +159,7 @@ def test_position_is_the_sum_of_all_counts(steps, first):
     assert estimator.jumps == 0
 
 
-@settings(max_examples=50)
+@settings(deadline=None, max_examples=50)
 @given(st.sets(st.integers(1, 199), max_size=120), st.floats(1.0, 30.0))
 def test_lost_samples_do_not_disturb_the_speed(lost, omega):
     samples = [s for k, s in enumerate(constant_speed(omega)) if k not in lost]
@@ -220,8 +236,6 @@ def test_other_control_rates_have_the_same_bound_and_react_as_fast(period_us):
         ("counts_per_revolution", 0),
         ("window_s", 0.0),
         ("window_s", 0.6),
-        ("window_min_s", -0.001),
-        ("window_min_s", 0.1),
         ("band_counts", 0.5),
         ("speed_max_rad_s", 0.0),
         ("speed_max_rad_s", math.nan),
