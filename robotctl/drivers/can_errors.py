@@ -13,14 +13,10 @@ CAN_ERR_FLAG: Final = 0x20000000
 """Bit of the identifier that makes an error frame."""
 
 CAN_ERR_CRTL: Final = 0x004
-CAN_ERR_PROT: Final = 0x008
-CAN_ERR_ACK: Final = 0x020
 CAN_ERR_BUSOFF: Final = 0x040
-CAN_ERR_BUSERROR: Final = 0x080
 CAN_ERR_RESTARTED: Final = 0x100
 CAN_ERR_CNT: Final = 0x200
 
-CRTL_OVERFLOW: Final = 0x01 | 0x02
 CRTL_WARNING: Final = 0x04 | 0x08
 CRTL_PASSIVE: Final = 0x10 | 0x20
 CRTL_ACTIVE: Final = 0x40

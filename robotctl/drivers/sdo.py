@@ -18,7 +18,6 @@ RETRIES: Final = 3
 """How often an unanswered request is repeated."""
 
 ABORT_NO_OBJECT: Final = 0x06020000
-ABORT_DEVICE_STATE: Final = 0x08000022
 
 _HEADER = struct.Struct("<BHB")
 _UPLOAD_REQUEST = 0x40

@@ -211,3 +211,47 @@ def test_a_simulated_bus_that_dies_and_comes_back_is_found_again(tmp_path, clock
 def test_a_socketcan_interface_that_is_not_there_is_named(clock):
     with pytest.raises(LinkError, match="socketcan robotctl-none"):
         SocketPort(CanConfig(channel="robotctl-none"), WANTED, clock)
+
+
+@pytest.fixture
+def own_interface():
+    """A vcan interface of the test's own, which it may take down and delete."""
+    name = "vcanport0"
+    added = subprocess.run(
+        ["ip", "link", "add", "dev", name, "type", "vcan"], capture_output=True, check=False
+    )
+    if added.returncode:
+        pytest.skip("a vcan interface cannot be added here: run in tools/vcan-guest")
+    ip("link", "set", name, "up")
+    yield name
+    subprocess.run(["ip", "link", "del", name], capture_output=True, check=False)
+
+
+def ip(*arguments):
+    subprocess.run(["ip", *arguments], check=True)
+
+
+def test_an_interface_that_goes_down_or_away_and_comes_back_is_found_again(own_interface, clock):
+    port = SocketPort(CanConfig("socketcan", own_interface), WANTED, clock)
+
+    def state_after_retry():
+        port.receive()
+        clock.sleep_until(clock.now_ns() + 500_000_000)
+        port.receive()
+        port.receive()
+        return port.status().state
+
+    assert port.send(0x201, bytes(8))
+    ip("link", "set", own_interface, "down")
+    assert state_after_retry() is BusState.DOWN
+    assert port.send(0x201, bytes(8)) is False
+    ip("link", "set", own_interface, "up")
+    assert state_after_retry() is BusState.ERROR_ACTIVE
+    assert port.send(0x201, bytes(8))
+    ip("link", "del", own_interface)
+    assert state_after_retry() is BusState.DOWN
+    ip("link", "add", "dev", own_interface, "type", "vcan")
+    ip("link", "set", own_interface, "up")
+    assert state_after_retry() is BusState.ERROR_ACTIVE
+    assert port.send(0x201, bytes(8))
+    port.close()
