@@ -13,7 +13,9 @@ from robotctl.planning.pursuit import (
     PursuitConfig,
     bend_speed,
     heading_error_rad,
+    in_base,
     miss_m,
+    reachable_curvature,
     turn_rate,
 )
 from robotctl.planning.situation import Situation, Step, done, failed
@@ -91,6 +93,7 @@ class GoTo:
         self._goal = (x_m, y_m)
         self._config = config
         self._radius = drive.min_turning_radius_m
+        self._curvature_max = 1.0 / self._radius if self._radius > 0.0 else math.inf
         self._steered = drive.steered
         self._speed = speed_m_s
         self.reset()
@@ -118,10 +121,7 @@ class GoTo:
             return Step(-0.5 * self._speed, 0.0, text=f"{text}, backing up")
         if not self._steered and self._must_turn(bearing):
             return Step(0.0, turn_rate(bearing, config), text=f"{text}, turning")
-        curvature = 2.0 * math.sin(bearing) / distance
-        if self._steered:
-            limit = 1.0 / self._radius
-            curvature = min(max(curvature, -limit), limit)
+        curvature = reachable_curvature(*in_base(pose, x, y), self._curvature_max)
         v = max(min(v, bend_speed(abs(curvature), config)), config.creep_m_s)
         return Step(v, curvature * v, text=text)
 

@@ -123,6 +123,7 @@ class FollowWall:
     def pause(self) -> None:
         """Forget pose and wall, which change while somebody else drives."""
         self._last = None
+        self._lost_since = self._travelled
         self._follower.reset()
 
     def _met(self, situation: Situation) -> bool:

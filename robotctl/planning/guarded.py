@@ -63,6 +63,11 @@ class Guarded:
         self._behaviour.pause()
         self._blocked_ns = None
 
+    def retry(self) -> None:
+        """Go on after a failure from wherever the robot is, with all the time anew."""
+        self.pause()
+        self._start_ns = None
+
     def step(self, situation: Situation, now_ns: int) -> Step:
         """Return what the behaviour wants, as far as obstacles and time allow it."""
         if self._start_ns is None:

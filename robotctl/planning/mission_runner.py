@@ -77,12 +77,12 @@ class MissionRunner:
         return item.name or item.kind
 
     def begin(self) -> None:
-        """Start, go on where it was left, try a failed item again or repeat what is completed."""
+        """Start, go on where it was left, go on with a failed item or repeat what is completed."""
         if self.completed:
             self._restart()
         elif self.failure:
             self.failure = ""
-            self._behaviours[self.index].reset()
+            self._behaviours[self.index].retry()
 
     def pause(self) -> None:
         """Somebody else steers for a while."""

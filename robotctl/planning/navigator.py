@@ -75,7 +75,7 @@ class Navigator:
       the operator sees. The turn stick sets the turn rate of a differential drive and the
       curvature of a drive-and-steer robot.
     - GUIDED takes velocities, until they expire, and positions, both with the guard.
-    - AUTO runs the mission from where it was left; failed items are tried again and a completed
+    - AUTO runs the mission from where it was left, also after an item has failed; a completed
       mission is repeated when AUTO is asked for anew.
     - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
 
@@ -141,7 +141,7 @@ class Navigator:
         return ""
 
     def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:
-        """Return the decision at `now_ns`, monotonic [ns]. Input that is not finite stops."""
+        """Return the decision at `now_ns`, monotonic [ns]. Input that is no number stops."""
         for request in inputs.requests:
             self._take(request)
         if not _finite(inputs):
@@ -174,7 +174,7 @@ class Navigator:
                 if self._mode is Mode.GUIDED:
                     self._behaviour = None
             case PositionRequest(x, y):
-                if self._mode is Mode.GUIDED and math.isfinite(x + y):
+                if self._mode is Mode.GUIDED and _on_earth(x, y):
                     speed = self._config.guided_speed_m_s
                     goal = GoTo(x, y, self._config.pursuit, self._drive, speed)
                     self._velocity, self._ended = None, ""
@@ -260,5 +260,10 @@ def _unit(stick: float) -> float:
 def _finite(inputs: NavigationInputs) -> bool:
     """Say whether pose and velocity are numbers."""
     pose, twist = inputs.pose, inputs.twist
-    total = pose.x_m + pose.y_m + pose.theta_rad + twist.v_m_s + twist.omega_rad_s
-    return math.isfinite(total)
+    rest = pose.theta_rad + twist.v_m_s + twist.omega_rad_s
+    return _on_earth(pose.x_m, pose.y_m) and math.isfinite(rest)
+
+
+def _on_earth(x_m: float, y_m: float) -> bool:
+    """Say whether a point is finite and within 1000 km of the origin."""
+    return abs(x_m) < 1e6 and abs(y_m) < 1e6

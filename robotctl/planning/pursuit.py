@@ -145,13 +145,12 @@ class Pursuit:
         remaining = path.length_m - self._s
         if remaining <= config.goal_tolerance_m:
             return PursuitStep(0.0, 0.0, remaining, off_path, True)
-        x, y = _in_base(pose, *path.point_at(self._s + lookahead))
+        x, y = in_base(pose, *path.point_at(self._s + lookahead))
         bearing = math.atan2(y, x)
         if self._turns_on_spot and self._must_turn(bearing):
             omega = turn_rate(bearing, config)
             return PursuitStep(0.0, omega, remaining, off_path, False)
-        curvature = 2.0 * y / (x * x + y * y)
-        curvature = min(max(curvature, -self._curvature_max), self._curvature_max)
+        curvature = reachable_curvature(self._gear * x, y, self._curvature_max)
         v = min(self._speed_here(), bend_speed(abs(curvature), config))
         v = self._gear * max(v, config.creep_m_s)
         return PursuitStep(v, curvature * v, remaining, off_path, False)
@@ -170,6 +169,20 @@ class Pursuit:
         return min(self._speed, math.sqrt(slow * slow + 2.0 * self._config.acceleration_m_s2 * way))
 
 
+def reachable_curvature(x_m: float, y_m: float, limit: float) -> float:
+    """Return the curvature of the arc to a point, as far as the robot can bend [1/m].
+
+    `x_m` is positive in the direction of travel and `y_m` to the left [m]. Towards a point behind
+    the robot turns as tightly as it can: the arc there would be a detour ever wider, the straighter
+    behind the point lies.
+    """
+    if x_m < 0.0 and limit < math.inf:
+        return math.copysign(limit, y_m)
+    squared = x_m * x_m + y_m * y_m
+    curvature = 2.0 * y_m / squared if squared > 1e-9 else 0.0
+    return min(max(curvature, -limit), limit)
+
+
 def turn_rate(error_rad: float, config: PursuitConfig) -> float:
     """Return the turn rate that closes a heading error on the spot [rad/s].
 
@@ -185,7 +198,7 @@ def miss_m(pose: SE2, x_m: float, y_m: float, radius_m: float) -> float:
 
     0 outside of both smallest turning circles, where one arc from `pose` leads to the point.
     """
-    x, y = _in_base(pose, x_m, y_m)
+    x, y = in_base(pose, x_m, y_m)
     return max(radius_m - math.hypot(x, abs(y) - radius_m), 0.0)
 
 
@@ -194,7 +207,7 @@ def heading_error_rad(pose: SE2, x_m: float, y_m: float) -> float:
     return wrap_angle(math.atan2(y_m - pose.y_m, x_m - pose.x_m) - pose.theta_rad)
 
 
-def _in_base(pose: SE2, x_m: float, y_m: float) -> tuple[float, float]:
+def in_base(pose: SE2, x_m: float, y_m: float) -> tuple[float, float]:
     """Return a point of `world` in `base` [m]."""
     c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
     dx, dy = x_m - pose.x_m, y_m - pose.y_m

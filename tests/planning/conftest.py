@@ -73,11 +73,11 @@ ROBOTS = {
 }
 
 
-def cast(walls: np.ndarray, x: float, y: float, angles: np.ndarray) -> np.ndarray:
-    """Return range and |cosine of incidence| of each ray, (n, 2)."""
+def cast(walls: np.ndarray, x: np.ndarray, y: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return range and |cosine of incidence| of each ray from (x, y), (n, 2)."""
     ux, uy = np.cos(angles)[:, None], np.sin(angles)[:, None]
     ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
-    dx, dy = walls[:, 0] - x, walls[:, 1] - y
+    dx, dy = walls[:, 0] - x[:, None], walls[:, 1] - y[:, None]
     cross = ux * ey - uy * ex
     with np.errstate(divide="ignore", invalid="ignore"):
         along = (dx * ey - dy * ex) / cross
@@ -128,15 +128,14 @@ class World:
         step = abs(v) * dt
         self.distance_m += step
         noise = self.drift * math.sqrt(step) * self.rng.standard_normal(2)
-        believed = Twist(v + noise[0] / dt, self.twist.omega_rad_s + noise[1] / dt)
+        believed = Twist(float(v + noise[0] / dt), float(self.twist.omega_rad_s + noise[1] / dt))
         self.odometry = integrate(self.odometry, *believed, dt)
-        self._check_contact()
 
     @staticmethod
     def _slew(value: float, target: float, change: float) -> float:
         return min(max(target, value - change), value + change)
 
-    def _check_contact(self) -> None:
+    def check_contact(self) -> None:
         r = self.robot
         local = self.all_walls().reshape(-1, 2) - [self.pose.x_m, self.pose.y_m]
         c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
@@ -154,19 +153,19 @@ class World:
 
     def ranges(self) -> tuple[float, ...]:
         """One reading of each sonar: nearest wall in a cone of 24 degrees, lost beyond 65."""
-        readings = []
-        walls = self.all_walls()
-        for mount in self.robot.mounts:
-            x, y = self.pose.apply(mount.x_m, mount.y_m)
-            axis = self.pose.theta_rad + mount.heading_rad
-            hits = cast(walls, x, y, axis + np.radians([-12.0, -6.0, 0.0, 6.0, 12.0]))
-            seen = hits[hits[:, 1] > math.cos(math.radians(65.0)), 0]
-            reading = float(seen.min()) if len(seen) else math.inf
-            reading += self.range_noise_m * self.rng.standard_normal()
-            if self.rng.random() < self.outliers:
-                reading = float(self.rng.uniform(0.03, 4.0))
-            readings.append(max(reading, 0.02) if reading <= 4.0 else math.inf)
-        return tuple(readings)
+        mounts = self.robot.mounts
+        places = np.array([self.pose.apply(mount.x_m, mount.y_m) for mount in mounts])
+        axes = self.pose.theta_rad + np.array([mount.heading_rad for mount in mounts])
+        rays = axes[:, None] + np.radians([-12.0, -6.0, 0.0, 6.0, 12.0])
+        x, y = np.repeat(places, 5, axis=0).T
+        hits = cast(self.all_walls(), x, y, rays.ravel())
+        seen = np.where(hits[:, 1] > math.cos(math.radians(65.0)), hits[:, 0], np.inf)
+        readings = seen.reshape(-1, 5).min(axis=1)
+        readings += self.range_noise_m * self.rng.standard_normal(len(mounts))
+        wild = self.rng.random(len(mounts)) < self.outliers
+        readings = np.where(wild, self.rng.uniform(0.03, 4.0, len(mounts)), readings)
+        readings = np.where(readings > 4.0, np.inf, np.maximum(readings, 0.02))
+        return tuple(readings.tolist())
 
 
 @dataclass
@@ -193,6 +192,7 @@ class Run:
             self.messages.append(out.message)
         for _ in range(5):
             self.world.drive(out.v_m_s, out.omega_rad_s, 0.01)
+        self.world.check_contact()
         self.trace.append(self.world.pose)
         self.now_ns += 50_000_000
         return out

@@ -1,0 +1,337 @@
+"""The navigator's modes, driven in the simulated flat."""
+
+import math
+
+import numpy as np
+import pytest
+
+from robotctl.errors import MissionError
+from robotctl.model.se2 import SE2
+from robotctl.model.twist import Twist
+from robotctl.planning.mission import (
+    DriveItem,
+    Mission,
+    StartPose,
+    TurnToItem,
+    WaitItem,
+)
+from robotctl.planning.mode import Mode
+from robotctl.planning.navigator import NavigationInputs
+from robotctl.planning.requests import (
+    ModeRequest,
+    PositionRequest,
+    StickRequest,
+    VelocityRequest,
+)
+
+LATER = 10**15
+AUTO = ModeRequest(Mode.AUTO)
+RTL = ModeRequest(Mode.RTL)
+HOLD = ModeRequest(Mode.HOLD)
+GUIDED = ModeRequest(Mode.GUIDED)
+MANUAL = ModeRequest(Mode.MANUAL)
+
+
+def mission(*items, x=1.0, y=1.0):
+    return Mission("test", "flat", StartPose(x, y), items)
+
+
+def ahead(x, speed=0.4):
+    return DriveItem("drive", ((1.0, 1.0), (x, 1.0)), speed_m_s=speed, name="ahead")
+
+
+def box(x0, y0, x1, y1):
+    return np.array([(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)])
+
+
+def home_distance(run):
+    home = run.trace[0]
+    return math.dist((run.world.pose.x_m, run.world.pose.y_m), (home.x_m, home.y_m))
+
+
+def test_it_begins_in_hold_and_stands(robot, make_run):
+    run = make_run(robot)
+    out = run.step(VelocityRequest(LATER, 0.5, 0.0), StickRequest(LATER, 1.0, 0.0))
+    assert out.mode is Mode.HOLD
+    assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+
+
+def test_sticks_scale_to_the_limits_and_expire(differential, make_run):
+    run = make_run(differential)
+    out = run.step(MANUAL, StickRequest(60_000_000, 0.5, -1.0))
+    assert (out.v_m_s, out.omega_rad_s) == (0.4, -2.5)
+    assert run.step().v_m_s == 0.4
+    out = run.step()
+    assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+
+
+def test_the_turn_stick_of_a_drive_and_steer_robot_is_its_steering(steered, make_run):
+    run = make_run(steered)
+    for forward in (1.0, -0.5):
+        out = run.step(MANUAL, StickRequest(LATER, forward, 1.0))
+        wheels = steered.drive.inverse(out.v_m_s, out.omega_rad_s)
+        assert wheels.steering_rad == pytest.approx(steered.drive.steering_max_rad)
+        assert out.v_m_s == pytest.approx(forward * 0.8)
+
+
+@pytest.mark.parametrize("stick", [5.0, math.inf, math.nan])
+def test_sticks_out_of_range_never_exceed_the_limits(differential, make_run, stick):
+    out = make_run(differential).step(MANUAL, StickRequest(LATER, stick, stick))
+    assert abs(out.v_m_s) <= 0.8
+    assert abs(out.omega_rad_s) <= 2.5
+
+
+def test_a_guided_velocity_is_driven_until_it_expires(robot, make_run):
+    run = make_run(robot, flat=False)
+    out = run.step(GUIDED, VelocityRequest(100_000_000, 0.3, 0.2))
+    assert (out.v_m_s, out.omega_rad_s) == (0.3, 0.2)
+    run.step()
+    assert run.step().v_m_s == 0.0
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_guided_velocity_that_is_no_number_stops(robot, make_run, bad):
+    out = make_run(robot).step(GUIDED, VelocityRequest(LATER, bad, 0.0))
+    assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+
+
+def test_a_guided_velocity_towards_a_wall_stops_ahead_of_it(robot, make_run):
+    for v, start in ((0.8, SE2(1.5, 1.0, 0.0)), (-0.6, SE2(3.0, 1.0, 0.0))):
+        run = make_run(robot, start=start, range_noise_m=0.01, outliers=0.01)
+        run.step(GUIDED, VelocityRequest(LATER, v, 0.0))
+        for _ in range(200):
+            out = run.step()
+        assert abs(run.world.twist.v_m_s) < 0.05
+        assert run.world.touched == 0
+        assert out.v_m_s == 0.0
+        assert "waiting" in out.message
+
+
+@pytest.mark.parametrize(
+    "goal", [(2.0, 0.0), (1.0, 1.0), (-2.0, 0.3), (0.0, 0.4), (0.3, -0.3), (-0.3, 0.1)]
+)
+def test_a_guided_position_is_reached_from_any_side(robot, make_run, goal):
+    run = make_run(robot, flat=False)
+    run.step(GUIDED, PositionRequest(*goal))
+    run.until(lambda out: out.v_m_s == out.omega_rad_s == 0.0, 60.0)
+    assert math.dist((run.world.pose.x_m, run.world.pose.y_m), goal) < 0.07
+    assert run.world.distance_m < 8.0
+
+
+def test_a_new_position_replaces_the_old_and_a_velocity_ends_it(differential, make_run):
+    run = make_run(differential, flat=False)
+    run.step(GUIDED, PositionRequest(5.0, 0.0))
+    run.until(lambda out: run.world.pose.x_m > 1.0, 10.0)
+    run.step(PositionRequest(1.0, 1.0))
+    run.until(lambda out: out.v_m_s == out.omega_rad_s == 0.0, 20.0)
+    assert run.world.pose.y_m == pytest.approx(1.0, abs=0.06)
+    run.step(PositionRequest(5.0, 0.0))
+    out = run.step(VelocityRequest(LATER, -0.2, 0.0))
+    assert out.v_m_s == -0.2
+
+
+def test_auto_without_a_mission_is_refused_with_the_reason(robot, make_run):
+    run = make_run(robot)
+    out = run.step(AUTO)
+    assert out.mode is Mode.HOLD
+    assert "no mission is loaded" in out.message
+    assert run.navigator.refusal(Mode.AUTO)
+    assert not run.navigator.refusal(Mode.RTL)
+
+
+def test_a_mission_that_the_robot_cannot_drive_is_refused_at_once(steered, make_run):
+    with pytest.raises(MissionError, match="item 1"):
+        make_run(steered, mission=mission(TurnToItem("turn_to", 90.0)))
+
+
+def test_items_run_in_their_order(differential, make_run):
+    plan = mission(WaitItem("wait", 1.0), TurnToItem("turn_to", 90.0), ahead(2.0))
+    run = make_run(differential, mission=plan)
+    run.step(AUTO)
+    run.until(lambda out: out.item == 1, 1.2)
+    out = run.until(lambda out: out.item == 2, 5.0)
+    assert run.world.pose.theta_rad == pytest.approx(math.pi / 2, abs=0.06)
+    assert out.item_name == "ahead"
+    out = run.until(lambda out: out.mission_completed, 20.0)
+    assert (out.item, out.items, out.item_name) == (3, 3, "")
+    assert run.world.pose.x_m == pytest.approx(2.0, abs=0.07)
+
+
+def test_while_not_armed_nothing_moves_and_no_time_passes(robot, make_run):
+    run = make_run(robot, mission=mission(WaitItem("wait", 1.0), ahead(2.0)))
+    run.enabled = False
+    run.step(AUTO)
+    for _ in range(100):
+        out = run.step()
+        assert (out.v_m_s, out.item) == (0.0, 0)
+    run.enabled = True
+    run.until(lambda out: out.item == 1, 1.2)
+
+
+def test_an_interrupted_mission_goes_on_where_it_was_left(robot, make_run):
+    run = make_run(robot, mission=mission(WaitItem("wait", 0.5), ahead(3.5)))
+    run.step(AUTO)
+    run.until(lambda out: run.world.pose.x_m > 2.0, 10.0)
+    out = run.step(HOLD)
+    assert (out.v_m_s, out.item) == (0.0, 1)
+    run.step(MANUAL, StickRequest(LATER, 0.3, 0.0))
+    for _ in range(20):
+        run.step()
+    before = run.now_ns
+    run.step(AUTO)
+    run.until(lambda out: out.mission_completed, 10.0)
+    assert (run.now_ns - before) / 1e9 < 6.0
+    assert min(pose.x_m for pose in run.trace[-40:]) > 2.0
+
+
+def test_asking_for_auto_again_repeats_a_completed_mission(differential, make_run):
+    run = make_run(differential, mission=mission(WaitItem("wait", 0.2)))
+    run.step(AUTO)
+    run.until(lambda out: out.mission_completed, 1.0)
+    assert run.step().mission_completed
+    assert not run.step(AUTO).mission_completed
+    run.until(lambda out: out.mission_completed, 1.0)
+
+
+def test_the_robot_waits_for_an_obstacle_and_goes_on_when_it_is_gone(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(3.5)))
+    run.world.obstacle = box(2.8, 0.8, 3.0, 1.2)
+    run.step(AUTO)
+    out = run.until(lambda out: "waiting" in out.message, 15.0)
+    assert "front sees" in out.message
+    for _ in range(60):
+        out = run.step()
+    assert run.world.twist.v_m_s == 0.0
+    run.world.obstacle = None
+    run.until(lambda out: out.mission_completed, 15.0)
+    assert run.world.touched == 0
+
+
+def test_a_robot_blocked_for_too_long_gives_up_with_the_reason_and_can_go_on_later(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(3.5)))
+    run.world.obstacle = box(2.8, 0.8, 3.0, 1.2)
+    run.step(AUTO)
+    out = run.until(lambda out: out.mission_failed, 30.0)
+    assert 'item 1 "ahead" (drive): blocked for 10 s: front sees' in out.message
+    assert not out.mission_completed
+    assert run.step().v_m_s == 0.0
+    run.world.obstacle = None
+    run.step(HOLD)
+    assert not run.step(AUTO).mission_failed
+    out = run.until(lambda out: out.mission_completed or out.mission_failed, 30.0)
+    assert out.mission_completed, out.message
+
+
+def test_an_item_over_its_time_fails_with_the_reason(robot, make_run):
+    item = DriveItem("drive", ((1.0, 1.0), (4.0, 1.0)), time_out_s=2.0)
+    run = make_run(robot, mission=mission(item))
+    run.step(AUTO)
+    out = run.until(lambda out: out.mission_failed, 3.0)
+    assert "not done after 2 s" in out.message
+
+
+def test_a_robot_far_from_its_path_gives_up(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(3.5)), start=SE2(1.0, 2.0, 0.0))
+    out = run.step(AUTO)
+    assert out.mission_failed
+    assert "1.00 m off the path" in out.message
+    assert out.v_m_s == 0.0
+
+
+def test_the_way_home_leads_back_through_the_door(robot, make_run):
+    way = DriveItem(
+        "drive", ((1.0, 1.0), (4.0, 1.0), (4.0, 2.5), (6.5, 2.5), (6.5, 4.0)), corner_radius_m=0.6
+    )
+    run = make_run(robot, mission=mission(way), drift=0.003, range_noise_m=0.01)
+    run.step(AUTO)
+    run.until(lambda out: out.mission_completed, 60.0)
+    run.step(RTL)
+    out = run.until(lambda out: out.message == "home", 90.0)
+    assert out.v_m_s == 0.0
+    assert run.world.touched == 0
+    assert home_distance(run) < 0.25  # breadcrumbs 0.1 m apart, and the odometry's drift
+
+
+def test_drive_and_steer_robots_return_in_reverse_gear_and_others_forwards(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(3.0)))
+    run.step(AUTO)
+    run.until(lambda out: out.mission_completed, 20.0)
+    run.step(RTL)
+    speeds = []
+    while (out := run.step()).message != "home":
+        speeds.append(out.v_m_s)
+        assert len(speeds) < 1000
+    assert min(speeds) < 0 if robot.drive.steered else min(speeds) >= 0.0
+    assert max(speeds) <= 0 if robot.drive.steered else max(speeds) > 0.0
+    assert home_distance(run) < 0.15
+
+
+def test_an_interrupted_way_home_goes_on(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(3.5)))
+    run.step(AUTO)
+    run.until(lambda out: out.mission_completed, 20.0)
+    run.step(RTL)
+    run.until(lambda out: run.world.pose.x_m < 2.5, 20.0)
+    run.step(HOLD)
+    for _ in range(10):
+        run.step()
+    run.step(RTL)
+    before = run.world.distance_m
+    run.until(lambda out: out.message == "home", 20.0)
+    assert home_distance(run) < 0.15
+    assert run.world.distance_m - before < 1.8
+
+
+def test_ways_with_changes_of_gear_are_driven_back(steered, make_run):
+    run = make_run(steered, flat=False)
+    for v, omega in ((0.4, 0.3), (-0.4, 0.4), (0.4, 0.3)):
+        run.step(GUIDED, VelocityRequest(run.now_ns + 5_000_000_000, v, omega))
+        for _ in range(100):
+            run.step()
+    assert home_distance(run) > 1.0
+    run.step(RTL)
+    run.until(lambda out: out.message == "home", 60.0)
+    assert home_distance(run) < 0.15
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e308])
+def test_an_invalid_pose_or_velocity_stops_the_robot(robot, make_run, bad):
+    run = make_run(robot, mission=mission(ahead(3.0)))
+    run.step(AUTO)
+    ranges = (math.inf,) * 8
+    for pose, twist in (
+        (SE2(bad, 1.0, 0.0), Twist(0.1, 0.0)),
+        (SE2(1.0, -bad, 0.0), Twist(0.1, 0.0)),
+        (SE2(1.0, 1.0, 0.0), Twist(math.nan, 0.0)),
+    ):
+        out = run.navigator.step(NavigationInputs(pose, twist, ranges, True), run.now_ns)
+        assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+        assert "no valid pose" in out.message
+    run.until(lambda out: out.mission_completed, 20.0)
+
+
+@pytest.mark.parametrize("ranges", [(), (1.0,), (math.nan,) * 8])
+def test_without_readings_of_its_sonars_the_robot_stands(robot, make_run, ranges):
+    run = make_run(robot, mission=mission(ahead(3.0)))
+    inputs = NavigationInputs(run.world.pose, Twist(0.0, 0.0), ranges, True, (AUTO,))
+    out = run.navigator.step(inputs, 0)
+    assert out.v_m_s == 0.0
+    assert "gives no reading" in out.message
+
+
+def test_recorded_inputs_give_the_same_outputs_bit_for_bit(robot, make_run):
+    plan = mission(ahead(3.0), WaitItem("wait", 0.5))
+    run = make_run(robot, mission=plan, drift=0.01, range_noise_m=0.02, outliers=0.02)
+    recorded, step = [], run.navigator.step
+
+    def recording(inputs, now_ns):
+        recorded.append((inputs, now_ns, out := step(inputs, now_ns)))
+        return out
+
+    run.navigator.step = recording
+    run.step(AUTO)
+    run.until(lambda out: out.mission_completed, 20.0)
+    run.step(RTL)
+    run.until(lambda out: out.message == "home", 30.0)
+    replayed = make_run(robot, mission=plan).navigator
+    assert all(replayed.step(inputs, now) == out for inputs, now, out in recorded)
