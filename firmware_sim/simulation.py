@@ -36,8 +36,10 @@ from firmware_sim.world import World, load_world
 Memory: TypeAlias = Callable[[str], ParameterStore]
 """Gives each node, by its name, its non-volatile memory."""
 
-CONTINUOUS_SHARE = 0.8
-"""Default current limit of the drive's guard, as a share of where its bridge chops."""
+CONTINUOUS_SHARE = 0.7
+"""Default limit of the drive's over-current guard, as a share of the greatest current there is."""
+CELL_V = 3.7
+CURRENT_STEP_MA = 500
 
 
 class Simulation:
@@ -207,7 +209,7 @@ class Simulation:
             self.run_to,
             model,
             memory("drive"),
-            current_limit_ma=round(motor.current_limit_a * CONTINUOUS_SHARE * 1e3),
+            current_limit_ma=_current_limit_ma(self.config),
             channels=2 if isinstance(self.config.drive, DifferentialDrive) else 1,
         )
 
@@ -237,6 +239,17 @@ class Simulation:
             plant.charge,
             self.config.simulation.motor.air_c,
         )
+
+
+def _current_limit_ma(config: RobotConfig) -> int:
+    """Return where the guard's limit is set at the factory: below the current of a stalled motor.
+
+    In whole steps, since nobody knows his motors better than that.
+    """
+    motor = config.simulation.motor
+    stall_a = config.simulation.battery.cells * CELL_V / motor.resistance_ohm
+    limit_ma = CONTINUOUS_SHARE * min(stall_a, motor.current_limit_a) * 1e3
+    return max(round(limit_ma / CURRENT_STEP_MA), 1) * CURRENT_STEP_MA
 
 
 def _memory(directory: Path | None) -> Memory:

@@ -39,10 +39,10 @@ from firmware_sim.nodes.object_dictionary import AbortCode, ObjectDictionary, Sd
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.plant import Bridge
 
-GUARD_PERIOD_NS: Final = 10 * MILLISECOND_NS
-"""The guards look at the power stage this often, at a frame that touches it …"""
-GUARD_DUE_NS: Final = 20 * MILLISECOND_NS
-"""… or by themselves after this time."""
+GUARD_PERIOD_NS: Final = 20 * MILLISECOND_NS
+"""The guards look at the power stage this often, at a frame that touches it,"""
+GUARD_DUE_NS: Final = 30 * MILLISECOND_NS
+"""or by themselves after this time."""
 
 MAX_COUNTER_STEP: Final = 3
 """E2E_MaxDeltaCounter of MotorCommand."""
@@ -239,7 +239,10 @@ class DriveNode(Node):
 
     def _obey(self, command: wire.MotorCommand) -> None:
         machine = self._machine
-        machine.handle(DriveEvent.ENABLE if command.enable else DriveEvent.DISABLE)
+        if not command.enable:
+            machine.handle(DriveEvent.DISABLE)
+        elif machine.state is not DriveState.ENABLED:
+            machine.handle(DriveEvent.ENABLE)
         if machine.state is DriveState.ENABLED:
             entered = self._bridge is not Bridge.DRIVE
             self._apply(command.duty1, command.duty2, command.steering_rad, Bridge.DRIVE)
@@ -292,7 +295,7 @@ class DriveNode(Node):
         if faults:
             if self._machine.handle(DriveEvent.FAULT):
                 self._hold(stage_ns)
-            self._latch(faults)
+            self._latch(DriveFault(faults))
 
     def _samples(self) -> tuple[ChannelSample, ChannelSample]:
         stage = self._stage
@@ -310,7 +313,7 @@ class DriveNode(Node):
         causes = self._supply_guard.cause_present(self._stage.bus_voltage_v, self._limits)
         for guard, sample in zip(self._guards, self._samples(), strict=False):
             causes |= guard.cause_present(sample, self._limits)
-        return causes & self.faults
+        return DriveFault(causes) & self.faults
 
     def _clear_faults(self, _value: int) -> None:
         self._run_to(self._now_ns)

@@ -235,7 +235,7 @@ class TestEmergencyStop:
 class TestFaults:
     def test_over_current_stops_after_half_a_second_not_before(self, rig):
         rig.enable()
-        rig.stage.current1_a = -8.1
+        rig.stage.current1_a = -5.1
         rig.host.drive(450)
         assert rig.drive.drive_state is DriveState.ENABLED
         rig.host.drive(100)
@@ -246,7 +246,7 @@ class TestFaults:
 
     def test_current_below_its_limit_or_short_peaks_are_no_fault(self, rig):
         rig.enable()
-        for current in (7.9, 9.5, 7.9, 9.5):
+        for current in (4.9, 9.5, 4.9, 9.5):
             rig.stage.current1_a = current
             rig.host.drive(400)
         assert rig.drive.drive_state is DriveState.ENABLED
