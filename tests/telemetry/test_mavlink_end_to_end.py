@@ -26,7 +26,10 @@ mavlink = mavutil.mavlink
 
 
 class Robot:
-    """Telemetry on real links, with two processes that say yes to everything."""
+    """Telemetry on real links, with two processes that say yes to everything.
+
+    Its clock advances 10 ms a step, faster than time, so that nobody waits for heartbeats.
+    """
 
     def __init__(self, links, states, **config):
         self.config = MavlinkConfig(link=links, **config)
@@ -35,9 +38,11 @@ class Robot:
         self.make_control, self.make_navigation = states
         self.state, self.mode, self.ack = SafetyState.STANDBY, Mode.HOLD, None
         self.requests = []
+        self.now_ns = time.monotonic_ns()
 
     def step(self):
-        now_ns = time.monotonic_ns()
+        self.now_ns += 10_000_000
+        now_ns = self.now_ns
         states = [
             self.make_control(now_ns, state=self.state, ack=self.ack, theta_rad=math.pi / 2),
             self.make_navigation(now_ns, mode=self.mode),

@@ -34,7 +34,7 @@ def requests_of(bench, data):
     messages = reader.feed(bytes(data), 0) + reader.expire(STALE_NS + 1)
     bench.links.incoming += [Received(message, Peer(0, 0)) for message in messages]
     requests = bench.step(bench.control())
-    bench.run(0.1)
+    bench.step(bench.control())
     return requests, messages
 
 

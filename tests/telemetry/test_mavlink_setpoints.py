@@ -105,7 +105,7 @@ def test_a_zero_local_velocity_stops(bench):
     assert (request.v_m_s, request.omega_rad_s) == (0.0, 0.0)
 
 
-@settings(deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.floats(0.01, 1.0))
 def test_following_a_local_velocity_ends_up_driving_along_it(make_bench, theta, direction, speed):
     """Integrate the requests as a unicycle: heading and velocity become those asked for."""
