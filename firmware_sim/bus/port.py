@@ -207,6 +207,7 @@ class Port:
     def detach(self) -> None:
         """Leave the bus now; queued frames are discarded, one being sent is completed."""
         self._detached = True
+        self._direct = False
         self._discard_queue()
         self._bus._remove(self)
 

@@ -1,0 +1,230 @@
+"""The python-can interface `simcan`, on hubs that run in real time."""
+
+import subprocess
+import sys
+import textwrap
+import time
+
+import can
+import pytest
+
+from firmware_sim.bus.errors import BusError
+from firmware_sim.bus.faults import Destroy
+
+
+def open_bus(channel="simcan0", **options):
+    return can.Bus(interface="simcan", channel=channel, **options)
+
+
+@pytest.fixture
+def hub(running_hub):
+    return running_hub()
+
+
+@pytest.fixture
+def pair(hub):
+    with open_bus(node="a") as a, open_bus(node="b") as b:
+        yield a, b
+
+
+def frame(can_id, data=b"", **options):
+    options.setdefault("is_extended_id", can_id > 0x7FF)
+    return can.Message(arbitration_id=can_id, data=data, **options)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        frame(0x181, b"\x01\x02"),
+        frame(0x000),
+        frame(0x1FFFFFFF, bytes(8)),
+        frame(0x5, b"x", is_extended_id=True),
+        can.Message(arbitration_id=0x181, is_remote_frame=True, dlc=6, is_extended_id=False),
+    ],
+)
+def test_messages_arrive_as_they_were_sent(pair, message):
+    a, b = pair
+    a.send(message)
+    received = b.recv(5.0)
+    assert received.equals(message, timestamp_delta=None, check_channel=False)
+    assert received.channel == "simcan0"
+    assert received.is_rx
+    assert abs(received.timestamp - time.time()) < 5.0
+
+
+def test_receiving_waits_no_longer_than_asked(pair):
+    begin = time.monotonic()
+    assert pair[0].recv(0.05) is None
+    assert 0.045 <= time.monotonic() - begin < 2.0
+    assert pair[0].recv(0) is None
+
+
+def test_own_messages_come_back_only_on_request(hub):
+    with open_bus(receive_own_messages=True) as a, open_bus() as b:
+        a.send(frame(0x100))
+        own = a.recv(5.0)
+        assert (own.arbitration_id, own.is_rx) == (0x100, False)
+        b.send(frame(0x200))
+        assert a.recv(5.0).is_rx
+        assert b.recv(5.0).arbitration_id == 0x100
+        assert b.recv(0.05) is None
+
+
+def test_filters_hold_for_recv_and_for_the_raw_descriptor(hub):
+    filters = [{"can_id": 0x180, "can_mask": 0x780, "extended": False}]
+    with open_bus(can_filters=filters) as a, open_bus() as b:
+        b.send(frame(0x201))
+        b.send(frame(0x181, is_extended_id=True))
+        b.send(frame(0x182))
+        assert a.recv(5.0).arbitration_id == 0x182
+        a.set_filters(None)
+        b.send(frame(0x700))
+        assert a.recv(5.0).arbitration_id == 0x700
+
+
+def test_error_messages_come_as_error_frames_and_set_the_state(hub, running_hub):
+    with open_bus(node="alone") as bus:
+        bus.send(frame(0x100, b"x"))
+        message = bus.recv(5.0)
+        assert message.is_error_frame
+        assert message.arbitration_id & 0x20  # CAN_ERR_ACK
+        while bus.state is can.BusState.ACTIVE:
+            assert bus.recv(5.0).is_error_frame
+        assert bus.state is can.BusState.PASSIVE
+    with open_bus(ignore_rx_error_frames=True) as bus:
+        bus.send(frame(0x100, b"x"))
+        assert bus.recv(0.1) is None
+
+
+def test_a_bus_off_node_shows_as_error_and_comes_back(pair, hub):
+    a, b = pair
+    hub.bus.inject(Destroy(error=BusError.BIT_ERROR, count=32))
+    a.send(frame(0x100))
+    while a.state is not can.BusState.ERROR:
+        assert a.recv(5.0).is_error_frame
+    while a.state is not can.BusState.ACTIVE:
+        assert a.recv(5.0).is_error_frame
+    a.send(frame(0x101))
+    received = b.recv(5.0)
+    while received.is_error_frame:
+        received = b.recv(5.0)
+    assert received.arbitration_id == 0x101
+
+
+def test_a_passive_listener_does_not_acknowledge(hub):
+    with open_bus() as sender, open_bus() as listener:
+        listener.state = can.BusState.PASSIVE
+        assert listener.state is can.BusState.PASSIVE
+        time.sleep(0.1)  # the hub has no way to confirm it
+        sender.send(frame(0x100))
+        assert sender.recv(5.0).arbitration_id & 0x20  # CAN_ERR_ACK
+        listener.state = can.BusState.ACTIVE
+        received = listener.recv(5.0)
+        while received is not None and received.is_error_frame:
+            received = listener.recv(5.0)
+        assert received.arbitration_id == 0x100
+
+
+def test_a_full_transmit_queue_is_an_error_at_once_or_after_the_time_given(hub):
+    def flood(timeout):
+        for _ in range(1000):
+            alone.send(frame(0x100), timeout)
+
+    with open_bus() as alone:
+        with pytest.raises(can.CanOperationError, match="buffer full"):
+            flood(None)
+        begin = time.monotonic()
+        with pytest.raises(can.CanOperationError, match="buffer full"):
+            flood(0.1)
+        assert time.monotonic() - begin >= 0.1
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        can.Message(is_error_frame=True),
+        can.Message(arbitration_id=1, is_fd=True, data=bytes(12), dlc=12),
+    ],
+)
+def test_what_classic_can_has_not_is_not_sent(pair, message):
+    with pytest.raises(can.CanOperationError, match="cannot be sent"):
+        pair[0].send(message)
+
+
+def test_without_a_hub_the_error_names_channel_places_and_alternatives(running_hub):
+    running_hub("other1")
+    with pytest.raises(can.CanInitializationError) as caught:
+        open_bus("simcan9")
+    text = str(caught.value)
+    assert "'simcan9'" in text
+    assert "robotctl/simcan9.sock" in text
+    assert "other1" in text.split("Running channels: ")[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"), [({"bitrate": 500_000}, "1000000"), ({"fd": True}, "FD")]
+)
+def test_options_the_bus_cannot_have_are_refused(hub, options, text):
+    with pytest.raises(can.CanInitializationError, match=text):
+        open_bus(**options)
+
+
+def test_a_hub_that_goes_is_an_error_on_both_ways(hub):
+    bus = open_bus()
+    hub.stop()
+    with pytest.raises(can.CanOperationError, match="hub is gone"):
+        bus.recv(5.0)
+    with pytest.raises(can.CanOperationError, match="hub is gone"):
+        bus.send(frame(0x100))
+    bus.shutdown()
+    bus.shutdown()
+
+
+def test_running_channels_are_detected(running_hub):
+    running_hub("first9")
+    running_hub("second9")
+    found = can.detect_available_configs("simcan")
+    assert {"first9", "second9"} <= {entry["channel"] for entry in found}
+    assert {entry["interface"] for entry in found} == {"simcan"}
+
+
+def test_a_notifier_hands_messages_to_its_listeners(pair):
+    a, b = pair
+    reader = can.BufferedReader()
+    with can.Notifier(b, [reader], timeout=0.1):
+        for number in range(20):
+            a.send(frame(0x181, bytes([number])), timeout=1.0)
+        received = [reader.get_message(5.0).data[0] for _ in range(20)]
+    assert received == list(range(20))
+
+
+def test_periodic_messages_keep_their_rate_on_the_bus(pair):
+    a, b = pair
+    task = a.send_periodic(frame(0x80), 0.02)
+    stamps = [b.recv(5.0).timestamp for _ in range(6)]
+    task.stop()
+    assert 0.08 <= stamps[-1] - stamps[0] <= 1.0
+
+
+def test_the_interface_needs_nothing_of_the_simulator():
+    """A robot's control process must not load numpy tables or numba for its bus."""
+    program = textwrap.dedent("""
+        import sys
+        import firmware_sim.bus.python_can
+        loaded = [name for name in sys.modules if name.startswith("firmware_sim")]
+        print(*sorted(loaded))
+        print("numpy" in sys.modules, "numba" in sys.modules)
+    """)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+    )
+    names, heavy = done.stdout.splitlines()
+    assert names.split() == [
+        "firmware_sim",
+        "firmware_sim.bus",
+        "firmware_sim.bus.channels",
+        "firmware_sim.bus.frame",
+        "firmware_sim.bus.python_can",
+        "firmware_sim.bus.wire",
+    ]
+    assert heavy == "False False"
