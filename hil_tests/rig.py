@@ -243,9 +243,10 @@ class Rig:
 
     def arm(self) -> None:
         """Arm and wait for it."""
-        self.wait_for(lambda: self._requests.send(
-            Arm(time.monotonic_ns(), next(self._ids), arm=True)
-        ), SafetyState.ARMED)
+        self.wait_for(
+            lambda: self._requests.send(Arm(time.monotonic_ns(), next(self._ids), arm=True)),
+            SafetyState.ARMED,
+        )
 
     def wait_for(self, ask: Callable[[], Any], state: SafetyState, seconds: float = 10.0) -> None:
         """Ask now and each second until the control process is in `state`."""

@@ -54,16 +54,17 @@ class Bench:
         The other end of the wire.
     """
 
-    def __init__(
-        self, config: RobotConfig, options: StackOptions, simulation: Simulation
-    ) -> None:
+    def __init__(self, config: RobotConfig, options: StackOptions, simulation: Simulation) -> None:
         self.clock = VirtualClock(simulation.now_ns)
         self.simulation = simulation
         self.period_ns = config.runtime.period_ns
         self.step_ns = Histogram()
         codec = make_codec()
         wire = simulation.bus.attach(
-            "host", lambda frame: port.deliver(*frame), accept=codec.arbitration_ids
+            "host",
+            lambda frame: port.deliver(*frame),
+            accept=codec.arbitration_ids,
+            errors=True,
         )
         port = MemoryPort(wire.send, codec.arbitration_ids, config.can.bitrate, self.clock)
         self.robot = CanRobot(port, codec, node_parameters(config))
@@ -222,8 +223,7 @@ class LockstepRun:
         """Return whether the mission has ended, well or not."""
         navigation = self._navigation
         return self.bench.core.machine.state in LATCHED or (
-            navigation is not None
-            and (navigation.mission_completed or navigation.mission_failed)
+            navigation is not None and (navigation.mission_completed or navigation.mission_failed)
         )
 
     def _report(self, took_s: float) -> Report:

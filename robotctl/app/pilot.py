@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -37,6 +38,9 @@ COMMAND_LIFE_PERIODS: Final = 4
 
 STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
+
+_UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
+"""Before the first control state; the navigator then stands and drops no breadcrumb."""
 
 
 def load_mission(path: Path) -> Mission:
@@ -79,7 +83,7 @@ class Pilot:
         """Return the velocity command of this step and what to publish."""
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
         if control is None:
-            pose, twist, ranges_m = SE2(), Twist(0.0, 0.0), ()
+            pose, twist, ranges_m = _UNKNOWN, Twist(0.0, 0.0), ()
         else:
             pose = SE2(control.x_m, control.y_m, control.theta_rad)
             twist = Twist(control.v_m_s, control.omega_rad_s)

@@ -22,10 +22,10 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
+from robotctl.app.pilot import load_mission
 from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, loop_report
 from robotctl.app.stack import Stack
 from robotctl.errors import ConfigError, RobotctlError
-from robotctl.app.pilot import load_mission
 from robotctl.runtime.messages import (
     Arm,
     ControlState,
@@ -278,17 +278,13 @@ class SimRun:
         progress = self.progress
         for truth in self._truths.receive():
             progress.truth = truth
-            self._score.truth(
-                StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad)
-            )
+            self._score.truth(StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad))
         for message in self._states.receive():
             match message:
                 case ControlState():
                     progress.control = message
                     self._score.estimate(
-                        StampedPose(
-                            message.stamp_ns, message.x_m, message.y_m, message.theta_rad
-                        )
+                        StampedPose(message.stamp_ns, message.x_m, message.y_m, message.theta_rad)
                     )
                 case NavigationState():
                     progress.navigation = message

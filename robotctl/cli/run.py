@@ -11,10 +11,10 @@ import zmq
 
 from robotctl.app.config import find_file
 from robotctl.app.options import StackOptions
+from robotctl.app.pilot import load_mission
 from robotctl.app.signals import StopFlag
 from robotctl.app.stack import Stack
 from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.app.pilot import load_mission
 from robotctl.runtime.messages import Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
 

@@ -27,7 +27,7 @@ def score_table(report: Report) -> Table:
         (
             "pose error",
             (
-                f"rmse {pose.rmse_m:.3f} m, max {pose.max_m:.3f} m, at the end {pose.final_m:.3f} m "
+                f"rmse {pose.rmse_m:.3f} m, max {pose.max_m:.3f} m, final {pose.final_m:.3f} m "
                 f"and {math.degrees(pose.final_rad):.1f}°"
             ),
         ),

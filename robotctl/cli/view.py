@@ -74,9 +74,7 @@ class LineView:
         Where others can connect.
     """
 
-    def __init__(
-        self, console: Console, config: RobotConfig, connections: tuple[str, ...]
-    ) -> None:
+    def __init__(self, console: Console, config: RobotConfig, connections: tuple[str, ...]) -> None:
         self._console = console
         self._config = config
         self._connections = connections
