@@ -82,6 +82,7 @@ class Pilot:
     ) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity command of this step and what to publish."""
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
+        ranges_m: tuple[float, ...]
         if control is None:
             pose, twist, ranges_m = _UNKNOWN, Twist(0.0, 0.0), ()
         else:

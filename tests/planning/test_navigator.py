@@ -335,3 +335,16 @@ def test_recorded_inputs_give_the_same_outputs_bit_for_bit(robot, make_run):
     run.until(lambda out: out.message == "home", 30.0)
     replayed = make_run(robot, mission=plan).navigator
     assert all(replayed.step(inputs, now) == out for inputs, now, out in recorded)
+
+
+def test_before_the_first_pose_no_breadcrumb_is_dropped(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(2.5)))
+    unknown = NavigationInputs(
+        SE2(math.nan, math.nan, math.nan), Twist(0.0, 0.0), (), False, (AUTO,)
+    )
+    assert "no valid pose" in run.navigator.step(unknown, 0).message
+    run.until(lambda out: out.mission_completed, 20.0)
+    before = run.world.distance_m
+    run.step(RTL)
+    run.until(lambda out: out.message == "home", 20.0)
+    assert run.world.distance_m - before == pytest.approx(1.4, abs=0.25)
