@@ -63,6 +63,7 @@ class Plant:
         self._deadband = config.simulation.bridge.deadband
         self._per_rad = config.drive.counts_per_revolution / (2.0 * math.pi)
         self._motors = int(self._p["wheels"][0])
+        self._world = world
         self._segments = world.segments
         self._outline = body_outline(config.simulation.body)
         self._origin, self._grid = wall_grid(
@@ -157,10 +158,11 @@ class Plant:
         SimulationError
             A wall is in the way.
         """
-        if _overlaps(self._outline, self._segments, x_m, y_m, theta_rad):
+        inside = self._world.solid_at(x_m, y_m)
+        if inside or _overlaps(self._outline, self._segments, x_m, y_m, theta_rad):
             raise SimulationError(
                 f"the robot cannot stand at x {x_m} m, y {y_m} m, heading {theta_rad} rad: "
-                "a wall is in the way"
+                f"{inside or 'a wall'} is in the way"
             )
         b = self._b
         b["x"], b["y"], b["theta"] = x_m, y_m, theta_rad
@@ -168,9 +170,9 @@ class Plant:
         for wheel in self._w:
             wheel["omega"] = 0.0
 
-    def jam(self, channel: int, torque_n_m: float) -> None:
-        """Hold the wheel of channel 1 or 2 by a friction torque [N m] (0 lets it go): a fault."""
-        self._w[channel - 1]["jam"] = torque_n_m
+    def block(self, channel: int, blocked: bool = True) -> None:
+        """Hold the wheel of channel 1 or 2, or let it go: a fault, under which the motor stalls."""
+        self._w[channel - 1]["blocked"] = float(blocked)
 
     def _count(self, k: int) -> int:
         if k >= self._motors:

@@ -59,7 +59,7 @@ WHEEL = np.dtype(
             "winding_c",
             "case_c",
             "floor",  # relative change of the rolling radius
-            "jam",  # friction torque of a jam, N m
+            "blocked",  # 1: a fault holds the wheel
             "rolling",  # rolling resistance, N m
             "radius",  # true rolling radius, m
             "voltage",  # at the bridge, mean over the last step

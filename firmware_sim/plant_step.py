@@ -119,12 +119,14 @@ def spin_motor(body: np.ndarray, wheels: np.ndarray, p: np.ndarray, k: int) -> N
             )
         torque = c.k * (w.held * w.current + (1.0 - w.held) * w.voltage / w.resistance)
         motor_damping = (1.0 - w.held) * c.k * c.k / w.resistance
-    friction = w.jam + w.rolling + friction_torque(
+    friction = w.rolling + friction_torque(
         w.omega, torque - motor_damping * w.omega, c.coulomb, c.stiction_ratio, c.gear_loss
     )
     w.omega, w.inertia = wheel_step(
         w.omega, torque, friction, motor_damping + c.viscous, c.wheel_inertia, DT_S
     )
+    if w.blocked > 0.0:
+        w.omega, w.inertia = 0.0, np.inf
 
 
 @compiled

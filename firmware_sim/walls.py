@@ -17,7 +17,7 @@ from firmware_sim.plant_state import DT_S
 CELL_M = 0.25
 NEAR_M = 0.05
 """Gap within which the grid lists a wall; must exceed what the robot drives in one step."""
-END_M = 2.0e-3
+END_M = 5.0e-4
 """A wall's end this near to a corner of the outline makes no contact: the corner itself does."""
 
 

@@ -149,6 +149,8 @@ class World:
         Min x, min y, max x, max y [m].
     start
         x [m], y [m], heading [rad].
+    solids
+        Name and corners, (k, 2) [m], of what has an inside: boxes, furniture and thick walls.
     """
 
     name: str
@@ -156,6 +158,18 @@ class World:
     corners: np.ndarray
     bounds: tuple[float, float, float, float]
     start: tuple[float, float, float]
+    solids: tuple[tuple[str, np.ndarray], ...] = ()
+
+    def solid_at(self, x_m: float, y_m: float) -> str:
+        """Name of the box, furniture or thick wall that a point is inside of; "" if none."""
+        for name, ring in self.solids:
+            following = np.roll(ring, -1, axis=0)
+            crosses = (ring[:, 1] > y_m) != (following[:, 1] > y_m)
+            a, b = ring[crosses], following[crosses]
+            at = a[:, 0] + (y_m - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
+            if np.count_nonzero(at > x_m) % 2:
+                return name
+        return ""
 
     @staticmethod
     def from_segments(
@@ -185,6 +199,7 @@ def load_world(path: Path) -> World:
     """
     file = validate(_FILE, read_toml(path), path)
     segments: list[tuple[float, float, float, float]] = []
+    solids: list[tuple[str, np.ndarray]] = []
     for kind, things in (("wall", file.wall), ("box", file.box), ("furniture", file.furniture)):
         for i, thing in enumerate(things):
             for chain in thing.outlines():
@@ -192,6 +207,8 @@ def load_world(path: Path) -> World:
                 if any(math.hypot(s[2] - s[0], s[3] - s[1]) < 1.0e-6 for s in sides):
                     raise SimulationError(f"{path}: {kind}.{i} ({thing.name}): two points coincide")
                 segments += sides
+                if not isinstance(thing, Wall) or thing.thickness_m > 0.0:
+                    solids.append((thing.name, np.array(chain[:-1])))
     start = file.world.start
     pose = (start.x_m, start.y_m, math.radians(start.heading_deg))
     world = World.from_segments(segments, pose, file.world.name)
@@ -200,7 +217,7 @@ def load_world(path: Path) -> World:
         raise SimulationError(
             f"{path}: world.start: ({pose[0]}, {pose[1]}) is outside the bounds {bounds}"
         )
-    return World(world.name, world.segments, world.corners, bounds, pose)
+    return World(world.name, world.segments, world.corners, bounds, pose, tuple(solids))
 
 
 def _inner_corners(segments: np.ndarray) -> np.ndarray:
