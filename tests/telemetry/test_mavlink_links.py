@@ -224,6 +224,28 @@ def test_a_tcp_server_serves_several_clients_and_survives_their_going(party, tcp
     assert robot.status().open
 
 
+@pytest.mark.parametrize("kind", ["tcpin", "udpin"])
+def test_a_command_behind_half_a_frame_gets_through_without_more_bytes(
+    party, udp, tcp, eventually, kind
+):
+    robot = party(f"{kind}:127.0.0.1:0")
+    robot.step()
+    port = robot.status().port
+    if kind == "tcpin":
+        tcp(port).sendall(b"\xfd\xff\x00" + frame())
+        eventually(lambda: robot.status().peers, robot.step)
+        robot.step()
+    else:
+        station = udp()
+        for data in (frame(), b"\xfd\xff\x00" + frame()):
+            station.sendto(data, ("127.0.0.1", port))
+        eventually(lambda: len(robot.received) == 1, robot.step)
+    before = len(robot.received)
+    robot.step()
+    robot.offset_ns += 500_000_000
+    eventually(lambda: len(robot.received) == before + 1, robot.step)
+
+
 def test_a_tcp_server_accepts_at_most_eight_clients(party, tcp, eventually):
     robot = party("tcpin:127.0.0.1:0")
     robot.step()

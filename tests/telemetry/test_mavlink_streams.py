@@ -130,8 +130,9 @@ def test_streams_come_at_their_configured_rates(make_bench):
 def test_a_pause_of_the_process_is_not_made_up_for_by_a_burst(bench):
     bench.run(1.0)
     bench.take()
-    bench.step(advance_s=0.9)
-    assert len(bench.messages("ATTITUDE")) == 1
+    bench.step(advance_s=5.0)
+    bench.run(0.5)
+    assert len(bench.messages("ATTITUDE")) <= 6
 
 
 def test_streams_do_not_all_fall_into_one_step(bench):
