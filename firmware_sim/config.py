@@ -10,13 +10,12 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from firmware_sim import parameters
 from firmware_sim.errors import SimulationError
 from firmware_sim.parameters import Drive, SimulationParameters, SonarMount
 
@@ -89,17 +88,19 @@ def validate(adapter: TypeAdapter[T], data: Mapping[str, Any], path: Path) -> T:
     try:
         return adapter.validate_python(data)
     except ValidationError as error:
-        lines = [_line(path, item) for item in error.errors()]
+        known = _known_keys(adapter)
+        lines = [_line(path, item, known) for item in error.errors()]
         raise SimulationError("\n".join(lines)) from error
 
 
-def _line(path: Path, item: Any) -> str:
+def _line(path: Path, item: Any, known: list[str]) -> str:
     """One error of pydantic as `file: key: rule`."""
     # The tag of a union appears in the location, but is not part of the key.
-    tags = {"differential", "tricycle", "ackermann", "pillar"}
-    key = ".".join(str(part) for part in item["loc"] if part not in tags)
+    tags = {"differential", "tricycle", "ackermann", "box", "pillar"}
+    head, *rest = item["loc"] or ("",)
+    key = ".".join([str(head), *(str(part) for part in rest if part not in tags)])
     if item["type"] in {"extra_forbidden", "unexpected_keyword_argument"}:
-        near = difflib.get_close_matches(str(item["loc"][-1]), _known_keys(), n=1)
+        near = difflib.get_close_matches(str(item["loc"][-1]), known, n=1)
         hint = f'; did you mean "{near[0]}"?' if near else ""
         return f"{path}: {key}: unknown key{hint}"
     if item["type"] == "missing":
@@ -108,10 +109,11 @@ def _line(path: Path, item: Any) -> str:
     return f"{path}: {key}: {rule}, found {item['input']!r}"
 
 
-def _known_keys() -> list[str]:
-    """Names of all keys that the simulator knows."""
-    classes = [value for value in vars(parameters).values() if is_dataclass(value)]
-    return sorted({entry.name for cls in classes for entry in fields(cls)})
+def _known_keys(adapter: TypeAdapter[T]) -> list[str]:
+    """Names of all keys that a file may have."""
+    schema = adapter.json_schema()
+    tables = [schema, *schema.get("$defs", {}).values()]
+    return sorted({key for table in tables for key in table.get("properties", {})})
 
 
 def _put(data: dict[str, Any], key: str, value: Any, path: Path) -> None:

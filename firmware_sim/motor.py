@@ -40,8 +40,6 @@ def current_decay(resistance: float, inductance: float, dt_s: float) -> tuple[fl
     Without inductance both shares are 0.
     """
     x = resistance * dt_s / inductance if inductance > 0.0 else np.inf
-    if x > 500.0:
-        return 0.0, 0.0
     e = math.exp(-x)
     return e, (1.0 - e) / x
 

@@ -70,19 +70,24 @@ def test_current_of_a_held_motor_rises_with_the_electrical_time_constant() -> No
         assert motor.current_a == pytest.approx(expected, rel=1e-6)
 
 
-@given(st.floats(0.01, 20.0), st.floats(0.0, 0.1), st.floats(1e-4, 0.05), st.floats(-20.0, 20.0))
+@given(
+    st.floats(0.01, 20.0),
+    st.just(0.0) | st.floats(1e-8, 0.1),
+    st.floats(1e-4, 0.05),
+    st.floats(-20.0, 20.0),
+)
 def test_exact_winding_agrees_with_many_small_steps(
     resistance: float, inductance: float, dt: float, start: float
 ) -> None:
     decay, held = current_decay(resistance, inductance, dt)
-    if inductance < 1e-6:
-        assert 0.0 <= decay <= held < 1e-2 or inductance * 100 > resistance * dt
+    if inductance == 0.0:
+        assert (decay, held) == (0.0, 0.0)
         return
-    times = np.linspace(0.0, dt, 20_001)
+    times = np.concatenate([[0.0], np.geomspace(dt * 1e-9, dt, 20_001)])
     current = 3.0 + (start - 3.0) * np.exp(-times * resistance / inductance)
     assert decay * start + (1 - decay) * 3.0 == pytest.approx(current[-1], abs=1e-6)
     assert held * start + (1 - held) * 3.0 == pytest.approx(
-        np.trapezoid(current, times) / dt, abs=1e-3 + 2e-2 * held
+        np.trapezoid(current, times) / dt, abs=1e-4
     )
 
 

@@ -1,0 +1,177 @@
+"""Worlds: the files that come with the project, and what is said about wrong ones."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_sim.config import load_robot
+from firmware_sim.errors import SimulationError
+from firmware_sim.plant import Plant
+from firmware_sim.world import Box, Pillar, World, load_world
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+WORLDS = sorted((CONFIGS / "worlds").glob("*.toml"))
+
+
+def test_the_promised_worlds_are_there() -> None:
+    names = {path.stem for path in WORLDS}
+    assert {"empty_room", "flat", "corridor_loop", "office"} <= names
+    assert all(load_world(path).name == path.stem for path in WORLDS)
+
+
+@pytest.mark.parametrize("path", WORLDS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
+def test_every_robot_can_stand_at_every_start(path: Path, robot: str) -> None:
+    world = load_world(path)
+    p = Plant(load_robot(CONFIGS / f"{robot}.toml"), world, np.random.default_rng(1))
+    assert (p.x_m, p.y_m, p.theta_rad) == world.start
+
+
+def crossings(world: World, a: tuple[float, float], b: tuple[float, float]) -> int:
+    """How many walls a straight way crosses."""
+    count = 0
+    for px, py, qx, qy in world.segments:
+        area = (b[0] - a[0]) * (qy - py) - (b[1] - a[1]) * (qx - px)
+        if area != 0:
+            t = ((px - a[0]) * (qy - py) - (py - a[1]) * (qx - px)) / area
+            u = ((px - a[0]) * (b[1] - a[1]) - (py - a[1]) * (b[0] - a[0])) / area
+            count += 0 < t < 1 and 0 <= u <= 1
+    return count
+
+
+def test_the_flat_has_two_rooms_a_door_and_its_furniture() -> None:
+    flat = load_world(CONFIGS / "worlds" / "flat.toml")
+    assert flat.bounds == (0.0, 0.0, 8.0, 5.0)
+    assert flat.start == (1.0, 1.0, 0.0)
+    for y in (2.01, 2.5, 2.99):
+        assert crossings(flat, (4.0, y), (6.0, y)) == 0
+    for y in (0.5, 1.99, 3.01, 4.5):
+        assert crossings(flat, (4.0, y), (6.0, y)) == 2
+        assert crossings(flat, (4.94, y), (4.96, y)) == 1
+        assert crossings(flat, (5.04, y), (5.06, y)) == 1
+    assert flat.solid_at(0.3, 4.5) == "cabinet"
+    assert flat.solid_at(0.61, 4.5) == flat.solid_at(0.3, 3.89) == ""
+    assert flat.solid_at(7.21, 0.79) == "table"
+    assert flat.solid_at(7.19, 0.4) == flat.solid_at(7.6, 0.81) == ""
+    assert flat.solid_at(5.0, 1.0).startswith("inner")
+
+
+def test_the_corridor_is_a_loop_two_metres_wide_and_the_office_is_long() -> None:
+    loop = load_world(CONFIGS / "worlds" / "corridor_loop.toml")
+    ring = [(1.0, 1.0), (11.0, 1.0), (11.0, 3.0), (11.0, 7.0), (1.0, 7.0), (1.0, 1.0)]
+    assert all(crossings(loop, a, b) == 0 for a, b in itertools.pairwise(ring))
+    assert crossings(loop, (6.0, 0.5), (6.0, 2.5)) == 1
+    office = load_world(CONFIGS / "worlds" / "office.toml")
+    assert office.bounds[2] - office.bounds[0] >= 30.0
+    assert crossings(office, (1.0, 7.5), (33.0, 7.5)) == 0
+    assert len(office.solids) > 40
+
+
+def test_every_room_of_the_office_can_be_reached_by_a_robot_of_half_a_metre() -> None:
+    office = load_world(CONFIGS / "worlds" / "office.toml")
+    step, clear = 0.1, 0.25
+    nx, ny = round(34 / step), round(15 / step)
+    xs, ys = (np.arange(nx) + 0.5) * step, (np.arange(ny) + 0.5) * step
+    grid = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1)
+    free = np.ones((nx, ny), dtype=bool)
+    for ax, ay, bx, by in office.segments:
+        d = np.array([bx - ax, by - ay])
+        t = np.clip(((grid - (ax, ay)) @ d) / (d @ d), 0, 1)
+        free &= np.hypot(*np.moveaxis(grid - (ax, ay) - t[..., None] * d, -1, 0)) > clear
+    reached = np.zeros_like(free)
+    front = [(round(1.5 / step), round(7.5 / step))]
+    while front:
+        i, j = front.pop()
+        if 0 <= i < nx and 0 <= j < ny and free[i, j] and not reached[i, j]:
+            reached[i, j] = True
+            front += [(i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)]
+    south = [(3, 4), (8.5, 5), (14, 4.5), (19.5, 5), (24, 5)]
+    north = [(2.5, 10), (9, 9.8), (14.1, 10.5), (22, 11), (31, 8), (32, 2)]
+    for x, y in [*south, *north]:
+        assert reached[round(x / step), round(y / step)], (x, y)
+
+
+@given(
+    st.floats(-5, 5), st.floats(-5, 5), st.floats(0.1, 3), st.floats(0.1, 3), st.floats(-180, 180)
+)
+def test_a_turned_box_has_its_size_and_four_inner_corners_for_who_is_inside(
+    x: float, y: float, width: float, depth: float, heading: float
+) -> None:
+    chain = np.array(Box((x, y), (width, depth), heading).outlines()[0])
+    sides = np.hypot(*np.diff(chain, axis=0).T)
+    assert sides == pytest.approx([width, depth, width, depth])
+    assert chain[:-1].mean(axis=0) == pytest.approx([x, y], abs=1e-9)
+    corners = World.from_segments(np.hstack([chain[:-1], chain[1:]])).corners
+    assert len(corners) == 4
+    for cx, cy, ux, uy, vx, vy in corners:
+        assert ux * vx + uy * vy == pytest.approx(0.0, abs=1e-9)
+        # Both arms point along the box, so the middle is between them.
+        assert (x - cx) * ux + (y - cy) * uy > 0
+        assert (x - cx) * vx + (y - cy) * vy > 0
+
+
+def test_a_wall_that_ends_at_another_makes_two_corners() -> None:
+    world = World.from_segments([(0.0, 0.0, 4.0, 0.0), (2.0, 0.0, 2.0, 3.0)])
+    assert len(world.corners) == 2
+    assert {tuple(np.round(c[:2], 9)) for c in world.corners} == {(2.0, 0.0)}
+    assert sorted(round(c[4], 9) for c in world.corners) == [-1.0, 1.0]
+
+
+def test_a_pillar_is_no_smaller_than_its_circle() -> None:
+    chain = np.array(Pillar("pillar", (1.0, 2.0), 0.3).outlines()[0])
+    middles = (chain[:-1] + chain[1:]) / 2
+    assert np.hypot(middles[:, 0] - 1.0, middles[:, 1] - 2.0) == pytest.approx(0.3)
+
+
+HEAD = '[world]\nname = "w"\nstart = { x_m = 0.0, y_m = 0.0 }\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[world\n", "w.toml: "),
+        ('[world]\nname = "w"\n', "world.start: missing"),
+        (HEAD + "[[wal]]\npoints = []\n", "wal: unknown key; did you mean"),
+        (HEAD + "[[wall]]\npoints = [[0.0, 0.0]]\n", "wall.0.points"),
+        (HEAD + "[[wall]]\npoints = [[0.0, 1.0], [0.0, 1.0]]\n", "two points coincide"),
+        (HEAD + "[[wall]]\npoints = [[0.0, 1.0], [1.0, 1.0]]\nthick_m = 1.0\n", "thick_m"),
+        (HEAD + '[[wall]]\npoints = [[0.0, "a"], [1.0, 1.0]]\n', "wall.0.points.0.1"),
+        (HEAD + "[[box]]\ncentre = [0.0, 0.0]\nsize = [1.0, -1.0]\n", "box.0.size.1"),
+        (HEAD + '[[furniture]]\nkind = "pilar"\n', "furniture.0"),
+        (HEAD.replace("0.0", "nan"), "world.start.x_m"),
+        (HEAD + "[[wall]]\npoints = [[1.0, 1.0], [2.0, 1.0]]\n" , ""),
+    ],
+)  # fmt: skip
+def test_a_wrong_file_is_named_with_its_key(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "w.toml"
+    path.write_text(text)
+    if not said:
+        assert load_world(path).segments.shape == (1, 4)
+        return
+    with pytest.raises(SimulationError) as error:
+        load_world(path)
+    assert str(path) in str(error.value)
+    assert said in str(error.value)
+
+
+def test_all_errors_of_a_file_are_reported_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "w.toml"
+    path.write_text("[world]\nname = 3\n[[box]]\ncentre = [0.0]\nsize = [1.0, 1.0]\n")
+    with pytest.raises(SimulationError) as error:
+        load_world(path)
+    assert len(str(error.value).splitlines()) == 3
+
+
+def test_a_start_outside_the_bounds_and_a_missing_file_are_errors(tmp_path: Path) -> None:
+    path = tmp_path / "w.toml"
+    path.write_text(HEAD.replace("start", "bounds = [1.0, 1.0, 2.0, 2.0]\nstart"))
+    with pytest.raises(SimulationError, match="outside the bounds"):
+        load_world(path)
+    with pytest.raises(SimulationError, match="cannot be read"):
+        load_world(tmp_path / "none.toml")
