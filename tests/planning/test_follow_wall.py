@@ -5,10 +5,12 @@ import math
 import pytest
 
 from robotctl.model.se2 import SE2
+from robotctl.model.twist import Twist
 from robotctl.planning.follow_wall import FollowWall, WallConfig
 from robotctl.planning.mission import FollowWallItem, Mission, StartPose, Until
 from robotctl.planning.mode import Mode
 from robotctl.planning.requests import ModeRequest
+from robotctl.planning.situation import Situation, Status
 
 
 def follow(make_run, robot, start, item, **world):
@@ -39,6 +41,19 @@ def test_it_ends_ahead_of_a_wall_in_front(robot, make_run):
     assert out.mission_completed
     front = robot.mounts[0].x_m
     assert 4.95 - run.world.pose.x_m - front == pytest.approx(0.8, abs=0.06)
+
+
+def test_one_stray_reading_of_the_front_sonar_does_not_end_it(differential):
+    item = FollowWallItem("follow_wall", "right", 0.8, Until(front_below_m=0.5))
+    follower = FollowWall(item, WallConfig(), differential.mounts)
+
+    def status(front, step):
+        ranges = (front, *(math.inf,) * 5, 0.65, math.inf)
+        return follower.step(Situation(SE2(), Twist(0.0, 0.0), ranges), step * 50_000_000).status
+
+    fronts = (2.0, 0.3, 2.0, 0.3, 0.3)
+    statuses = [status(front, step) for step, front in enumerate(fronts)]
+    assert statuses == [Status.RUNNING] * 4 + [Status.DONE]
 
 
 def test_it_ends_abeam_of_a_position(robot, make_run):

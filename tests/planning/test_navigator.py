@@ -1,5 +1,6 @@
 """The navigator's modes, driven in the simulated flat."""
 
+import itertools
 import math
 
 import numpy as np
@@ -113,9 +114,12 @@ def test_a_guided_velocity_towards_a_wall_stops_ahead_of_it(robot, make_run):
 def test_a_guided_position_is_reached_from_any_side(robot, make_run, goal):
     run = make_run(robot, flat=False)
     run.step(GUIDED, PositionRequest(*goal))
-    run.until(lambda out: out.v_m_s == out.omega_rad_s == 0.0, 60.0)
+    speeds = []
+    run.until(lambda out: speeds.append(out.v_m_s) or out.v_m_s == out.omega_rad_s == 0.0, 60.0)
     assert math.dist((run.world.pose.x_m, run.world.pose.y_m), goal) < 0.07
     assert run.world.distance_m < 8.0
+    gears = [v > 0 for v in speeds if v != 0.0]
+    assert sum(a != b for a, b in itertools.pairwise(gears)) <= 1
 
 
 def test_a_new_position_replaces_the_old_and_a_velocity_ends_it(differential, make_run):
@@ -220,6 +224,19 @@ def test_a_robot_blocked_for_too_long_gives_up_with_the_reason_and_can_go_on_lat
     assert not run.step(AUTO).mission_failed
     out = run.until(lambda out: out.mission_completed or out.mission_failed, 30.0)
     assert out.mission_completed, out.message
+
+
+def test_each_time_the_way_is_blocked_the_patience_begins_anew(robot, make_run):
+    run = make_run(robot, mission=mission(ahead(4.0)))
+    for x in (2.2, 3.2):
+        run.world.obstacle = box(x, 0.8, x + 0.2, 1.2)
+        out = run.step(AUTO) if x < 3.0 else run.step()
+        run.until(lambda out: "waiting" in out.message, 15.0)
+        for _ in range(140):  # 7 of 10 seconds
+            out = run.step()
+        assert not out.mission_failed
+        run.world.obstacle = None
+    run.until(lambda out: out.mission_completed, 15.0)
 
 
 def test_an_item_over_its_time_fails_with_the_reason(robot, make_run):

@@ -69,6 +69,9 @@ def test_slanting_rear_sonars_see_along_the_way_back():
     guard.observe((0.1,))
     assert guard.step(-1.0).v_max_m_s == 0.0
     assert guard.step(1.0).v_max_m_s == math.inf
+    for _ in range(3):
+        guard.observe((0.3,))  # 0.31 m beside the way
+    assert guard.step(-1.0).v_max_m_s == math.inf
 
 
 def test_a_single_outlier_and_a_single_lost_echo_change_nothing():
