@@ -67,6 +67,12 @@ class Confinement:
     ----------
     bus
         The bus this belongs to.
+
+    Attributes
+    ----------
+    hopeless
+        Whether the last attempt was a lone error-passive node's: nothing comes of the next ones
+        either, until somebody else comes or sends.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -74,6 +80,7 @@ class Confinement:
         self._popped: tuple[tuple[Port, Offer], ...] = ()
         self._dropouts: tuple[Port, ...] = ()
         self._deaf: tuple[Port, ...] = ()
+        self.hopeless = False
 
     # One attempt to send
 
@@ -218,9 +225,34 @@ class Confinement:
             self._suspend(port)
         self.put_back(unanswered=failure.error is BusError.ACK_ERROR)
         self.integrate()
+        changed = bool(messages)
         messages += self.changes(before, messages)
-        self.observe(failure.error)
+        alone = len(bus._offers) == 1 and not bus._offers[0]._heard
+        alone = alone and not bus._injector.watches_wire
+        self.hopeless = not changed and alone and failure.error is BusError.ACK_ERROR
+        if self.hopeless:
+            self._skip(failure.error, dead_bits)
+        if changed:
+            self.observe(failure.error)
         self.deliver(messages)
+
+    def _skip(self, error: BusError, dead_bits: int) -> None:
+        """Count the coming attempts of a lone node at once, as far as time will pass now."""
+        bus = self._bus
+        port = bus._offers[0]
+        attempt_bits = bus._bits - ACK_SLOT_TO_END_BITS
+        period_bits = attempt_bits + dead_bits + SUSPEND_BITS
+        until_ns = min(bus._until_ns, bus._timer_ns)
+        first_end_ns = port._ready_ns + attempt_bits * bus.bit_ns
+        if port._queue[0] is not bus._offer or until_ns < first_end_ns:
+            return
+        count = 1 + (until_ns - first_end_ns) // (period_bits * bus.bit_ns)
+        bus._free_ns += count * period_bits * bus.bit_ns
+        port._ready_ns += count * period_bits * bus.bit_ns
+        port.statistics.errors += count
+        bus.statistics.count_error(error, count)
+        bus.statistics.of(bus._offer[1]).errors += count
+        bus._meter.busy_bits += count * (attempt_bits + dead_bits)
 
     def count(self, failure: Failure) -> list[tuple[Port, ErrorClass, bytearray]]:
         """Apply the counting rules; return the messages for those whose counters changed."""

@@ -92,6 +92,7 @@ class Bus:
         self._timer_number = 0
         self._slow = False
         self._advancing = False
+        self._until_ns = start_ns
         self._meter = LoadMeter(self.bit_ns, load_window_ns, start_ns)
         self._confinement = Confinement(self)
         self._recovery = Recovery(self)
@@ -170,7 +171,8 @@ class Bus:
         """Let an observer see every completed frame and every error on the wire.
 
         It is no node: it neither acknowledges nor has error counters. Errors come as SocketCAN
-        error messages of class BUSERROR, as a counter-less receiver would report them.
+        error messages of class BUSERROR, as a counter-less receiver would report them; those which
+        change no node's counters (a lone error-passive node's) do not.
         """
         self._taps.append(observe)
         self._rewire()
@@ -195,18 +197,23 @@ class Bus:
         For the timers of nodes. The action may send, attach and detach, but not advance the bus.
         It runs before a frame that is complete at the same instant.
         """
-        self._schedule(due_ns, action)
+        self._timer_number += 1
+        heapq.heappush(self._timers, (max(due_ns, self.now_ns), self._timer_number, action))
+        self._timer_ns = self._timers[0][0]
 
     @property
     def next_event_ns(self) -> int | None:
         """Time of the next thing to happen if nobody sends anything more; None: nothing will.
 
-        A real-time server sleeps until then, or until somebody has sent a frame.
+        A real-time server sleeps until then, or until somebody has sent a frame. The endless
+        attempts of a lone error-passive node do not count as events.
         """
-        if self._senders:
-            return min(self._done_ns, self._timer_ns)
         due = self._timer_ns
-        if self._offers:
+        if self._confinement.hopeless and len(self._senders) + len(self._offers) == 1:
+            pass
+        elif self._senders:
+            due = min(self._done_ns, due)
+        elif self._offers:
             start = self._next_start_ns()
             _, arbitration_id, data = min(port._queue[0] for port in self._offers)
             due = min(due, start + frame_bits(arbitration_id, data) * self.bit_ns)
@@ -227,6 +234,7 @@ class Bus:
         if self._advancing:
             raise RuntimeError("Bus.advance called from within a receiver")
         self._advancing = True
+        self._until_ns = until_ns
         try:
             self._run(until_ns)
             self.now_ns = until_ns
@@ -262,12 +270,6 @@ class Bus:
         self._timer_ns = self._timers[0][0] if self._timers else NEVER_NS
         self.now_ns = due_ns
         action()
-
-    def _schedule(self, due_ns: int, action: Callable[[], None]) -> None:
-        """Have `action` called when time reaches `due_ns` (at once where it has passed)."""
-        self._timer_number += 1
-        heapq.heappush(self._timers, (max(due_ns, self.now_ns), self._timer_number, action))
-        self._timer_ns = self._timers[0][0]
 
     def _next_start_ns(self) -> int:
         """Time at which the next of the offered frames may start."""
@@ -350,6 +352,7 @@ class Bus:
 
     def _rewire(self) -> None:
         """Work out anew what depends on who is on the bus and in which state."""
+        self._confinement.hopeless = False
         answering = [port for port in self._ports.values() if port._answers]
         for port in self._ports.values():
             port._routes.clear()

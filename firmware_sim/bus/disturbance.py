@@ -69,7 +69,7 @@ class Disturbance:
         _, arbitration_id, data = port._queue[0]
         bits = frame_bits(arbitration_id, data) - ACK_SLOT_TO_END_BITS
         bits += FLAG_BITS + DELIMITER_BITS + INTERMISSION_BITS
-        bus._schedule(bus.now_ns + bits * bus.bit_ns, lambda: self._unanswered(port))
+        bus.schedule(bus.now_ns + bits * bus.bit_ns, lambda: self._unanswered(port))
 
     def _unanswered(self, port: Port) -> None:
         self._alone.discard(port.name)
@@ -100,7 +100,7 @@ class Disturbance:
         bus._free_ns = _FAR_NS
         self._dominant_since_ns = since_ns = bus.now_ns
         bus.statistics.count_error(BusError.BROKEN_ERROR)
-        bus._schedule(since_ns + FLAG_BITS * bus.bit_ns, self._first_dominant_error)
+        bus.schedule(since_ns + FLAG_BITS * bus.bit_ns, self._first_dominant_error)
 
     def release_dominant(self) -> None:
         """Take one cause away; without any, the bus is free after the error delimiter."""
@@ -119,14 +119,14 @@ class Disturbance:
         self._dominant_error(first=True)
         self._bus._confinement.observe(BusError.BROKEN_ERROR)
         since_ns = self._dominant_since_ns
-        bus._schedule(since_ns + 20 * bus.bit_ns, lambda: self._next_dominant_error(since_ns))
+        bus.schedule(since_ns + 20 * bus.bit_ns, lambda: self._next_dominant_error(since_ns))
 
     def _next_dominant_error(self, since_ns: int) -> None:
         """Rule f: after the flag, each further 8 dominant bits count 8."""
         still = self._dominant and self._dominant_since_ns == since_ns
         if still and self._dominant_error(first=False):
             bus = self._bus
-            bus._schedule(bus.now_ns + 8 * bus.bit_ns, lambda: self._next_dominant_error(since_ns))
+            bus.schedule(bus.now_ns + 8 * bus.bit_ns, lambda: self._next_dominant_error(since_ns))
 
     def _dominant_error(self, *, first: bool) -> bool:
         """Count one error of the dominant bus for everybody; tell whether anything changed."""

@@ -97,15 +97,15 @@ class Injector:
         elif isinstance(fault, Drop):
             self._on_delivery.append(_Watch(fault))
         elif isinstance(fault, Dominant):
-            self._bus._schedule(fault.start_ns, self._bus._disturbance.hold_dominant)
+            self._bus.schedule(fault.start_ns, self._bus._disturbance.hold_dominant)
             if fault.end_ns is not None:
-                self._bus._schedule(fault.end_ns, self._bus._disturbance.release_dominant)
+                self._bus.schedule(fault.end_ns, self._bus._disturbance.release_dominant)
         elif isinstance(fault, (Mute, AckLess, Babble, Cut)):
             if isinstance(fault, Babble):
                 check_id(fault.arbitration_id)
-            self._bus._schedule(fault.start_ns, lambda: self._open(fault))
+            self._bus.schedule(fault.start_ns, lambda: self._open(fault))
             if fault.end_ns is not None:
-                self._bus._schedule(fault.end_ns, lambda: self._close(fault))
+                self._bus.schedule(fault.end_ns, lambda: self._close(fault))
         else:
             raise TypeError(f"{type(fault).__name__} is no fault of its own")
         self._count_watches()
@@ -123,7 +123,7 @@ class Injector:
         watch = self._first(self._on_send, port.name, offer[1])
         fault = None if watch is None else watch.fault
         if isinstance(fault, Delay):
-            bus._schedule(bus.now_ns + fault.delay_ns, lambda: bus._enqueue(port, offer))
+            bus.schedule(bus.now_ns + fault.delay_ns, lambda: bus._enqueue(port, offer))
         elif isinstance(fault, Corrupt):
             bus._enqueue(port, self._corrupted(offer, fault))
         else:
@@ -267,4 +267,4 @@ class Injector:
             if not (port._queue and port._queue[0] == offer):
                 bus._enqueue(port, offer, first=True)
         if fault.period_ns:
-            bus._schedule(bus.now_ns + fault.period_ns, lambda: self._babble(fault))
+            bus.schedule(bus.now_ns + fault.period_ns, lambda: self._babble(fault))

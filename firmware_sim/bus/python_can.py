@@ -259,6 +259,8 @@ class SimCanBus(can.BusABC):
     def _tell(self, message: bytes) -> None:
         try:
             self.socket.send(message, socket.MSG_NOSIGNAL)
+        except BlockingIOError:
+            raise can.CanOperationError("Transmit buffer full", errno.ENOBUFS) from None
         except OSError as error:
             raise self._gone(error) from error
 

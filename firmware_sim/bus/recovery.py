@@ -36,7 +36,7 @@ class Recovery:
         port.statistics.bus_offs += 1
         port._discard_queue()
         if port._restart_ns is not None:
-            self._bus._schedule(self._bus.now_ns + port._restart_ns, lambda: self.restart(port))
+            self._bus.schedule(self._bus.now_ns + port._restart_ns, lambda: self.restart(port))
 
     def restart(self, port: Port) -> None:
         """Begin the recovery of a node that is bus-off."""
@@ -82,7 +82,7 @@ class Recovery:
         if due <= bus.now_ns:
             self._recovered(port)
         else:
-            bus._schedule(due, lambda: self._check_recovery(port))
+            bus.schedule(due, lambda: self._check_recovery(port))
 
     def _recovered(self, port: Port) -> None:
         self._recovering.remove(port)

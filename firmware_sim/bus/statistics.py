@@ -138,6 +138,6 @@ class BusStatistics:
             entry = self.ids.setdefault(key, IdStatistics())
         return entry
 
-    def count_error(self, error: BusError) -> None:
-        """Count one error on the wire."""
-        self.errors[error] = self.errors.get(error, 0) + 1
+    def count_error(self, error: BusError, count: int = 1) -> None:
+        """Count errors on the wire."""
+        self.errors[error] = self.errors.get(error, 0) + count

@@ -1,7 +1,7 @@
 """Error counters, states and error messages against the rules of ISO 11898-1, clause 12.1.4."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_sim.bus.bits import frame_bits
@@ -67,6 +67,40 @@ def test_the_retries_of_a_lone_node_have_the_timing_of_the_standard():
     times = [frame.stamp_ns for frame in errors_of(heard, "ACK")[:3]]
     period = 1000 * (to_slot + 6 + 8 + 3)
     assert times == [1000 * to_slot, 1000 * to_slot + period, 1000 * to_slot + 2 * period]
+
+
+@settings(max_examples=25)
+@given(st.lists(st.integers(1, 3 * MILLISECOND), max_size=60))
+def test_the_attempts_of_a_lone_node_are_the_same_in_steps_of_any_size(steps):
+    def run(pieces):
+        bus = Bus()
+        seen = []
+        bus.tap(seen.append)
+        port = bus.attach("alone", seen.append, errors=True)
+        port.send(0x123, b"x")
+        port.send(0x124)
+        for piece in pieces:
+            bus.advance(bus.now_ns + piece)
+        bus.advance(200 * MILLISECOND)
+        errors = dict(bus.statistics.errors)
+        bus.attach("late", seen.append)
+        bus.advance(201 * MILLISECOND)
+        return seen, errors, port.statistics
+
+    assert run(steps) == run([])
+
+
+def test_the_owner_may_sleep_while_a_lone_node_tries_in_vain():
+    bus = Bus()
+    port = bus.attach("alone", quiet)
+    port.send(0x123, b"x")
+    bus.advance(10 * MILLISECOND)
+    assert bus.next_event_ns is None
+    late = bus.attach("late", quiet)
+    assert bus.next_event_ns <= bus.now_ns + 200_000
+    late.send(0x7FF)
+    bus.advance(11 * MILLISECOND)
+    assert port.statistics.sent == late.statistics.sent == 1
 
 
 def test_the_frame_gets_through_once_somebody_listens():
