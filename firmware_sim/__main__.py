@@ -81,6 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, signals: list[int]) -> None:
+    _check_bus(options.bus)
     simulation = Simulation(
         options.robot,
         options.world,
@@ -116,23 +117,22 @@ def _open_log(simulation: Simulation, path: Path, channel: str) -> LogWriter:
 
 def _open_bus(simulation: Simulation, name: str) -> tuple[Hub | Bridge, str]:
     """Return what couples the bus to the outside, and its name in a log."""
-    interface, _, channel = name.partition(":")
-    if channel:
-        if interface != SIMCAN:
-            raise SimulationError(f"--bus {name}: allowed are simcan:CHANNEL or a CAN interface")
-        try:
-            return Hub(simulation.bus, channel), Path(channel).stem
-        except ValueError as error:
-            raise SimulationError(f"--bus {name}: {error}") from error
-    _check_interface(name)
+    channel = name.partition(":")[2]
     try:
+        if channel:
+            return Hub(simulation.bus, channel), Path(channel).stem
         return Bridge.open(simulation.bus, name), name
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise SimulationError(f"--bus {name}: {error}") from error
 
 
-def _check_interface(name: str) -> None:
-    """Raise SimulationError with what to do where there is no such CAN interface."""
+def _check_bus(name: str) -> None:
+    """Raise SimulationError, with what to do, where `name` can be no bus here."""
+    interface, colon, channel = name.partition(":")
+    if colon:
+        if interface != SIMCAN or not channel:
+            raise SimulationError(f"--bus {name}: allowed are simcan:CHANNEL or a CAN interface")
+        return
     classes = Path("/sys/class/net")
     if not classes.is_dir():
         return
