@@ -11,8 +11,9 @@ encoder, duty range, E2E) work in every NMT state and cannot be switched off ove
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
+from firmware_sim.bus.frame import REMOTE_FLAG
 from firmware_sim.nodes import drive_objects as objects
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.drive_guards import (
@@ -35,8 +36,10 @@ from firmware_sim.nodes.node import (
     Node,
     Trouble,
 )
-from firmware_sim.nodes.object_dictionary import AbortCode, ObjectDictionary, SdoAbortError
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
+from firmware_sim.nodes.power_stage import PowerStage
+from firmware_sim.nodes.variables import AbortCode, SdoAbortError
 from firmware_sim.plant import Bridge
 
 GUARD_PERIOD_NS: Final = 20 * MILLISECOND_NS
@@ -62,49 +65,6 @@ TROUBLES: Final = {
 """EMCY of each fault: codes of CiA 301, table 26, and CiA 402-2, table 2."""
 
 EMERGENCY_STOP_TROUBLE: Final = Trouble(0xFF01, GENERIC | _MANUFACTURER)
-
-
-class PowerStage(Protocol):
-    """What the drive commands and measures: the plant, or a fake of it.
-
-    Counts are unbounded and signed, currents positive with forward torque, the steering angle
-    positive to the left.
-    """
-
-    @property
-    def count1(self) -> int:
-        """Quadrature count of channel 1."""
-
-    @property
-    def count2(self) -> int:
-        """Quadrature count of channel 2."""
-
-    @property
-    def current1_a(self) -> float:
-        """Current of motor 1 [A]."""
-
-    @property
-    def current2_a(self) -> float:
-        """Current of motor 2 [A]."""
-
-    @property
-    def temperature1_c(self) -> float:
-        """Winding temperature of motor 1 [degC]."""
-
-    @property
-    def temperature2_c(self) -> float:
-        """Winding temperature of motor 2 [degC]."""
-
-    @property
-    def bus_voltage_v(self) -> float:
-        """Supply at the bridges [V]."""
-
-    @property
-    def steering_rad(self) -> float:
-        """Measured steering angle [rad]."""
-
-    def command(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
-        """Set what the bridges and the servo do from now on."""
 
 
 class DriveNode(Node):
@@ -153,6 +113,7 @@ class DriveNode(Node):
         """Latched faults."""
         self._forget(0)
         self._handlers[wire.EMERGENCY_STOP] = self._on_emergency_stop
+        self._handlers[wire.EMERGENCY_STOP | REMOTE_FLAG] = self._on_emergency_stop
         self._handlers[wire.SYNC] = self._on_sync
         self._handlers[wire.MOTOR_COMMAND] = self._on_motor_command
         self._connect_drive_dictionary()

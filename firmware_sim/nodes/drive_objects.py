@@ -5,16 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from firmware_sim.nodes import wire
-from firmware_sim.nodes.object_dictionary import (
-    Access,
-    DataType,
-    Kind,
-    Member,
-    Object,
-    compound,
-    variable,
-)
 from firmware_sim.nodes.standard_objects import pdo_communication, pdo_mapping, standard_objects
+from firmware_sim.nodes.variables import Access, DataType, Kind, Member, Object, compound, variable
 
 NODE_ID: Final = 1
 DEVICE_NAME: Final = "robotctl drive"

@@ -12,9 +12,10 @@ from typing import NamedTuple, Protocol
 
 from firmware_sim.nodes import standard_objects as objects
 from firmware_sim.nodes import wire
-from firmware_sim.nodes.object_dictionary import AbortCode, ObjectDictionary, SdoAbortError
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import MemoryStore, ParameterStore, StoreDamagedError
 from firmware_sim.nodes.sdo_server import SdoServer
+from firmware_sim.nodes.variables import AbortCode, SdoAbortError
 
 MILLISECOND_NS = 1_000_000
 NEVER_NS = 1 << 62

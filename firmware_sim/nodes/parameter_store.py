@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from firmware_sim.nodes.object_dictionary import Key
+from firmware_sim.nodes.variables import Key
 
 
 class StoreDamagedError(Exception):

@@ -8,15 +8,10 @@ from typing import Final, NamedTuple
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import Protector
 from firmware_sim.nodes.node import GENERIC, MILLISECOND_NS, NEVER_NS, NmtState, Node, Trouble
-from firmware_sim.nodes.object_dictionary import (
-    Access,
-    DataType,
-    Object,
-    ObjectDictionary,
-    variable,
-)
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.standard_objects import pdo_communication, standard_objects
+from firmware_sim.nodes.variables import Access, DataType, Object, variable
 
 NODE_ID: Final = 3
 PERIOD_NS: Final = 100 * MILLISECOND_NS

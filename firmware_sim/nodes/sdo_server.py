@@ -8,12 +8,8 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass, field
 
-from firmware_sim.nodes.object_dictionary import (
-    AbortCode,
-    ObjectDictionary,
-    SdoAbortError,
-    Variable,
-)
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
+from firmware_sim.nodes.variables import AbortCode, SdoAbortError, Variable
 
 _HEADER = struct.Struct("<BHB4s")
 _ABORT = struct.Struct("<BHBI")

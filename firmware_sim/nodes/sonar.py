@@ -10,15 +10,10 @@ from typing import Final, Protocol, TypeAlias
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import Protector
 from firmware_sim.nodes.node import MILLISECOND_NS, NEVER_NS, NmtState, Node
-from firmware_sim.nodes.object_dictionary import (
-    Access,
-    DataType,
-    Object,
-    ObjectDictionary,
-    variable,
-)
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.standard_objects import pdo_communication, standard_objects
+from firmware_sim.nodes.variables import Access, DataType, Object, variable
 
 NODE_ID: Final = 2
 GROUP_SIZE: Final = 4

@@ -5,15 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from firmware_sim.nodes.object_dictionary import (
-    Access,
-    DataType,
-    Kind,
-    Member,
-    Object,
-    compound,
-    variable,
-)
+from firmware_sim.nodes.variables import Access, DataType, Kind, Member, Object, compound, variable
 
 DEVICE_TYPE: Final = 0x1000
 ERROR_REGISTER: Final = 0x1001

@@ -210,6 +210,10 @@ class TestEmergencyStop:
         assert rig.drive.drive_state is DriveState.EMERGENCY_STOP
         assert rig.stage.duty1 == 0.0
 
+    def test_a_remote_request_of_0x001_counts_too(self, rig):
+        rig.line.deliver(0x001 | 0x4000_0000)
+        assert rig.drive.drive_state is DriveState.EMERGENCY_STOP
+
     def test_it_is_told_once_and_counted(self, rig):
         for _ in range(3):
             rig.line.deliver(0x001, b"\x02")

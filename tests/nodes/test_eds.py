@@ -10,7 +10,7 @@ import pytest
 from canopen.objectdictionary import ODVariable
 
 from firmware_sim.nodes.drive_objects import drive_objects
-from firmware_sim.nodes.object_dictionary import Kind
+from firmware_sim.nodes.variables import Kind
 
 EDS = Path(__file__).parents[2] / "configs" / "motor_controller.eds"
 

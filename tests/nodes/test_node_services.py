@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from firmware_sim.nodes.node import Node, Trouble
-from firmware_sim.nodes.object_dictionary import Access, DataType, ObjectDictionary, variable
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import FileStore
 from firmware_sim.nodes.standard_objects import standard_objects
+from firmware_sim.nodes.variables import Access, DataType, variable
 
 MS = 1_000_000
 HOT = Trouble(0x4310, 0x09)

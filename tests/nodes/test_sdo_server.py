@@ -6,18 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_sim.nodes.object_dictionary import (
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
+from firmware_sim.nodes.sdo_server import SdoServer
+from firmware_sim.nodes.variables import (
     AbortCode,
     Access,
     DataType,
     Kind,
     Member,
-    ObjectDictionary,
     SdoAbortError,
     compound,
     variable,
 )
-from firmware_sim.nodes.sdo_server import SdoServer
 
 
 def make(text="A device name of 29 characters"):
