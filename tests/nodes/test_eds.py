@@ -11,8 +11,10 @@ from canopen.objectdictionary import ODVariable
 
 from firmware_sim.nodes.drive_objects import drive_objects
 from firmware_sim.nodes.variables import Kind
+from firmware_sim.simulation import Simulation
 
-EDS = Path(__file__).parents[2] / "configs" / "motor_controller.eds"
+CONFIGS = Path(__file__).parents[2] / "configs"
+EDS = CONFIGS / "motor_controller.eds"
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +50,12 @@ def test_eds_and_firmware_have_the_same_variables_types_rights_and_defaults(eds)
         assert described.default == variable.default, key
         assert (described.min, described.max) == (variable.low, variable.high), key
         assert described.pdo_mappable == variable.mappable, key
+
+
+def test_the_drive_of_the_default_robot_is_the_one_in_the_eds(eds):
+    simulation = Simulation(CONFIGS / "diff_drive.toml", CONFIGS / "worlds" / "empty_room.toml")
+    ours = {v.key: v.default for each in simulation.drive.dictionary for v in each.variables}
+    assert ours == {key: variable.default for key, variable in eds_variables(eds)}
 
 
 def test_eds_and_firmware_have_the_same_kinds_of_object(sections):
