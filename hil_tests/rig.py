@@ -186,15 +186,12 @@ class Rig:
                     return messages
         raise AssertionError(f"no frame 0x{arbitration_id:03X} within {seconds} s")
 
-    def heard_since(self, seconds: float) -> list[can.Message]:
-        """Return what the observer has heard since it was made, until a pause of so long."""
-        messages: list[can.Message] = []
-        while (message := self.observer.recv(seconds)) is not None:
-            if message.arbitration_id < 0x700:
-                messages.append(message)
-            elif messages and message.timestamp - messages[-1].timestamp > seconds:
-                break
-        return messages
+    def fresh_truth(self) -> Truth:
+        """Return the first truth published from now on."""
+        now_ns = time.monotonic_ns()
+        self.wait(lambda: self.truth and self.truth.stamp_ns > now_ns, 5.0, "a fresh truth")
+        assert self.truth is not None
+        return self.truth
 
     def room_distances(self) -> dict[str, float | None]:
         """Return the range to the wall of the empty room for each sonar square to one, else None.
