@@ -45,14 +45,14 @@ def parser() -> argparse.ArgumentParser:
     add("--robot", type=Path, required=True, help="TOML of the robot")
     add("--world", type=Path, required=True, help="TOML of the room")
     add("--bus", default="simcan:simcan0", help="simcan:CHANNEL or a CAN interface (%(default)s)")
-    add("--seed", type=int, default=0, help="of all random draws (%(default)s)")
+    add("--seed", type=_natural, default=0, help="of all random draws (%(default)s)")
     add("--start", type=_pose, metavar="X,Y,HEADING_DEG", help="instead of the world's start pose")
     add("--state", type=Path, metavar="DIR", help="keep stored parameters here")
     add("--truth", metavar="ADDRESS", help="publish the ground truth at ipc:///PATH")
     add("--lidar", metavar="ADDRESS", help="publish the lidar's scans at ipc:///PATH")
     add("--log", type=Path, metavar="FILE", help="write a candump log")
-    add("--duration", type=float, default=math.inf, metavar="S", help="end after this time")
-    add("--priority", type=int, default=0, help="of SCHED_FIFO, 1..99, where permitted (off)")
+    add("--duration", type=_seconds, default=math.inf, metavar="S", help="end after this time")
+    add("--priority", type=_priority, default=0, help="of SCHED_FIFO, 1..99, where permitted (off)")
     return result
 
 
@@ -65,6 +65,29 @@ def _pose(text: str) -> tuple[float, float, float]:
     if not all(map(math.isfinite, (x_m, y_m, heading_deg))):
         raise argparse.ArgumentTypeError(f"{text!r} is not finite")
     return x_m, y_m, math.radians(heading_deg)
+
+
+def _natural(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+    return int(text)
+
+
+def _priority(text: str) -> int:
+    priority = _natural(text)
+    if priority > 99:
+        raise argparse.ArgumentTypeError(f"{text!r} is not in 0..99")
+    return priority
+
+
+def _seconds(text: str) -> float:
+    try:
+        duration_s = float(text)
+    except ValueError:
+        duration_s = math.nan
+    if not duration_s > 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no positive number of seconds")
+    return duration_s
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -82,6 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace, signals: list[int]) -> None:
     _check_bus(options.bus)
+    if options.state is not None and options.state.exists() and not options.state.is_dir():
+        raise SimulationError(f"--state {options.state}: not a directory")
     simulation = Simulation(
         options.robot,
         options.world,

@@ -322,7 +322,11 @@ def signals_kept():
         (["--bus", "simcan:a b"], "letters, digits"),
         (["--truth", "tcp://*:1"], "allowed is ipc:///ABSOLUTE/PATH"),
         (["--log", "/nowhere/x.log"], "No such file or directory"),
-        (["--seed", "x"], "invalid int value"),
+        (["--seed", "-1"], "no whole number"),
+        (["--priority", "100"], "not in 0..99"),
+        (["--duration", "nan"], "no positive number"),
+        (["--state", __file__], "not a directory"),
+        (["--lidar", "ipc:///tmp/x/y"], "no table [simulation.lidar]"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(tmp_path, capsys, signals_kept, options, text):
