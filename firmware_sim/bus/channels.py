@@ -15,7 +15,7 @@ from pathlib import Path
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _SUFFIX = ".sock"
-_PATH_MAX = 107
+_PATH_MAX = 103  # 107 less ".new", which a hub binds first
 
 
 def directories() -> tuple[Path, ...]:

@@ -17,6 +17,7 @@ an error message (CAN_ERR_CRTL, RX_OVERFLOW) as from a controller that has overf
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import logging
 import os
@@ -110,21 +111,36 @@ class Hub:
                 f"channel {self.channel!r}: a hub is already running on it "
                 f"(process {owner or 'unknown'}, {self.path})"
             ) from None
+        if not path.exists() or path.stat().st_ino != os.fstat(lock).st_ino:
+            os.close(lock)  # a hub that was closing has just removed it
+            return self._take_lock()
         os.ftruncate(lock, 0)
         os.write(lock, f"{os.getpid()}\n".encode())
         return lock
 
+    def _give_back_lock(self) -> None:
+        Path(f"{self.path}.lock").unlink(missing_ok=True)
+        os.close(self._lock)
+
     def _listen(self) -> socket.socket:
+        """Bind under another name and rename: where the path exists, somebody listens.
+
+        What a killed hub left there is replaced; nobody else holds the lock.
+        """
+        fresh = Path(f"{self.path}.new")
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         mask = os.umask(0o177)
         try:
-            if self.path.is_socket():  # nobody holds the lock: left behind by a killed hub
-                self.path.unlink()
-            listener.bind(os.fspath(self.path))
+            fresh.unlink(missing_ok=True)
+            listener.bind(os.fspath(fresh))
             listener.listen(16)
+            if self.path.exists() and not self.path.is_socket():
+                raise FileExistsError(errno.EEXIST, "it is there and no socket")
+            fresh.rename(self.path)
         except OSError as error:
             listener.close()
-            os.close(self._lock)
+            fresh.unlink(missing_ok=True)
+            self._give_back_lock()
             raise HubError(f"channel {self.channel!r}: cannot bind {self.path}: {error}") from error
         finally:
             os.umask(mask)
@@ -249,4 +265,4 @@ class Hub:
         self._epoll.close()
         self._listener.close()
         self.path.unlink(missing_ok=True)
-        os.close(self._lock)
+        self._give_back_lock()

@@ -171,6 +171,11 @@ class Port:
         """Whether the port is on the bus (a cut wire or bus-off does not change that)."""
         return not self._detached
 
+    @property
+    def listen_only(self) -> bool:
+        """Whether the controller neither sends nor acknowledges."""
+        return self._listen_only
+
     def accepts(self, arbitration_id: int) -> bool:
         """Tell whether frames of this id (with flags) pass the acceptance filters."""
         filters = self._filters

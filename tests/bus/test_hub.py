@@ -83,6 +83,13 @@ def test_what_a_killed_hub_left_behind_is_no_hindrance(runtime_directory):
     assert "test0" not in channels.running_channels()
 
 
+def test_a_file_in_the_place_of_the_socket_is_not_overwritten(tmp_path):
+    (tmp_path / "notes").write_text("mine")
+    with pytest.raises(HubError, match="no socket"):
+        Hub(Bus(), str(tmp_path / "notes"))
+    assert (tmp_path / "notes").read_text() == "mine"
+
+
 def test_a_client_is_a_node_under_its_name_and_a_second_one_gets_a_number(hub, raw_client):
     raw_client(hub, "robotctl")
     client = raw_client(hub, "robotctl")
@@ -284,7 +291,7 @@ def test_closing_the_hub_ends_its_clients_and_frees_channel_and_ports(raw_client
     client = raw_client(hub)
     hub.close()
     assert client.socket.recv(10) == b""
-    assert not hub.path.exists()
+    assert list(hub.path.parent.iterdir()) == []
     assert bus.ports == ()
     Hub(bus, "test0").close()
 

@@ -112,10 +112,13 @@ def test_a_bus_off_node_shows_as_error_and_comes_back(pair, hub):
 
 
 def test_a_passive_listener_does_not_acknowledge(hub):
-    with open_bus() as sender, open_bus() as listener:
+    with open_bus() as sender, open_bus(node="listener") as listener:
         listener.state = can.BusState.PASSIVE
         assert listener.state is can.BusState.PASSIVE
-        time.sleep(0.1)  # the hub has no way to confirm it
+        port = next(port for port in hub.bus.ports if port.name == "listener")
+        deadline = time.monotonic() + 10.0
+        while not port.listen_only and time.monotonic() < deadline:
+            time.sleep(0.005)  # the hub has no way to confirm it
         sender.send(frame(0x100))
         assert sender.recv(5.0).arbitration_id & 0x20  # CAN_ERR_ACK
         listener.state = can.BusState.ACTIVE

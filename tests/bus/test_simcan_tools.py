@@ -35,6 +35,7 @@ def start():
     def begin(*arguments, **options):
         options.setdefault("stdout", subprocess.PIPE)
         options.setdefault("stderr", subprocess.STDOUT)
+        options.setdefault("env", {**os.environ, "PYTHONUNBUFFERED": "1"})
         process = subprocess.Popen([sys.executable, *arguments], cwd=ROOT, text=True, **options)
         running.append(process)
         return process
@@ -61,14 +62,14 @@ def test_the_logger_writes_and_the_player_repeats(hub, start, runtime_directory)
         for number in range(30):
             bus.send(can.Message(arbitration_id=0x181, data=[number], is_extended_id=False), 1.0)
     until(first.exists)
-    time.sleep(0.3)  # the logger has no sign of having taken the last one
+    time.sleep(1.0)  # the logger has no sign of having taken the last one
     logger.send_signal(signal.SIGINT)
     assert logger.wait(30) == 0
     again = start("-m", "can.logger", "-i", "simcan", "-c", "simcan0", "-f", str(second))
     until(lambda: "Started" in again.stdout.readline())
     player = start("-m", "can.player", "-i", "simcan", "-c", "simcan0", str(first))
     assert player.wait(30) == 0, player.communicate()
-    time.sleep(0.3)
+    time.sleep(1.0)
     again.send_signal(signal.SIGINT)
     assert again.wait(30) == 0
     logs = [
