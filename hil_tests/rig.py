@@ -19,7 +19,7 @@ import zmq
 from robotctl.app.config import config_directory, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.sim import Truth
-from robotctl.app.stack import CONTROL, NAVIGATION
+from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
 from robotctl.drivers.dbc import load_dbc
 from robotctl.runtime.messages import (
     Arm,
@@ -51,6 +51,8 @@ class Rig:
         `simcan`, or a SocketCAN interface.
     robot, world, start
         What stands on the bench: configuration, world, and pose "x,y,heading_deg".
+    mavlink_url
+        The stack's only MAVLink link; empty: none.
     directory
         Where output of the processes goes.
     """
@@ -62,6 +64,7 @@ class Rig:
         robot: str = "diff_drive",
         world: str = "empty_room",
         start: str = "2.0,2.0,0",
+        mavlink_url: str = "",
     ) -> None:
         self.robot = robot
         number = next(_instances)
@@ -78,7 +81,7 @@ class Rig:
             overrides=(
                 f'can.interface="{self.interface}"',
                 f'can.channel="{self.channel}"',
-                "mavlink.link=[]",
+                f'mavlink.link=[{{url="{mavlink_url}"}}]' if mavlink_url else "mavlink.link=[]",
             ),
             x_m=x_m,
             y_m=y_m,
@@ -146,7 +149,7 @@ class Rig:
         """End everything, the stack first."""
         if self._observer is not None:
             self._observer.shutdown()
-        for name in (NAVIGATION, CONTROL, "firmware"):
+        for name in (TELEMETRY, NAVIGATION, CONTROL, "firmware"):
             if name in self._processes:
                 self.kill(name, signal.SIGTERM)
         self._context.destroy(linger=0)
