@@ -7,6 +7,7 @@ differs from the real processes but the clock and the way frames and messages tr
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
-from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, loop_report
+from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, is_over, loop_report
 from robotctl.app.sim import SimOptions, SimulatorError
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
@@ -38,7 +39,7 @@ from robotctl.runtime.messages import (
     WheelCommand,
 )
 from robotctl.runtime.recorder import Recorder
-from robotctl.runtime.safety import LATCHED, POWERED
+from robotctl.runtime.safety import POWERED
 
 _ARM_RETRY_NS = 1_000_000_000
 
@@ -157,9 +158,9 @@ class LockstepRun:
             y_m=start.y_m,
             theta_rad=start.theta_rad,
         )
-        self._config = stack.load()
+        self.config = stack.load()
         self._stack = stack
-        self._pilot = Pilot(self._config, stack)
+        self._pilot = Pilot(self.config, stack)
         self._score = PoseScore()
         self._navigation: NavigationState | None = None
         self._asked_ns = -_ARM_RETRY_NS
@@ -167,14 +168,20 @@ class LockstepRun:
         simulation = make_simulation(
             options.robot, self._world, options.seed, (start.x_m, start.y_m, start.theta_rad)
         )
-        self.bench = Bench(self._config, stack, simulation)
+        self.bench = Bench(self.config, stack, simulation)
 
     def run(self) -> Report:
         """Drive until the mission is over or the time is up."""
+        begin_s = time.perf_counter()
+        for _ in self.steps():
+            pass
+        return self._report(time.perf_counter() - begin_s)
+
+    def steps(self) -> Iterator[tuple[ControlState, NavigationState]]:
+        """Drive as `run` does; yield the states after each step of the navigator."""
         bench, record = self.bench, self._options.record
         every = max(1, round(self._pilot.period_ns / bench.period_ns))
         end_ns = round(self._options.max_seconds * 1e9)
-        begin_s = time.perf_counter()
         with ExitStack() as files:
             recorder = self._open_record(files, record) if record is not None else None
             requests: tuple[ControlRequest, ...] = ()
@@ -185,23 +192,25 @@ class LockstepRun:
                     recorder.flush()
                 requests = ()
                 if bench.ticks % every == 0:
-                    requests = self._navigate()
-                    if self._is_over():
+                    control = bench.snapshot()
+                    navigation, requests = self._navigate(control)
+                    yield control, navigation
+                    if is_over(control, navigation):
                         break
             bench.robot.close()
-        return self._report(time.perf_counter() - begin_s)
 
     def _open_record(self, files: ExitStack, directory: Path) -> Recorder:
         """Write the CAN log and the control record into `directory`."""
         directory.mkdir(parents=True, exist_ok=True)
         files.enter_context(LogWriter(self.bench.simulation.bus, directory / "can.log"))
         file = files.enter_context((directory / "control.rec").open("wb"))
-        return Recorder(file.write, record_header(self._config, self._stack))
+        return Recorder(file.write, record_header(self.config, self._stack))
 
-    def _navigate(self) -> tuple[ControlRequest, ...]:
+    def _navigate(
+        self, control: ControlState
+    ) -> tuple[NavigationState, tuple[ControlRequest, ...]]:
         """Do what the navigation process and the operator do, 20 times a second."""
-        now_ns = self.bench.clock.now_ns()
-        control = self.bench.snapshot()
+        now_ns = control.stamp_ns
         truth = self.bench.simulation.truth()
         self._score.truth(StampedPose(now_ns, truth.x_m, truth.y_m, truth.theta_rad))
         self._score.estimate(StampedPose(now_ns, control.x_m, control.y_m, control.theta_rad))
@@ -216,15 +225,8 @@ class LockstepRun:
         if control.state == SafetyState.STANDBY and now_ns - self._asked_ns >= _ARM_RETRY_NS:
             self._asked_ns = now_ns
             self._request_id += 1
-            return (Arm(now_ns, self._request_id, arm=True),)
-        return (command,)
-
-    def _is_over(self) -> bool:
-        """Return whether the mission has ended, well or not."""
-        navigation = self._navigation
-        return self.bench.core.machine.state in LATCHED or (
-            navigation is not None and (navigation.mission_completed or navigation.mission_failed)
-        )
+            return self._navigation, (Arm(now_ns, self._request_id, arm=True),)
+        return self._navigation, (command,)
 
     def _report(self, took_s: float) -> Report:
         """Return the score; only times of computation differ between two runs of one seed."""
@@ -232,7 +234,7 @@ class LockstepRun:
         truth = self.bench.simulation.truth()
         duration_s = self.bench.clock.now_ns() * 1e-9
         return Report(
-            robot=self._config.robot.name,
+            robot=self.config.robot.name,
             world=self._world.stem,
             mission=self._mission.name,
             seed=self._options.seed,

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from robotctl.model.angles import wrap_angle
-from robotctl.runtime.messages import BusStatus, LoopStatistics
+from robotctl.runtime.messages import BusStatus, ControlState, LoopStatistics, NavigationState
+from robotctl.runtime.safety import LATCHED
 
 
 class PoseError(msgspec.Struct, frozen=True):
@@ -45,6 +46,22 @@ class Report(msgspec.Struct, frozen=True):
     def json(self) -> bytes:
         """Return the report as indented JSON."""
         return msgspec.json.format(msgspec.json.encode(self), indent=2) + b"\n"
+
+
+AT_REST_M_S = 0.01
+
+
+def is_over(control: ControlState | None, navigation: NavigationState | None) -> bool:
+    """Return whether a run has ended: stopped for good, or mission over and the robot at rest."""
+    if control is None:
+        return False
+    if control.state in LATCHED:
+        return True
+    return (
+        navigation is not None
+        and (navigation.mission_completed or navigation.mission_failed)
+        and abs(control.v_m_s) < AT_REST_M_S
+    )
 
 
 class StampedPose(NamedTuple):

@@ -23,7 +23,7 @@ from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
-from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, loop_report
+from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, is_over, loop_report
 from robotctl.app.stack import Stack
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.runtime.messages import (
@@ -35,7 +35,6 @@ from robotctl.runtime.messages import (
     SafetyState,
     SetMode,
 )
-from robotctl.runtime.safety import LATCHED
 from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
 
 _READY_S = 60.0
@@ -246,7 +245,7 @@ class SimRun:
             progress.elapsed_s = now_s - begin_s
             yield progress
             if progress.elapsed_s > self._options.max_seconds or (
-                until_done and _is_over(progress)
+                until_done and is_over(progress.control, progress.navigation)
             ):
                 return
             if now_s - asked_s >= _ASK_S:
@@ -338,14 +337,6 @@ def load_walls(world: Path) -> npt.NDArray[np.float64]:
         return load_world(world).segments
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
-
-
-def _is_over(progress: Progress) -> bool:
-    """Return whether the mission has ended, well or not."""
-    control, navigation = progress.control, progress.navigation
-    if control is not None and control.state in LATCHED:
-        return True
-    return navigation is not None and (navigation.mission_completed or navigation.mission_failed)
 
 
 def _said_ready(process: subprocess.Popen[str], seconds: float) -> bool:

@@ -171,9 +171,9 @@ class LiveView:
         progress.lines.clear()
         if progress.elapsed_s - self._shown_s >= _LIVE_S:
             self._shown_s = progress.elapsed_s
-            self._live.update(self._screen(progress), refresh=True)
+            self._live.update(self.screen(progress), refresh=True)
 
-    def _screen(self, progress: Progress) -> Group:
+    def screen(self, progress: Progress) -> Group:
         """Lay out the whole screen."""
         control = progress.control
         parts: list[object] = [self._head(progress)]
