@@ -1,0 +1,65 @@
+# `make sim` and `make test` set up all they need; see README.md.
+# Needs Python >= 3.11 with venv, make, gcc and git.
+
+PYTHON ?= python3
+UV_VERSION := 0.13.8
+BOOTSTRAP := .cache/bootstrap
+UV := $(BOOTSTRAP)/bin/uv
+STAMP := .venv/.synced
+BIN := .venv/bin
+PY := $(BIN)/python
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup sim test check lint types layers format bench guest clean
+
+help: ## list the targets
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+setup: $(STAMP) ## make .venv as uv.lock says
+
+# uv itself: pinned, in a virtual environment of its own.
+$(UV):
+	@$(PYTHON) tools/check_python.py
+	@echo "setup: uv $(UV_VERSION)"
+	@rm -rf $(BOOTSTRAP)
+	@$(PYTHON) -m venv $(BOOTSTRAP)
+	@$(BOOTSTRAP)/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
+
+$(STAMP): $(UV) uv.lock pyproject.toml
+	@echo "setup: packages of uv.lock into .venv"
+	@test -x $(PY) || $(PYTHON) -m venv --without-pip .venv
+	@UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=.venv \
+		$(UV) sync --locked --all-extras --quiet --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')"
+	@touch $@
+
+sim: $(STAMP) ## the simulated robot drives its mission; ARGS="--headless ..." are options of `robotctl sim`
+	@$(BIN)/robotctl sim $(ARGS)
+
+test: $(STAMP) ## all tests: unit, HIL on simcan, HIL on a real vcan (VCAN=off leaves that out)
+	@VCAN="$(VCAN)" $(PY) tools/run_tests.py
+
+check: lint types layers test ## what CI runs
+
+lint: $(STAMP) ## ruff: rules and format
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+types: $(STAMP) ## mypy --strict
+	$(BIN)/mypy
+
+layers: $(STAMP) ## import-linter: who may import whom
+	$(BIN)/lint-imports
+
+format: $(STAMP) ## bring the code into shape
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: $(STAMP) ## measure; ARGS are passed on
+	@$(PY) -m benchmarks $(ARGS)
+
+guest: ## build the kernel of tools/vcan-guest, if it is not in the cache
+	@$(PYTHON) tools/vcan-guest true
+
+clean: ## remove .venv and caches of this checkout
+	rm -rf .venv .cache .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

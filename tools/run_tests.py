@@ -1,0 +1,131 @@
+"""All tests in order: unit, HIL on simcan, HIL on a real vcan. `make test` calls it.
+
+The vcan part runs on this kernel where it has vcan and rights allow, else in the guest of
+`tools/vcan-guest`: the whole under virtual time, a short smoke in real time. Every stage runs even
+if one before it failed; the last lines say what ran and what did not. Environment: VCAN=off leaves
+the vcan part out.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from vcan_guest_init import add_vcan, set_up
+
+ROOT = Path(__file__).resolve().parent.parent
+GUEST = str(ROOT / "tools" / "vcan-guest")
+PYTEST = (sys.executable, "-m", "pytest")
+INTERFACE = "vcan0"
+# Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
+ON_VCAN = ("tests/vcan", "tests/drivers/test_can_port_contract.py", "hil_tests", "--bus", INTERFACE)
+SMOKE = ("tests/vcan", "hil_tests/test_1_link.py", "--bus", INTERFACE)
+GUEST_LIMIT_S = 2400.0
+
+PASSED, FAILED, NOT_RUN = "passed", "FAILED", "NOT RUN"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one stage."""
+
+    name: str
+    result: str
+    seconds: float = 0.0
+    note: str = ""
+
+    def line(self) -> str:
+        """Return the stage's line of the summary."""
+        taken = f"{self.seconds:7.1f} s" if self.result != NOT_RUN else " " * 9
+        return f"  {self.name:<42} {self.result:<8} {taken}  {self.note}".rstrip()
+
+
+def stage(name: str, command: tuple[str, ...]) -> Outcome:
+    """Run one stage, its output passed on."""
+    print(f"\n=== {name}", flush=True)
+    begin_s = time.monotonic()
+    try:
+        status = subprocess.run(
+            command, cwd=ROOT, stdin=subprocess.DEVNULL, check=False, timeout=GUEST_LIMIT_S
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return Outcome(name, FAILED, GUEST_LIMIT_S, "ended: it took too long")
+    taken_s = time.monotonic() - begin_s
+    return Outcome(name, FAILED if status else PASSED, taken_s, f"exit {status}" if status else "")
+
+
+def vcan_here() -> bool:
+    """Return whether this kernel has vcan0 or lets us make it."""
+    if INTERFACE not in {name for _, name in socket.if_nameindex()}:
+        if os.geteuid() != 0:
+            return False
+        subprocess.run(["modprobe", "vcan"], capture_output=True, check=False)
+        try:
+            add_vcan(INTERFACE)
+        except OSError:
+            return False
+    with contextlib.suppress(PermissionError):  # not ours to change: if it is down the tests say so
+        set_up(INTERFACE)
+    return True
+
+
+def vcan_stages(wanted: str, run: Callable[[str, tuple[str, ...]], Outcome]) -> list[Outcome]:
+    """Run the HIL tests on a real SocketCAN bus, on this kernel or in the guest."""
+    if wanted == "off":
+        return [Outcome("HIL on vcan", NOT_RUN, note="VCAN=off")]
+    if vcan_here():
+        return [run("HIL on vcan, this kernel, real time", (*PYTEST, *ON_VCAN))]
+    # Booting once tells the guest's own failure (125) from that of tests.
+    ready = run("vcan guest: kernel and boot", (sys.executable, GUEST, "true"))
+    if ready.result != PASSED:
+        note = "neither this kernel's vcan nor the guest can be had; VCAN=off leaves it out"
+        return [ready, Outcome("HIL on vcan", NOT_RUN, note=note)]
+    guest = (sys.executable, GUEST)
+    return [
+        ready,
+        run("vcan guest: the tool's own tests", (*PYTEST, "tests/guest")),
+        run("HIL on vcan, guest, virtual time", (*guest, *PYTEST, *ON_VCAN)),
+        run("smoke on vcan, guest, real time", (*guest, "--real-time", *PYTEST, *SMOKE)),
+    ]
+
+
+def verdict(outcomes: list[Outcome], wanted: str) -> tuple[str, int]:
+    """Return the last line of the run and its exit status."""
+    if any(outcome.result == FAILED for outcome in outcomes):
+        return "make test: FAILED", 1
+    if any(outcome.result == NOT_RUN for outcome in outcomes):
+        if wanted == "off":
+            return "make test: passed, without real vcan (VCAN=off)", 0
+        return "make test: FAILED, not everything could run", 1
+    return "make test: passed", 0
+
+
+def main() -> int:
+    """Run everything and sum up."""
+    wanted = os.environ.get("VCAN", "")
+    if wanted not in {"", "on", "off"}:
+        print(f"VCAN={wanted}: unknown value; allowed: on, off", file=sys.stderr)
+        return 2
+    outcomes = [
+        stage("unit tests", (*PYTEST, "-n", "2")),
+        stage("HIL on simcan", (*PYTEST, "hil_tests", "--bus", "simcan")),
+        *vcan_stages(wanted, stage),
+    ]
+    print("\n=== summary")
+    print("\n".join(outcome.line() for outcome in outcomes))
+    line, status = verdict(outcomes, wanted)
+    print(line, flush=True)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
