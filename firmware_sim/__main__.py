@@ -18,6 +18,7 @@ from typing import NoReturn
 from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
+from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
 from firmware_sim.realtime import RealTime, raise_priority
@@ -44,6 +45,13 @@ def parser() -> argparse.ArgumentParser:
     add = result.add_argument
     add("--robot", type=Path, required=True, help="TOML of the robot")
     add("--world", type=Path, required=True, help="TOML of the room")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="replace one value of the robot's TOML, e.g. simulation.battery.charge=0.7",
+    )
     add("--bus", default="simcan:simcan0", help="simcan:CHANNEL or a CAN interface (%(default)s)")
     add("--seed", type=_natural, default=0, help="of all random draws (%(default)s)")
     add("--start", type=_pose, metavar="X,Y,HEADING_DEG", help="instead of the world's start pose")
@@ -108,7 +116,7 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     if options.state is not None and options.state.exists() and not options.state.is_dir():
         raise SimulationError(f"--state {options.state}: not a directory")
     simulation = Simulation(
-        options.robot,
+        load_robot(options.robot, dict(parse_override(text) for text in options.set)),
         options.world,
         options.seed,
         options.start,

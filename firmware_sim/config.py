@@ -73,6 +73,15 @@ def load_robot(path: Path, overrides: Mapping[str, Any] | None = None) -> RobotC
     return validate(_ROBOT, data, path)
 
 
+def parse_override(text: str) -> tuple[str, Any]:
+    """Return key and value of `key=value`, the value in TOML; else raises SimulationError."""
+    key, _, value = text.partition("=")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        raise SimulationError(f"--set {text}: not of the form key.subkey=value in TOML") from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse a TOML file; raises SimulationError naming the file."""
     try:

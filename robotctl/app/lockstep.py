@@ -7,12 +7,13 @@ differs from the real processes but the clock and the way frames and messages tr
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.config import load_robot as load_simulated_robot
+from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.simulation import Simulation
 from firmware_sim.world import load_world
@@ -21,7 +22,7 @@ from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
 from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, is_over, loop_report
-from robotctl.app.sim import SimOptions, SimulatorError
+from robotctl.app.sim import SimOptions, SimulatorError, simulation_overrides
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
 from robotctl.runtime.clock import VirtualClock
@@ -118,7 +119,11 @@ class Bench:
 
 
 def make_simulation(
-    robot: Path, world: Path, seed: int, start: tuple[float, float, float]
+    robot: Path,
+    world: Path,
+    seed: int,
+    start: tuple[float, float, float],
+    overrides: Sequence[str] = (),
 ) -> Simulation:
     """Return the simulated robot in its world, compiled and ready.
 
@@ -128,7 +133,9 @@ def make_simulation(
         If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
     """
     try:
-        simulation = Simulation(load_simulated_robot(robot), load_world(world), seed, start)
+        settings = dict(parse_override(text) for text in simulation_overrides(overrides))
+        simulated = load_simulated_robot(robot, settings)
+        simulation = Simulation(simulated, load_world(world), seed, start)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
     simulation.warm()
@@ -166,7 +173,11 @@ class LockstepRun:
         self._asked_ns = -_ARM_RETRY_NS
         self._request_id = 0
         simulation = make_simulation(
-            options.robot, self._world, options.seed, (start.x_m, start.y_m, start.theta_rad)
+            options.robot,
+            self._world,
+            options.seed,
+            (start.x_m, start.y_m, start.theta_rad),
+            options.overrides,
         )
         self.bench = Bench(self.config, stack, simulation)
 

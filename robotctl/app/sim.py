@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import zmq
 
+from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
@@ -204,6 +205,8 @@ class SimRun:
             *("--truth", self._endpoints.truth),
             *("--priority", str(max(0, self.config.runtime.priority - _BELOW_CONTROL))),
         ]
+        for override in simulation_overrides(options.overrides):
+            command += ["--set", override]
         if "lidar" in self.config.simulation:
             command += ["--lidar", self._endpoints.lidar]
         if options.record is not None:
@@ -323,6 +326,25 @@ class SimRun:
             bus=bus_report(control.bus),
             real_time_factor=1.0,
         )
+
+
+def simulation_overrides(overrides: Sequence[str]) -> list[str]:
+    """Return those settings of the user that are firmware_sim's."""
+    return [override for override in overrides if override.startswith("simulation.")]
+
+
+def check_simulated_robot(robot: Path) -> None:
+    """Check the part of a robot's file that firmware_sim reads.
+
+    Raises
+    ------
+    SimulatorError
+        With one line for each error.
+    """
+    try:
+        load_simulated_robot(robot)
+    except SimulationError as error:
+        raise SimulatorError(str(error)) from error
 
 
 def load_walls(world: Path) -> npt.NDArray[np.float64]:

@@ -10,6 +10,7 @@ import pydantic
 import typer
 
 from robotctl.app.config import RobotConfig, find_file, load_robot
+from robotctl.app.sim import check_simulated_robot
 from robotctl.cli.arguments import Overrides, RobotName
 
 app = typer.Typer(help="Check and show robot configurations.", no_args_is_help=True)
@@ -23,6 +24,8 @@ def check(
     """Check a robot's file as a whole; status 2 and one line for each error if it is wrong."""
     path = find_file(file)
     config = load_robot(path, overrides or ())
+    if config.simulation:
+        check_simulated_robot(path)
     print(
         f"{path}: {config.robot.name}, {config.drive.kind}, {len(config.sonar)} sonars, "
         f"{config.runtime.rate_hz} Hz: all keys are known and all values are allowed"

@@ -57,9 +57,7 @@ def test_wrong_values_are_refused_with_what_is_allowed(override: str, words: str
 
 def test_a_time_out_under_two_periods_is_refused_with_both_figures() -> None:
     with pytest.raises(ConfigError, match=r"12 is under two control periods \(20 ms at 100 Hz\)"):
-        load_robot(
-            find_file("diff_drive"), ["runtime.rate_hz=100", "safety.command_timeout_ms=12"]
-        )
+        load_robot(find_file("diff_drive"), ["runtime.rate_hz=100", "safety.command_timeout_ms=12"])
 
 
 def test_a_file_that_is_not_there_names_the_nearest_one() -> None:
