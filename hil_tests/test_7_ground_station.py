@@ -14,7 +14,7 @@ from robotctl.app.stack import NAVIGATION, TELEMETRY
 from robotctl.runtime.messages import SafetyState
 
 os.environ["MAVLINK20"] = "1"
-from pymavlink import mavutil  # noqa: E402 - reads the variable when it is imported
+from pymavlink import mavutil
 
 mavlink = mavutil.mavlink
 GUIDED = 15

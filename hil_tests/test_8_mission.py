@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from robotctl.app.replay import replay_file
+
 
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
@@ -17,6 +19,7 @@ def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: P
         *(sys.executable, "-c", "from robotctl.cli.main import main; main()", "sim"),
         *("--headless", "--until-done", "--max-seconds", "240", "--seed", "3"),
         *("--robot", robot, "--bus", channel, "--report", str(report)),
+        *("--record", str(tmp_path)),
         *("--set", "mavlink.link=[]"),
     ]
     result = subprocess.run(command, capture_output=True, text=True, timeout=390, check=False)
@@ -30,3 +33,6 @@ def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: P
     assert 0.05 < score["bus"]["load"] < 0.5
     assert score["loop"]["rate_hz"] == 200
     assert score["loop"]["ticks"] > 150 * score["duration_s"]
+    replayed = replay_file(tmp_path / "control.rec")
+    assert replayed.different is None
+    assert replayed.agreed > 150 * score["duration_s"]

@@ -21,7 +21,15 @@ from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
-from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, is_over, loop_report
+from robotctl.app.score import (
+    PoseScore,
+    Report,
+    StampedPose,
+    bus_report,
+    is_over,
+    loop_report,
+    run_message,
+)
 from robotctl.app.sim import SimOptions, SimulatorError, simulation_overrides
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
@@ -251,7 +259,7 @@ class LockstepRun:
             seed=self._options.seed,
             bus_kind="lockstep",
             mission_completed=navigation is not None and navigation.mission_completed,
-            message=(navigation.message if navigation else "") or control.reason,
+            message=run_message(control, navigation),
             items_done=navigation.item if navigation else 0,
             items=navigation.items if navigation else 0,
             duration_s=round(duration_s, 3),

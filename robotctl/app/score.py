@@ -11,7 +11,7 @@ import msgspec
 
 from robotctl.model.angles import wrap_angle
 from robotctl.runtime.messages import BusStatus, ControlState, LoopStatistics, NavigationState
-from robotctl.runtime.safety import LATCHED
+from robotctl.runtime.safety import LATCHED, POWERED
 
 
 class PoseError(msgspec.Struct, frozen=True):
@@ -62,6 +62,16 @@ def is_over(control: ControlState | None, navigation: NavigationState | None) ->
         and (navigation.mission_completed or navigation.mission_failed)
         and abs(control.v_m_s) < AT_REST_M_S
     )
+
+
+def run_message(control: ControlState, navigation: NavigationState | None) -> str:
+    """Return the line that explains how a run stands: why it cannot drive, else what it does."""
+    if control.state not in POWERED:
+        refused = control.ack.reasons if control.ack is not None else ()
+        reason = control.reason or "; ".join(refused)
+        if reason:
+            return f"{control.state.name.lower().replace('_', ' ')}: {reason}"
+    return navigation.message if navigation is not None else ""
 
 
 class StampedPose(NamedTuple):

@@ -24,7 +24,15 @@ from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
-from robotctl.app.score import PoseScore, Report, StampedPose, bus_report, is_over, loop_report
+from robotctl.app.score import (
+    PoseScore,
+    Report,
+    StampedPose,
+    bus_report,
+    is_over,
+    loop_report,
+    run_message,
+)
 from robotctl.app.stack import Stack
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.runtime.messages import (
@@ -315,7 +323,7 @@ class SimRun:
             seed=self._options.seed,
             bus_kind=self._options.bus,
             mission_completed=navigation.mission_completed,
-            message=navigation.message or control.reason,
+            message=run_message(control, navigation),
             items_done=navigation.item,
             items=navigation.items,
             duration_s=round(progress.elapsed_s, 3),

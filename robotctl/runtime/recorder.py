@@ -87,7 +87,7 @@ def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Tick]
     first = next(_messages(file), None)
     try:
         if first is None:
-            raise RecordError(f"{name}: empty, not a record")
+            raise RecordError(f"{name}: not a record of the control loop, or an empty one")
         header = msgspec.msgpack.decode(first, type=RecordHeader)
     except msgspec.DecodeError as error:
         raise RecordError(f"{name}: not a record: {error}") from error

@@ -1,0 +1,77 @@
+"""Whole missions under the virtual clock."""
+
+import hashlib
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import run_lockstep
+from robotctl.app.replay import replay_file
+from robotctl.app.score import Report
+from robotctl.app.sim import SimOptions, SimulatorError
+from robotctl.runtime.recorder import RecordError
+
+PATROL = find_file("patrol", "missions")
+
+
+def drive(robot: str = "diff_drive", **options: object) -> Report:
+    return run_lockstep(SimOptions(find_file(robot), PATROL, **options))
+
+
+@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_every_drive_completes_the_patrol_without_collision(robot: str, seed: int) -> None:
+    report = drive(robot, seed=seed)
+    assert report.mission_completed, report.message
+    assert report.collisions == 0
+    assert report.items_done == report.items
+    assert report.pose_error.max_m < 0.02 * report.distance_m
+    assert report.bus["errors"] == 0
+
+
+def fingerprint(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
+
+
+def without_computing_times(report: Report) -> dict:
+    plain = msgspec.json.decode(report.json())
+    del plain["real_time_factor"], plain["loop"]["step_us"]
+    return plain
+
+
+def test_the_same_seed_gives_the_same_report_and_logs_to_the_byte(tmp_path: Path) -> None:
+    runs = [drive(seed=7, max_seconds=12, record=tmp_path / name) for name in ("a", "b")]
+    assert without_computing_times(runs[0]) == without_computing_times(runs[1])
+    assert fingerprint(tmp_path / "a") == fingerprint(tmp_path / "b")
+    drive(seed=8, max_seconds=12, record=tmp_path / "c")
+    assert fingerprint(tmp_path / "a") != fingerprint(tmp_path / "c")
+
+
+def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path: Path) -> None:
+    drive("tricycle", max_seconds=10, record=tmp_path, overrides=("control.drive.kp=0.3",))
+    replayed = replay_file(tmp_path / "control.rec")
+    assert replayed.different is None
+    assert replayed.agreed == 2000
+
+
+def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="cannot be read"):
+        replay_file(tmp_path / "missing.rec")
+    (tmp_path / "text").write_text("hello, this is not a record\n")
+    with pytest.raises(RecordError, match="not a record"):
+        replay_file(tmp_path / "text")
+
+
+def test_a_run_that_is_cut_short_is_not_completed() -> None:
+    report = drive(max_seconds=5)
+    assert not report.mission_completed
+    assert report.duration_s == pytest.approx(5.0)
+
+
+def test_settings_of_the_simulation_reach_the_firmware_and_wrong_ones_are_named() -> None:
+    weak = drive(max_seconds=4, overrides=("simulation.battery.charge=0.02",))
+    assert "battery" in weak.message
+    with pytest.raises(SimulatorError, match="charge"):
+        drive(overrides=("simulation.battery.chrge=0.5",))
