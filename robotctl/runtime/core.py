@@ -224,12 +224,17 @@ class ControlCore:
                     self._on(Event.DISARM, "disarmed", now_ns)
                     self._ack = Ack(request.request_id, accepted=True)
                 case Arm():
-                    self._pending = request
+                    self._pending = self._asked_again(request)
                     if self.machine.state in LATCHED:
                         self._on(Event.RESET, "arming after a stop", now_ns)
         if stop is not None:
             self._pending = None
         return stop
+
+    def _asked_again(self, request: Arm) -> Arm:
+        """Return the request to wait for: asking again does not put off the answer."""
+        before = self._pending
+        return msgspec.structs.replace(request, stamp_ns=before.stamp_ns) if before else request
 
     def _supervise(self, now_ns: int) -> None:
         """Let health move the state machine."""

@@ -183,6 +183,19 @@ def test_a_refused_arming_says_every_reason() -> None:
     assert robot.state == SafetyState.STANDBY
 
 
+def test_asking_again_and_again_does_not_put_off_the_refusal() -> None:
+    robot = RobotDouble()
+    robot.mute_status = True
+    robot.ticks(3)
+    for request_id in range(1, 31):
+        robot.arm(request_id)
+        robot.ticks(9)
+    ack = robot.snapshot().ack
+    assert ack is not None
+    assert not ack.accepted
+    assert ack.request_id >= 20
+
+
 def test_an_old_request_to_arm_is_refused() -> None:
     robot = RobotDouble()
     robot.ticks(3)
