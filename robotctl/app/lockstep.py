@@ -7,7 +7,7 @@ differs from the real processes but the clock and the way frames and messages tr
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -96,11 +96,11 @@ class Bench:
         self.step_ns.add((time.perf_counter_ns() - begin_ns) // 100)
         return outputs
 
-    def open_loop_tick(self, command: WheelCommand) -> Inputs:
-        """Let one period pass and send `command` past the core, for identification."""
+    def open_loop_tick(self, law: Callable[[Inputs], WheelCommand]) -> Inputs:
+        """Let one period pass and send what `law` makes of it past the core, for identification."""
         now_ns = self._advance()
         self.inputs = Inputs(self.robot.receive(now_ns))
-        self.robot.send(command, now_ns)
+        self.robot.send(law(self.inputs), now_ns)
         return self.inputs
 
     def _advance(self) -> int:
