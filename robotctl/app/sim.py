@@ -46,7 +46,7 @@ from robotctl.runtime.messages import (
 )
 from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
 
-_READY_S = 60.0
+_READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _ASK_S = 0.5

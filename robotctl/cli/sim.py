@@ -77,7 +77,9 @@ def sim(
 
 def _run(options: SimOptions, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
-    with SimRun(options) as run, make_view(run, headless=headless) as view:
+    run = SimRun(options)
+    print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
+    with run, make_view(run, headless=headless) as view:
         try:
             for progress in run.steps(until_done=until_done):
                 view.update(progress)
