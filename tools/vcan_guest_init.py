@@ -5,18 +5,24 @@ Needs nothing but Python: no mount, no ip, no init system.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import fcntl
 import json
 import os
+import signal
 import socket
 import struct
 import sys
 import termios
+import threading
 import traceback
+import tty
 from pathlib import Path
+from typing import Any
 
 COMMAND_NOT_FOUND = 127
+NOT_EXECUTABLE = 126
 _MOUNTS = (
     ("proc", "/proc", "proc"),
     ("sysfs", "/sys", "sysfs"),
@@ -25,7 +31,9 @@ _MOUNTS = (
     ("tmpfs", "/dev/shm", "tmpfs"),
     ("tmpfs", "/run", "tmpfs"),
 )
-_LINKS = (("fd", "self/fd"), ("stdin", "self/fd/0"), ("stdout", "self/fd/1"), ("stderr", "self/fd/2"))
+_LINKS = {"fd": "self/fd", "stdin": "self/fd/0", "stdout": "self/fd/1", "stderr": "self/fd/2"}
+# The consoles that the host side connects to its standard output and standard error.
+_OUTPUT_CONSOLES = ("/dev/tty1", "/dev/tty2")
 _POWER_OFF = 0x4321FEDC
 _IFF_UP = 1
 _SIOCGIFFLAGS, _SIOCSIFFLAGS = 0x8913, 0x8914
@@ -41,7 +49,7 @@ def mount_all(libc: ctypes.CDLL) -> None:
         if libc.mount(source.encode(), target.encode(), kind.encode(), 0, None) != 0:
             reason = os.strerror(ctypes.get_errno())
             raise OSError(f"mounting {kind} on {target}: {reason}")
-    for name, target in _LINKS:
+    for name, target in _LINKS.items():
         if not Path("/dev", name).exists():
             Path("/dev", name).symlink_to(f"/proc/{target}")
 
@@ -75,34 +83,78 @@ def set_up(name: str) -> None:
         fcntl.ioctl(any_socket, _SIOCSIFFLAGS, request)
 
 
-def plain_output() -> None:
-    """Let the console pass bytes as they are, without carriage returns."""
-    attributes = termios.tcgetattr(1)
-    attributes[1] &= ~termios.OPOST
-    termios.tcsetattr(1, termios.TCSANOW, attributes)
+class Output:
+    """Carries one output of the command to the host, byte by byte as it is.
+
+    The command writes to a pipe, not to the console itself: a console would be a terminal to it.
+    """
+
+    def __init__(self, console: str) -> None:
+        self._console = os.open(console, os.O_WRONLY | os.O_NOCTTY)
+        tty.setraw(self._console)
+        self._pipe, self.command_end = os.pipe()
+        self._thread = threading.Thread(target=self._carry, daemon=True)
+
+    def start(self) -> None:
+        """Carry from now on; the command has its end of the pipe."""
+        os.close(self.command_end)
+        self._thread.start()
+
+    def finish(self) -> None:
+        """Wait until the host has it all; nobody must be left who could still write."""
+        self._thread.join()
+        termios.tcdrain(self._console)
+
+    def _carry(self) -> None:
+        while chunk := os.read(self._pipe, 65536):
+            while chunk:
+                chunk = chunk[os.write(self._console, chunk) :]
 
 
-def run(order: dict[str, object]) -> int:
-    """Run the command as a child, adopt and bury orphans, and return its status."""
-    environment = dict(order["environment"])  # type: ignore[call-overload]
+def start(order: dict[str, Any], stdout: Output, stderr: Output) -> int:
+    """Start the command as a child with its own session and return its process id."""
+    environment = dict(order["environment"])
     for name in ("runtime", "tmp"):
         Path("/run", name).mkdir(mode=0o700)
     environment |= {"XDG_RUNTIME_DIR": "/run/runtime", "TMPDIR": "/run/tmp"}
-    command = [str(part) for part in order["command"]]  # type: ignore[attr-defined]
+    command = order["command"]
     child = os.fork()
-    if child == 0:
-        os.setsid()
-        try:
-            os.chdir(str(order["directory"]))
-            os.execvpe(command[0], command, environment)
-        except OSError as error:
-            print(f"vcan-guest: {command[0]}: {error.strerror}", file=sys.stderr, flush=True)
-            os._exit(COMMAND_NOT_FOUND)
-    while True:
+    if child:
+        return child
+    os.setsid()
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(stdout.command_end, 1)
+    os.dup2(stderr.command_end, 2)
+    # What Python ignores in this process, the command shall not.
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    status = NOT_EXECUTABLE
+    try:
+        os.chdir(order["directory"])
+        os.execvpe(command[0], command, environment)
+    except FileNotFoundError as error:
+        status = COMMAND_NOT_FOUND
+        reason = error.strerror
+    except OSError as error:
+        reason = error.strerror
+    os.write(2, f"vcan-guest: {command[0]}: {reason}\n".encode())
+    os._exit(status)
+
+
+def run(order: dict[str, Any]) -> int:
+    """Run the command, bury orphans meanwhile, end what it left behind; return its status."""
+    outputs = [Output(console) for console in _OUTPUT_CONSOLES]
+    child = start(order, *outputs)
+    for output in outputs:
+        output.start()
+    pid, status = os.wait()
+    while pid != child:
         pid, status = os.wait()
-        if pid == child:
-            code = os.waitstatus_to_exitcode(status)
-            return code if code >= 0 else 128 - code
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(-1, signal.SIGKILL)
+    for output in outputs:
+        output.finish()
+    code = os.waitstatus_to_exitcode(status)
+    return code if code >= 0 else 128 - code
 
 
 def main() -> None:
@@ -112,7 +164,6 @@ def main() -> None:
     try:
         order = json.loads((folder / "order.json").read_text())
         mount_all(libc)
-        plain_output()
         set_up("lo")
         add_vcan("vcan0")
         set_up("vcan0")
