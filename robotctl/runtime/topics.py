@@ -8,6 +8,7 @@ or to arm that waited for a restart would come as a surprise.
 from __future__ import annotations
 
 import os
+import select
 import tempfile
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -94,10 +95,18 @@ class _Receiver(Generic[T]):
         self.rejected = 0
         self._socket = socket
         self._decoder = msgspec.msgpack.Decoder(kind)
+        self._signal = select.poll()
+        self._signal.register(self.fileno(), select.POLLIN)
 
     def receive(self) -> list[T]:
-        """Return all waiting messages, oldest first, without waiting."""
+        """Return all waiting messages, oldest first, without waiting.
+
+        Asking the descriptor first costs a fifth of asking the socket, which a control tick feels.
+        It tells of news only, not of messages that wait: hence everything is read, always.
+        """
         messages: list[T] = []
+        if not self._signal.poll(0):
+            return messages
         while _readable(self._socket):
             try:
                 messages.append(self._decoder.decode(self._socket.recv(zmq.NOBLOCK)))

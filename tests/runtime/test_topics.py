@@ -77,6 +77,31 @@ def test_requests_arrive_in_order_and_as_they_were(
     assert got == sent
 
 
+def test_no_request_stays_behind_however_reading_and_writing_interleave(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    receiver = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
+    senders = [RequestSender(context, endpoints.control_requests) for _ in range(2)]
+    for sender in senders:
+        until(lambda sender=sender: sender.send(Arm(0, 0, arm=True)))
+    got: list[ControlRequest] = []
+    sent = len(senders)
+
+    def all_are_there() -> bool:
+        got.extend(receiver.receive())
+        return len(got) == sent
+
+    until(all_are_there)
+    for burst in range(2000):
+        for number in range(burst % 4):
+            sent += senders[number % 2].send(Arm(sent, burst, arm=True))
+        got += receiver.receive()
+        if burst % 100 == 0:
+            until(all_are_there)
+    until(all_are_there)
+    assert sent == 3002
+
+
 def test_a_request_to_a_process_that_is_not_there_is_dropped_not_kept(
     context: zmq.Context, endpoints: Endpoints
 ) -> None:
