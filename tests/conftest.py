@@ -1,7 +1,60 @@
-"""Settings of all tests."""
+"""Settings of all tests: examples, public recordings, and the folders run only when named."""
 
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
+TESTS = Path(__file__).resolve().parent
+# Run by `make test` where they can be: on a kernel with vcan0, and on a host that boots guests.
+ONLY_WHEN_NAMED = {TESTS / "vcan", TESTS / "guest"}
+RECORDINGS_MISSING = "recordings missing: "
+
 # A busy machine makes single examples slow; pytest's time-out still ends a test that hangs.
-settings.register_profile("robotctl", deadline=None)
+# In CI the same commit tries the same examples.
+settings.register_profile("robotctl", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("robotctl")
+
+
+def recordings_folder() -> Path:
+    """Return where public recordings are: ROBOTCTL_DATA, else beside the checkout."""
+    named = os.environ.get("ROBOTCTL_DATA")
+    return Path(named) if named else TESTS.parent.parent / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """The folder of public recordings, for tests marked `recordings`."""
+    return recordings_folder()
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    if collection_path not in ONLY_WHEN_NAMED:
+        return None
+    named = [Path(config.invocation_params.dir, arg.partition("::")[0]) for arg in config.args]
+    return None if any(path.is_relative_to(collection_path) for path in named) else True
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip tests marked `recordings(NAME, ...)` of which a name is not in the folder."""
+    folder = recordings_folder()
+    for item in items:
+        for marker in item.iter_markers("recordings"):
+            missing = [str(folder / name) for name in marker.args if not (folder / name).exists()]
+            if not folder.is_dir():
+                missing = [str(folder)]
+            if missing:
+                reason = RECORDINGS_MISSING + ", ".join(missing)
+                item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name each test that did not run for want of recordings."""
+    for report in terminalreporter.stats.get("skipped", []):
+        reason = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else ""
+        if RECORDINGS_MISSING in reason:
+            what = reason.removeprefix("Skipped: ")
+            terminalreporter.write_line(f"not run, {what}: {report.nodeid}")

@@ -1,0 +1,73 @@
+"""What `make test` runs and what it says at the end."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+PATH = Path(__file__).resolve().parents[2] / "tools" / "run_tests.py"
+spec = importlib.util.spec_from_file_location("run_tests", PATH)
+assert spec is not None
+assert spec.loader is not None
+run_tests = importlib.util.module_from_spec(spec)
+sys.modules["run_tests"] = run_tests
+spec.loader.exec_module(run_tests)
+Outcome, PASSED, FAILED = run_tests.Outcome, run_tests.PASSED, run_tests.FAILED
+
+
+def stages(monkeypatch: pytest.MonkeyPatch, here: bool, fails: str = "") -> list[tuple[str, str]]:
+    """Return (name, result) of the vcan stages on a machine; the one named `fails` fails."""
+    monkeypatch.setattr(run_tests, "vcan_here", lambda: here)
+
+    def run(name: str, _command: tuple[str, ...]) -> object:
+        return Outcome(name, FAILED if fails and fails in name else PASSED)
+
+    return [(outcome.name, outcome.result) for outcome in run_tests.vcan_stages("", run)]
+
+
+def test_a_kernel_with_vcan_needs_no_guest(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert stages(monkeypatch, here=True) == [("HIL on vcan, this kernel, real time", PASSED)]
+
+
+def test_without_vcan_all_runs_in_virtual_time_and_a_smoke_in_real_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = [name for name, _ in stages(monkeypatch, here=False)]
+    assert names[-2:] == ["HIL on vcan, guest, virtual time", "smoke on vcan, guest, real time"]
+
+
+def test_a_failing_stage_does_not_keep_the_next_from_running(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    results = stages(monkeypatch, here=False, fails="virtual time")
+    assert [result for _, result in results] == [PASSED, PASSED, FAILED, PASSED]
+
+
+def test_without_vcan_and_guest_the_run_fails_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    results = stages(monkeypatch, here=False, fails="kernel and boot")
+    assert results[-1] == ("HIL on vcan", run_tests.NOT_RUN)
+    outcomes = [Outcome(name, result) for name, result in results]
+    assert run_tests.verdict(outcomes, "")[1] == 1
+
+
+def test_vcan_left_out_on_demand_passes_and_says_so() -> None:
+    outcomes = run_tests.vcan_stages("off", pytest.fail)
+    line, status = run_tests.verdict([Outcome("unit tests", PASSED), *outcomes], "off")
+    assert status == 0
+    assert "without real vcan (VCAN=off)" in line
+
+
+def test_a_failed_test_fails_the_run_with_vcan_left_out_too() -> None:
+    outcomes = [Outcome("unit tests", FAILED), *run_tests.vcan_stages("off", pytest.fail)]
+    assert run_tests.verdict(outcomes, "off") == ("make test: FAILED", 1)
+
+
+def test_the_status_of_a_stage_is_its_commands(capfd: pytest.CaptureFixture[str]) -> None:
+    bad = run_tests.stage("bad", (sys.executable, "-c", "print('seen'); raise SystemExit(5)"))
+    good = run_tests.stage("good", (sys.executable, "-c", ""))
+    assert (bad.result, bad.note) == (FAILED, "exit 5")
+    assert good.result == PASSED
+    assert "seen" in capfd.readouterr().out
