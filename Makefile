@@ -30,7 +30,8 @@ $(STAMP): $(UV) uv.lock pyproject.toml
 	@echo "setup: packages of uv.lock into .venv"
 	@test -x $(PY) || $(PYTHON) -m venv --without-pip .venv
 	@UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=.venv \
-		$(UV) sync --locked --all-extras --quiet --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')"
+		$(UV) sync --locked --all-extras --quiet --system-certs \
+		--python "$$($(PYTHON) -c 'import sys; print(sys.executable)')"
 	@touch $@
 
 sim: $(STAMP) ## the simulated robot drives its mission; ARGS="--headless ..." are options of `robotctl sim`
