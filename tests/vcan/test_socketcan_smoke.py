@@ -122,11 +122,10 @@ def test_a_process_can_have_real_time_priority():
 
 
 @ONLY_VIRTUAL
-@pytest.mark.timeout(7200)
 def test_virtual_time_jumps_over_a_sleep_and_ends_it_on_time():
     begin_ns = time.monotonic_ns()
-    time.sleep(3600.0)
-    assert 0 <= time.monotonic_ns() - begin_ns - 3_600_000_000_000 < TIMER_SLACK_NS + 10_000
+    time.sleep(60.0)
+    assert 0 <= time.monotonic_ns() - begin_ns - 60_000_000_000 < TIMER_SLACK_NS + 10_000
 
 
 @ONLY_VIRTUAL
