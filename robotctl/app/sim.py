@@ -46,6 +46,9 @@ from robotctl.runtime.messages import (
 )
 from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
 
+PATIENCE = "safety.feedback_timeout_periods=10"
+"""A simulated drive is a process of an ordinary computer, whose pauses are no fault of a robot."""
+
 _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
@@ -134,6 +137,7 @@ class SimRun:
         self._options = options
         interface, channel = options.channel
         overrides = (
+            PATIENCE,
             *options.overrides,
             f'can.interface="{interface}"',
             f'can.channel="{channel}"',
