@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 import robotctl
-from robotctl.cli import can, config, replay, run, sim
+from robotctl.cli import can, config, replay, run, sim, tune
 from robotctl.errors import RobotctlError
 
 BAD_INPUT = 2
@@ -24,6 +24,7 @@ app.add_typer(config.app, name="config")
 app.add_typer(can.app, name="can")
 app.command("sim")(sim.sim)
 app.command("run")(run.run)
+app.command("tune")(tune.tune)
 app.command("replay")(replay.replay)
 
 

@@ -1,0 +1,58 @@
+"""The step responses of a tuning as a picture; needs the extra `plot`."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+from robotctl.app.tune import BAND, TuneResult
+from robotctl.errors import ConfigError
+
+SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def check_plot(file: Path) -> None:
+    """Refuse what could not be drawn, before anything is measured.
+
+    Raises
+    ------
+    ConfigError
+        If matplotlib is missing, or the file's suffix is not one of `SUFFIXES`.
+    """
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ConfigError(
+            "--plot needs matplotlib, which is not installed; install it with\n"
+            '  pip install "robotctl[plot]"        (in a checkout: make setup)'
+        )
+    if file.suffix.lower() not in SUFFIXES:
+        raise ConfigError(f"--plot {file}: the suffix must be one of {', '.join(SUFFIXES)}")
+
+
+def save_plot(result: TuneResult, file: Path) -> None:
+    """Draw the responses before and after, one panel for each charge of the battery."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+
+    figure = Figure(figsize=(10.0, 4.5), dpi=120, layout="constrained")
+    panels = figure.subplots(1, len(result.before), sharey=True, squeeze=False)[0]
+    for panel, before, after in zip(panels, result.before, result.after, strict=True):
+        wanted_m_s = before.step.wanted_m_s
+        panel.axhspan(
+            (1.0 - BAND) * wanted_m_s,
+            (1.0 + BAND) * wanted_m_s,
+            color="0.9",
+            label=f"±{BAND:.0%} of the step",
+        )
+        reference = after.step
+        panel.plot(
+            reference.time_s, reference.reference_m_s, "k--", linewidth=1.0, label="reference"
+        )
+        for name, response in (("before", before), ("after", after)):
+            panel.plot(response.step.time_s, response.step.true_m_s, label=name)
+        panel.set_title(f"{before.charge:.0%} battery")
+        panel.set_xlabel("time since the step, s")
+        panel.set_xlim(0.0, 1.0)
+        panel.grid(visible=True, alpha=0.3)
+    panels[0].set_ylabel("true speed, m/s")
+    panels[0].legend(loc="lower right")
+    figure.suptitle(f"{result.config.robot.name}, method {result.options.method}")
+    figure.savefig(file)
