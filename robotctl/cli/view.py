@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from types import TracebackType
 from typing import Protocol
 
 import numpy as np
@@ -41,12 +40,7 @@ class View(Protocol):
     def __enter__(self) -> View:
         """Begin to show."""
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Give the terminal back."""
 
     def update(self, progress: Progress) -> None:
@@ -86,12 +80,7 @@ class LineView:
             self._print(0.0, f"connect: {connection}")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Nothing to give back."""
 
     def update(self, progress: Progress) -> None:
@@ -153,17 +142,12 @@ class LiveView:
 
     def __enter__(self) -> LiveView:
         """Take the terminal."""
-        self._live.__enter__()
+        self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Give the terminal back; the last screen stays."""
-        self._live.__exit__(kind, error, trace)
+        self._live.stop()
 
     def update(self, progress: Progress) -> None:
         """Redraw, five times a second at most."""

@@ -144,6 +144,7 @@ def test_a_listener_hears_a_publisher_that_starts_later_and_again(
             return any(notice.text == text for notice in got)
 
         until(heard)
+        assert got[-1].text == text
         publisher.close()
 
 
