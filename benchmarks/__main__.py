@@ -1,0 +1,49 @@
+"""`python -m benchmarks [SUBJECT...]`: run all benchmarks, or some."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from benchmarks import (
+    control_quality,
+    lockstep_speed,
+    loop_lag,
+    machine,
+    memory,
+    start_up,
+    tick_cost,
+)
+
+SUBJECTS = {
+    "tick": tick_cost.run,
+    "lag": loop_lag.run,
+    "lockstep": lockstep_speed.run,
+    "memory": memory.run,
+    "control": control_quality.run,
+    "startup": start_up.run,
+}
+
+
+def main() -> int:
+    """Run the command; figures never fail it."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument(
+        "subjects", nargs="*", metavar="SUBJECT", help=f"{', '.join(SUBJECTS)}; default: all"
+    )
+    parser.add_argument("--rounds", type=int, default=5, help="per figure (%(default)s)")
+    parser.add_argument("--seconds", type=float, default=10.0, help="per round (%(default)s)")
+    options = parser.parse_args()
+    unknown = [name for name in options.subjects if name not in SUBJECTS]
+    if unknown:
+        parser.error(f"{', '.join(unknown)}: unknown; there are {', '.join(SUBJECTS)}")
+    machine.note(machine.describe())
+    machine.note(f"command  python -m benchmarks {' '.join(sys.argv[1:])}".rstrip())
+    for name in options.subjects or SUBJECTS:
+        SUBJECTS[name](max(1, options.rounds), max(2.0, options.seconds))
+    machine.note(f"\nload at the end {machine.load()}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

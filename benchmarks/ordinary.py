@@ -1,0 +1,144 @@
+"""The peer of the tick: the control process with python-can messages and cantools.
+
+Everything else is the same: loop, core, commissioning, checks of counters and CRC (ours, which
+favours the peer). `python -m benchmarks.ordinary OPTIONS` takes the place of the control process.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Collection
+from typing import Any
+
+import can
+import cantools.database
+
+from robotctl.app import control
+from robotctl.app.config import RobotConfig, config_directory
+from robotctl.app.robot import make_codec, node_parameters
+from robotctl.drivers.can_port import CAN_SFF_MASK, NODE_NAME
+from robotctl.drivers.codec import compile_syndrome
+from robotctl.drivers.robot_can import CanRobot
+from robotctl.drivers.robot_codec import (
+    BATTERY,
+    COMMAND,
+    DRIVE,
+    MOTOR,
+    SONARS,
+    WHEELS,
+    RobotCodec,
+)
+from robotctl.runtime.messages import BusStatus
+from robotctl.runtime.ports import Clock, Frame
+
+
+class OrdinaryPort:
+    """A `CanPort` by `can.Bus.recv` and `can.Bus.send`."""
+
+    def __init__(self, interface: str, channel: str, arbitration_ids: Collection[int]) -> None:
+        self._bus = can.Bus(
+            interface=interface,
+            channel=channel,
+            node=NODE_NAME,
+            can_filters=[
+                {"can_id": each, "can_mask": CAN_SFF_MASK, "extended": False}
+                for each in arbitration_ids
+            ],
+        )
+        self._epoch_s = time.time() - time.monotonic()
+        self._received = self._sent = self._failures = 0
+
+    def send(self, arbitration_id: int, data: bytes) -> bool:
+        message = can.Message(arbitration_id=arbitration_id, data=data, is_extended_id=False)
+        try:
+            self._bus.send(message)
+        except can.CanError:
+            self._failures += 1
+            return False
+        self._sent += 1
+        return True
+
+    def receive(self) -> list[Frame]:
+        frames = []
+        while (message := self._bus.recv(timeout=0)) is not None:
+            if not message.is_error_frame:
+                stamp_ns = round((message.timestamp - self._epoch_s) * 1e9)
+                frames.append(Frame(message.arbitration_id, bytes(message.data), stamp_ns))
+        self._received += len(frames)
+        return frames
+
+    def status(self) -> BusStatus:
+        return BusStatus(received=self._received, sent=self._sent, send_failures=self._failures)
+
+    def close(self) -> None:
+        self._bus.shutdown()
+
+
+class OrdinaryCodec(RobotCodec):
+    """The robot's codec by `cantools` encode and decode."""
+
+    def __init__(self, ours: RobotCodec) -> None:
+        super().__init__(ours.dbc)
+        self._database = cantools.database.load_file(config_directory() / "robot.dbc")
+        self._crc = compile_syndrome(ours.dbc.message(COMMAND))
+        self.encode_command = self._encode_command
+        self.decode_wheels = self._reader(WHEELS, "Timestamp", "Count1", "Count2")
+        self.decode_motor = self._reader(
+            MOTOR,
+            *("State", "Current1", "Current2", "Temperature1", "Temperature2"),
+            *("FaultOverCurrent", "FaultOverTemperature", "FaultUnderVoltage"),
+            *("FaultEncoder", "FaultCommandTimeout", "FaultParameter"),
+        )
+        self.decode_drive = self._reader(
+            DRIVE, "EchoCounter", "SteeringAngle", "BusVoltage", "CommandAge", "RejectedCommands"
+        )
+        self.decode_battery = self._reader(
+            BATTERY,
+            *("Voltage", "Current", "Charge", "Temperature", "BatteryLow", "BatteryCritical"),
+        )
+        self.decode_sonars = tuple(
+            self._reader(name, *(f"Range{4 * group + offset}" for offset in range(4)))
+            for group, name in enumerate(SONARS)
+        )
+
+    def _reader(self, message: str, *signals: str) -> Any:
+        decode = self._database.get_message_by_name(message).decode
+
+        def read(data: bytes) -> tuple[Any, ...]:
+            values = decode(data, decode_choices=False)
+            return tuple(values[signal] for signal in signals)
+
+        return read
+
+    def _encode_command(
+        self, counter: int, enable: bool, brake: bool, duty1: float, duty2: float, steering: float
+    ) -> bytes:
+        data = bytearray(
+            self._database.encode_message(
+                COMMAND,
+                {
+                    "Crc": 0,
+                    "Counter": counter,
+                    "Enable": int(enable),
+                    "Brake": int(brake),
+                    "Duty1": duty1,
+                    "Duty2": duty2,
+                    "SteeringAngle": steering,
+                },
+            )
+        )
+        data[0] = self._crc(bytes(data))
+        return bytes(data)
+
+
+def make_ordinary_robot(config: RobotConfig, _clock: Clock) -> CanRobot:
+    """Return what `make_robot` returns, in the ordinary way."""
+    codec = OrdinaryCodec(make_codec())
+    port = OrdinaryPort(config.can.interface, config.can.channel, codec.arbitration_ids)
+    return CanRobot(port, codec, node_parameters(config))
+
+
+if __name__ == "__main__":
+    control.make_robot = make_ordinary_robot
+    sys.exit(control.main())
