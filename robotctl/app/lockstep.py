@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
-from firmware_sim.simulation import Simulation
 from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
@@ -49,6 +49,9 @@ from robotctl.runtime.messages import (
 )
 from robotctl.runtime.recorder import Recorder
 from robotctl.runtime.safety import POWERED
+
+if TYPE_CHECKING:
+    from firmware_sim.simulation import Simulation
 
 _ARM_RETRY_NS = 1_000_000_000
 
@@ -140,6 +143,9 @@ def make_simulation(
     SimulatorError
         If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
     """
+    # It loads numba, for which those who only type `robotctl --help` need not wait.
+    from firmware_sim.simulation import Simulation  # noqa: PLC0415
+
     try:
         settings = dict(parse_override(text) for text in simulation_overrides(overrides))
         simulated = load_simulated_robot(robot, settings)
