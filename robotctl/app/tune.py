@@ -43,6 +43,9 @@ BAND: Final = 0.02
 
 _SETTLING_MARGIN_S: Final = 0.01
 _OVERSHOOT_MARGIN: Final = 0.005
+_OVERSHOOT_MAX: Final = 0.05
+_STEADY_STATE_ERROR_MAX: Final = 0.01
+_SETTLED_FOR_S: Final = 1.7
 _TOP_SPEED: Final = 1.2
 _RELAY_SPEED: Final = 0.7
 _HOLDS_S: Final = (0.7, 1.4, 2.8)
@@ -115,6 +118,15 @@ class TuneResult:
             for problem in _worse(before.metrics, response.metrics)
         ]
 
+    @property
+    def shortcomings(self) -> list[str]:
+        """What is not good even with the new gains; empty: nothing."""
+        return [
+            f"{problem} at {response.charge:.0%} battery"
+            for response in self.after
+            for problem in _bad(response.metrics)
+        ]
+
     def patch(self) -> str:
         """Return the configuration patch, which says where it comes from."""
         options = self.options
@@ -184,11 +196,13 @@ def wheels_to_tune(config: RobotConfig, wanted: str) -> tuple[str, ...]:
 
 def responses(options: TuneOptions, config: RobotConfig) -> tuple[Response, ...]:
     """Return the step responses of a robot with the gains of `config`."""
-    wanted_m_s = min(STEP_M_S, config.limits.v_max_m_s)
+    limits = config.limits
+    wanted_m_s = min(STEP_M_S, limits.v_max_m_s)
+    ramp_s = wanted_m_s / limits.a_max_m_s2 + limits.a_max_m_s2 / limits.jerk_max_m_s3
     result = []
     for charge in CHARGES:
         track = Track(options.robot, options.overrides, options.seed, charge)
-        step = speed_step(track.bench(config), wanted_m_s)
+        step = speed_step(track.bench(config), wanted_m_s, ramp_s + _SETTLED_FOR_S)
         metrics = step_metrics(step.time_s, step.true_m_s, wanted_m_s, band=BAND)
         result.append(Response(charge, step, metrics))
     return tuple(result)
@@ -276,6 +290,18 @@ def _worse(before: StepMetrics, after: StepMetrics) -> list[str]:
             )
     if after.overshoot > max(before.overshoot + _OVERSHOOT_MARGIN, BAND):
         words.append(f"overshoots by {after.overshoot:.1%}, before by {before.overshoot:.1%}")
+    return words
+
+
+def _bad(metrics: StepMetrics) -> list[str]:
+    """Return in words what no gains should leave."""
+    words = []
+    if metrics.settling_s is None:
+        words.append("does not settle")
+    if metrics.overshoot > _OVERSHOOT_MAX:
+        words.append(f"overshoots by {metrics.overshoot:.1%}")
+    if abs(metrics.steady_state_error) > _STEADY_STATE_ERROR_MAX:
+        words.append(f"misses the speed by {metrics.steady_state_error:+.1%}")
     return words
 
 

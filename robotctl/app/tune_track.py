@@ -111,8 +111,8 @@ class SpeedStep:
     true_m_s: Array
 
 
-def speed_step(bench: Bench, wanted_m_s: float, duration_s: float = 2.0) -> SpeedStep:
-    """Arm, command a speed from rest and record, through limiter and loop as in real use.
+def speed_step(bench: Bench, wanted_m_s: float, duration_s: float) -> SpeedStep:
+    """Arm, command a speed from rest and record so long [s], through limiter and loop as in use.
 
     Raises
     ------

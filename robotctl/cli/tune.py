@@ -61,7 +61,7 @@ def tune(
     console.print(response_table(result))
     console.print(wheel_table(result))
     if plot is not None:
-        _write(plot, lambda file: save_plot(result, file))
+        write_file(plot, lambda file: save_plot(result, file))
         print(f"plot: {plot}")
     sys.exit(_conclude(result, out))
 
@@ -75,11 +75,13 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
         if out is not None:
             print(f"{out} was not written.")
         return WORSE
+    for shortcoming in result.shortcomings:
+        print(f"beware: with the new gains, too, the robot {shortcoming}")
     options, patch = result.options, result.patch()
     if out is None:
         print(f"The patch:\n\n{patch}")
     else:
-        _write(out, lambda file: file.write_text(patch, encoding="utf-8"))
+        write_file(out, lambda file: file.write_text(patch, encoding="utf-8"))
         print(f"patch: {out}")
     tables = ", ".join(f"[control.{wheel}]" for wheel in result.gains)
     settings = [*options.overrides, *patch_overrides(result.gains)]
@@ -97,9 +99,18 @@ def _check_folder(file: Path | None) -> None:
     """Refuse a file in a folder that is not there, before anything is measured."""
     if file is not None and not file.parent.is_dir():
         raise ConfigError(f"{file}: the folder {file.parent} does not exist")
+    if file is not None and file.is_dir():
+        raise ConfigError(f"{file}: is a folder, a file is needed")
 
 
-def _write(file: Path, write: Callable[[Path], object]) -> None:
+def write_file(file: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` write a file.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
+    """
     try:
         write(file)
     except OSError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
-from robotctl.app.tune import BAND, TuneResult
+from robotctl.app.tune import BAND, Response, TuneResult
 from robotctl.errors import ConfigError
 
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -50,9 +50,15 @@ def save_plot(result: TuneResult, file: Path) -> None:
             panel.plot(response.step.time_s, response.step.true_m_s, label=name)
         panel.set_title(f"{before.charge:.0%} battery")
         panel.set_xlabel("time since the step, s")
-        panel.set_xlim(0.0, 1.0)
+        panel.set_xlim(0.0, max(1.0, *(_busy_s(response) for response in (before, after))))
         panel.grid(visible=True, alpha=0.3)
     panels[0].set_ylabel("true speed, m/s")
     panels[0].legend(loc="lower right")
     figure.suptitle(f"{result.config.robot.name}, method {result.options.method}")
     figure.savefig(file)
+
+
+def _busy_s(response: Response) -> float:
+    """Return how much of a response there is to see [s]."""
+    settling_s = response.metrics.settling_s
+    return float(response.step.time_s[-1]) if settling_s is None else 1.3 * settling_s

@@ -28,7 +28,7 @@ def response_table(result: TuneResult) -> Table:
     responses = (*result.before, *result.after)
     _row(table, "rise time 10 to 90 %", responses, lambda m: _seconds(m.rise_s))
     _row(table, "overshoot", responses, lambda m: f"{m.overshoot:.1%}")
-    _row(table, f"settling time", responses, lambda m: _seconds(m.settling_s))
+    _row(table, "settling time", responses, lambda m: _seconds(m.settling_s))
     _row(table, "steady-state error", responses, lambda m: f"{m.steady_state_error:+.2%}")
     table.caption = f"heading: battery charge; settling into ±{BAND:.0%} of the step"
     return table
@@ -57,6 +57,7 @@ def wheel_table(result: TuneResult) -> Table:
     table.add_row("gain K, rad/s per V", *(f"{fit.model.gain:.3f}" for fit in fits))
     table.add_row("time constant", *(f"{fit.model.time_constant_s:.4f} s" for fit in fits))
     table.add_row("dead time", *(f"{fit.model.delay_s:.4f} s" for fit in fits))
+    table.add_row("feed-forward misses", *(f"{fit.feedforward.rms_error_v:.3f} V" for fit in fits))
     points = [fit.ultimate for fit in fits if fit.ultimate is not None]
     if points:
         table.add_row("ultimate gain Ku, V s/rad", *(f"{point.gain:.2f}" for point in points))

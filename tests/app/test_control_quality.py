@@ -1,0 +1,113 @@
+"""What the three robots must reach: velocity step, and a square by odometry alone."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.lockstep import LockstepRun
+from robotctl.app.sim import SimOptions
+from robotctl.app.tune_track import Track, speed_step
+
+ROBOTS = ("diff_drive", "tricycle", "ackermann")
+STEP_M_S = 0.5
+POWER_LOW, POWER_CRITICAL, DRIVE_UNDER_VOLTAGE = 0x2300, 0x2301, 0x2005
+
+
+def step_response(robot, *settings, weak=False):
+    """True speeds every 5 ms, from the tick of the command on."""
+    path = find_file(robot)
+    config = load_robot(path)
+    bench = Track(path, settings).bench(config)
+    if weak:
+        # At 70 % of the voltage the monitors would rightly refuse to drive.
+        simulation = bench.simulation
+        simulation.power.dictionary.set(POWER_LOW, 0, 6000)
+        simulation.power.dictionary.set(POWER_CRITICAL, 0, 6000)
+        simulation.drive.dictionary.set(DRIVE_UNDER_VOLTAGE, 0, 6000)
+    step = speed_step(bench, STEP_M_S, 2.0)
+    assert step.time_s[1] - step.time_s[0] == pytest.approx(0.005)
+    return step.time_s, step.true_m_s
+
+
+def assert_good(time_s, speed_m_s):
+    outside = np.flatnonzero(np.abs(speed_m_s - STEP_M_S) > 0.02 * STEP_M_S)
+    settled_s = time_s[outside[-1] + 1]
+    steady_m_s = speed_m_s[time_s > 1.5].mean()
+    assert settled_s < 0.4
+    assert speed_m_s.max() < 1.05 * STEP_M_S
+    assert abs(steady_m_s - STEP_M_S) < 0.01 * STEP_M_S
+
+
+@pytest.mark.parametrize("charge", [1.0, 0.7])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_half_a_metre_per_second_is_there_in_time_at_full_and_at_used_battery(robot, charge):
+    assert_good(*step_response(robot, f"simulation.battery.charge={charge}"))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_even_at_70_percent_of_the_voltage_the_speed_is_there_in_time(robot):
+    assert_good(*step_response(robot, "simulation.battery.voltage_scale=0.7", weak=True))
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "simulation.motor.coulomb_n_m=0.008",
+        "simulation.motor.coulomb_n_m=0.0015",
+        "simulation.wheels.rolling_resistance=0.05",
+    ],
+)
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_other_friction_than_the_feedforward_expects_does_no_harm(robot, setting):
+    assert_good(*step_response(robot, setting))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_robot_with_30_percent_more_load_still_overshoots_little_and_settles(robot):
+    mass_kg = 1.3 * load_robot(find_file(robot)).simulation["mass_kg"]
+    time_s, speed_m_s = step_response(robot, f"simulation.mass_kg={mass_kg}")
+    assert speed_m_s.max() < 1.05 * STEP_M_S
+    assert np.all(np.abs(speed_m_s[time_s > 0.6] - STEP_M_S) < 0.02 * STEP_M_S)
+
+
+SQUARE = """
+name = "square"
+world = "empty_room"
+start = { x_m = 1.0, y_m = 1.0, heading_deg = 0.0 }
+
+[[item]]
+kind = "drive"
+waypoints = [[1.0, 1.0], [5.0, 1.0], [5.0, 3.0], [1.0, 3.0], [1.0, 1.0]]
+corner_radius_m = 0.6
+speed_m_s = 0.5
+"""
+
+
+def drive_square(folder: Path, robot, seed, *settings):
+    """Return how far from its start the robot really ends, and how far it went [m]."""
+    mission = folder / "square.toml"
+    mission.write_text(SQUARE)
+    run = LockstepRun(SimOptions(find_file(robot), mission, seed=seed, overrides=settings))
+    report = run.run()
+    assert report.mission_completed, report.message
+    assert report.collisions == 0
+    truth = run.bench.simulation.truth()
+    return math.hypot(truth.x_m - 1.0, truth.y_m - 1.0), truth.distance_m
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_square_by_odometry_alone_closes_within_2_percent_of_its_length(tmp_path, robot, seed):
+    gap_m, length_m = drive_square(tmp_path, robot, seed)
+    assert length_m == pytest.approx(12.0 - 4 * (2.0 - math.pi / 2) * 0.6, abs=0.3)
+    assert gap_m < 0.02 * length_m
+
+
+def test_the_square_of_a_robot_that_is_not_calibrated_stays_open(tmp_path):
+    gap_m, length_m = drive_square(
+        tmp_path, "diff_drive", 1, "simulation.errors.wheel_radius=[0.0, 0.006]"
+    )
+    assert gap_m > 0.02 * length_m
