@@ -1,4 +1,4 @@
-"""Orderly ends: SIGTERM and SIGINT set a flag that loops ask for."""
+"""Orderly ends: SIGTERM, SIGINT and SIGHUP set a flag that loops ask for."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class StopFlag:
 
     def __init__(self) -> None:
         self._stopped = False
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, self._on_signal)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:

@@ -21,6 +21,7 @@ import zmq
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.world import load_world
+from robotctl.app.children import start_child
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
@@ -224,13 +225,7 @@ class SimRun:
         if options.record is not None:
             options.record.mkdir(parents=True, exist_ok=True)
             command += ["--log", str(options.record / "can.log")]
-        process = subprocess.Popen(  # noqa: S603 - our own module
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
+        process = start_child(command, stdout=subprocess.PIPE, text=True)
         if not _said_ready(process, _READY_S):
             process.kill()
             status = process.wait()

@@ -6,6 +6,7 @@ import subprocess
 import time
 from dataclasses import dataclass, field
 
+from robotctl.app.children import start_child
 from robotctl.app.options import StackOptions
 from robotctl.errors import RobotctlError
 
@@ -50,10 +51,8 @@ class Stack:
         ]
 
     def _start(self, module: str) -> subprocess.Popen[bytes]:
-        """Start one process in a session of its own, so that Ctrl-C reaches only the parent."""
-        return subprocess.Popen(  # noqa: S603 - our own modules
-            self._options.command(module), stdin=subprocess.DEVNULL, start_new_session=True
-        )
+        """Start one process."""
+        return start_child(self._options.command(module))
 
     def pid(self, module: str) -> int:
         """Return the process id of `module`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -77,6 +78,8 @@ def sim(
 
 def _run(options: SimOptions, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.default_int_handler)
     run = SimRun(options)
     print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
     with run, make_view(run, headless=headless) as view:

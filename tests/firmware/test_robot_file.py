@@ -45,7 +45,8 @@ def test_overrides_replace_values_by_dotted_key() -> None:
     assert config.simulation.battery.charge == 0.7
     assert config.simulation.lidar is not None
     assert config.simulation.lidar.beams == 90
-    assert load_robot(DIFF).simulation.lidar is None
+    assert load_robot(DIFF).simulation.battery.charge == 1.0
+    assert load_robot(CONFIGS / "tricycle.toml").simulation.lidar is None
 
 
 @pytest.mark.parametrize(

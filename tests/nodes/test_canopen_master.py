@@ -326,7 +326,10 @@ def signals_kept():
         (["--priority", "100"], "not in 0..99"),
         (["--duration", "nan"], "no positive number"),
         (["--state", __file__], "not a directory"),
-        (["--lidar", "ipc:///tmp/x/y"], "no table [simulation.lidar]"),
+        (
+            ["--robot", str(CONFIGS / "tricycle.toml"), "--lidar", "ipc:///tmp/x/y"],
+            "no table [simulation.lidar]",
+        ),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(tmp_path, capsys, signals_kept, options, text):

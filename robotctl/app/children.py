@@ -1,0 +1,41 @@
+"""Child processes that do not outlive their parent."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+from typing import Any
+
+_PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None)
+
+
+def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
+    """Start a process in a session of its own, so that Ctrl-C reaches only its parent.
+
+    When the parent ends, however it ends, the kernel sends the child SIGTERM: a robot must not
+    drive on because somebody closed a terminal.
+
+    Parameters
+    ----------
+    command
+        Program and arguments.
+    options
+        As of `subprocess.Popen`.
+    """
+    parent = os.getpid()
+
+    def die_with_parent() -> None:
+        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    return subprocess.Popen(  # noqa: S603 - our own modules
+        command,
+        stdin=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=die_with_parent,  # noqa: PLW1509 - nothing but two system calls
+        **options,
+    )
