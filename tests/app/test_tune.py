@@ -115,6 +115,50 @@ def test_the_relay_method_makes_it_good_too():
     assert all(after.metrics.settling_s < 0.3 for after in result.after)
 
 
+def judged(tuned, before, after):
+    """The result with other figures at 100 % battery: settling, overshoot, steady-state error."""
+
+    def with_figures(responses, figures):
+        keys = ("settling_s", "overshoot", "steady_state_error")
+        metrics = dataclasses.replace(responses[0].metrics, **dict(zip(keys, figures, strict=True)))
+        return (dataclasses.replace(responses[0], metrics=metrics), responses[1])
+
+    return dataclasses.replace(
+        tuned, before=with_figures(tuned.before, before), after=with_figures(tuned.after, after)
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ((0.300, 0.010, 0.0), (0.309, 0.010, 0.0), None),
+        ((0.300, 0.010, 0.0), (0.311, 0.010, 0.0), "settles within 0.311 s, before within 0.300 s"),
+        ((0.300, 0.010, 0.0), (None, 0.010, 0.0), "does not settle"),
+        ((None, 0.010, 0.0), (1.900, 0.010, 0.0), None),
+        ((0.300, 0.000, 0.0), (0.300, 0.019, 0.0), None),
+        ((0.300, 0.000, 0.0), (0.300, 0.021, 0.0), "overshoots by 2.1%, before by 0.0%"),
+        ((0.300, 0.030, 0.0), (0.300, 0.034, 0.0), None),
+    ],
+)
+def test_worse_is_what_shows_beyond_the_repeatability(tuned, before, after, words):
+    objections = judged(tuned, before, after).objections
+    assert len(objections) == (words is not None)
+    assert all(words in line and "at 100% battery" in line for line in objections)
+
+
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        ((0.3, 0.049, 0.009), None),
+        ((None, 0.0, 0.0), "does not settle at 100% battery"),
+        ((0.3, 0.051, 0.0), "overshoots by 5.1% at 100% battery"),
+        ((0.3, 0.0, -0.011), "misses the speed by -1.1% at 100% battery"),
+    ],
+)
+def test_what_is_not_good_is_named_even_where_it_is_better_than_before(tuned, after, words):
+    assert judged(tuned, after, after).shortcomings == ([words] if words else [])
+
+
 # Fits, against plants of which all is known
 
 
