@@ -243,18 +243,18 @@ class Bus:
 
     def _run(self, until_ns: int) -> None:
         """Run timers, starts of frames and ends of frames in the order of their times."""
-        step: Callable[[int], None]
         while True:
-            if self._senders:
-                due_ns, last_ns, step = self._done_ns, until_ns, self._end_attempt
+            busy = self._senders
+            if busy:
+                due_ns, last_ns = self._done_ns, until_ns
             elif self._offers:
-                due_ns, last_ns, step = self._free_ns, until_ns - 1, self._arbitrate
+                due_ns, last_ns = self._free_ns, until_ns - 1
                 if self._slow:
                     due_ns = self._next_start_ns()
                 elif due_ns < self.now_ns:
                     due_ns = self.now_ns
             else:
-                due_ns, last_ns, step = NEVER_NS, until_ns, self._arbitrate
+                due_ns, last_ns = NEVER_NS, until_ns
             if self._timer_ns <= due_ns:
                 if self._timer_ns > until_ns:
                     return
@@ -263,7 +263,10 @@ class Bus:
                 return
             else:
                 self.now_ns = due_ns
-                step(due_ns)
+                if busy:
+                    self._end_attempt(due_ns)
+                else:
+                    self._arbitrate(due_ns)
 
     def _run_timer(self) -> None:
         due_ns, _, action = heapq.heappop(self._timers)

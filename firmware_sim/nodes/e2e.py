@@ -95,10 +95,10 @@ class CheckStatus(enum.Enum):
     @property
     def usable(self) -> bool:
         """Whether the frame's content may be used."""
-        return self in _USABLE
+        return self is _OK or self is _OK_SOME_LOST
 
 
-_USABLE = frozenset({CheckStatus.OK, CheckStatus.OK_SOME_LOST})
+_OK, _OK_SOME_LOST = CheckStatus.OK, CheckStatus.OK_SOME_LOST
 
 
 class Checker:
@@ -158,7 +158,7 @@ class Checker:
             return CheckStatus.INITIAL
         delta = (counter - reference) % COUNTER_MODULUS
         if delta == 1:
-            return CheckStatus.OK
+            return _OK
         if 1 < delta <= self._max_delta:
             self.lost += delta - 1
             return CheckStatus.OK_SOME_LOST

@@ -47,9 +47,10 @@ def data_id(arbitration_id: int) -> int:
 
 def _raw(value: float, scale: float, low: int, high: int) -> int:
     """Return the nearest raw value of a linear signal (`value` = raw * scale), held in range."""
-    if math.isnan(value):
-        return high
-    return min(max(round(min(max(value / scale, low), high)), low), high)
+    steps = value / scale
+    if low < steps < high:
+        return round(steps)
+    return low if steps <= low else high
 
 
 def _temperature_raw(temperature_c: float) -> int:
