@@ -30,6 +30,7 @@ from robotctl.runtime.messages import (
     EmergencyStopSource,
     Feedback,
     LoopStatistics,
+    NodeStatus,
     Notice,
     SonarFeedback,
     VelocityCommand,
@@ -127,6 +128,7 @@ class ControlCore:
             WheelLoop(pid, control.pwm, drive.counts_per_revolution)
             for pid in control.loops(drive.wheel_names)
         )
+        self._estimators = self._wheels[0].estimator, self._wheels[-1].estimator
         self._limiter = TwistLimiter(limits)
         self._health = Health(safety, period_ns)
         self._safety = safety
@@ -140,6 +142,7 @@ class ControlCore:
         self._twist_ref = Twist(0.0, 0.0)
         self._steering_rad = 0.0
         self._has_counts = False
+        self._nodes: tuple[NodeStatus, ...] = ()
         self._boots: dict[int, int] = {}
         self._pending: Arm | None = None
         self._cleared_ns = 0
@@ -168,20 +171,22 @@ class ControlCore:
             self._steering_rad = feedback.drive.steering_rad
         wheels = feedback.wheels
         if wheels is not None:
-            counts = (wheels.count1, wheels.count2)
+            # A single wheel is both; the second update then is a latch seen twice, which is none.
+            first, last = self._estimators
             if not self._has_counts:
                 self._has_counts = True
-                for wheel, count in zip(self._wheels, counts, strict=False):
-                    wheel.estimator.reset(count, wheels.timestamp_us)
-            for wheel, count in zip(self._wheels, counts, strict=False):
-                wheel.estimator.update(count, wheels.timestamp_us)
-            first, last = self._wheels[0].estimator, self._wheels[-1].estimator
+                last.reset(wheels.count2, wheels.timestamp_us)
+                first.reset(wheels.count1, wheels.timestamp_us)
+            first.update(wheels.count1, wheels.timestamp_us)
+            last.update(wheels.count2, wheels.timestamp_us)
             self.odometry.update(first.position_rad, last.position_rad, self._steering_rad)
             self._twist_meas = self._drive.forward(
                 first.velocity_rad_s, last.velocity_rad_s, self._steering_rad
             )
-        for node in feedback.nodes:
-            self._take_boot(node.node_id, node.boots, node.name)
+        if feedback.nodes is not self._nodes:
+            self._nodes = feedback.nodes
+            for node in feedback.nodes:
+                self._take_boot(node.node_id, node.boots, node.name)
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
             self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
