@@ -39,9 +39,11 @@ def main() -> int:
         parser.error(f"{', '.join(unknown)}: unknown; there are {', '.join(SUBJECTS)}")
     machine.note(machine.describe())
     machine.note(f"command  python -m benchmarks {' '.join(sys.argv[1:])}".rstrip())
+    stolen_s = machine.stolen_s()
     for name in options.subjects or SUBJECTS:
         SUBJECTS[name](max(1, options.rounds), max(2.0, options.seconds))
-    machine.note(f"\nload at the end {machine.load()}")
+    stolen_s = machine.stolen_s() - stolen_s
+    machine.note(f"\nload at the end {machine.load()}; {stolen_s:.2f} s stolen by the hypervisor")
     return 0
 
 

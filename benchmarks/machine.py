@@ -34,6 +34,15 @@ def load() -> str:
     return f"{one:.2f} {five:.2f} {fifteen:.2f} (1, 5, 15 min)"
 
 
+def stolen_s() -> float:
+    """Return the processor time that the hypervisor gave to others since the start [s]."""
+    try:
+        fields = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()
+        return int(fields[8]) / os.sysconf("SC_CLK_TCK")
+    except (OSError, IndexError, ValueError):
+        return float("nan")
+
+
 def _optimised() -> str:
     """Return how the interpreter was built: it makes up to a third of all figures."""
     arguments = str(sysconfig.get_config_var("CONFIG_ARGS") or "")
