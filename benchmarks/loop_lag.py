@@ -2,7 +2,8 @@
 
 cyclictest (Debian rt-tests) does in C what the loop does in Python: sleep to absolute deadlines on
 CLOCK_MONOTONIC at the same SCHED_FIFO priority, with memory locked. It measures what the machine
-allows.
+allows, once beside the busy cores alone and once beside the simulated firmware too, which holds
+the kernel for moments as any process does that uses it.
 """
 
 from __future__ import annotations
@@ -11,13 +12,10 @@ import os
 import re
 import shutil
 import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 from benchmarks import machine
-from benchmarks.rig import Driven
+from benchmarks.rig import Driven, busy
 from robotctl.runtime.messages import LoopStatistics
 from robotctl.runtime.realtime import LoopConfig
 
@@ -43,7 +41,8 @@ def run(rounds: int, seconds: float) -> None:
     cyclictest = _cyclictest()
     for rate_hz in RATES_HZ:
         ours: list[LoopStatistics] = []
-        theirs: list[Lag] = []
+        alone: list[Lag] = []
+        beside: list[Lag] = []
         stops = 0
         with busy(os.cpu_count() or 1):
             for _ in range(rounds):
@@ -51,25 +50,30 @@ def run(rounds: int, seconds: float) -> None:
                     ours.append(robot.drive(seconds).loop)
                     stops += robot.stops
                 if cyclictest:
-                    theirs.append(measure_cyclictest(cyclictest, rate_hz, seconds))
-        _print(rate_hz, ours, theirs, stops)
+                    alone.append(measure_cyclictest(cyclictest, rate_hz, seconds))
+                    with Driven(rate_hz, module=""):
+                        beside.append(measure_cyclictest(cyclictest, rate_hz, seconds))
+        _print(rate_hz, ours, {"alone": alone, "beside firmware_sim": beside}, stops)
 
 
-def _print(rate_hz: int, loops: list[LoopStatistics], theirs: list[Lag], stops: int) -> None:
+def _print(
+    rate_hz: int, loops: list[LoopStatistics], theirs: dict[str, list[Lag]], stops: int
+) -> None:
     ours = [
         Lag(loop.lag_us_p50, loop.lag_us_p99, loop.lag_us_p999, loop.lag_us_max) for loop in loops
     ]
-    rows = [_row("robotctl", ours), _row("cyclictest", theirs)]
+    rows = [_row("robotctl", ours)]
+    rows += [_row(f"cyclictest {how}", lags) for how, lags in theirs.items() if lags]
     heads = ("loop", "p50 us", "p99 us", "p99.9 us (rounds)", "greatest us (rounds)")
     machine.table(f"Loop lag at {rate_hz} Hz, all cores busy, priority {PRIORITY}", heads, rows)
-    if theirs:
-        difference = machine.median(lag.p999 for lag in ours) - machine.median(
-            lag.p999 for lag in theirs
-        )
-        machine.note(
-            f"p99.9 is {difference:+.0f} us from cyclictest's: {difference / ALLOWED_US:.2f} of "
-            f"the {ALLOWED_US:g} us allowed"
-        )
+    p999 = machine.median(lag.p999 for lag in ours)
+    for how, lags in theirs.items():
+        if lags:
+            difference = p999 - machine.median(lag.p999 for lag in lags)
+            machine.note(
+                f"p99.9 is {difference:+.0f} us from cyclictest {how}: "
+                f"{difference / ALLOWED_US:.2f} of the {ALLOWED_US:g} us allowed"
+            )
     ticks, missed = sum(loop.ticks for loop in loops), sum(loop.overruns for loop in loops)
     causes: dict[str, int] = {}
     for loop in loops:
@@ -133,16 +137,3 @@ def _percentile(counts: list[tuple[int, int]], total: int, maximum: float, share
         if reached >= share * total:
             return float(us)
     return maximum
-
-
-@contextmanager
-def busy(count: int) -> Iterator[None]:
-    """Keep `count` processes busy at normal priority."""
-    spin = "while True: pass"
-    processes = [subprocess.Popen([sys.executable, "-c", spin]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()

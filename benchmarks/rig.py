@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import zmq
@@ -36,7 +36,7 @@ class Driven:
     rate_hz
         Control rate [Hz].
     module
-        What to run as the control process.
+        What to run as the control process; "" for none.
     overrides
         Settings of the robot.
     """
@@ -63,7 +63,7 @@ class Driven:
         )
         self._module = module
         config = self._options.load()
-        self._priority = max(0, config.runtime.priority - 10)
+        self._firmware_priority = max(0, config.runtime.priority - 10)
         self._endpoints = Endpoints(endpoint_directory(name))
         self._processes: list[subprocess.Popen[str]] = []
         self.control: ControlState | None = None
@@ -71,7 +71,7 @@ class Driven:
         self.pid = 0
 
     def __enter__(self) -> Driven:
-        """Start firmware, then control."""
+        """Start firmware, then control; without a module, firmware alone."""
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._states = Subscriber[ControlState | Notice](
             self._context, (self._endpoints.control_state,), ControlState | Notice
@@ -79,9 +79,11 @@ class Driven:
         self._requests = RequestSender(self._context, self._endpoints.control_requests)
         try:
             self._start_firmware()
-            command = self._options.command(self._module)
-            self._processes.append(subprocess.Popen(command, stdin=subprocess.DEVNULL, text=True))
-            self.pid = self._processes[-1].pid
+            if self._module:
+                command = self._options.command(self._module)
+                process = subprocess.Popen(command, stdin=subprocess.DEVNULL, text=True)
+                self._processes.append(process)
+                self.pid = process.pid
         except BaseException:
             self.__exit__()
             raise
@@ -105,7 +107,7 @@ class Driven:
             [
                 *(sys.executable, "-m", "firmware_sim", "--robot", self._options.robot),
                 *("--world", str(find_file("empty_room", "worlds")), "--start=2,2,0"),
-                *("--bus", channel, "--priority", str(self._priority)),
+                *("--bus", channel, "--priority", str(self._firmware_priority)),
             ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -163,3 +165,16 @@ class Driven:
                 raise RoundError(self.control.reason if self.control else "nothing heard")
             time.sleep(0.02)
         self._listen()
+
+
+@contextlib.contextmanager
+def busy(count: int) -> Iterator[None]:
+    """Keep `count` processes busy at normal priority."""
+    spin = "while True: pass"
+    processes = [subprocess.Popen([sys.executable, "-c", spin]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()

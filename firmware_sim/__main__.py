@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
@@ -21,9 +21,10 @@ from firmware_sim.bus.log import LogWriter
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
-from firmware_sim.realtime import RealTime, raise_priority
-from firmware_sim.simulation import Simulation
 from firmware_sim.truth import Publisher
+
+if TYPE_CHECKING:
+    from firmware_sim.simulation import Simulation
 
 SIMCAN = "simcan"
 _CAN_LINK_TYPE = "280"
@@ -112,6 +113,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, signals: list[int]) -> None:
+    # They load numba; without it this is an error like others.
+    from firmware_sim.realtime import RealTime, raise_priority  # noqa: PLC0415
+    from firmware_sim.simulation import Simulation  # noqa: PLC0415
+
     _check_bus(options.bus)
     if options.state is not None and options.state.exists() and not options.state.is_dir():
         raise SimulationError(f"--state {options.state}: not a directory")

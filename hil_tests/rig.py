@@ -94,9 +94,7 @@ class Rig:
         self.endpoints = Endpoints(endpoint_directory(name))
         self._context = zmq.Context()
         self._states = Subscriber[ControlState | NavigationState | Notice](
-            self._context,
-            (self.endpoints.control_state, self.endpoints.navigation_state),
-            ControlState | NavigationState | Notice,
+            self._context, self.endpoints.published, ControlState | NavigationState | Notice
         )
         self._truths = Subscriber[Truth](self._context, (self.endpoints.truth,), Truth)
         self._requests = RequestSender(self._context, self.endpoints.control_requests)

@@ -105,6 +105,8 @@ def test_it_sees_a_rover_and_all_its_telemetry(station: GroundStation) -> None:
         "DISTANCE_SENSOR",
     ):
         station.wait(kind)
+    wanted = "Ground station 255 is here"
+    station.rig.wait(lambda: wanted in station.rig.notices, 5.0, "the robot's side says so too")
 
 
 def test_it_arms_drives_to_the_right_and_stops_when_it_falls_silent(

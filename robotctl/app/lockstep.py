@@ -144,10 +144,10 @@ def make_simulation(
     SimulatorError
         If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
     """
-    # It loads numba, for which those who only type `robotctl --help` need not wait.
-    from firmware_sim.simulation import Simulation  # noqa: PLC0415
-
     try:
+        # It loads numba, for which those who only type `robotctl --help` need not wait.
+        from firmware_sim.simulation import Simulation  # noqa: PLC0415
+
         settings = dict(parse_override(text) for text in simulation_overrides(overrides))
         simulated = load_simulated_robot(robot, settings)
         simulation = Simulation(simulated, load_world(world), seed, start)

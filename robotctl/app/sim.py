@@ -160,9 +160,7 @@ class SimRun:
         self._endpoints = Endpoints(endpoint_directory(self._stack_options.instance))
         self._context = zmq.Context()
         self._states = Subscriber[ControlState | NavigationState | Notice](
-            self._context,
-            (self._endpoints.control_state, self._endpoints.navigation_state),
-            ControlState | NavigationState | Notice,
+            self._context, self._endpoints.published, ControlState | NavigationState | Notice
         )
         self._truths = Subscriber[Truth](self._context, (self._endpoints.truth,), Truth)
         self._to_control = RequestSender(self._context, self._endpoints.control_requests)

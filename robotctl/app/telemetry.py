@@ -24,6 +24,7 @@ from robotctl.runtime.messages import (
 )
 from robotctl.runtime.topics import (
     Endpoints,
+    Publisher,
     RequestSender,
     StreamReceiver,
     Subscriber,
@@ -76,6 +77,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     )
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
+    publisher = Publisher(context, endpoints.telemetry_notices)
     mavlink = config.mavlink
     robot = TelemetryRobot(
         name=config.robot.name, version=robotctl.__version__, sonars=config.sonar
@@ -96,6 +98,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             for request in telemetry.step(clock.now_ns(), states.receive()):
                 sender = to_control if isinstance(request, ControlRequest) else to_navigation
                 sender.send(request)
+            for notice in telemetry.take_notices():
+                publisher.send(notice)
             if writer is not None:
                 writer.step()
             deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())

@@ -49,7 +49,7 @@ def run(
     stopped = StopFlag()
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     endpoints = Endpoints(endpoint_directory(options.instance))
-    notices = Subscriber[Notice](context, (endpoints.control_state,), Notice)
+    notices = Subscriber[Notice](context, endpoints.published, Notice)
     print(f"{config.robot.name} on {config.can.interface}:{config.can.channel}, Ctrl-C ends")
     for link in config.mavlink.link:
         print(f"MAVLink: {link.url}")

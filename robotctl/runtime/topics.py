@@ -63,8 +63,14 @@ class Endpoints:
         self.control_record = f"ipc://{directory}/control.record"
         self.navigation_state = f"ipc://{directory}/navigation.state"
         self.navigation_requests = f"ipc://{directory}/navigation.requests"
+        self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
+
+    @property
+    def published(self) -> tuple[str, ...]:
+        """Where states and notices of all processes come from."""
+        return self.control_state, self.navigation_state, self.telemetry_notices
 
 
 class Publisher:
