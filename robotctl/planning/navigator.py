@@ -32,7 +32,7 @@ from robotctl.planning.situation import Situation, Status, Step
 __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
 _LONGEST_STEP_NS = 500_000_000
-"""A longer gap between steps counts as this much for time-outs."""
+"""A longer gap between steps, and somebody may think that the robot has ended its mission [ns]."""
 
 
 class NavigationInputs(NamedTuple):
@@ -79,7 +79,10 @@ class Navigator:
       mission is repeated when AUTO is asked for anew.
     - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
 
-    While `enabled` is false the output is zero and time stands still for items and time-outs.
+    While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
+    whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
+    on by itself when it is armed again or when the computer has time again. AUTO, asked for
+    again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick.
 
     Parameters
     ----------
@@ -128,6 +131,7 @@ class Navigator:
         self._refused = ""
         self._active_ns = 0
         self._last_ns: int | None = None
+        """Time of the last step, None where that was not enabled."""
 
     @property
     def mode(self) -> Mode:
@@ -142,6 +146,7 @@ class Navigator:
 
     def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:
         """Return the decision at `now_ns`, monotonic [ns]. Input that is no number stops."""
+        self._fall_back(inputs.enabled, now_ns)
         for request in inputs.requests:
             self._take(request)
         if not _finite(inputs):
@@ -158,9 +163,21 @@ class Navigator:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="not armed"))
         if self._last_ns is not None:
-            self._active_ns += min(max(now_ns - self._last_ns, 0), _LONGEST_STEP_NS)
+            self._active_ns += max(now_ns - self._last_ns, 0)
         self._last_ns = now_ns
         return self._outputs(self._decide(situation, now_ns))
+
+    def _fall_back(self, enabled: bool, now_ns: int) -> None:
+        """Go to HOLD where a robot that was enabled must not drive on by itself."""
+        if self._last_ns is None or self._mode in {Mode.HOLD, Mode.MANUAL}:
+            return
+        gap_ns = now_ns - self._last_ns
+        if not enabled:
+            self._change_mode(Mode.HOLD)
+            self._ended = "hold: the robot was stopped"
+        elif gap_ns > _LONGEST_STEP_NS:
+            self._change_mode(Mode.HOLD)
+            self._ended = f"hold: navigation was held up for {gap_ns / 1e9:.1f} s"
 
     def _take(self, request: Request) -> None:
         """Take one request."""

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 PARENT = """
-import sys, time
+import signal, sys, time
+for number in (signal.SIGHUP, signal.SIGTERM):  # pytest may have been started by nohup
+    signal.signal(number, signal.SIG_DFL)
 from robotctl.app.children import start_child
 child = start_child([sys.executable, "-c", "import time; time.sleep(60)"])
 print(child.pid, flush=True)

@@ -188,6 +188,56 @@ def test_an_interrupted_mission_goes_on_where_it_was_left(robot, make_run):
     assert min(pose.x_m for pose in run.trace[-40:]) > 2.0
 
 
+@pytest.mark.parametrize("mode", [AUTO, RTL])
+def test_armed_again_after_a_stop_the_robot_does_not_drive_on_by_itself(robot, make_run, mode):
+    run = make_run(robot, mission=mission(ahead(3.5)))
+    run.step(AUTO)
+    run.until(lambda out: run.world.pose.x_m > 2.0, 10.0)
+    run.step(mode)
+    run.enabled = False
+    assert run.step().v_m_s == 0.0
+    run.enabled = True
+    for _ in range(40):
+        out = run.step()
+        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.HOLD)
+    assert out.message == "hold: the robot was stopped"
+    run.step(AUTO)
+    run.until(lambda out: out.mission_completed, 10.0)
+
+
+def test_a_target_of_before_the_stop_is_forgotten(robot, make_run):
+    run = make_run(robot, flat=False)
+    run.step(GUIDED, PositionRequest(3.0, 0.0))
+    run.until(lambda out: run.world.pose.x_m > 1.0, 10.0)
+    run.enabled = False
+    run.step()
+    run.enabled = True
+    run.step(GUIDED)
+    for _ in range(40):
+        assert run.step().v_m_s == 0.0
+
+
+def test_sticks_steer_again_as_soon_as_the_robot_is_armed_again(differential, make_run):
+    run = make_run(differential)
+    run.step(MANUAL, StickRequest(LATER, 0.5, 0.0))
+    run.enabled = False
+    assert run.step().v_m_s == 0.0
+    run.enabled = True
+    assert run.step(StickRequest(LATER, 0.5, 0.0)).v_m_s > 0.0
+
+
+@pytest.mark.parametrize(("gap_s", "mode"), [(0.45, Mode.AUTO), (0.55, Mode.HOLD)])
+def test_a_navigator_held_up_for_long_holds(robot, make_run, gap_s, mode):
+    run = make_run(robot, mission=mission(ahead(3.5)))
+    run.step(AUTO)
+    run.until(lambda out: run.world.pose.x_m > 2.0, 10.0)
+    run.now_ns += round(gap_s * 1e9)
+    out = run.step()
+    assert out.mode is mode
+    assert (out.v_m_s == 0.0) == (mode is Mode.HOLD)
+    assert ("held up for 0.6" in out.message) == (mode is Mode.HOLD)
+
+
 def test_asking_for_auto_again_repeats_a_completed_mission(differential, make_run):
     run = make_run(differential, mission=mission(WaitItem("wait", 0.2)))
     run.step(AUTO)
