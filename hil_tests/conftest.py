@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from hil_tests.rig import Rig
+from robotctl.app.config import find_file
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--bus", default="simcan", help="simcan, vcan0 or can0")
+    parser.addoption("--reactions", default="", help="append each reaction time to this file")
 
 
 @pytest.fixture(scope="session")
@@ -51,3 +54,30 @@ def armed(rig: Rig) -> Rig:
     rig.start()
     rig.arm()
     return rig
+
+
+@pytest.fixture
+def mission_rig(make_rig: Callable[..., Rig], tmp_path: Path) -> Rig:
+    """The firmware in the flat, and all that is needed to drive the patrol."""
+    rig = make_rig(
+        world="flat",
+        start="1.0,1.0,0",
+        mission=str(find_file("patrol", "missions").resolve()),
+        record=str(tmp_path / "record"),
+    )
+    rig.start_firmware()
+    return rig
+
+
+@pytest.fixture
+def reaction(request: pytest.FixtureRequest, bus: str) -> Callable[[str, float], None]:
+    """Notes how long a reaction took [ms]; `tools/reactions.py` makes a table of the file."""
+    file = str(request.config.getoption("--reactions"))
+
+    def note(fault: str, milliseconds: float) -> None:
+        line = json.dumps({"fault": fault, "bus": bus, "ms": round(milliseconds, 3)})
+        if file:
+            with Path(file).open("a", encoding="utf-8") as output:
+                output.write(line + "\n")
+
+    return note

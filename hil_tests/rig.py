@@ -26,9 +26,11 @@ from robotctl.runtime.messages import (
     ControlState,
     EmergencyStop,
     EmergencyStopSource,
+    Mode,
     NavigationState,
     Notice,
     SafetyState,
+    SetMode,
     VelocityCommand,
 )
 from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
@@ -36,10 +38,17 @@ from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoi
 DBC = load_dbc(config_directory() / "robot.dbc")
 DRIVE, SONAR, POWER = 1, 2, 3
 ROOM_M = (6.0, 4.0)
+COMMAND, EMCY_DRIVE, EMERGENCY_STOP, HEARTBEAT_DRIVE = 0x201, 0x081, 0x001, 0x701
+EMCY_COMMAND_TIMEOUT = 0x8130
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
 _POLL_S = 0.005
 _instances = itertools.count()
+
+
+def enabled(command: can.Message) -> bool:
+    """Return whether a MotorCommand frame lets the motors turn."""
+    return bool(command.data[1] & 0x10)
 
 
 class Rig:
@@ -65,6 +74,8 @@ class Rig:
         world: str = "empty_room",
         start: str = "2.0,2.0,0",
         mavlink_url: str = "",
+        mission: str = "",
+        record: str = "",
     ) -> None:
         self.robot = robot
         number = next(_instances)
@@ -89,6 +100,8 @@ class Rig:
             x_m=x_m,
             y_m=y_m,
             theta_rad=heading_deg * 0.017453292519943295,
+            mission=mission,
+            record=record,
         )
         self.config = self.options.load()
         self.endpoints = Endpoints(endpoint_directory(name))
@@ -98,10 +111,12 @@ class Rig:
         )
         self._truths = Subscriber[Truth](self._context, (self.endpoints.truth,), Truth)
         self._requests = RequestSender(self._context, self.endpoints.control_requests)
+        self._to_navigation = RequestSender(self._context, self.endpoints.navigation_requests)
         self._ids = itertools.count(1)
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._observer: can.BusABC | None = None
         self.control: ControlState | None = None
+        self.navigation: NavigationState | None = None
         self.truth: Truth | None = None
         self.notices: list[str] = []
 
@@ -134,11 +149,19 @@ class Rig:
         if not already:
             self.wait(ready, 90.0, "firmware_sim is ready")
 
-    def start(self, module: str = CONTROL) -> None:
-        """Start one process of the stack."""
+    def start(self, module: str = CONTROL, program: str = "") -> None:
+        """Start one process of the stack, or another `program` in its place."""
         self._processes[module] = subprocess.Popen(
-            self.options.command(module), stdin=subprocess.DEVNULL
+            self.options.command(program or module), stdin=subprocess.DEVNULL
         )
+
+    def pid(self, name: str) -> int:
+        """Return the process id of a running process."""
+        return self._processes[name].pid
+
+    def send_signal(self, name: str, number: int) -> None:
+        """Send a signal to a process that is to live on."""
+        self._processes[name].send_signal(number)
 
     def kill(self, name: str, number: int = signal.SIGKILL) -> int:
         """Send a signal to a process, wait for its end, and return its status."""
@@ -218,6 +241,8 @@ class Rig:
         for message in self._states.receive():
             if isinstance(message, ControlState):
                 self.control = message
+            elif isinstance(message, NavigationState):
+                self.navigation = message
             elif isinstance(message, Notice):
                 self.notices.append(message.text)
 
@@ -278,6 +303,34 @@ class Rig:
             self.velocity(v_m_s, omega_rad_s)
             time.sleep(0.05)
             self.listen()
+
+    def set_mode(self, mode: Mode) -> None:
+        """Ask the navigation process for a mode until it is in it."""
+        asked_s = 0.0
+
+        def asked() -> bool:
+            nonlocal asked_s
+            if self.navigation is not None and self.navigation.mode == mode:
+                return True
+            if time.monotonic() - asked_s > 0.5:
+                asked_s = time.monotonic()
+                self._to_navigation.send(SetMode(time.monotonic_ns(), mode))
+            return False
+
+        self.wait(asked, 10.0, f"mode {mode.name}")
+
+    def at_rest(self) -> None:
+        """Wait until the true robot stands for a tenth of a second."""
+        self.listen()
+        mark = self.fresh_truth()
+
+        def still() -> bool:
+            nonlocal mark
+            if self.truth.distance_m - mark.distance_m > 1e-4:
+                mark = self.truth
+            return self.truth.stamp_ns - mark.stamp_ns > 100_000_000
+
+        self.wait(still, 3.0, "the wheels stand")
 
     def emergency_stop(self) -> None:
         """Ask the control process for an emergency stop."""

@@ -1,0 +1,145 @@
+"""Faults of the host: whatever happens to its processes, the wheels stop and stay stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+
+import pytest
+
+from hil_tests.faulty_control import COLLECT, HANG, SPIN
+from hil_tests.rig import COMMAND, EMCY_COMMAND_TIMEOUT, EMCY_DRIVE, Rig, enabled
+from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
+from robotctl.runtime.messages import Mode, SafetyState
+
+React = Callable[[str, float], None]
+
+RESOLUTION_MS = 1.0
+"""The drive looks at its time-outs each millisecond."""
+
+BUS_MS = 4.0
+"""Frames wait for the bus, and EMCY for the frames before it."""
+
+
+def virtual_time() -> bool:
+    """Whether computing takes no time here, so that a busy process never gets late."""
+    return os.environ.get("VCAN_GUEST") == "virtual"
+
+
+def reaction_ms(rig: Rig, messages: list) -> float:
+    """Return the time from the last command to the drive's EMCY, by the bus's own stamps."""
+    emergency = messages[-1]
+    assert int.from_bytes(emergency.data[:2], "little") == EMCY_COMMAND_TIMEOUT
+    last_s = max(m.timestamp for m in messages if m.arbitration_id == COMMAND)
+    return 1000 * (emergency.timestamp - last_s)
+
+
+def assert_in_time(rig: Rig, taken_ms: float) -> None:
+    """Assert that the drive kept its time-out."""
+    limit_ms = rig.config.safety.command_timeout_ms
+    assert limit_ms - RESOLUTION_MS <= taken_ms <= limit_ms + RESOLUTION_MS + BUS_MS
+
+
+def assert_stays(rig: Rig) -> None:
+    """Assert that commands move nothing until the robot has been armed, and then do."""
+    rig.at_rest()
+    before = rig.fresh_truth()
+    rig.drive(0.4, 0.0, 0.7)
+    assert rig.fresh_truth().distance_m - before.distance_m < 1e-3
+    rig.arm()
+    rig.drive(0.3, 0.0, 1.0)
+    assert rig.fresh_truth().distance_m - before.distance_m > 0.1
+
+
+FROZEN = "host: SIGSTOP"
+IN_A_TICK = {
+    "host: hangs in a step": HANG,
+    "host: busy loop in a step": SPIN,
+    "host: long garbage collection": COLLECT,
+}
+
+
+@pytest.mark.parametrize("fault", [FROZEN, *IN_A_TICK])
+def test_a_host_that_falls_silent_is_stopped_by_the_drive_and_waits_for_arming(
+    rig: Rig, fault: str, reaction: React
+) -> None:
+    if virtual_time() and IN_A_TICK.get(fault) in {SPIN, COLLECT}:
+        pytest.skip("virtual time: computing takes none")
+    rig.start(CONTROL, "hil_tests.faulty_control")
+    rig.arm()
+    rig.drive(0.5, 0.0, 1.0)
+    messages = rig.heard(0.05)
+    rig.send_signal(CONTROL, signal.SIGSTOP if fault == FROZEN else IN_A_TICK[fault])
+    messages += rig.heard_until(EMCY_DRIVE, 3.0)
+    if fault == FROZEN:
+        rig.send_signal(CONTROL, signal.SIGCONT)
+    taken_ms = reaction_ms(rig, messages)
+    reaction(fault, taken_ms)
+    assert_in_time(rig, taken_ms)
+    state = rig.wait_for_state(SafetyState.FAULT, 3.0)
+    assert state.reason
+    assert any(state.reason in notice for notice in rig.notices)
+    assert_stays(rig)
+
+
+def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> None:
+    armed.drive(0.5, 0.0, 1.0)
+    messages = armed.heard(0.05)
+    armed.kill(CONTROL, signal.SIGKILL)
+    messages += armed.heard_until(EMCY_DRIVE, 3.0)
+    taken_ms = reaction_ms(armed, messages)
+    reaction("host: SIGKILL", taken_ms)
+    assert_in_time(armed, taken_ms)
+    armed.at_rest()
+
+
+def on_mission(rig: Rig) -> None:
+    """Start the whole stack, arm, and drive in mode AUTO."""
+    for module in (CONTROL, NAVIGATION, TELEMETRY):
+        rig.start(module)
+    rig.arm()
+    rig.set_mode(Mode.AUTO)
+    rig.wait(lambda: rig.control.v_m_s > 0.2, 10.0, "the mission drives")
+
+
+@pytest.mark.parametrize("fault", ["killed", "frozen"])
+def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_on(
+    mission_rig: Rig, fault: str, reaction: React
+) -> None:
+    rig = mission_rig
+    on_mission(rig)
+    rig.heard(0.02)
+    stamp_ns = rig.control.stamp_ns
+    if fault == "killed":
+        rig.kill(NAVIGATION, signal.SIGKILL)
+    else:
+        rig.send_signal(NAVIGATION, signal.SIGSTOP)
+    rig.wait(lambda: rig.control.v_ref_m_s == 0.0, 3.0, "set-points expire")
+    reaction(f"navigation {fault}", (rig.control.stamp_ns - stamp_ns) / 1e6)
+    rig.at_rest()
+    assert rig.control.state == SafetyState.ARMED
+    before = rig.fresh_truth()
+    rig.navigation = None
+    if fault == "killed":
+        rig.start(NAVIGATION)
+    else:
+        rig.send_signal(NAVIGATION, signal.SIGCONT)
+    rig.wait(lambda: rig.navigation, 10.0, "navigation is back")
+    rig.heard(1.0)
+    rig.listen()
+    assert rig.navigation.mode == Mode.HOLD
+    assert rig.fresh_truth().distance_m - before.distance_m < 1e-3
+    rig.set_mode(Mode.AUTO)
+    rig.wait(lambda: rig.control.v_m_s > 0.2, 10.0, "AUTO, asked for again, drives")
+
+
+def test_without_telemetry_the_robot_drives_on(mission_rig: Rig) -> None:
+    rig = mission_rig
+    on_mission(rig)
+    rig.kill(TELEMETRY, signal.SIGKILL)
+    before = rig.fresh_truth()
+    commands = [enabled(m) for m in rig.heard(1.0) if m.arbitration_id == COMMAND]
+    assert commands
+    assert all(commands)
+    assert rig.fresh_truth().distance_m - before.distance_m > 0.2
