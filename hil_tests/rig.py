@@ -43,6 +43,8 @@ EMCY_COMMAND_TIMEOUT = 0x8130
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
 _POLL_S = 0.005
+_ABOVE_CONTROL = 10
+"""A real drive has a processor of its own: a host that computes for ever does not hold it up."""
 _instances = itertools.count()
 
 
@@ -134,6 +136,7 @@ class Rig:
                     *("--bus", self._firmware_bus),
                     f"--start={self._start}",
                     *("--truth", self.endpoints.truth),
+                    *("--priority", str(self.config.runtime.priority + _ABOVE_CONTROL)),
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
