@@ -20,7 +20,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from vcan_guest_init import add_vcan, set_up
+from can_link import add_vcan, set_link
 
 ROOT = Path(__file__).resolve().parent.parent
 GUEST = str(ROOT / "tools" / "vcan-guest")
@@ -73,7 +73,7 @@ def vcan_here() -> bool:
         except OSError:
             return False
     with contextlib.suppress(PermissionError):  # not ours to change: if it is down the tests say so
-        set_up(INTERFACE)
+        set_link(INTERFACE, up=True)
     return True
 
 

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import fcntl
 import json
 import os
 import signal
-import socket
-import struct
 import sys
 import termios
 import threading
@@ -20,6 +17,8 @@ import traceback
 import tty
 from pathlib import Path
 from typing import Any
+
+from can_link import add_vcan, set_link
 
 COMMAND_NOT_FOUND = 127
 NOT_EXECUTABLE = 126
@@ -35,11 +34,6 @@ _LINKS = {"fd": "self/fd", "stdin": "self/fd/0", "stdout": "self/fd/1", "stderr"
 # The consoles that the host side connects to its standard output and standard error.
 _OUTPUT_CONSOLES = ("/dev/tty1", "/dev/tty2")
 _POWER_OFF = 0x4321FEDC
-_IFF_UP = 1
-_SIOCGIFFLAGS, _SIOCSIFFLAGS = 0x8913, 0x8914
-_RTM_NEWLINK = 16
-_NLM_F_REQUEST, _NLM_F_ACK, _NLM_F_EXCL, _NLM_F_CREATE = 0x1, 0x4, 0x200, 0x400
-_IFLA_IFNAME, _IFLA_LINKINFO, _IFLA_INFO_KIND = 3, 18, 1
 
 
 def mount_all(libc: ctypes.CDLL) -> None:
@@ -52,35 +46,6 @@ def mount_all(libc: ctypes.CDLL) -> None:
     for name, target in _LINKS.items():
         if not Path("/dev", name).exists():
             Path("/dev", name).symlink_to(f"/proc/{target}")
-
-
-def _attribute(kind: int, payload: bytes) -> bytes:
-    """Return a netlink attribute, padded to four bytes."""
-    length = 4 + len(payload)
-    return struct.pack("=HH", length, kind) + payload + bytes(-length % 4)
-
-
-def add_vcan(name: str) -> None:
-    """Make a virtual CAN interface (rtnetlink RTM_NEWLINK, as `ip link add type vcan`)."""
-    info = _attribute(_IFLA_INFO_KIND, b"vcan\0")
-    body = struct.pack("=BxHiII", 0, 0, 0, 0, 0)
-    body += _attribute(_IFLA_IFNAME, name.encode() + b"\0") + _attribute(_IFLA_LINKINFO, info)
-    flags = _NLM_F_REQUEST | _NLM_F_ACK | _NLM_F_EXCL | _NLM_F_CREATE
-    header = struct.pack("=IHHII", 16 + len(body), _RTM_NEWLINK, flags, 1, 0)
-    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, 0) as netlink:
-        netlink.send(header + body)
-        (error,) = struct.unpack_from("=i", netlink.recv(4096), 16)
-    if error:
-        raise OSError(-error, f"adding {name}: {os.strerror(-error)}")
-
-
-def set_up(name: str) -> None:
-    """Bring an interface up."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
-        request = struct.pack("16sH14x", name.encode(), 0)
-        (flags,) = struct.unpack_from("H", fcntl.ioctl(any_socket, _SIOCGIFFLAGS, request), 16)
-        request = struct.pack("16sH14x", name.encode(), flags | _IFF_UP)
-        fcntl.ioctl(any_socket, _SIOCSIFFLAGS, request)
 
 
 class Output:
@@ -164,9 +129,9 @@ def main() -> None:
     try:
         order = json.loads((folder / "order.json").read_text())
         mount_all(libc)
-        set_up("lo")
+        set_link("lo", up=True)
         add_vcan("vcan0")
-        set_up("vcan0")
+        set_link("vcan0", up=True)
         status = run(order)
         (folder / "status").write_text(str(status))
     except BaseException:  # noqa: BLE001 - process 1 must reach the power switch

@@ -15,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import select
 import socket
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from firmware_sim.bus import wire
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 _READS_PER_SERVICE = 64
 _RECEIVE_BUFFER = 1 << 20
+_REOPEN_NS = 100_000_000
 
 
 class Bridge:
@@ -42,6 +44,9 @@ class Bridge:
         Name of the node.
     restart_ms, queue_limit
         As in `Bus.attach`.
+    reopen
+        Opens the interface again after it was taken away, every 100 ms until it is back; None:
+        never.
 
     Attributes
     ----------
@@ -61,12 +66,15 @@ class Bridge:
         *,
         restart_ms: int | None = 100,
         queue_limit: int = 64,
+        reopen: Callable[[], socket.socket] | None = None,
     ) -> None:
         self.lost = 0
         self.dropped = 0
         self.problem: OSError | None = None
         self._socket = connection
         self._socket.setblocking(False)
+        self._reopen = reopen
+        self._reopen_ns: int | None = None
         self._paused = False
         self.port = bus.attach(
             name, self._receive, errors=True, restart_ms=restart_ms, queue_limit=queue_limit
@@ -83,30 +91,28 @@ class Bridge:
         OSError
             If the kernel has no CAN, or there is no such interface; the message names it.
         """
-        try:
-            connection = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-        except OSError as error:
-            text = f"{interface}: this kernel has no SocketCAN ({error.strerror})"
-            raise OSError(error.errno, text) from error
-        try:
-            with contextlib.suppress(OSError):  # as much as the system allows
-                connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
-            connection.bind((interface,))
-        except OSError as error:
-            connection.close()
-            raise OSError(error.errno, f"{interface}: {error.strerror}") from error
-        return cls(bus, connection, f"bridge:{interface}", restart_ms=restart_ms)
+        return cls(
+            bus,
+            _connect(interface),
+            f"bridge:{interface}",
+            restart_ms=restart_ms,
+            reopen=lambda: _connect(interface),
+        )
 
     def fileno(self) -> int:
         """Return the descriptor that is readable when `service` has something to do."""
         return self._epoll.fileno()
 
-    def service(self, now_ns: int) -> None:  # noqa: ARG002 - the same call as Hub.service
+    def service(self, now_ns: int) -> None:
         """Send the host's frames at the bus's present time; never waits.
+
+        `now_ns` is the time of the wall [ns].
 
         To be called when `fileno` is readable, and now and then besides.
         """
         port = self.port
+        if self._reopen_ns is not None and now_ns >= self._reopen_ns:
+            self._try_to_reopen(now_ns)
         for _ in range(_READS_PER_SERVICE):
             self._pause(paused=not port.room and port.state is not ErrorState.BUS_OFF)
             if self._paused:
@@ -115,11 +121,33 @@ class Bridge:
                 message = self._socket.recv(128)
             except BlockingIOError:
                 return
-            except OSError as error:  # the interface went down
-                self.problem = error
+            except OSError as error:  # the interface went down or away
+                self._fail(error, now_ns)
                 return
             if not self._pass_on(message):
                 self.dropped += 1
+
+    def _fail(self, error: OSError, now_ns: int) -> None:
+        """Remember the error; a socket whose interface is gone will not find it again by itself."""
+        self.problem = error
+        if self._reopen is not None and self._reopen_ns is None:
+            self._reopen_ns = now_ns
+
+    def _try_to_reopen(self, now_ns: int) -> None:
+        """Take a new socket in place of one whose interface went down or away."""
+        if self._reopen is None:
+            return
+        try:
+            connection = self._reopen()
+        except OSError as error:
+            self.problem = error
+            self._reopen_ns = now_ns + _REOPEN_NS
+            return
+        connection.setblocking(False)
+        self._epoll.unregister(self._socket.fileno())
+        self._socket.close()
+        self._socket, self._paused, self._reopen_ns = connection, False, None
+        self._epoll.register(connection.fileno(), select.EPOLLIN)
 
     def _pass_on(self, message: bytes) -> bool:
         if len(message) != wire.CAN_FRAME.size:
@@ -150,3 +178,26 @@ class Bridge:
         self.port.detach()
         self._epoll.close()
         self._socket.close()
+
+
+def _connect(interface: str) -> socket.socket:
+    """Return a raw socket on a CAN interface.
+
+    Raises
+    ------
+    OSError
+        If the kernel has no CAN, or there is no such interface; the message names it.
+    """
+    try:
+        connection = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    except OSError as error:
+        text = f"{interface}: this kernel has no SocketCAN ({error.strerror})"
+        raise OSError(error.errno, text) from error
+    try:
+        with contextlib.suppress(OSError):  # as much as the system allows
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+        connection.bind((interface,))
+    except OSError as error:
+        connection.close()
+        raise OSError(error.errno, f"{interface}: {error.strerror}") from error
+    return connection
