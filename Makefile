@@ -11,7 +11,7 @@ PY := $(BIN)/python
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim test check lint types layers format bench guest clean
+.PHONY: help setup sim test check lint types layers format soak bench guest clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -55,6 +55,9 @@ layers: $(STAMP) ## import-linter: who may import whom
 format: $(STAMP) ## bring the code into shape
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+soak: $(STAMP) ## the fault tests over and over, with a table of reaction times; ARGS="--repeats 20"
+	@$(PY) tools/soak.py $(ARGS)
 
 bench: $(STAMP) ## measure; ARGS are passed on
 	@$(PY) -m benchmarks $(ARGS)

@@ -1,0 +1,22 @@
+"""The table of reaction times."""
+
+import json
+
+from soak import SUITE, reaction_table
+
+
+def line(fault, bus, ms):
+    return json.dumps({"fault": fault, "bus": bus, "ms": ms})
+
+
+def test_each_fault_on_each_bus_has_a_row_with_count_median_and_greatest():
+    lines = [line("cut", "simcan", ms) for ms in (3.0, 1.0, 2.5)] + [line("cut", "vcan0", 7.0)]
+    assert reaction_table(lines).splitlines()[2:] == [
+        "| cut | simcan | 3 | 2.5 | 3.0 |",
+        "| cut | vcan0 | 1 | 7.0 | 7.0 |",
+    ]
+
+
+def test_the_suite_holds_the_tests_of_stops_and_of_faults():
+    assert "hil_tests/test_6_safety_stops.py" in SUITE
+    assert "hil_tests/test_9_host_faults.py" in SUITE

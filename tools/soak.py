@@ -1,0 +1,85 @@
+"""Run the fault tests over and over and print how long each reaction took: `make soak`.
+
+Each repeat is one run of the tests of faults and safety stops in `hil_tests/`. One failure in any
+repeat fails the whole; its output is shown at once. On simcan the tests run side by side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+SUITE = sorted(
+    str(path.relative_to(ROOT))
+    for pattern in ("test_*_safety_stops.py", "test_*_faults.py")
+    for path in (ROOT / "hil_tests").glob(pattern)
+)
+
+
+def reaction_table(lines: Iterable[str]) -> str:
+    """Return a Markdown table: fault, bus, number of repeats, median and greatest time."""
+    taken: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for line in lines:
+        reaction = json.loads(line)
+        taken[reaction["fault"], reaction["bus"]].append(reaction["ms"])
+    rows = ["| fault | bus | repeats | median ms | greatest ms |", "|---|---|---|---|---|"]
+    rows += [
+        f"| {fault} | {bus} | {len(ms)} | {statistics.median(ms):.1f} | {max(ms):.1f} |"
+        for (fault, bus), ms in sorted(taken.items())
+    ]
+    return "\n".join(rows)
+
+
+def repeat(options: argparse.Namespace, reactions: Path) -> str:
+    """Run the suite once; return its output where it failed, else nothing."""
+    command = [
+        *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
+        *SUITE,
+        *("--bus", options.bus, "--reactions", str(reactions)),
+        *(("-k", options.only) if options.only else ()),
+        *(("-n", str(options.workers)) if options.workers > 1 else ()),
+    ]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return ended.stdout + ended.stderr if ended.returncode else ""
+
+
+def main() -> int:
+    """Run the command; 1 where a repeat failed."""
+    parser = argparse.ArgumentParser(prog="tools/soak.py", description=__doc__)
+    add = parser.add_argument
+    add("--repeats", type=int, default=200, help="runs of the whole suite (%(default)s)")
+    add("--bus", default="simcan", help="simcan or vcan0 (%(default)s)")
+    add("--workers", type=int, default=2, help="tests side by side, on simcan (%(default)s)")
+    add("--only", default="", metavar="EXPRESSION", help="as pytest's -k")
+    options = parser.parse_args()
+    if options.bus != "simcan":
+        options.workers = 1
+    failures = 0
+    with tempfile.TemporaryDirectory(prefix="soak-") as directory:
+        reactions = Path(directory) / "reactions.jsonl"
+        reactions.touch()
+        begin_s = time.monotonic()
+        for number in range(1, options.repeats + 1):
+            output = repeat(options, reactions)
+            if output:
+                failures += 1
+                print(output)
+            minutes = (time.monotonic() - begin_s) / 60
+            text = f"repeat {number} of {options.repeats}, {failures} failed, {minutes:.1f} min"
+            print(text, file=sys.stderr, flush=True)
+        print(reaction_table(reactions.read_text(encoding="utf-8").splitlines()))
+    print(f"{failures} of {options.repeats} repeats failed")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
