@@ -16,7 +16,8 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
     """Start a process in a session of its own, so that Ctrl-C reaches only its parent.
 
     When the parent ends, however it ends, the kernel sends the child SIGTERM: a robot must not
-    drive on because somebody closed a terminal.
+    drive on because somebody closed a terminal. SIGUSR1, the emergency stop, is held back until
+    the child is ready to take it, so that it neither kills a process at its start nor is lost.
 
     Parameters
     ----------
@@ -27,7 +28,8 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
     """
     parent = os.getpid()
 
-    def die_with_parent() -> None:
+    def prepare() -> None:
+        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
         _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
         if os.getppid() != parent:
             os.kill(os.getpid(), signal.SIGTERM)
@@ -36,6 +38,6 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
         command,
         stdin=subprocess.DEVNULL,
         start_new_session=True,
-        preexec_fn=die_with_parent,  # noqa: PLW1509 - nothing but two system calls
+        preexec_fn=prepare,  # noqa: PLW1509 - nothing but a few system calls
         **options,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Final
 
@@ -10,12 +11,20 @@ import zmq
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.robot import make_core, make_robot, record_header
-from robotctl.app.signals import StopFlag
+from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
+from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.loop import Loop
-from robotctl.runtime.messages import ControlRequest, Feedback, Notice, WheelCommand
+from robotctl.runtime.messages import (
+    ControlRequest,
+    EmergencyStop,
+    EmergencyStopSource,
+    Feedback,
+    Notice,
+    WheelCommand,
+)
 from robotctl.runtime.ports import RobotPort
 from robotctl.runtime.realtime import acquire_realtime
 from robotctl.runtime.recorder import Recorder
@@ -44,6 +53,10 @@ class ControlTicker:
         The loop that calls, for its statistics.
     recorder
         Where inputs and outputs go, if anywhere.
+    emergency
+        SIGUSR1, the emergency stop that works without requests.
+    heartbeat
+        Tells the supervisor of each tick.
     """
 
     def __init__(
@@ -54,6 +67,8 @@ class ControlTicker:
         publisher: Publisher,
         loop: Loop,
         recorder: Recorder | None,
+        emergency: EmergencySignal,
+        heartbeat: Heartbeat,
     ) -> None:
         self._robot = robot
         self._core = core
@@ -61,6 +76,8 @@ class ControlTicker:
         self._publisher = publisher
         self._loop = loop
         self._recorder = recorder
+        self._emergency = emergency
+        self._heartbeat = heartbeat
         self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
         self._published_ns = 0
         self._inputs = Inputs(Feedback())
@@ -68,7 +85,10 @@ class ControlTicker:
 
     def receive(self, now_ns: int) -> None:
         """Take in frames and requests."""
-        self._inputs = Inputs(self._robot.receive(now_ns), tuple(self._requests.receive()))
+        requests = tuple(self._requests.receive())
+        if self._emergency.take():
+            requests += (EmergencyStop(now_ns, EmergencyStopSource.OPERATOR),)
+        self._inputs = Inputs(self._robot.receive(now_ns), requests)
 
     def control(self, now_ns: int) -> None:
         """Step the core."""
@@ -85,6 +105,7 @@ class ControlTicker:
 
     def publish(self, now_ns: int) -> None:
         """Record each tick; publish notices at once and the state at its own rate."""
+        self._heartbeat.beat()
         if self._recorder is not None:
             self._recorder.record(now_ns, self._inputs, self._outputs.command)
         for notice in self._outputs.notices:
@@ -100,6 +121,7 @@ class ControlTicker:
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Run the control loop until SIGTERM or SIGINT; the motors go off first."""
     stopped = StopFlag()
+    emergency = EmergencySignal()
     clock = RealClock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
@@ -112,7 +134,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     robot = make_robot(config, clock)
     core = make_core(config, options)
     loop = Loop(clock, config.runtime.period_ns)
-    ticker = ControlTicker(robot, core, requests, publisher, loop, recorder)
+    heartbeat = Heartbeat(os.environ)
+    ticker = ControlTicker(
+        robot, core, requests, publisher, loop, recorder, emergency, heartbeat
+    )  # fmt: skip
     refused = acquire_realtime(config.runtime)
     for sentence in refused:
         print(f"robotctl: {sentence}", file=sys.stderr)  # noqa: T201

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import msgspec
@@ -13,6 +14,7 @@ from robotctl.app.pilot import Pilot
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
+from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import ControlState, NavigationRequest, Notice
 from robotctl.runtime.topics import (
     Endpoints,
@@ -38,6 +40,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     )
     publisher = Publisher(context, endpoints.navigation_state)
     to_control = RequestSender(context, endpoints.control_requests)
+    heartbeat = Heartbeat(os.environ)
     pilot = Pilot(config, options)
     control: ControlState | None = None
     deadline_ns = clock.now_ns()
@@ -52,6 +55,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             to_control.send(command)
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))
+            heartbeat.beat()
     finally:
         context.destroy(linger=0)
 

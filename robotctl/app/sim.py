@@ -34,7 +34,7 @@ from robotctl.app.score import (
     loop_report,
     run_message,
 )
-from robotctl.app.stack import Stack
+from robotctl.app.stack import CONTROL, Stack
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.runtime.messages import (
     Arm,
@@ -253,10 +253,11 @@ class SimRun:
             progress.elapsed_s = now_s - begin_s
             yield progress
             if progress.elapsed_s > self._options.max_seconds or (
-                until_done and is_over(progress.control, progress.navigation)
+                until_done
+                and (is_over(progress.control, progress.navigation) or self._control_began_anew)
             ):
                 return
-            if now_s - asked_s >= _ASK_S:
+            if now_s - asked_s >= _ASK_S and not self._control_began_anew:
                 asked_s = now_s
                 self._ask(progress)
             if self._stack is not None:
@@ -264,6 +265,16 @@ class SimRun:
             if self._firmware is not None and self._firmware.poll() is not None:
                 raise SimulatorError(f"firmware_sim ended (status {self._firmware.returncode})")
             time.sleep(_POLL_S)
+
+    @property
+    def _control_began_anew(self) -> bool:
+        """Whether the control process was lost: its odometry knows the robot's place no more."""
+        return self._stack is not None and self._stack.starts(CONTROL) > 1
+
+    def emergency_stop(self) -> None:
+        """Stop the robot at once; it stays stopped until a ground station arms it."""
+        if self._stack is not None:
+            self._stack.emergency_stop()
 
     def _ask(self, progress: Progress) -> None:
         """Ask for what is missing: arming, then mode AUTO."""

@@ -1,42 +1,45 @@
-"""The processes of one robot: started in order, watched, ended with the motors off first."""
+"""The processes of one robot: started in order, watched, ended with the motors off first.
+
+Control is started first and alone; the others follow when its loop ticks. It never waits for them:
+what becomes of navigation and telemetry changes nothing for it. A control process that ended is
+started again too, since it starts unarmed and the drive has stopped by itself; its odometry begins
+anew then, and so does navigation.
+"""
 
 from __future__ import annotations
 
-import subprocess
+import signal
 import time
-from dataclasses import dataclass, field
+from typing import Final
 
-from robotctl.app.children import start_child
 from robotctl.app.options import StackOptions
+from robotctl.app.restart import RestartPolicy
+from robotctl.app.supervised import Exit, Phase, Role, Supervised, status_words
 from robotctl.errors import RobotctlError
 
 CONTROL = "robotctl.app.control"
 NAVIGATION = "robotctl.app.navigation"
 TELEMETRY = "robotctl.app.telemetry"
 
-_RESTART_DELAY_S = 1.0
+ROLES: Final = (
+    Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, vital=True),
+    Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0),
+    Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0),
+)
+"""In the order of their start."""
+
+_BAD_INPUT = 2
 _END_S = 3.0
+_TICKS_TO_STOP = 2
+"""A signal that came in a tick is answered in the next one."""
 
 
 class StackError(RobotctlError):
-    """A process of the robot ended that the robot cannot do without."""
-
-
-@dataclass(slots=True)
-class _Child:
-    """One process and when it may be started again."""
-
-    module: str
-    process: subprocess.Popen[bytes]
-    restarts: int = 0
-    restart_at_s: float = field(default=0.0)
+    """A process of the robot ended that the robot cannot do without, or cannot start."""
 
 
 class Stack:
-    """Control, navigation and telemetry as child processes.
-
-    Navigation and telemetry are started again when they end; control is not, since whatever ended
-    it may have left the robot in motion and only a person can say that it may move again.
+    """Control, navigation and telemetry as supervised child processes.
 
     Parameters
     ----------
@@ -45,61 +48,108 @@ class Stack:
     """
 
     def __init__(self, options: StackOptions) -> None:
-        self._options = options
-        self._children = [
-            _Child(module, self._start(module)) for module in (CONTROL, NAVIGATION, TELEMETRY)
-        ]
-
-    def _start(self, module: str) -> subprocess.Popen[bytes]:
-        """Start one process."""
-        return start_child(self._options.command(module))
+        self._processes = {
+            role.module: Supervised(role, options.command(role.module)) for role in ROLES
+        }
+        self._control = self._processes[CONTROL]
+        self._stop_beats: int | None = None
+        """Beats of the control process when it was last told of an emergency stop."""
+        self.exits: list[Exit] = []
+        """Ends seen by the last `watch`."""
+        self._control.start(time.monotonic())
 
     def pid(self, module: str) -> int:
-        """Return the process id of `module`."""
-        return next(child.process.pid for child in self._children if child.module == module)
-
-    def watch(self) -> list[str]:
-        """Restart what ended and return a sentence for each; call some times a second.
+        """Return the process id of `module`.
 
         Raises
         ------
         StackError
-            Where the control process ended, or another one ended because of its configuration.
+            Where it has no process at the moment.
         """
-        lines = []
+        process = self._processes[module]
+        if process.pid is None:
+            raise StackError(f"{process.role.name} has no process: {process.phase.value}")
+        return process.pid
+
+    def phase(self, module: str) -> Phase:
+        """Return where `module` stands."""
+        return self._processes[module].phase
+
+    def starts(self, module: str) -> int:
+        """Return how often `module` has been started."""
+        return self._processes[module].starts
+
+    @property
+    def ticks(self) -> tuple[int, int]:
+        """Which life of the control process, and the ticks of its loop in that life."""
+        return self._control.starts, self._control.beats
+
+    @property
+    def ready(self) -> bool:
+        """Whether the control loop ticks and the others work, or are not waited for any more."""
+        return self._control.phase is Phase.READY and all(
+            each.was_ready or each.phase is Phase.GIVEN_UP for each in self._processes.values()
+        )
+
+    def watch(self) -> list[str]:
+        """Start, restart and kill as needed; return a line for each end. Call ten times a second.
+
+        Raises
+        ------
+        StackError
+            Where the control process ended too often, or a process does not start at all.
+        """
+        self.exits = []
         now_s = time.monotonic()
-        for child in self._children:
-            status = child.process.poll()
-            if status is None:
-                continue
-            name = child.module.rpartition(".")[2]
-            if child.module == CONTROL or status == 2:
-                raise StackError(f"the {name} process ended ({_status_words(status)})")
-            if child.restart_at_s == 0.0:
-                child.restart_at_s = now_s + _RESTART_DELAY_S
-                lines.append(
-                    f"{name} ended ({_status_words(status)}); starting it again in "
-                    f"{_RESTART_DELAY_S:g} s"
-                )
-            elif now_s >= child.restart_at_s:
-                child.process = self._start(child.module)
-                child.restarts += 1
-                child.restart_at_s = 0.0
-        return lines
+        for process in self._processes.values():
+            if process.phase is Phase.IDLE and self._control.phase is Phase.READY:
+                process.start(now_s)
+            starts = process.starts
+            ended = process.step(now_s)
+            if ended is not None:
+                self.exits.append(ended)
+                self._judge(process, ended)
+            elif process is self._control:
+                self._repeat_emergency_stop(new_life=process.starts > starts)
+        return [each.words() for each in self.exits]
+
+    def _judge(self, process: Supervised, ended: Exit) -> None:
+        """Decide what the end of one process means for the others."""
+        name = process.role.name
+        if ended.status == _BAD_INPUT and not process.was_ready:
+            raise StackError(f"the {name} process did not start ({status_words(ended.status)})")
+        if process is not self._control:
+            return
+        if process.phase is Phase.GIVEN_UP:
+            raise StackError(
+                f"the {name} process ended {process.role.restart.crashes + 1} times within "
+                f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"
+            )
+        self._processes[NAVIGATION].renew()
+
+    def emergency_stop(self) -> None:
+        """Stop the robot by a signal to the control process; needs no socket, waits for nothing.
+
+        Where the control process is just being started again, it is told as soon as it is there.
+        May be called from a signal handler.
+        """
+        self._stop_beats = self._control.beats
+        self._control.signal(signal.SIGUSR1)
+
+    def _repeat_emergency_stop(self, *, new_life: bool) -> None:
+        """Tell a new control process of an emergency stop that the one before did not answer."""
+        if self._stop_beats is None:
+            return
+        if new_life:
+            self._stop_beats = 0
+            self._control.signal(signal.SIGUSR1)
+        elif self._control.beats >= self._stop_beats + _TICKS_TO_STOP:
+            self._stop_beats = None
 
     def close(self) -> None:
         """End all processes, control first, and wait for them."""
-        for child in self._children:
-            child.process.terminate()
+        for process in self._processes.values():
+            process.signal(signal.SIGTERM)
         deadline_s = time.monotonic() + _END_S
-        for child in self._children:
-            try:
-                child.process.wait(max(0.0, deadline_s - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                child.process.kill()
-                child.process.wait()
-
-
-def _status_words(status: int) -> str:
-    """Say how a process ended."""
-    return f"signal {-status}" if status < 0 else f"exit status {status}"
+        for process in self._processes.values():
+            process.end(max(0.0, deadline_s - time.monotonic()))

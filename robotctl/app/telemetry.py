@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,6 +17,7 @@ from robotctl.app.signals import StopFlag
 from robotctl.drivers.mavlink_link import MavlinkLinks
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
+from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import (
     ControlRequest,
     ControlState,
@@ -93,6 +95,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             writer = RecordWriter(stream, Path(options.record))
             stack.callback(writer.close)
         telemetry = Telemetry(mavlink, robot, links)
+        heartbeat = Heartbeat(os.environ)
         deadline_ns = clock.now_ns()
         while not stopped():
             for request in telemetry.step(clock.now_ns(), states.receive()):
@@ -102,6 +105,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 publisher.send(notice)
             if writer is not None:
                 writer.step()
+            heartbeat.beat()
             deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())
             clock.sleep_until(deadline_ns)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from pathlib import Path
 from typing import Annotated
@@ -10,15 +12,17 @@ import typer
 import zmq
 
 from robotctl.app.config import find_file
+from robotctl.app.exit_log import ExitLog
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
-from robotctl.app.signals import StopFlag
+from robotctl.app.service import ServiceNotifier
+from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.app.stack import Stack
+from robotctl.app.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.runtime.messages import Notice
+from robotctl.cli.keys import HINT, Keys
+from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
-
-_POLL_S = 0.2
 
 
 def run(
@@ -31,7 +35,10 @@ def run(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Run control, navigation and telemetry until Ctrl-C; arm from a ground station."""
+    """Run control, navigation and telemetry until Ctrl-C; arm from a ground station.
+
+    SIGUSR1, Space and e stop the robot at once. What ends is started again, unarmed.
+    """
     path = find_file(robot)
     mission_path = find_file(mission, "missions") if mission else None
     start = load_mission(mission_path).start.pose if mission_path else None
@@ -47,18 +54,30 @@ def run(
     )
     config = options.load()
     stopped = StopFlag()
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    endpoints = Endpoints(endpoint_directory(options.instance))
-    notices = Subscriber[Notice](context, endpoints.published, Notice)
+    asked_early = EmergencySignal()
+    notifier = ServiceNotifier(os.environ)
+    log = ExitLog(record.resolve()) if record else None
     print(f"{config.robot.name} on {config.can.interface}:{config.can.channel}, Ctrl-C ends")
     for link in config.mavlink.link:
-        print(f"MAVLink: {link.url}")
+        print(f"MAVLink: {link.url}", flush=True)
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    messages = Subscriber[ControlState | NavigationState | Notice](
+        context, endpoints.published, ControlState | NavigationState | Notice
+    )
     stack = Stack(options)
+    signal.signal(signal.SIGUSR1, lambda _number, _frame: stack.emergency_stop())
+    if asked_early.take():
+        stack.emergency_stop()
     try:
-        while not stopped():
-            for line in [notice.text for notice in notices.receive()] + stack.watch():
-                print(line, flush=True)
-            time.sleep(_POLL_S)
+        with Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
+            if keys.usable:
+                print(HINT, flush=True)
+            while not stopped():
+                if keys.emergency():
+                    stack.emergency_stop()
+                for line in supervisor.step(messages.receive(), time.monotonic()):
+                    print(line, flush=True)
+                time.sleep(POLL_S)
     finally:
-        stack.close()
         context.destroy(linger=0)

@@ -15,6 +15,7 @@ from robotctl.app.lockstep import run_lockstep
 from robotctl.app.score import Report
 from robotctl.app.sim import SimOptions, SimRun
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.keys import HINT, Keys
 from robotctl.cli.score_view import score_table
 from robotctl.cli.view import make_view
 
@@ -82,9 +83,14 @@ def _run(options: SimOptions, *, headless: bool, until_done: bool) -> Report:
         signal.signal(number, signal.default_int_handler)
     run = SimRun(options)
     print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
-    with run, make_view(run, headless=headless) as view:
+    signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())
+    with run, make_view(run, headless=headless) as view, Keys() as keys:
+        if keys.usable:
+            run.progress.lines.append(HINT)
         try:
             for progress in run.steps(until_done=until_done):
+                if keys.emergency():
+                    run.emergency_stop()
                 view.update(progress)
         except KeyboardInterrupt:
             run.progress.lines.append("stopped by the user")

@@ -1,0 +1,42 @@
+"""A file with a line of JSON for each end of a process, bounded in size."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.app.supervised import Exit
+
+NAME: Final = "exits.jsonl"
+
+MAX_BYTES: Final = 1_000_000
+"""A longer file becomes `exits.jsonl.1`, whose predecessor is given up."""
+
+
+class ExitLog:
+    """Appends to `exits.jsonl`; each line is on the disk when `write` returns.
+
+    Parameters
+    ----------
+    directory
+        Made where it is missing.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        directory.mkdir(parents=True, exist_ok=True)
+        self._path = directory / NAME
+
+    def write(self, ended: Exit, now: dt.datetime) -> str:
+        """Append one end at wall time `now`; return what went wrong, or an empty string."""
+        line = {"time": now.isoformat(timespec="milliseconds"), **msgspec.to_builtins(ended)}
+        try:
+            if self._path.exists() and self._path.stat().st_size > MAX_BYTES:
+                self._path.replace(self._path.with_name(NAME + ".1"))
+            with self._path.open("ab") as file:
+                file.write(msgspec.json.encode(line) + b"\n")
+        except OSError as error:
+            return f"{self._path}: the end of {ended.name} is not logged: {error.strerror}"
+        return ""

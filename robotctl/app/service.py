@@ -1,0 +1,69 @@
+"""What a service tells systemd: sd_notify(3), by datagrams to the socket NOTIFY_SOCKET."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import MutableMapping
+from typing import Final
+
+_FEEDS_PER_TIMEOUT: Final = 4
+
+
+class ServiceNotifier:
+    """Reports readiness, state and progress; does nothing where no service manager listens.
+
+    Takes the variables out of the environment, so that no child reports in this process's place.
+
+    Parameters
+    ----------
+    environment
+        `os.environ`, or that of a test.
+    """
+
+    def __init__(self, environment: MutableMapping[str, str]) -> None:
+        address = environment.pop("NOTIFY_SOCKET", "")
+        timeout_us = environment.pop("WATCHDOG_USEC", "")
+        process = environment.pop("WATCHDOG_PID", "")
+        mine = process in {"", str(os.getpid())}
+        self.feed_s = int(timeout_us) / 1e6 / _FEEDS_PER_TIMEOUT if timeout_us and mine else None
+        """How often the watchdog wants to be fed [s]; None: there is none."""
+        self._status = ""
+        self._socket: socket.socket | None = None
+        if address.startswith(("/", "@")):
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
+            self._socket.setblocking(False)
+            self._address = "\0" + address[1:] if address.startswith("@") else address
+
+    def ready(self) -> None:
+        """Say that the start is over."""
+        self._send("READY=1")
+
+    def stopping(self) -> None:
+        """Say that the end has begun."""
+        self._send("STOPPING=1")
+
+    def feed_watchdog(self) -> None:
+        """Say that the service makes progress."""
+        self._send("WATCHDOG=1")
+
+    def status(self, line: str) -> None:
+        """Say in one line how things stand; the same line twice is sent once."""
+        if line != self._status:
+            self._status = line
+            self._send("STATUS=" + line.replace("\n", " "))
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _send(self, text: str) -> None:
+        """Send one datagram; a manager that does not listen is no reason to stop a robot."""
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(text.encode(), self._address)
+        except OSError:
+            return

@@ -1,0 +1,262 @@
+"""One supervised process: started, seen to be ready, found dead or hung, started again."""
+
+from __future__ import annotations
+
+import enum
+import os
+import signal
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from robotctl.app.children import start_child
+from robotctl.app.restart import CrashBudget, RestartPolicy
+from robotctl.runtime.heartbeat import VARIABLE, HeartbeatMonitor
+
+_LONGEST_STEP_S: Final = 0.5
+"""A longer pause of the supervisor itself, which says nothing of the others, counts so much [s]."""
+
+_FIRST_VICTIM: Final = "500"
+"""`oom_score_adj` of what the robot can do without for a while."""
+
+
+class Phase(enum.Enum):
+    """Where a process stands."""
+
+    IDLE = "not started"
+    STARTING = "starting"
+    READY = "running"
+    WAITING = "waiting to be started again"
+    GIVEN_UP = "given up"
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What the supervisor knows about one kind of process.
+
+    Parameters
+    ----------
+    module
+        Its Python module.
+    restart
+        Back-off and crash budget.
+    stall_s
+        A process that shows no progress for so long hangs and is killed [s].
+    start_s
+        A process that shows no progress for so long after its start is killed [s].
+    vital
+        Without it there is no robot: when its budget is spent the whole stack ends.
+    """
+
+    module: str
+    restart: RestartPolicy
+    stall_s: float
+    start_s: float = 60.0
+    vital: bool = False
+
+    @property
+    def name(self) -> str:
+        """Return the short name for people."""
+        return self.module.rpartition(".")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class Exit:
+    """How one life of a process ended.
+
+    Parameters
+    ----------
+    name, pid
+        Which process.
+    status
+        Exit status; -n after signal n.
+    hung
+        It was killed because it showed no progress.
+    was_ready
+        It had been seen to work before.
+    asked
+        It was told to end, because what it works with begins anew.
+    beats
+        Rounds of work it did.
+    ran_s
+        How long it lived [s].
+    restart_in_s
+        When it is started again [s]; None: it is not.
+    """
+
+    name: str
+    pid: int
+    status: int
+    hung: bool
+    was_ready: bool
+    asked: bool
+    beats: int
+    ran_s: float
+    restart_in_s: float | None
+
+    def words(self) -> str:
+        """Return a line for people."""
+        if self.asked:
+            return f"{self.name} begins anew"
+        how = status_words(self.status)
+        if self.hung:
+            how = f"it hung, {how}" if self.was_ready else f"it did not get ready, {how}"
+        line = f"{self.name} ended after {self.ran_s:.1f} s ({how}); "
+        if self.restart_in_s is None:
+            return line + "not started again: it ended too often"
+        return line + f"starting it again in {self.restart_in_s:g} s"
+
+
+def status_words(status: int) -> str:
+    """Say how a process ended: `exit status 1`, `signal 9, SIGKILL`."""
+    if status >= 0:
+        return f"exit status {status}"
+    try:
+        return f"signal {-status}, {signal.Signals(-status).name}"
+    except ValueError:
+        return f"signal {-status}"
+
+
+class Supervised:
+    """One process and its next life.
+
+    Parameters
+    ----------
+    role
+        Its module, budget and patience.
+    command
+        Program and arguments.
+    """
+
+    def __init__(self, role: Role, command: Sequence[str]) -> None:
+        self.role = role
+        self.phase = Phase.IDLE
+        self.starts = 0
+        self.was_ready = False
+        """Whether it ever worked, in this life or an earlier one."""
+        self._command = list(command)
+        self._budget = CrashBudget(role.restart)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._monitor: HeartbeatMonitor | None = None
+        self._started_s = self._stepped_s = self._due_s = 0.0
+        self._beats = 0
+        self._stalled_s = 0.0
+        self._hung = self._renewed = False
+
+    @property
+    def pid(self) -> int | None:
+        """Process id; None while there is no process."""
+        return None if self._process is None else self._process.pid
+
+    @property
+    def beats(self) -> int:
+        """Rounds of work in this life, as of the last `step`."""
+        return self._beats
+
+    def start(self, now_s: float) -> None:
+        """Start the process."""
+        monitor = self._monitor = HeartbeatMonitor()
+        self._process = start_child(
+            self._command,
+            pass_fds=(monitor.descriptor,),
+            env=os.environ | {VARIABLE: str(monitor.descriptor)},
+        )
+        if not self.role.vital:
+            _kill_first_when_memory_is_short(self._process.pid)
+        self.phase = Phase.STARTING
+        self.starts += 1
+        self._started_s = self._stepped_s = now_s
+        self._beats, self._stalled_s = 0, 0.0
+        self._hung = self._renewed = False
+
+    def step(self, now_s: float) -> Exit | None:
+        """Look after the process at `now_s`, monotonic [s]; return its end where it has ended."""
+        process = self._process
+        if process is None:
+            if self.phase is Phase.WAITING and now_s >= self._due_s:
+                self.start(now_s)
+            return None
+        status = process.poll()
+        if status is not None:
+            return self._ended(process.pid, status, now_s)
+        self._look_for_progress(process, now_s)
+        return None
+
+    def _look_for_progress(self, process: subprocess.Popen[bytes], now_s: float) -> None:
+        """Note progress; kill a process that has made none for too long."""
+        beats = 0 if self._monitor is None else self._monitor.count()
+        pause_s = min(now_s - self._stepped_s, _LONGEST_STEP_S)
+        self._stepped_s = now_s
+        if beats != self._beats:
+            self._beats, self._stalled_s = beats, 0.0
+            self.phase = Phase.READY
+            self.was_ready = True
+            return
+        self._stalled_s += pause_s
+        patience_s = self.role.stall_s if self.phase is Phase.READY else self.role.start_s
+        if self._stalled_s > patience_s:
+            self._hung = True
+            process.kill()
+
+    def _ended(self, pid: int, status: int, now_s: float) -> Exit:
+        """Take leave of a process that ended and plan its next life."""
+        was_ready = self.phase is Phase.READY
+        beats = self._beats if self._monitor is None else self._monitor.count()
+        self._forget()
+        delay_s = 0.0 if self._renewed else self._budget.spend(now_s)
+        self.phase = Phase.GIVEN_UP if delay_s is None else Phase.WAITING
+        self._due_s = now_s + (delay_s or 0.0)
+        ran_s = now_s - self._started_s
+        return Exit(
+            name=self.role.name,
+            pid=pid,
+            status=status,
+            hung=self._hung,
+            was_ready=was_ready,
+            asked=self._renewed,
+            beats=beats,
+            ran_s=ran_s,
+            restart_in_s=delay_s,
+        )
+
+    def _forget(self) -> None:
+        """Release what belongs to one life."""
+        self._process = None
+        if self._monitor is not None:
+            self._monitor.close()
+            self._monitor = None
+
+    def signal(self, number: int) -> bool:
+        """Send a signal; return whether there was a process to take it."""
+        if self._process is None or self._process.poll() is not None:
+            return False
+        self._process.send_signal(number)
+        return True
+
+    def renew(self) -> None:
+        """Let the process end and start anew; this is no crash."""
+        if self.signal(signal.SIGTERM):
+            self._renewed = True
+
+    def end(self, seconds: float) -> None:
+        """Wait for the process to end, kill it after so many seconds [s], and start it no more."""
+        self.phase = Phase.IDLE
+        process = self._process
+        if process is None:
+            return
+        try:
+            process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        self._forget()
+
+
+def _kill_first_when_memory_is_short(pid: int) -> None:
+    """Let the kernel choose this process before the control process."""
+    try:
+        Path(f"/proc/{pid}/oom_score_adj").write_text(_FIRST_VICTIM)
+    except OSError:
+        return  # it has ended already, or /proc is closed: then the kernel chooses by size

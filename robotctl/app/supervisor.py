@@ -1,0 +1,121 @@
+"""The supervisor of a robot: its processes, their exit log, and what systemd is told of them."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+from robotctl.app.exit_log import ExitLog
+from robotctl.app.service import ServiceNotifier
+from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY, Stack
+from robotctl.app.supervised import Phase
+from robotctl.runtime.messages import ControlState, NavigationState, Notice
+
+Message: TypeAlias = ControlState | NavigationState | Notice
+
+POLL_S: Final = 0.1
+"""Between two steps of the supervisor [s]."""
+
+
+class Supervisor:
+    """Watches a stack and reports on it; use as a context manager.
+
+    The watchdog is fed when the control loop has ticked since it was fed last, and only then: a
+    supervisor that is alive says nothing of a robot.
+
+    Parameters
+    ----------
+    stack
+        The processes, started.
+    notifier
+        The service manager's ear.
+    log
+        Where ends of processes are logged, if anywhere.
+    """
+
+    def __init__(self, stack: Stack, notifier: ServiceNotifier, log: ExitLog | None) -> None:
+        self._stack = stack
+        self._notifier = notifier
+        self._log = log
+        self._ready = False
+        self._state: ControlState | None = None
+        self._fed_s = 0.0
+        self._fed_ticks = (0, 0)
+
+    def __enter__(self) -> Supervisor:
+        """Say that the start has begun."""
+        self._notifier.status("starting")
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """End the processes, control first."""
+        self._notifier.stopping()
+        self._notifier.status("stopping")
+        self._stack.close()
+        self._notifier.close()
+
+    def step(self, messages: Sequence[Message], now_s: float) -> list[str]:
+        """Look after everything at `now_s`, monotonic [s]; return lines for people.
+
+        Parameters
+        ----------
+        messages
+            What the processes have published since the last step.
+        now_s
+            Monotonic time [s].
+
+        Raises
+        ------
+        StackError
+            As of `Stack.watch`; what it ends with is logged first.
+        """
+        lines = []
+        for message in messages:
+            if isinstance(message, Notice):
+                lines.append(message.text)
+            elif isinstance(message, ControlState):
+                self._state = message
+        try:
+            lines += self._stack.watch()
+        finally:
+            lines += self._log_exits()
+        if not self._ready and self._stack.ready:
+            self._ready = True
+            self._notifier.ready()
+            lines.append("ready: " + self._processes())
+        self._feed(now_s)
+        self._notifier.status(self._status())
+        return lines
+
+    def _log_exits(self) -> list[str]:
+        """Log the ends of this step; return what went wrong with that."""
+        if self._log is None:
+            return []
+        now = dt.datetime.now().astimezone()
+        troubles = [self._log.write(ended, now) for ended in self._stack.exits]
+        return [trouble for trouble in troubles if trouble]
+
+    def _feed(self, now_s: float) -> None:
+        """Feed the watchdog where the control loop has made progress."""
+        feed_s = self._notifier.feed_s
+        if feed_s is None or now_s - self._fed_s < feed_s or self._stack.ticks == self._fed_ticks:
+            return
+        self._fed_s, self._fed_ticks = now_s, self._stack.ticks
+        self._notifier.feed_watchdog()
+
+    def _status(self) -> str:
+        """Return the robot's state and that of its processes in one line."""
+        state = self._state
+        if state is None or self._stack.phase(CONTROL) is not Phase.READY:
+            return self._processes()
+        words = state.state.name.lower().replace("_", " ")
+        reason = f" ({state.reason})" if state.reason else ""
+        return f"{words}{reason}; {self._processes()}"
+
+    def _processes(self) -> str:
+        """Return where each process stands."""
+        return ", ".join(
+            f"{module.rpartition('.')[2]} {self._stack.phase(module).value}"
+            for module in (CONTROL, NAVIGATION, TELEMETRY)
+        )
