@@ -1,0 +1,264 @@
+"""The real processes of a robot on a simulated bus without nodes: killed, hung, told to stop."""
+
+import contextlib
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+
+from robotctl.app.config import find_file
+from robotctl.app.options import StackOptions
+from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY, Stack, StackError
+from robotctl.app.supervised import Phase
+from robotctl.runtime.messages import ControlState, NavigationState, Notice, SafetyState
+from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
+
+DEADLINE_S = 40.0
+
+
+def wait(condition: Callable[[], Any], what: str) -> Any:
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not (found := condition()):
+        assert time.monotonic() < deadline_s, what
+        time.sleep(0.01)
+    return found
+
+
+@pytest.fixture(scope="module")
+def channel() -> Iterator[str]:
+    name = f"supervisor-{os.getpid()}"
+    command = [sys.executable, "-m", "firmware_sim.bus", "--channel", name, "--ack"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as hub:
+        wait(lambda: Path(f"/proc/{hub.pid}/net/unix").read_text().count(name), "the bus is there")
+        yield name
+        hub.terminate()
+
+
+class Ear:
+    """Hears the control process's state."""
+
+    def __init__(self, instance: str) -> None:
+        self.context: zmq.Context = zmq.Context()
+        kinds = ControlState | NavigationState | Notice
+        endpoints = Endpoints(endpoint_directory(instance))
+        self.subscriber = Subscriber(self.context, endpoints.published, kinds)
+
+    def newest(self) -> ControlState | None:
+        states = [each for each in self.subscriber.receive() if isinstance(each, ControlState)]
+        return states[-1] if states else None
+
+    def is_in(self, state: SafetyState) -> bool:
+        newest = self.newest()
+        return newest is not None and newest.state is state
+
+
+@pytest.fixture
+def ear(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ear]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    made = Ear("robot")
+    yield made
+    made.context.destroy(linger=0)
+
+
+def overrides(channel: str) -> tuple[str, ...]:
+    return ('can.interface="simcan"', f'can.channel="{channel}"', "mavlink.link=[]")
+
+
+@pytest.fixture
+def stack(channel: str, ear: Ear) -> Iterator[Stack]:
+    robot = str(find_file("diff_drive").resolve())
+    made = Stack(StackOptions("robot", robot, overrides(channel)))
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def watch_until(stack: Stack, condition: Callable[[], Any], what: str) -> list[str]:
+    lines: list[str] = []
+
+    def watched() -> Any:
+        lines.extend(stack.watch())
+        return condition()
+
+    wait(watched, f"{what}: {lines}")
+    return lines
+
+
+def test_control_starts_first_and_the_others_when_its_loop_ticks(stack: Stack) -> None:
+    assert stack.phase(CONTROL) is Phase.STARTING
+    assert stack.starts(NAVIGATION) == stack.starts(TELEMETRY) == 0
+    watch_until(stack, lambda: stack.starts(NAVIGATION), "navigation is started")
+    assert stack.ticks[1] > 0
+    watch_until(stack, lambda: stack.ready, "the whole robot is ready")
+
+
+def test_navigation_and_telemetry_may_die_until_they_are_given_up_and_control_ticks_on(
+    stack: Stack,
+) -> None:
+    watch_until(stack, lambda: stack.ready, "ready")
+    control = stack.pid(CONTROL)
+
+    def killed() -> bool:
+        for module in (NAVIGATION, TELEMETRY):
+            with contextlib.suppress(StackError):
+                os.kill(stack.pid(module), signal.SIGKILL)
+        return all(stack.phase(each) is Phase.GIVEN_UP for each in (NAVIGATION, TELEMETRY))
+
+    watch_until(stack, killed, "both are given up")
+    ticks = stack.ticks
+    watch_until(stack, lambda: stack.ticks[1] > ticks[1] + 50, "control ticks on")
+    assert stack.ticks[0] == 1
+    assert stack.pid(CONTROL) == control
+
+
+def test_a_killed_control_process_comes_back_unarmed_and_navigation_begins_anew(
+    stack: Stack, ear: Ear
+) -> None:
+    watch_until(stack, lambda: stack.ready, "ready")
+    navigation = stack.pid(NAVIGATION)
+    telemetry = stack.pid(TELEMETRY)
+    os.kill(stack.pid(CONTROL), signal.SIGKILL)
+    lines = watch_until(stack, lambda: stack.starts(CONTROL) == 2 and stack.ready, "back")
+    assert any("control ended" in line and "SIGKILL" in line for line in lines)
+    assert wait(ear.newest, "state").state is SafetyState.BOOT
+    watch_until(stack, lambda: stack.phase(NAVIGATION) is Phase.READY, "navigation is back")
+    assert stack.pid(NAVIGATION) != navigation
+    assert stack.pid(TELEMETRY) == telemetry
+
+
+def test_a_control_process_that_hangs_is_replaced(stack: Stack) -> None:
+    watch_until(stack, lambda: stack.ready, "ready")
+    os.kill(stack.pid(CONTROL), signal.SIGSTOP)
+    lines = watch_until(stack, lambda: stack.starts(CONTROL) == 2 and stack.ready, "back")
+    assert any("it hung" in line for line in lines)
+
+
+def test_a_control_process_that_keeps_dying_ends_the_stack(stack: Stack) -> None:
+    def kill() -> bool:
+        with contextlib.suppress(StackError):
+            os.kill(stack.pid(CONTROL), signal.SIGKILL)
+        stack.watch()
+        return False
+
+    with pytest.raises(StackError, match="control process ended 4 times"):
+        wait(kill, "never")
+
+
+def test_an_emergency_stop_during_a_restart_of_control_is_carried_out_by_the_new_one(
+    stack: Stack, ear: Ear
+) -> None:
+    watch_until(stack, lambda: stack.ready, "ready")
+    os.kill(stack.pid(CONTROL), signal.SIGKILL)
+    watch_until(stack, lambda: stack.phase(CONTROL) is Phase.WAITING, "control has ended")
+    stack.emergency_stop()
+    watch_until(stack, lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+
+
+def test_an_emergency_stop_during_the_very_start_is_carried_out(stack: Stack, ear: Ear) -> None:
+    stack.emergency_stop()
+    watch_until(stack, lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+    assert stack.starts(CONTROL) == 1
+
+
+def test_a_bad_configuration_ends_the_start_at_once(ear: Ear) -> None:
+    robot = str(find_file("diff_drive").resolve())
+    stack = Stack(StackOptions("robot", robot, overrides("no-such-bus")))
+    try:
+        with pytest.raises(StackError, match="control process did not start"):
+            wait(lambda: stack.watch() and False, "never")
+    finally:
+        stack.close()
+
+
+class Run:
+    """`robotctl run` on a terminal of its own."""
+
+    def __init__(self, channel: str, record: Path) -> None:
+        self.record = record
+        self.terminal, child = pty.openpty()
+
+        def take_terminal() -> None:
+            os.setsid()
+            os.close(os.open(os.ttyname(child), os.O_RDWR))
+
+        settings = [part for each in overrides(channel) for part in ("--set", each)]
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-c", "from robotctl.cli.main import main; main()", "run"),
+                *("--record", str(record), *settings),
+            ],
+            stdin=child,
+            stdout=child,
+            stderr=child,
+            preexec_fn=take_terminal,  # noqa: PLW1509 - nothing but system calls
+        )
+        os.close(child)
+        os.set_blocking(self.terminal, False)
+        self.output = ""
+
+    def said(self, words: str) -> bool:
+        with contextlib.suppress(BlockingIOError, OSError):
+            self.output += os.read(self.terminal, 65536).decode()
+        return words in self.output
+
+    def child(self, module: str) -> int:
+        """Return the process id of a child, as the kernel knows it."""
+        path = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        for pid in path.read_text().split():
+            if module in Path(f"/proc/{pid}/cmdline").read_text():
+                return int(pid)
+        raise AssertionError(f"no {module} below {self.process.pid}")
+
+
+@pytest.fixture
+def run(channel: str, ear: Ear, tmp_path: Path) -> Iterator[Run]:
+    made = Run(channel, tmp_path / "record")
+    wait(lambda: made.said("ready:"), "the robot is ready")
+    yield made
+    made.process.terminate()
+    made.process.wait(DEADLINE_S)
+    os.close(made.terminal)
+
+
+def test_sigusr1_to_the_supervisor_stops_the_robot(run: Run, ear: Ear) -> None:
+    run.process.send_signal(signal.SIGUSR1)
+    wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+
+
+def test_sigusr1_straight_to_the_control_process_stops_the_robot(run: Run, ear: Ear) -> None:
+    pid = run.child(CONTROL)
+    os.kill(run.process.pid, signal.SIGSTOP)  # no supervisor helps
+    try:
+        os.kill(pid, signal.SIGUSR1)
+        wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+    finally:
+        os.kill(run.process.pid, signal.SIGCONT)
+    assert run.child(CONTROL) == pid
+
+
+def test_a_key_in_the_terminal_stops_the_robot(run: Run, ear: Ear) -> None:
+    assert run.said("Space or e")
+    os.write(run.terminal, b"x")
+    time.sleep(0.3)
+    assert not ear.is_in(SafetyState.EMERGENCY_STOP)
+    os.write(run.terminal, b" ")
+    wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+
+
+def test_an_end_is_said_and_logged_and_sigterm_ends_the_robot_in_order(run: Run) -> None:
+    os.kill(run.child(TELEMETRY), signal.SIGKILL)
+    wait(lambda: run.said("telemetry ended after"), "the end is said")
+    (line,) = (run.record / "exits.jsonl").read_text().splitlines()
+    assert json.loads(line)["status"] == -signal.SIGKILL
+    run.process.terminate()
+    assert run.process.wait(DEADLINE_S) == 0
