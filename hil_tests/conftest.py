@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from hil_tests.ground_station import GroundStation
 from hil_tests.rig import Rig
 from robotctl.app.config import find_file
+from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
+from robotctl.runtime.messages import SafetyState
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -81,3 +85,20 @@ def reaction(request: pytest.FixtureRequest, bus: str) -> Callable[[str, float],
                 output.write(line + "\n")
 
     return note
+
+
+@pytest.fixture
+def station(make_rig: Callable[..., Rig]) -> Iterator[GroundStation]:
+    """A ground station connected to the whole stack in standby."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    rig = make_rig(mavlink_url=f"tcpin:127.0.0.1:{port}")
+    rig.start_firmware()
+    for module in (CONTROL, NAVIGATION, TELEMETRY):
+        rig.start(module)
+    rig.wait_for_state(SafetyState.STANDBY)
+    station = GroundStation(rig, port)
+    station.wait("HEARTBEAT", seconds=10)
+    yield station
+    station.link.close()

@@ -272,10 +272,11 @@ class Rig:
 
     def arm(self) -> None:
         """Arm and wait for it."""
-        self.wait_for(
-            lambda: self._requests.send(Arm(time.monotonic_ns(), next(self._ids), arm=True)),
-            SafetyState.ARMED,
-        )
+        self.wait_for(self.ask_to_arm, SafetyState.ARMED)
+
+    def ask_to_arm(self) -> None:
+        """Send one request to arm."""
+        self._requests.send(Arm(time.monotonic_ns(), next(self._ids), arm=True))
 
     def wait_for(self, ask: Callable[[], Any], state: SafetyState, seconds: float = 10.0) -> None:
         """Ask now and each second until the control process is in `state`."""
@@ -337,7 +338,8 @@ class Rig:
 
     def emergency_stop(self) -> None:
         """Ask the control process for an emergency stop."""
-        self._requests.send(EmergencyStop(time.monotonic_ns(), EmergencyStopSource.TEST))
+        stop = EmergencyStop(time.monotonic_ns(), EmergencyStopSource.TEST)
+        self.wait(lambda: self._requests.send(stop), 5.0, "the control process takes requests")
 
     def rejected_frames(self) -> dict[str, int]:
         """Return how many commands the drive has rejected, by cause."""

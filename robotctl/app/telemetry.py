@@ -21,6 +21,7 @@ from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import (
     ControlRequest,
     ControlState,
+    EmergencyStop,
     NavigationState,
     Notice,
 )
@@ -96,11 +97,16 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             stack.callback(writer.close)
         telemetry = Telemetry(mavlink, robot, links)
         heartbeat = Heartbeat(os.environ)
+        # The one request that is kept for a control process that is not there yet.
+        stop: EmergencyStop | None = None
         deadline_ns = clock.now_ns()
         while not stopped():
             for request in telemetry.step(clock.now_ns(), states.receive()):
                 sender = to_control if isinstance(request, ControlRequest) else to_navigation
-                sender.send(request)
+                if not sender.send(request) and isinstance(request, EmergencyStop):
+                    stop = request
+            if stop is not None and to_control.send(stop):
+                stop = None
             for notice in telemetry.take_notices():
                 publisher.send(notice)
             if writer is not None:

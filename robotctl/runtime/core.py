@@ -211,8 +211,16 @@ class ControlCore:
                 self._sonar_ns[index] = sonar.stamp_ns
 
     def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
-        """Carry out requests that are not too old; an emergency stop has no age."""
+        """Carry out requests that are not too old; an emergency stop has no age.
+
+        An emergency stop wins over any request to arm of the same tick, whichever came first.
+        """
         stop = None
+        stopping = inputs.feedback.emergency_stop is not None or any(
+            isinstance(request, EmergencyStop) for request in inputs.requests
+        )
+        if stopping:
+            self._pending = None
         oldest_ns = now_ns - self._safety.request_max_age_ms * 1_000_000
         for request in inputs.requests:
             match request:
@@ -228,12 +236,13 @@ class ControlCore:
                     self._pending = None
                     self._on(Event.DISARM, "disarmed", now_ns)
                     self._ack = Ack(request.request_id, accepted=True)
+                case Arm() if stopping:
+                    reasons = ("emergency stop at the same moment",)
+                    self._ack = Ack(request.request_id, accepted=False, reasons=reasons)
                 case Arm():
                     self._pending = self._asked_again(request)
                     if self.machine.state in LATCHED:
                         self._on(Event.RESET, "arming after a stop", now_ns)
-        if stop is not None:
-            self._pending = None
         return stop
 
     def _asked_again(self, request: Arm) -> Arm:

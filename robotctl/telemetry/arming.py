@@ -10,8 +10,8 @@
 
 Arming and disarming are acknowledged when the control process has answered. A request to arm that
 is repeated meanwhile, or up to a second later, is not carried out again: a late copy that took
-another way must not arm a robot that was stopped in between. Disarming and stops are always
-carried out.
+another way must not arm a robot that was stopped in between. Where it was, the answer is
+"temporarily rejected". Disarming and stops are always carried out.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Message, Peer
 from robotctl.runtime.messages import Ack, Arm, EmergencyStop, EmergencyStopSource
+from robotctl.runtime.safety import POWERED
 from robotctl.telemetry.commands import (
     ACCEPTED,
     DENIED,
@@ -98,7 +99,12 @@ class Arming:
             return None
         last = self._answered.get(command.sender)
         if last and last.params == command.params and now_ns - last.answered_ns <= REPEAT_NS:
-            return last.result
+            control = self._context.fresh_control(now_ns)
+            armed = control is not None and control.state in POWERED
+            if armed or last.result != ACCEPTED:
+                return last.result
+            self._context.say(now_ns, WARNING, "Arm: stopped a moment ago, ask again")
+            return TEMPORARILY_REJECTED
         self._ask(command, now_ns, arm=True)
         return None
 

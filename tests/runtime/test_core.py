@@ -168,6 +168,26 @@ def test_an_emergency_stop_acts_in_its_tick_and_only_arming_ends_it(way: str) ->
     assert robot.motor_state == DriveState.ENABLED
 
 
+@pytest.mark.parametrize("way", ["request before", "request behind", "bus"])
+def test_an_emergency_stop_wins_over_a_request_to_arm_in_the_same_tick(way: str) -> None:
+    robot = RobotDouble().armed()
+    robot.tick(EmergencyStop(0, EmergencyStopSource.OPERATOR))
+    robot.motor_state = DriveState.EMERGENCY_STOP
+    robot.ticks(10)
+    arm = Arm(robot.now_ns, 77, arm=True)
+    stop = EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR)
+    if way == "bus":
+        robot.bus_stop = EmergencyStopSource.OPERATOR
+        robot.tick(arm)
+    else:
+        robot.tick(*((stop, arm) if way == "request before" else (arm, stop)))
+    ack = robot.snapshot().ack
+    assert ack is not None
+    assert (ack.request_id, ack.accepted) == (77, False)
+    robot.ticks(300, (0.5, 0.0))
+    assert robot.state == SafetyState.EMERGENCY_STOP
+
+
 def test_a_refused_arming_says_every_reason() -> None:
     robot = RobotDouble()
     robot.mute_status = True

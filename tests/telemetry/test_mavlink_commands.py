@@ -14,6 +14,7 @@ from robotctl.runtime.messages import (
     EmergencyStop,
     EmergencyStopSource,
     Mode,
+    SafetyState,
     SetMode,
 )
 
@@ -88,10 +89,21 @@ def test_a_late_copy_of_an_arm_request_does_not_arm_a_stopped_robot(bench):
     bench.take()
     bench.command(ARM, 1, confirmation=1)
     assert bench.step() == []
-    assert results(bench) == [ACCEPTED]
+    assert results(bench) == [BUSY]
     bench.run(1.1)
     bench.command(ARM, 1)
     assert isinstance(bench.step()[0], Arm)
+
+
+def test_a_copy_of_an_arm_request_to_a_robot_that_is_armed_gets_the_same_answer(bench):
+    bench.command(ARM, 1)
+    (request,) = bench.step()
+    ack = Ack(request.request_id, accepted=True)
+    bench.step(bench.control(ack=ack, state=SafetyState.ARMED))
+    bench.take()
+    bench.command(ARM, 1, confirmation=1)
+    assert bench.step() == []
+    assert results(bench) == [ACCEPTED]
 
 
 def test_disarming_is_always_carried_out_even_behind_an_arm_request(bench):
