@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from typing import Final
 
+import msgspec
 import zmq
 
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions, options_of_command_line
+from robotctl.app.progress import load_progress
 from robotctl.app.robot import make_core, make_robot, record_header
 from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.errors import RobotctlError
@@ -118,10 +121,28 @@ class ControlTicker:
                 self._recorder.flush()
 
 
+def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ...]]:
+    """Return where this process goes on from: pose within the same run, odometer [m], notices."""
+    saved, notes = load_progress(options)
+    if saved is None:
+        return options, 0.0, notes
+    if saved.run != options.run:
+        return options, saved.odometer_m, notes
+    x_m, y_m, theta_rad = saved.x_m, saved.y_m, saved.theta_rad
+    heading_deg = math.degrees(theta_rad)
+    note = (
+        f"the pose is that of before the restart: x {x_m:.2f} m, y {y_m:.2f} m, {heading_deg:.0f} "
+        "deg; how the robot moved since is not in it"
+    )
+    options = msgspec.structs.replace(options, x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+    return options, saved.odometer_m, (*notes, note)
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Run the control loop until SIGTERM or SIGINT; the motors go off first."""
     stopped = StopFlag()
     emergency = EmergencySignal()
+    options, odometer_m, notes = continued(options)
     clock = RealClock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
@@ -133,13 +154,14 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         recorder = Recorder(stream.send, record_header(config, options))
     robot = make_robot(config, clock)
     core = make_core(config, options)
+    core.odometer_start_m = odometer_m
     loop = Loop(clock, config.runtime.period_ns)
     heartbeat = Heartbeat(os.environ)
     ticker = ControlTicker(
         robot, core, requests, publisher, loop, recorder, emergency, heartbeat
     )  # fmt: skip
     refused = acquire_realtime(config.runtime)
-    for sentence in refused:
+    for sentence in (*notes, *refused):
         print(f"robotctl: {sentence}", file=sys.stderr)  # noqa: T201
         publisher.send(Notice(clock.now_ns(), _SEVERITY_WARNING, sentence))
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Final
 
 import msgspec
 import zmq
@@ -11,6 +12,7 @@ import zmq
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.pilot import Pilot
+from robotctl.app.progress import load_progress
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
@@ -24,6 +26,8 @@ from robotctl.runtime.topics import (
     Subscriber,
     endpoint_directory,
 )
+
+_SEVERITY_WARNING: Final = 4
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:
@@ -42,6 +46,11 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_control = RequestSender(context, endpoints.control_requests)
     heartbeat = Heartbeat(os.environ)
     pilot = Pilot(config, options)
+    saved, notes = load_progress(options)
+    if saved is not None and saved.fits(options):
+        pilot.resume(saved.item, saved.item_s_m)
+        if saved.item:
+            notes += (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)
     control: ControlState | None = None
     deadline_ns = clock.now_ns()
     try:
@@ -51,6 +60,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             begin_ns = clock.now_ns()
             for message in states.receive():
                 control = message if isinstance(message, ControlState) else control
+            if control is not None and notes:
+                for note in notes:
+                    publisher.send(Notice(begin_ns, _SEVERITY_WARNING, note))
+                notes = ()
             command, state = pilot.step(control, requests.receive(), begin_ns)
             to_control.send(command)
             step_us = (clock.now_ns() - begin_ns) / 1000

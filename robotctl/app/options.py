@@ -26,7 +26,11 @@ class StackOptions(msgspec.Struct, frozen=True):
     x_m, y_m, theta_rad
         Pose of `base` in `world` at the start.
     record
-        Directory for the record of the control loop and the CAN log; empty: none.
+        Directory for the record of the control loop and the logs; empty: none.
+    state
+        Directory of what survives restarts; empty: nothing does.
+    run
+        Name of this run. A process that starts again within it takes over pose and mission item.
     """
 
     instance: str
@@ -37,6 +41,8 @@ class StackOptions(msgspec.Struct, frozen=True):
     y_m: float = 0.0
     theta_rad: float = 0.0
     record: str = ""
+    state: str = ""
+    run: str = ""
 
     def load(self) -> RobotConfig:
         """Read the configuration with its overrides."""

@@ -77,6 +77,10 @@ class Pilot:
         )
         self.period_ns = round(1e9 / config.navigation.rate_hz)
 
+    def resume(self, item: int, item_s_m: float) -> None:
+        """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
+        self._navigator.resume(item, item_s_m)
+
     def step(
         self, control: ControlState | None, requests: Sequence[NavigationRequest], now_ns: int
     ) -> tuple[VelocityCommand, NavigationState]:
@@ -107,6 +111,7 @@ class Pilot:
             mission_completed=out.mission_completed,
             mission_failed=out.mission_failed,
             message=out.message,
+            item_s_m=out.item_s_m,
         )
         return command, state
 

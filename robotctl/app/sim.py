@@ -146,8 +146,9 @@ class SimRun:
         self.mission = load_mission(options.mission)
         self.world = find_file(options.world or self.mission.world, "worlds")
         start = self.mission.start
+        instance = f"sim-{os.getpid()}"
         self._stack_options = StackOptions(
-            instance=f"sim-{os.getpid()}",
+            instance=instance,
             robot=str(options.robot.resolve()),
             overrides=overrides,
             mission=str(options.mission.resolve()),
@@ -155,6 +156,8 @@ class SimRun:
             y_m=start.y_m,
             theta_rad=start.pose.theta_rad,
             record=str(options.record.resolve()) if options.record else "",
+            state=str(endpoint_directory(instance)),
+            run=instance,
         )
         self.config: RobotConfig = self._stack_options.load()
         self._endpoints = Endpoints(endpoint_directory(self._stack_options.instance))

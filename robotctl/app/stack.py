@@ -2,8 +2,8 @@
 
 Control is started first and alone; the others follow when its loop ticks. It never waits for them:
 what becomes of navigation and telemetry changes nothing for it. A control process that ended is
-started again too, since it starts unarmed and the drive has stopped by itself; its odometry begins
-anew then, and so does navigation.
+started again too, since it starts unarmed and the drive has stopped by itself; its odometry goes on
+from the pose that the recorder saved, and navigation begins anew.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from robotctl.errors import RobotctlError
 CONTROL = "robotctl.app.control"
 NAVIGATION = "robotctl.app.navigation"
 TELEMETRY = "robotctl.app.telemetry"
+RECORDER = "robotctl.app.recorder"
 
 ROLES: Final = (
     Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, vital=True),
     Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0),
     Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0),
+    Role(RECORDER, RestartPolicy(crashes=5), stall_s=60.0),
 )
-"""In the order of their start."""
+"""In the order of their start. The recorder waits for the disk, which may take its time."""
 
 _BAD_INPUT = 2
 _END_S = 3.0
@@ -39,7 +41,7 @@ class StackError(RobotctlError):
 
 
 class Stack:
-    """Control, navigation and telemetry as supervised child processes.
+    """Control, navigation, telemetry and recorder as supervised child processes.
 
     Parameters
     ----------

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import time
+import uuid
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +17,7 @@ from robotctl.app.config import find_file
 from robotctl.app.exit_log import ExitLog
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
+from robotctl.app.progress import resumed, state_directory
 from robotctl.app.service import ServiceNotifier
 from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.app.stack import Stack
@@ -33,6 +36,12 @@ def run(
     record: Annotated[
         Path | None, typer.Option(help="Folder for the record of the control loop.")
     ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Go on with the pose and the mission item of the run before."
+        ),
+    ] = False,
     overrides: Overrides = None,
 ) -> None:
     """Run control, navigation and telemetry until Ctrl-C; arm from a ground station.
@@ -51,7 +60,15 @@ def run(
         y_m=start.y_m if start else 0.0,
         theta_rad=start.theta_rad if start else 0.0,
         record=str(record.resolve()) if record else "",
+        state=str(state_directory(os.environ)),
+        run=uuid.uuid4().hex,
     )
+    if resume:
+        options, saved = resumed(options)
+        print(
+            f"resuming with item {saved.item + 1} at x {saved.x_m:.2f} m, y {saved.y_m:.2f} m, "
+            f"{math.degrees(saved.theta_rad):.0f} deg: the robot must stand there"
+        )
     config = options.load()
     stopped = StopFlag()
     asked_early = EmergencySignal()

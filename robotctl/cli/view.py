@@ -212,6 +212,9 @@ class LiveView:
             f"{control.x_m:6.2f} m {control.y_m:6.2f} m {math.degrees(control.theta_rad):6.1f}°",
         )
         table.add_row(
+            "driven", f"{control.distance_m:.1f} m (odometer {control.odometer_m / 1000:.3f} km)"
+        )
+        table.add_row(
             "velocity",
             f"{control.v_m_s:5.2f} m/s (ref {control.v_ref_m_s:5.2f}) "
             f"{control.omega_rad_s:5.2f} rad/s (ref {control.omega_ref_rad_s:5.2f})",

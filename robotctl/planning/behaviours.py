@@ -54,6 +54,10 @@ class FollowPath:
         """Length along the path up to where the robot is [m]."""
         return self._pursuit.s_m
 
+    def resume(self, s_m: float) -> None:
+        """Go on from a robot near the length `s_m` along the path [m], where it once was."""
+        self._pursuit.reset(s_m)
+
     def reset(self) -> None:
         """Begin at the start of the path."""
         self._pursuit.reset()

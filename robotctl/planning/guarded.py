@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robotctl.planning.behaviours import FollowPath
 from robotctl.planning.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
 from robotctl.planning.situation import Behaviour, Situation, Status, Step, failed
 
@@ -51,6 +52,17 @@ class Guarded:
         self._time_out_s = time_out_s
         self._start_ns: int | None = None
         self._blocked_ns: int | None = None
+
+    @property
+    def s_m(self) -> float:
+        """The way along the path [m]; 0 for a behaviour without one."""
+        return self._behaviour.s_m if isinstance(self._behaviour, FollowPath) else 0.0
+
+    def resume(self, s_m: float) -> None:
+        """Go on at the way `s_m` along the path [m]; a behaviour without one begins anew."""
+        self.reset()
+        if isinstance(self._behaviour, FollowPath):
+            self._behaviour.resume(s_m)
 
     def reset(self) -> None:
         """Start anew."""

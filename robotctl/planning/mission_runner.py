@@ -76,6 +76,27 @@ class MissionRunner:
         item = self.mission.item[self.index]
         return item.name or item.kind
 
+    @property
+    def item_s_m(self) -> float:
+        """The way along the present item [m]; 0 where it is no path."""
+        return 0.0 if self.completed else self._behaviours[self.index].s_m
+
+    def resume(self, item: int, s_m: float) -> None:
+        """Stand where an earlier run was interrupted, for `begin` to go on from there.
+
+        Parameters
+        ----------
+        item
+            Its item, 0 to the number of items.
+        s_m
+            The way along it [m].
+        """
+        if not 0 <= item <= len(self._behaviours):
+            raise ValueError(f"item must be 0 to {len(self._behaviours)}, not {item}")
+        self.index = item
+        if not self.completed:
+            self._behaviours[item].resume(s_m)
+
     def begin(self) -> None:
         """Start, go on where it was left, go on with a failed item or repeat what is completed."""
         if self.completed:

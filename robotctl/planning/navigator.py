@@ -65,6 +65,8 @@ class NavigationOutputs(NamedTuple):
     mission_completed: bool
     mission_failed: bool
     message: str
+    item_s_m: float
+    """The way along an item that is a path [m]."""
 
 
 class Navigator:
@@ -137,6 +139,11 @@ class Navigator:
     def mode(self) -> Mode:
         """The present mode."""
         return self._mode
+
+    def resume(self, item: int, s_m: float) -> None:
+        """Let AUTO, when it is asked for, go on at an item and the way along it [m]."""
+        if self._runner is not None:
+            self._runner.resume(item, s_m)
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty where it can."""
@@ -266,6 +273,7 @@ class Navigator:
             runner.completed if runner else False,
             bool(runner.failure) if runner else False,
             f"refused: {self._refused}" if self._refused else step.text,
+            runner.item_s_m if runner else 0.0,
         )
 
 

@@ -123,9 +123,9 @@ class Pursuit:
         self._caps = _vertex_speeds(path, config, speed_m_s)
         self.reset()
 
-    def reset(self) -> None:
-        """Begin at the start of the path."""
-        self._s = 0.0
+    def reset(self, s_m: float = 0.0) -> None:
+        """Begin at the length `s_m` along the path [m], by default at its start."""
+        self._s = min(max(s_m, 0.0), self._path.length_m)
         self._turning = False
 
     @property

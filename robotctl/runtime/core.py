@@ -123,6 +123,8 @@ class ControlCore:
     ) -> None:
         self.machine = SafetyMachine()
         self.odometry = Odometry(drive, pose_world_base)
+        self.odometer_start_m = 0.0
+        """What the robot had driven in its life before this core was made [m]."""
         self._drive = drive
         self._wheels = tuple(
             WheelLoop(pid, control.pwm, drive.counts_per_revolution)
@@ -392,4 +394,5 @@ class ControlCore:
             nodes=health.nodes,
             bus=health.bus,
             loop=loop,
+            odometer_m=self.odometer_start_m + self.odometry.distance_m,
         )

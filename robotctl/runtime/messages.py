@@ -281,7 +281,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     Pose is odometry: `base` in the `world` frame fixed where the control process started (m,
     rad). Wheel arrays have one entry per driven wheel. `sonar_m[i]` belongs to the i-th sonar of
     the configuration: inf where there was no echo, nan where the sensor is missing, faulty or
-    stale.
+    stale. `distance_m` counts from the start of the process, `odometer_m` over the robot's life
+    (nan where its file cannot be read).
     """
 
     stamp_ns: int
@@ -311,12 +312,14 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     nodes: tuple[NodeStatus, ...]
     bus: BusStatus
     loop: LoopStatistics
+    odometer_m: float = 0.0
 
 
 class NavigationState(msgspec.Struct, frozen=True, tag=True):
     """What the navigation process publishes after each of its steps.
 
-    `item` counts mission items from 0 and equals `items` when the mission is completed.
+    `item` counts mission items from 0 and equals `items` when the mission is completed;
+    `item_s_m` is the way along an item that is a path (m).
     """
 
     stamp_ns: int
@@ -329,6 +332,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     mission_failed: bool
     message: str
     step_us: float = 0.0
+    item_s_m: float = 0.0
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

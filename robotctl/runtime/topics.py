@@ -64,13 +64,19 @@ class Endpoints:
         self.navigation_state = f"ipc://{directory}/navigation.state"
         self.navigation_requests = f"ipc://{directory}/navigation.requests"
         self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
+        self.recorder_notices = f"ipc://{directory}/recorder.notices"
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
 
     @property
     def published(self) -> tuple[str, ...]:
         """Where states and notices of all processes come from."""
-        return self.control_state, self.navigation_state, self.telemetry_notices
+        return (
+            self.control_state,
+            self.navigation_state,
+            self.telemetry_notices,
+            self.recorder_notices,
+        )
 
 
 class Publisher:

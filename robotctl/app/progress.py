@@ -1,0 +1,219 @@
+"""What a robot remembers over restarts: its odometer, and how far its mission has come.
+
+The control process reads it before its loop starts, navigation before its first step; the recorder
+process alone writes it, since writing waits for the disk.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.app.options import StackOptions
+from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.state_file import StateError, StateFile
+
+NAME: Final = "progress.json"
+
+_SAVE_NS: Final = 5_000_000_000
+"""While it drives, so much is lost at most in a power cut [ns]."""
+_SAVE_AT_REST_NS: Final = 1_000_000_000
+_SILENCE_NS: Final = 300_000_000
+"""A process that has published nothing for so long may be about to start again [ns]."""
+_REST_M_S: Final = 0.005
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """What survives.
+
+    Parameters
+    ----------
+    run
+        Which run of the stack the pose and the mission's progress belong to.
+    odometer_m
+        Distance driven in the robot's life [m].
+    x_m, y_m, theta_rad
+        Pose of `base` in `world` [m, rad].
+    mission_crc
+        CRC-32 of the mission's file; 0 without a mission.
+    item, item_s_m
+        Mission item in progress, from 0, and the way along it [m].
+    """
+
+    run: str
+    odometer_m: float
+    x_m: float
+    y_m: float
+    theta_rad: float
+    mission_crc: int = 0
+    item: int = 0
+    item_s_m: float = 0.0
+
+    def fits(self, options: StackOptions) -> bool:
+        """Return whether pose and mission item are those of this run and this mission."""
+        return self.run == options.run and self.mission_crc == mission_crc(options)
+
+
+def progress_file(directory: Path) -> StateFile[Progress]:
+    """Return the file in a state directory, which is made where it is missing.
+
+    Raises
+    ------
+    StateError
+        If the directory cannot be made.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StateError(f"{directory}: cannot be made: {error.strerror}") from error
+    return StateFile(directory / NAME, Progress)
+
+
+def state_directory(environment: Mapping[str, str]) -> Path:
+    """Return where state lives: systemd's STATE_DIRECTORY, else the user's own folder for it."""
+    given = environment.get("STATE_DIRECTORY", "").partition(":")[0]
+    if given:
+        return Path(given)
+    home = environment.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(home) / "robotctl"
+
+
+def resumed(options: StackOptions) -> tuple[StackOptions, Progress]:
+    """Return options that go on with the run that was interrupted, and where that stands.
+
+    Raises
+    ------
+    StateError
+        If there is none, or its mission was another.
+    """
+    saved, notes = load_progress(options)
+    if saved is None:
+        raise StateError("\n".join((*notes, f"{options.state}: there is no run to resume")))
+    options = msgspec.structs.replace(options, run=saved.run)
+    if not saved.fits(options) or not saved.run:
+        raise StateError(
+            "\n".join((*notes, f"{options.state}: the run saved there is of another mission"))
+        )
+    return options, saved
+
+
+def mission_crc(options: StackOptions) -> int:
+    """Return the CRC-32 of the mission's file; 0 without one."""
+    return zlib.crc32(Path(options.mission).read_bytes()) if options.mission else 0
+
+
+def load_progress(options: StackOptions) -> tuple[Progress | None, tuple[str, ...]]:
+    """Return what was saved in the state directory, and a sentence for each damaged file.
+
+    Where the disk cannot be read, the odometer is nan, which nobody saves over the true one.
+    """
+    if not options.state:
+        return None, ()
+    try:
+        return progress_file(Path(options.state)).load()
+    except StateError as error:
+        return Progress("", math.nan, 0.0, 0.0, 0.0), (str(error),)
+
+
+class ProgressKeeper:
+    """Decides when there is something to save, and saves it.
+
+    Saved are: each new mission item, each stop, every five seconds of driving, and at once what
+    was last heard of a process that falls silent.
+
+    Parameters
+    ----------
+    file
+        Where to.
+    options
+        Of the stack: run and mission.
+    saved
+        What is in the file now.
+    """
+
+    def __init__(
+        self, file: StateFile[Progress], options: StackOptions, saved: Progress | None
+    ) -> None:
+        self._file = file
+        self._run = options.run
+        self._mission_crc = mission_crc(options)
+        self._control: ControlState | None = None
+        self._navigation: NavigationState | None = None
+        self._saved = saved if saved is not None and saved.fits(options) else None
+        self._tried_ns = 0
+        self._trouble = ""
+
+    def step(
+        self, messages: Sequence[ControlState | NavigationState | Notice], now_ns: int
+    ) -> tuple[str, ...]:
+        """Take in what was published; return a sentence where saving begins to fail."""
+        for message in messages:
+            if isinstance(message, ControlState):
+                self._control = message
+            elif isinstance(message, NavigationState):
+                self._navigation = message
+        progress = self._present()
+        if progress is None or progress == self._saved or not self._due(progress, now_ns):
+            return ()
+        return self._save(progress, now_ns)
+
+    def close(self) -> tuple[str, ...]:
+        """Save the end."""
+        progress = self._present()
+        if progress is None or progress == self._saved:
+            return ()
+        return self._save(progress, self._tried_ns)
+
+    def _present(self) -> Progress | None:
+        """Return what there is to save; None before anything was heard, or without odometer."""
+        control, navigation = self._control, self._navigation
+        if control is None or not math.isfinite(control.odometer_m):
+            return None
+        item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
+        if navigation is None and self._saved is not None:
+            item, item_s_m = self._saved.item, self._saved.item_s_m
+        return Progress(
+            self._run,
+            control.odometer_m,
+            control.x_m,
+            control.y_m,
+            control.theta_rad,
+            self._mission_crc,
+            item,
+            item_s_m,
+        )
+
+    def _due(self, progress: Progress, now_ns: int) -> bool:
+        """Return whether to save now."""
+        control, navigation, saved = self._control, self._navigation, self._saved
+        if control is None:
+            return False
+        age_ns = now_ns - self._tried_ns
+        if self._trouble:
+            return age_ns >= _SAVE_NS
+        if saved is None:
+            return True
+        stamps = [control.stamp_ns] + ([navigation.stamp_ns] if navigation else [])
+        return (
+            progress.item != saved.item
+            or age_ns >= _SAVE_NS
+            or (age_ns >= _SAVE_AT_REST_NS and abs(control.v_m_s) < _REST_M_S)
+            or any(now_ns - stamp_ns >= _SILENCE_NS for stamp_ns in stamps)
+        )
+
+    def _save(self, progress: Progress, now_ns: int) -> tuple[str, ...]:
+        """Save, and say once where that fails."""
+        self._tried_ns = now_ns
+        try:
+            self._file.save(progress)
+        except StateError as error:
+            news = () if self._trouble else (str(error),)
+            self._trouble = str(error)
+            return news
+        self._saved, self._trouble = progress, ""
+        return ()

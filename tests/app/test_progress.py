@@ -1,0 +1,241 @@
+"""What survives restarts: odometer, pose within a run, and the mission item, resumed on purpose."""
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.control import continued
+from robotctl.app.options import StackOptions
+from robotctl.app.pilot import Pilot
+from robotctl.app.progress import (
+    Progress,
+    ProgressKeeper,
+    load_progress,
+    progress_file,
+    resumed,
+    state_directory,
+)
+from robotctl.app.robot import make_core
+from robotctl.runtime.messages import (
+    ControlState,
+    LoopStatistics,
+    Mode,
+    NavigationState,
+    SafetyState,
+    SetMode,
+)
+from robotctl.runtime.state_file import StateError
+
+SECOND_NS = 1_000_000_000
+CONFIG = load_robot(find_file("diff_drive"))
+MISSION = """
+name = "out and back"
+world = "flat"
+start = { x_m = 1.0, y_m = 1.0 }
+[[item]]
+kind = "wait"
+duration_s = 0.1
+[[item]]
+kind = "drive"
+waypoints = [[1.0, 1.0], [9.0, 1.0]]
+[[item]]
+kind = "wait"
+duration_s = 1.0
+"""
+BLANK = make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics())
+NAVIGATION = NavigationState(0, Mode.AUTO, "out and back", 1, 3, "", False, False, "")
+
+
+def control(stamp_ns: int, **changes: object) -> ControlState:
+    return msgspec.structs.replace(BLANK, stamp_ns=stamp_ns, **changes)
+
+
+def navigation(stamp_ns: int, **changes: object) -> NavigationState:
+    return msgspec.structs.replace(NAVIGATION, stamp_ns=stamp_ns, **changes)
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> StackOptions:
+    mission = tmp_path / "mission.toml"
+    mission.write_text(MISSION)
+    return StackOptions(
+        "robot",
+        str(find_file("diff_drive")),
+        mission=str(mission),
+        x_m=1.0,
+        y_m=1.0,
+        state=str(tmp_path / "state"),
+        run="first",
+    )
+
+
+def keeper(options: StackOptions) -> ProgressKeeper:
+    saved, notes = load_progress(options)
+    assert notes == ()
+    return ProgressKeeper(progress_file(Path(options.state)), options, saved)
+
+
+def on_disk(options: StackOptions) -> Progress:
+    saved, _ = load_progress(options)
+    assert saved is not None
+    return saved
+
+
+def test_a_driving_robot_is_saved_every_five_seconds_and_a_stopped_one_at_once(
+    options: StackOptions,
+) -> None:
+    kept, saves = keeper(options), []
+    for tenth in range(121):
+        now_ns = tenth * SECOND_NS // 10
+        driving = tenth < 113
+        metres = 0.04 * min(tenth, 113)
+        state = control(now_ns, odometer_m=metres, v_m_s=0.4 if driving else 0.0)
+        kept.step([state, navigation(now_ns)], now_ns)
+        if not saves or on_disk(options).odometer_m != saves[-1][1]:
+            saves.append((tenth, on_disk(options).odometer_m))
+    assert [tenth for tenth, _ in saves] == [0, 50, 100, 113]
+    assert saves[-1][1] == pytest.approx(4.52)
+
+
+@pytest.mark.parametrize("silent", ["control", "navigation"])
+def test_the_last_words_of_a_process_that_falls_silent_are_saved_before_it_is_back(
+    options: StackOptions, silent: str
+) -> None:
+    kept = keeper(options)
+    for tenth in range(20):
+        now_ns = tenth * SECOND_NS // 10
+        messages = []
+        if silent != "control" or tenth < 12:
+            messages.append(control(now_ns, odometer_m=100.0 + tenth, v_m_s=0.4))
+        if silent != "navigation" or tenth < 12:
+            messages.append(navigation(now_ns, item_s_m=0.1 * tenth))
+        kept.step(messages, now_ns)
+        if tenth == 15:
+            break
+    saved = on_disk(options)
+    assert (saved.odometer_m if silent == "control" else saved.item_s_m) == pytest.approx(
+        111.0 if silent == "control" else 1.1
+    )
+
+
+def test_a_new_mission_item_is_saved_at_once(options: StackOptions) -> None:
+    kept = keeper(options)
+    kept.step([control(0, v_m_s=0.4), navigation(0)], 0)
+    kept.step([navigation(100_000_000, item=2)], 100_000_000)
+    assert on_disk(options).item == 2
+
+
+def test_a_recorder_that_restarts_does_not_forget_the_item_before_navigation_speaks(
+    options: StackOptions,
+) -> None:
+    keeper(options).step([control(0), navigation(0, item_s_m=3.0)], 0)
+    again = keeper(options)
+    again.step([control(9 * SECOND_NS, odometer_m=5.0)], 9 * SECOND_NS)
+    assert on_disk(options).item == 1
+    assert on_disk(options).item_s_m == 3.0
+    assert on_disk(options).odometer_m == 5.0
+
+
+def test_a_full_disk_is_said_once_and_tried_again(options: StackOptions) -> None:
+    kept = keeper(options)
+    folder = Path(options.state)
+    folder.rmdir()
+    said = [
+        kept.step([control(now * SECOND_NS, odometer_m=float(now))], now * SECOND_NS)
+        for now in range(20)
+    ]
+    assert [len(notes) for notes in said] == [1, *([0] * 19)]
+    assert "progress.json: cannot be written" in said[0][0]
+    folder.mkdir()
+    kept.step([control(30 * SECOND_NS, odometer_m=30.0)], 30 * SECOND_NS)
+    assert on_disk(options).odometer_m == 30.0
+
+
+def test_the_odometer_goes_on_over_runs_and_the_pose_only_within_one(
+    options: StackOptions,
+) -> None:
+    saved = Progress("first", 1234.5, 3.0, 4.0, 0.5)
+    keeper(options)
+    progress_file(Path(options.state)).save(saved)
+    same, odometer_m, (note,) = continued(options)
+    assert (same.x_m, same.y_m, same.theta_rad, odometer_m) == (3.0, 4.0, 0.5, 1234.5)
+    assert "x 3.00 m" in note
+    other = msgspec.structs.replace(options, run="second")
+    assert continued(other) == (other, 1234.5, ())
+
+
+def test_the_odometer_is_what_was_saved_and_what_was_driven_since() -> None:
+    core = make_core(CONFIG, StackOptions("x", ""))
+    core.odometer_start_m = 1000.0
+    core.odometry.update(10.0, 10.0, 0.0)
+    state = core.snapshot(0, LoopStatistics())
+    assert state.distance_m == pytest.approx(10.0 * CONFIG.drive.wheel_radius_m)
+    assert state.odometer_m == pytest.approx(1000.0 + state.distance_m)
+
+
+def test_an_odometer_that_cannot_be_read_is_unknown_and_never_saved_over(
+    options: StackOptions,
+) -> None:
+    state = Path(options.state)
+    (state / "progress.json").mkdir(parents=True)
+    _, odometer_m, (note,) = continued(options)
+    assert math.isnan(odometer_m)
+    assert "progress.json: cannot be read" in note
+    (state / "progress.json").rmdir()
+    keeper(options).step([control(0, odometer_m=odometer_m)], 0)
+    assert list(state.iterdir()) == []
+
+
+def test_auto_goes_on_within_the_interrupted_item_and_only_when_it_is_asked_for(
+    options: StackOptions,
+) -> None:
+    pilot = Pilot(CONFIG, options)
+    pilot.resume(1, 5.0)
+    now_ns = SECOND_NS
+
+    def step(*requests: SetMode) -> tuple[float, NavigationState]:
+        nonlocal now_ns
+        now_ns += pilot.period_ns
+        clear = (math.inf,) * len(CONFIG.sonar)
+        state = control(
+            now_ns, state=SafetyState.ARMED, x_m=6.0, y_m=1.0, theta_rad=0.0, sonar_m=clear
+        )
+        command, navigated = pilot.step(state, requests, now_ns)
+        return command.v_m_s, navigated
+
+    for _ in range(5):
+        v_m_s, state = step()
+        assert (v_m_s, state.mode, state.item) == (0.0, Mode.HOLD, 1)
+    v_m_s, state = step(SetMode(0, Mode.AUTO))
+    assert state.mode is Mode.AUTO
+    assert state.item == 1
+    assert state.item_s_m == pytest.approx(5.0)
+    assert v_m_s > 0.0
+
+
+def test_a_run_is_resumed_only_with_its_own_mission(options: StackOptions) -> None:
+    with pytest.raises(StateError, match="there is no run to resume"):
+        resumed(options)
+    keeper(options).step([control(0), navigation(0)], 0)
+    later, saved = resumed(msgspec.structs.replace(options, run="second"))
+    assert later.run == "first"
+    assert saved.item == 1
+    Path(options.mission).write_text(MISSION + "# changed\n")
+    with pytest.raises(StateError, match="another mission"):
+        resumed(options)
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({"STATE_DIRECTORY": "/var/lib/robotctl", "XDG_STATE_HOME": "/x"}, "/var/lib/robotctl"),
+        ({"XDG_STATE_HOME": "/home/me/state"}, "/home/me/state/robotctl"),
+    ],
+)
+def test_state_lives_where_systemd_or_the_desktop_say(
+    environment: dict[str, str], expected: str
+) -> None:
+    assert state_directory(environment) == Path(expected)
