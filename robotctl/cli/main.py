@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 import robotctl
-from robotctl.cli import can, config, replay, run, sim, tune
+from robotctl.cli import can, config, doctor, replay, run, sim, tune
 from robotctl.errors import RobotctlError
 
 BAD_INPUT = 2
@@ -25,6 +25,7 @@ app.add_typer(can.app, name="can")
 app.command("sim")(sim.sim)
 app.command("run")(run.run)
 app.command("tune")(tune.tune)
+app.command("doctor")(doctor.doctor)
 app.command("replay")(replay.replay)
 
 

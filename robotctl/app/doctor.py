@@ -1,0 +1,137 @@
+"""`robotctl doctor`: whether this computer, with this robot on it, is fit to drive."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import socket
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.app.config import RobotConfig, load_robot
+from robotctl.app.doctor_can import check_link, no_kernel_link, read_link
+from robotctl.app.doctor_host import (
+    check_cameras,
+    check_clock_source,
+    check_disk,
+    check_governor,
+    check_isolation,
+    check_preemption,
+    check_serial,
+    check_time_sync,
+    clock_status,
+)
+from robotctl.app.doctor_nodes import check_nodes
+from robotctl.app.finding import Finding, fail, none, ok, warn
+from robotctl.app.wakeup import (
+    check_lag,
+    check_rights,
+    check_timer_slack,
+    measure_in_a_process,
+)
+from robotctl.errors import ConfigError
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.mavlink_port import LinkConfig
+
+LAG_SECONDS: Final = 5.0
+LOGS: Final = Path("/var/log/robotctl")
+
+
+def examine(
+    robot: Path,
+    overrides: tuple[str, ...] = (),
+    logs: Path = LOGS,
+    root: Path = Path("/"),
+    lag_seconds: float = LAG_SECONDS,
+) -> Iterator[Finding]:
+    """Yield the findings one after the other, as they are made.
+
+    Parameters
+    ----------
+    robot, overrides
+        The robot's file and `key=value` settings on top of it.
+    logs
+        Where logs are to be written.
+    root
+        Where /proc, /sys and /dev are.
+    lag_seconds
+        How long to measure wake-ups [s].
+    """
+    try:
+        config = load_robot(robot, overrides)
+    except ConfigError as error:
+        yield fail("configuration", str(error), f"correct {robot}; robotctl config check {robot}")
+        return
+    yield ok("configuration", f"{robot}: {config.robot.name}, {config.runtime.rate_hz} Hz")
+    yield from _check_bus(config)
+    yield check_preemption(root)
+    yield check_governor(root)
+    yield check_clock_source(root)
+    yield check_isolation(root, config.runtime.cpu)
+    yield from _check_wakeups(config, lag_seconds)
+    yield from check_disk(logs)
+    yield from check_cameras(root)
+    serial = [link.address.host for link in config.mavlink.link if link.address.kind == "serial"]
+    yield from check_serial(serial, root)
+    yield check_time_sync(clock_status())
+    yield from check_mavlink(config.mavlink.link)
+
+
+def _check_bus(config: RobotConfig) -> Iterator[Finding]:
+    """Check the link, then who is on it."""
+    if config.can.interface == "socketcan":
+        findings = check_link(config.can, read_link(config.can.channel))
+        yield from findings
+        if findings[0].fix:
+            yield none("CAN nodes", "not asked: the link is not up")
+            return
+    else:
+        yield no_kernel_link(config.can)
+    yield from check_nodes(config, RealClock())
+
+
+def _check_wakeups(config: RobotConfig, seconds: float) -> list[Finding]:
+    """Check real-time rights and lag in a process of their own."""
+    try:
+        wakeups = measure_in_a_process(config.runtime, seconds)
+    except (OSError, subprocess.SubprocessError, msgspec.DecodeError) as error:
+        return [fail("wake-up lag", f"could not be measured: {error}", "report this message")]
+    user = "root" if os.geteuid() == 0 else getpass.getuser()
+    return [check_rights(wakeups, user), check_timer_slack(wakeups), check_lag(wakeups)]
+
+
+def check_mavlink(links: tuple[LinkConfig, ...]) -> list[Finding]:
+    """Check each MAVLink address: names resolve, ports to listen on are free or ours."""
+    if not links:
+        fix = "add a [[mavlink.link]] with an url to the robot's file"
+        return [fail("MAVLink", "no link: nobody can arm the robot", fix)]
+    return [_check_mavlink_link(link) for link in links]
+
+
+def _check_mavlink_link(link: LinkConfig) -> Finding:
+    """Check one address."""
+    kind, host, port = link.address
+    if kind == "serial":
+        return ok("MAVLink", f"{link.url}, {port} baud")
+    udp = kind.startswith("udp")
+    kind_of_socket = socket.SOCK_DGRAM if udp else socket.SOCK_STREAM
+    try:
+        (family, _, _, _, address), *_ = socket.getaddrinfo(host, port, type=kind_of_socket)
+    except OSError as error:
+        fix = f"correct {host}, or connect the network that knows it"
+        return fail("MAVLink", f"{link.url}: {error.strerror}", fix)
+    if kind.endswith("out"):
+        return ok("MAVLink", f"{link.url}: sends to {address[0]} port {port}")
+    with socket.socket(family, kind_of_socket) as listener:
+        if not udp:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind(address)
+        except OSError as error:
+            fix = f"fine if robotctl runs now, else see who has it: sudo ss -lnp | grep {port}"
+            return warn("MAVLink", f"{link.url}: {error.strerror}", fix)
+    return ok("MAVLink", f"{link.url}: port {port} is free")

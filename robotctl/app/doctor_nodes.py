@@ -1,0 +1,112 @@
+"""Checks of the nodes: who is on the bus, and whether they are the right ones.
+
+Where another controller drives the nodes, doctor only listens. Where none does, it commissions them
+as the control process would, with commands that say "motors off".
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.app.config import RobotConfig
+from robotctl.app.finding import Finding, fail, none, ok, warn
+from robotctl.app.robot import make_codec, node_parameters
+from robotctl.drivers.can_port import SocketPort
+from robotctl.drivers.robot_can import HEARTBEAT_BASE, CanRobot
+from robotctl.errors import LinkError
+from robotctl.runtime.messages import BusState, BusStatus, NodeStatus, WheelCommand
+from robotctl.runtime.ports import CanPort, Clock
+
+LISTEN_NS: Final = 600_000_000
+"""Five heartbeats and more [ns]."""
+
+COMMISSION_NS: Final = 3_000_000_000
+_POLL_NS = 5_000_000
+_OFF = WheelCommand(enable=False, brake=True)
+
+
+def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
+    """Open the bus and check all nodes; takes up to 4 s."""
+    codec = make_codec()
+    ids = {*codec.arbitration_ids, codec.sync_id, codec.command_id}
+    try:
+        port = SocketPort(config.can, ids, clock)
+    except LinkError as error:
+        fix = "mend the CAN link, or start firmware_sim where the bus is simulated"
+        return [fail("CAN nodes", str(error), fix)]
+    masters = frozenset({codec.sync_id, codec.command_id})
+    try:
+        heard = listen(port, clock)
+        if heard & masters:
+            return [_only_listened(heard), check_traffic(port.status())]
+        robot = CanRobot(port, codec, node_parameters(config))
+        nodes = commission(robot, clock, config.runtime.period_ns)
+        version = codec.dbc.wire_version
+        return [*(check_node(node, version) for node in nodes), check_traffic(port.status())]
+    finally:
+        port.close()
+
+
+def listen(port: CanPort, clock: Clock) -> frozenset[int]:
+    """Return the identifiers heard in `LISTEN_NS`."""
+    heard: set[int] = set()
+    end_ns = clock.now_ns() + LISTEN_NS
+    while (now_ns := clock.now_ns()) < end_ns:
+        heard.update(frame.arbitration_id for frame in port.receive())
+        clock.sleep_until(now_ns + _POLL_NS)
+    return frozenset(heard)
+
+
+def commission(robot: CanRobot, clock: Clock, period_ns: int) -> tuple[NodeStatus, ...]:
+    """Tick with the motors off until all nodes are in service, for `COMMISSION_NS` at most."""
+    deadline_ns = clock.now_ns()
+    end_ns = deadline_ns + COMMISSION_NS
+    while deadline_ns < end_ns and any(node.problem for node in robot.nodes):
+        deadline_ns += period_ns
+        clock.sleep_until(deadline_ns)
+        now_ns = clock.now_ns()
+        robot.receive(now_ns)
+        robot.send(_OFF, now_ns)
+    return robot.nodes
+
+
+def check_node(node: NodeStatus, wire_version: int) -> Finding:
+    """Check one node after its commissioning."""
+    check = f"node {node.node_id} {node.name}"
+    if not node.problem:
+        return ok(check, f"identified, parameters confirmed, wire version 0x{wire_version:08X}")
+    fix = "check its power and cable"
+    if "version" in node.problem or "revision" in node.problem:
+        fix = "load the firmware that belongs to this robotctl's configs/robot.dbc"
+    elif "configuration says" in node.problem:
+        fix = "correct the robot's file, or the node's parameter"
+    return fail(check, node.problem, fix)
+
+
+def check_traffic(bus: BusStatus) -> Finding:
+    """Check what the bus did to our frames meanwhile."""
+    check = "CAN traffic"
+    words = (
+        f"{bus.state.name.lower().replace('_', ' ')}, {bus.received} frames received, "
+        f"{bus.sent} sent, {bus.send_failures} refused, {bus.error_frames} error frames"
+    )
+    fix = "check termination (60 ohm between CAN-H and CAN-L, power off), wiring and bit rate"
+    if bus.state is not BusState.ERROR_ACTIVE:
+        return fail(check, words, fix)
+    if bus.error_frames or bus.send_failures:
+        return warn(check, words, fix)
+    return ok(check, words)
+
+
+def _only_listened(heard: frozenset[int]) -> Finding:
+    """Say who was there, where a running controller forbids to ask."""
+    nodes = sorted(
+        identifier - HEARTBEAT_BASE
+        for identifier in heard
+        if identifier >> 7 == HEARTBEAT_BASE >> 7
+    )
+    names = ", ".join(map(str, nodes)) or "none"
+    return none(
+        "CAN nodes",
+        f"a controller is running and asks them itself; heartbeats of nodes {names} were heard",
+    )

@@ -1,0 +1,63 @@
+"""`robotctl doctor`: a line for each check, and for each failure what to do."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from robotctl.app.config import find_file
+from robotctl.app.doctor import LAG_SECONDS, LOGS, examine
+from robotctl.app.finding import Finding, Verdict
+from robotctl.cli.arguments import Overrides, RobotName
+
+NOT_FIT = 1
+_STYLE = {
+    Verdict.OK: "green",
+    Verdict.WARN: "yellow",
+    Verdict.FAIL: "bold red",
+    Verdict.NONE: "dim",
+}
+
+
+def doctor(
+    robot: RobotName = "diff_drive",
+    json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+    logs: Annotated[Path, typer.Option(help="Folder whose disk is tried.")] = LOGS,
+    seconds: Annotated[
+        float, typer.Option(min=0.1, max=3600.0, help="How long to measure wake-ups.")
+    ] = LAG_SECONDS,
+    overrides: Overrides = None,
+) -> None:
+    """Check whether this computer and the robot on it are fit to drive; moves nothing.
+
+    Status 0: fit, perhaps with warnings. 1: something must be mended.
+    """
+    findings = []
+    console = Console(highlight=False)
+    for finding in examine(find_file(robot), tuple(overrides or ()), logs, lag_seconds=seconds):
+        findings.append(finding)
+        if not json:
+            _print(console, finding)
+    failures = sum(each.verdict is Verdict.FAIL for each in findings)
+    warnings = sum(each.verdict is Verdict.WARN for each in findings)
+    if json:
+        report = {"fit": failures == 0, "findings": findings}
+        print(msgspec.json.format(msgspec.json.encode(report)).decode())
+    else:
+        console.print(f"{len(findings)} checks: {failures} failed, {warnings} warnings")
+    sys.exit(NOT_FIT if failures else 0)
+
+
+def _print(console: Console, finding: Finding) -> None:
+    """Print one finding, and its fix below."""
+    line = Text(f"{finding.verdict.value:4}", style=_STYLE[finding.verdict])
+    line.append(f"  {finding.check}: {finding.found}", style="default")
+    console.print(line, soft_wrap=True)
+    if finding.fix:
+        console.print(Text(f"      fix: {finding.fix}"), soft_wrap=True)

@@ -1,0 +1,184 @@
+"""Checks of the computer on folders that stand for computers."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.app.doctor_host import (
+    MIN_FREE_BYTES,
+    MIN_WRITE_BYTES_S,
+    check_cameras,
+    check_clock_source,
+    check_disk,
+    check_governor,
+    check_isolation,
+    check_preemption,
+    check_serial,
+    check_space,
+    check_time_sync,
+    check_write_speed,
+    parse_cpu_list,
+)
+from robotctl.app.finding import Finding, Verdict
+from robotctl.app.wakeup import Wakeups, check_lag, check_rights, check_timer_slack
+
+OK, WARN, FAIL, NONE = Verdict.OK, Verdict.WARN, Verdict.FAIL, Verdict.NONE
+RT = "Linux version 6.6.31-rt31-v8+ (gcc 12) #1 SMP PREEMPT_RT Thu"
+NO_RT = "Linux version 6.6.31-v8+ (gcc 12) #1 SMP PREEMPT Thu"
+
+
+def computer(root: Path, **files: str) -> Path:
+    """Make files; `__` in a name stands for `/`."""
+    for name, text in files.items():
+        path = root / name.replace("__", "/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text + "\n")
+    return root
+
+
+def assert_is(finding: Finding, verdict: Verdict, *words: str) -> None:
+    assert finding.verdict is verdict, finding
+    for word in words:
+        assert word in finding.found + finding.fix
+    assert bool(finding.fix) == (verdict in {WARN, FAIL}), "a fix for each failure, and only there"
+    assert "\n" not in finding.fix
+
+
+def test_a_real_time_kernel_is_seen_by_its_file_or_by_its_version(tmp_path: Path) -> None:
+    by_version = computer(tmp_path / "a", proc__version=RT)
+    by_file = computer(tmp_path / "b", proc__version=NO_RT, sys__kernel__realtime="1")
+    neither = computer(tmp_path / "c", proc__version=NO_RT, sys__kernel__realtime="0")
+    assert_is(check_preemption(by_version), OK, "6.6.31-rt31-v8+")
+    assert_is(check_preemption(by_file), OK)
+    assert_is(check_preemption(neither), WARN, "6.6.31-v8+", "deploy.md")
+    assert_is(check_preemption(tmp_path / "empty"), WARN)
+
+
+def test_each_processor_with_another_governor_is_named(tmp_path: Path) -> None:
+    files = {f"sys__devices__system__cpu__cpu{i}__cpufreq__scaling_governor": "performance" for i in range(3)}  # noqa: E501  # fmt: skip
+    assert_is(check_governor(computer(tmp_path / "a", **files)), OK, "3 processors")
+    files["sys__devices__system__cpu__cpu1__cpufreq__scaling_governor"] = "ondemand"
+    finding = check_governor(computer(tmp_path / "b", **files))
+    assert_is(finding, WARN, "cpu1 ondemand", "performance")
+    assert "cpu0" not in finding.found
+    assert_is(check_governor(tmp_path / "none"), NONE)
+
+
+@pytest.mark.parametrize(
+    ("source", "verdict"),
+    [("tsc", OK), ("arch_sys_counter", OK), ("hpet", WARN), ("jiffies", WARN)],
+)
+def test_slow_clock_sources_are_warned_of(tmp_path: Path, source: str, verdict: Verdict) -> None:
+    root = computer(
+        tmp_path, sys__devices__system__clocksource__clocksource0__current_clocksource=source
+    )
+    assert_is(check_clock_source(root), verdict, source)
+    assert_is(check_clock_source(tmp_path / "none"), NONE)
+
+
+@pytest.mark.parametrize(
+    ("online", "isolated", "cpu", "verdict", "words"),
+    [
+        ("0-3", "3", 3, OK, "isolated: 3"),
+        ("0-3", "", 3, WARN, "isolcpus=3"),
+        ("0-3", "2", 3, WARN, "isolcpus=3"),
+        ("0-3", "", -1, WARN, "runtime.cpu = 3"),
+        ("0-3", "2-3", -1, WARN, "runtime.cpu = 3"),
+        ("0-3", "", 4, FAIL, "one of 0, 1, 2, 3"),
+        ("0-1", "", -1, NONE, "too few"),
+    ],
+)
+def test_the_control_loop_wants_an_isolated_processor_where_there_are_enough(
+    tmp_path: Path, online: str, isolated: str, cpu: int, verdict: Verdict, words: str
+) -> None:
+    root = computer(
+        tmp_path,
+        sys__devices__system__cpu__online=online,
+        sys__devices__system__cpu__isolated=isolated,
+    )
+    assert_is(check_isolation(root, cpu), verdict, words)
+
+
+@given(st.sets(st.integers(0, 40)))
+def test_a_processor_list_is_read_as_the_kernel_writes_it(cpus: set[int]) -> None:
+    parts, ordered = [], sorted(cpus)
+    while ordered:
+        first = last = ordered.pop(0)
+        while ordered and ordered[0] == last + 1:
+            last = ordered.pop(0)
+        parts.append(str(first) if first == last else f"{first}-{last}")
+    assert parse_cpu_list(",".join(parts)) == cpus
+
+
+def test_time_is_synchronised_unless_the_kernel_says_otherwise() -> None:
+    assert_is(check_time_sync(0x0001), OK)
+    assert_is(check_time_sync(0x0041), WARN, "timedatectl")
+    assert_is(check_time_sync(None), NONE)
+
+
+def test_disks_fail_just_below_their_limits(tmp_path: Path) -> None:
+    assert_is(check_space(tmp_path, MIN_FREE_BYTES), OK, "1.0 GB")
+    assert_is(check_space(tmp_path, MIN_FREE_BYTES - 1), FAIL, str(tmp_path))
+    assert_is(check_write_speed(tmp_path, MIN_WRITE_BYTES_S), OK, "2.0 MB/s")
+    assert_is(check_write_speed(tmp_path, MIN_WRITE_BYTES_S - 1), FAIL, "SD card")
+
+
+def test_the_write_test_finds_a_parent_that_exists_and_leaves_nothing_behind(
+    tmp_path: Path,
+) -> None:
+    space, speed = check_disk(tmp_path / "not" / "there" / "yet")
+    assert str(tmp_path) in space.found
+    assert speed.check == "write speed"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_cannot_be_written_fails_with_the_reason() -> None:
+    findings = check_disk(Path("/proc/sys"))
+    assert_is(findings[-1], FAIL, "/proc/sys", "--logs")
+
+
+def test_cameras_and_serial_lines_need_read_and_write_rights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = computer(tmp_path, dev__video0="", dev__ttyUSB0="")
+    assert_is(check_cameras(root)[0], OK, "video0")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    assert_is(check_cameras(root)[0], FAIL, "usermod -aG video")
+    assert_is(check_serial(["/dev/ttyUSB0"], root)[0], FAIL, "usermod -aG dialout")
+    assert_is(check_serial(["/dev/ttyUSB7"], root)[0], FAIL, "is not there")
+    assert_is(check_serial([], root)[0], NONE)
+    assert_is(check_cameras(tmp_path / "none")[0], NONE)
+
+
+def wakeups(p99_us: float = 50.0, max_us: float = 100.0, **changes: object) -> Wakeups:
+    values: dict = {
+        "refused": (),
+        "slack_ns": 1,
+        "ticks": 1000,
+        "overruns": 0,
+        "lag_us_p50": 20.0,
+        "lag_us_p99": p99_us,
+        "lag_us_max": max_us,
+        "period_us": 5000.0,
+    }
+    return Wakeups(**(values | changes))
+
+
+def test_wake_ups_are_judged_by_the_period() -> None:
+    assert_is(check_lag(wakeups(500.0, 2500.0)), OK, "p99 500", "max 2500")
+    assert_is(check_lag(wakeups(501.0, 2500.0)), WARN, "tenth")
+    assert_is(check_lag(wakeups(100.0, 2501.0)), FAIL, "half a period")
+
+
+def test_refused_rights_fail_with_the_kernels_words_and_the_user() -> None:
+    assert_is(check_rights(wakeups(), "root"), OK)
+    refused = wakeups(refused=("SCHED_FIFO priority 60 refused (Operation not permitted)",))
+    assert_is(check_rights(refused, "pi"), FAIL, "as pi", "SCHED_FIFO", "robotctl install")
+
+
+def test_timer_slack_of_a_normal_process_is_warned_of() -> None:
+    assert_is(check_timer_slack(wakeups(slack_ns=1)), OK)
+    assert_is(check_timer_slack(wakeups(slack_ns=50_000)), WARN, "50000 ns")
