@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 import robotctl
-from robotctl.cli import can, config, doctor, replay, run, sim, tune
+from robotctl.cli import can, config, doctor, install, record, replay, run, sim, tune
 from robotctl.errors import RobotctlError
 
 BAD_INPUT = 2
@@ -22,10 +22,13 @@ app = typer.Typer(
 )
 app.add_typer(config.app, name="config")
 app.add_typer(can.app, name="can")
+app.add_typer(record.app, name="record")
 app.command("sim")(sim.sim)
 app.command("run")(run.run)
 app.command("tune")(tune.tune)
 app.command("doctor")(doctor.doctor)
+app.command("install")(install.install)
+app.command("uninstall")(install.uninstall)
 app.command("replay")(replay.replay)
 
 

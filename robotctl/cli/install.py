@@ -1,0 +1,94 @@
+"""`robotctl install` and `robotctl uninstall`: the robot as a service of this computer."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from robotctl.app.config import find_file
+from robotctl.app.install import conflicts
+from robotctl.app.install import install as install_files
+from robotctl.app.install import uninstall as uninstall_files
+from robotctl.app.service_files import ROBOT, check_executable, service_files
+from robotctl.cli.arguments import RobotName
+
+INCOMPLETE = 1
+_RUNNING_SYSTEMD: Final = Path("/run/systemd/system")
+_RELOAD: Final = (
+    "systemd-sysusers",
+    "systemctl daemon-reload",
+    "udevadm control --reload",
+    "udevadm trigger",
+)
+
+Root = Annotated[
+    Path, typer.Option("--root", help="Folder that stands for /, such as an image's root.")
+]
+
+
+def install(
+    robot: RobotName = "diff_drive",
+    mission: Annotated[str, typer.Option(help="Mission file or name for mode AUTO.")] = "",
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show all, write nothing.")] = False,
+    root: Root = Path("/"),
+) -> None:
+    """Write the systemd service, the CAN link's set-up and the rights for one robot.
+
+    Starts nothing. Files that somebody changed are not touched.
+    """
+    executable = Path(sys.executable).with_name("robotctl")
+    files = service_files(
+        find_file(robot),
+        find_file(mission, "missions") if mission else None,
+        executable,
+        os.cpu_count() or 1,
+    )
+    root = root.absolute()
+    if dry_run:
+        for file in files:
+            print(f"### {root / file.path}\n{file.text}")
+        for problem in conflicts(files, root):
+            print(f"### in the way: {problem}")
+        check_executable(executable)
+        return
+    check_executable(executable)
+    for line in install_files(files, root):
+        print(line)
+    reloaded = _run(_RELOAD, root)
+    print(f"next: robotctl doctor --robot /{ROBOT}")
+    print("then: systemctl enable --now systemd-networkd robotctl")
+    sys.exit(0 if reloaded else INCOMPLETE)
+
+
+def uninstall(root: Root = Path("/")) -> None:
+    """Stop the service and remove what `install` wrote; logs and state stay.
+
+    Status 1: files that somebody changed were kept, or a command failed.
+    """
+    root = root.absolute()
+    complete = _run(("systemctl disable --now robotctl",), root)
+    lines, kept = uninstall_files(root)
+    for line in (*lines, *kept):
+        print(line)
+    complete &= _run(_RELOAD[1:], root)
+    print("left in place: /var/lib/robotctl, /var/log/robotctl and the user robotctl")
+    sys.exit(0 if complete and not kept else INCOMPLETE)
+
+
+def _run(commands: tuple[str, ...], root: Path) -> bool:
+    """Run commands on a running systemd; elsewhere print them. Return whether none failed."""
+    here = root == Path("/") and _RUNNING_SYSTEMD.is_dir()
+    good = True
+    for command in commands:
+        if not here:
+            print(f"to be run on the robot: {command}")
+            continue
+        print(command, flush=True)
+        good &= subprocess.run(shlex.split(command), check=False).returncode == 0  # noqa: S603
+    return good
