@@ -38,7 +38,7 @@ from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoi
 DBC = load_dbc(config_directory() / "robot.dbc")
 DRIVE, SONAR, POWER = 1, 2, 3
 ROOM_M = (6.0, 4.0)
-COMMAND, EMCY_DRIVE, EMERGENCY_STOP, HEARTBEAT_DRIVE = 0x201, 0x081, 0x001, 0x701
+COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
 EMCY_COMMAND_TIMEOUT = 0x8130
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
@@ -192,9 +192,9 @@ class Rig:
             )
         return self._observer
 
-    def heard(self, seconds: float) -> list[can.Message]:
-        """Return what the observer hears from now on for so long, by the frames' own stamps."""
-        while self.observer.recv(0) is not None:
+    def heard(self, seconds: float, *, before: bool = False) -> list[can.Message]:
+        """Return what the observer hears for so long; `before`: and has heard since last asked."""
+        while not before and self.observer.recv(0) is not None:
             pass
         messages: list[can.Message] = []
         deadline_s = time.monotonic() + seconds

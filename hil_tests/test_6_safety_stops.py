@@ -7,7 +7,6 @@ import can
 from hil_tests.rig import (
     COMMAND,
     EMERGENCY_STOP,
-    HEARTBEAT_DRIVE,
     Rig,
     enabled,
 )
@@ -34,7 +33,7 @@ def test_on_sigterm_the_host_disables_the_motors_before_it_ends(armed: Rig) -> N
     armed.drive(0.5, 0.0, 1.0)
     messages = armed.heard(0.05)
     assert armed.kill(CONTROL, signal.SIGTERM) == 0
-    messages += armed.heard_until(HEARTBEAT_DRIVE, 1.0)
+    messages += armed.heard(0.2, before=True)
     enable = [enabled(m) for m in messages if m.arbitration_id == COMMAND]
     assert enable[0] is True
     assert enable[-1] is False

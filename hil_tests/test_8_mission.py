@@ -33,6 +33,6 @@ def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: P
     assert 0.05 < score["bus"]["load"] < 0.5
     assert score["loop"]["rate_hz"] == 200
     assert score["loop"]["ticks"] > 150 * score["duration_s"]
-    replayed = replay_file(tmp_path / "control.rec")
-    assert replayed.different is None
+    replayed = replay_file(tmp_path / "control-0001.rec").result
+    assert replayed.difference is None
     assert replayed.agreed > 150 * score["duration_s"]

@@ -148,6 +148,8 @@ class ControlCore:
         self._boots: dict[int, int] = {}
         self._pending: Arm | None = None
         self._cleared_ns = 0
+        self._stopped_ns = 0
+        """Time of the last emergency stop or fault [ns]."""
         self._ack: Ack | None = None
         self._sonar_m = [float("nan")] * sonars
         self._sonar_ns = [0] * sonars
@@ -188,12 +190,12 @@ class ControlCore:
         if feedback.nodes is not self._nodes:
             self._nodes = feedback.nodes
             for node in feedback.nodes:
-                self._take_boot(node.node_id, node.boots, node.name)
+                self._take_boot(node.node_id, node.boots, node.name, now_ns)
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
             self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
 
-    def _take_boot(self, node_id: int, boots: int, name: str) -> None:
+    def _take_boot(self, node_id: int, boots: int, name: str, now_ns: int) -> None:
         """Stop where a node has restarted; its counts begin anew."""
         before = self._boots.get(node_id)
         if before == boots:
@@ -202,7 +204,7 @@ class ControlCore:
         self._has_counts = False
         self.odometry.reset(0.0, 0.0)
         if before is not None and self.machine.state in POWERED:
-            self._on(Event.FAULT, f"{name} (node {node_id}) restarted", 0)
+            self._on(Event.FAULT, f"{name} (node {node_id}) restarted", now_ns)
 
     def _take_sonar(self, sonar: SonarFeedback) -> None:
         """Keep the ranges of one group."""
@@ -215,7 +217,8 @@ class ControlCore:
     def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
         """Carry out requests that are not too old; an emergency stop has no age.
 
-        An emergency stop wins over any request to arm of the same tick, whichever came first.
+        A stop wins over any request to arm that was made before it, whichever comes first: who
+        made it did not know of the stop.
         """
         stop = None
         stopping = inputs.feedback.emergency_stop is not None or any(
@@ -238,8 +241,8 @@ class ControlCore:
                     self._pending = None
                     self._on(Event.DISARM, "disarmed", now_ns)
                     self._ack = Ack(request.request_id, accepted=True)
-                case Arm() if stopping:
-                    reasons = ("emergency stop at the same moment",)
+                case Arm() if stopping or request.stamp_ns <= self._stopped_ns:
+                    reasons = (f"made before the stop: {self.machine.reason}",)
                     self._ack = Ack(request.request_id, accepted=False, reasons=reasons)
                 case Arm():
                     self._pending = self._asked_again(request)
@@ -345,6 +348,8 @@ class ControlCore:
     def _on(self, event: Event, reason: str, now_ns: int) -> bool:
         """Apply an event to the state machine and tell people of stops and starts."""
         changed = self.machine.on(event, reason)
+        if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
+            self._stopped_ns = now_ns
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._pending = None
             self._velocity = None

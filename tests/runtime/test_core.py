@@ -21,8 +21,7 @@ from robotctl.runtime.messages import (
     SafetyState,
     SonarFeedback,
 )
-from robotctl.runtime.recorder import Recorder, RecordHeader, read_record, replay
-from tests.runtime.robot_double import PERIOD_NS, RobotDouble, make_core
+from tests.runtime.robot_double import PERIOD_NS, RobotDouble
 
 
 def test_it_boots_to_standby_and_arms_on_request_only() -> None:
@@ -188,6 +187,22 @@ def test_an_emergency_stop_wins_over_a_request_to_arm_in_the_same_tick(way: str)
     assert robot.state == SafetyState.EMERGENCY_STOP
 
 
+def test_a_request_to_arm_made_before_the_stop_does_not_end_it_however_late_it_comes() -> None:
+    robot = RobotDouble().armed()
+    late = Arm(robot.now_ns, 78, arm=True)
+    robot.ticks(2)
+    robot.tick(EmergencyStop(0, EmergencyStopSource.OPERATOR))
+    robot.motor_state = DriveState.EMERGENCY_STOP
+    robot.ticks(2)
+    robot.tick(late)
+    ack = robot.snapshot().ack
+    assert ack is not None
+    assert (ack.request_id, ack.accepted) == (78, False)
+    assert ack.reasons == ("made before the stop: emergency stop (operator)",)
+    robot.ticks(300, (0.5, 0.0))
+    assert robot.state == SafetyState.EMERGENCY_STOP
+
+
 def test_a_refused_arming_says_every_reason() -> None:
     robot = RobotDouble()
     robot.mute_status = True
@@ -267,48 +282,6 @@ def test_sonar_ranges_land_at_their_index_and_grow_stale() -> None:
     assert robot.snapshot().sonar_m[:3] == (1.0, math.inf, 2.5)
     robot.ticks(60)
     assert all(math.isnan(range_m) for range_m in robot.snapshot().sonar_m)
-
-
-def test_a_recorded_run_replays_bit_for_bit(tmp_path) -> None:
-    robot = RobotDouble()
-    path = tmp_path / "control.rec"
-    with path.open("wb") as file:
-        recorder = Recorder(file.write, RecordHeader("0", "{}", 1.0, 2.0, 0.0))
-        robot.ticks(3)
-        robot.arm()
-        for step in range(600):
-            robot.tick(robot.velocity(0.5 * math.sin(step / 50), math.cos(step / 70)))
-        for entry in robot.record:
-            recorder.record(*entry)
-            recorder.flush()
-    with path.open("rb") as file:
-        header, ticks = read_record(file, "control.rec")
-        agreed, different, _ = replay(make_core(), ticks)
-    assert header.x_m == 1.0
-    assert (agreed, different) == (len(robot.record), None)
-    torn = path.read_bytes()[:-7]
-    path.write_bytes(torn)
-    with path.open("rb") as file:
-        _, ticks = read_record(file, "control.rec")
-        assert replay(make_core(), ticks)[0] == len(robot.record) - 1
-
-
-def test_a_replay_that_differs_names_the_tick(tmp_path) -> None:
-    robot = RobotDouble().armed()
-    robot.ticks(50, (0.4, 0.2))
-    path = tmp_path / "control.rec"
-    with path.open("wb") as file:
-        recorder = Recorder(file.write, RecordHeader("0", "{}", 1.0, 2.0, 0.0))
-        for index, (now_ns, inputs, command) in enumerate(robot.record):
-            bent = msgspec.structs.replace(command, duty1=command.duty1 + 1e-12)
-            recorder.record(now_ns, inputs, bent if index == 30 else command)
-        recorder.flush()
-    with path.open("rb") as file:
-        _, ticks = read_record(file, "control.rec")
-        agreed, different, _ = replay(make_core(), ticks)
-    assert agreed == 30
-    assert different is not None
-    assert different.now_ns == robot.record[30][0]
 
 
 def test_loops_must_fit_the_wheels() -> None:
