@@ -12,7 +12,7 @@ from typing import Annotated, Final
 import typer
 
 from robotctl.app.config import find_file
-from robotctl.app.install import conflicts
+from robotctl.app.install import conflicts, read_manifest
 from robotctl.app.install import install as install_files
 from robotctl.app.install import uninstall as uninstall_files
 from robotctl.app.service_files import ROBOT, check_executable, service_files
@@ -72,7 +72,8 @@ def uninstall(root: Root = Path("/")) -> None:
     Status 1: files that somebody changed were kept, or a command failed.
     """
     root = root.absolute()
-    complete = _run(("systemctl disable --now robotctl",), root)
+    installed = bool(read_manifest(root).files)
+    complete = not installed or _run(("systemctl disable --now robotctl",), root)
     lines, kept = uninstall_files(root)
     for line in (*lines, *kept):
         print(line)
