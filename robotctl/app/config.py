@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from robotctl import toml_source
+from robotctl.app.log_folder import LogConfig
 from robotctl.control.limiter import LimitsConfig
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
@@ -58,6 +59,7 @@ class RobotConfig:
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    log: LogConfig = field(default_factory=LogConfig)
     simulation: dict[str, Any] = field(default_factory=dict)
 
 

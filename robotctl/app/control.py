@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import sys
@@ -15,9 +16,11 @@ from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.progress import load_progress
 from robotctl.app.robot import make_core, make_robot, record_header
 from robotctl.app.signals import EmergencySignal, StopFlag
-from robotctl.errors import RobotctlError
+from robotctl.errors import LinkError, RobotctlError
+from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
+from robotctl.runtime.flight_ring import FlightRing
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.loop import Loop
 from robotctl.runtime.messages import (
@@ -30,13 +33,12 @@ from robotctl.runtime.messages import (
 )
 from robotctl.runtime.ports import RobotPort
 from robotctl.runtime.realtime import acquire_realtime
-from robotctl.runtime.recorder import Recorder
 from robotctl.runtime.topics import (
     Endpoints,
     Publisher,
     RequestReceiver,
-    StreamSender,
     endpoint_directory,
+    ring_path,
 )
 
 PUBLISH_HZ: Final = 50
@@ -54,8 +56,8 @@ class ControlTicker:
         The other processes.
     loop
         The loop that calls, for its statistics.
-    recorder
-        Where inputs and outputs go, if anywhere.
+    ring
+        The flight recorder; None where it could not be had.
     emergency
         SIGUSR1, the emergency stop that works without requests.
     heartbeat
@@ -69,7 +71,7 @@ class ControlTicker:
         requests: RequestReceiver[ControlRequest],
         publisher: Publisher,
         loop: Loop,
-        recorder: Recorder | None,
+        ring: FlightRing | None,
         emergency: EmergencySignal,
         heartbeat: Heartbeat,
     ) -> None:
@@ -78,7 +80,7 @@ class ControlTicker:
         self._requests = requests
         self._publisher = publisher
         self._loop = loop
-        self._recorder = recorder
+        self._ring = ring
         self._emergency = emergency
         self._heartbeat = heartbeat
         self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
@@ -109,16 +111,15 @@ class ControlTicker:
     def publish(self, now_ns: int) -> None:
         """Record each tick; publish notices at once and the state at its own rate."""
         self._heartbeat.beat()
-        if self._recorder is not None:
-            self._recorder.record(now_ns, self._inputs, self._outputs.command)
+        if self._ring is not None:
+            loop = self._loop
+            self._ring.record(now_ns, self._inputs, self._outputs, loop.lag_ns, loop.step_ns)
         for notice in self._outputs.notices:
             self._publisher.send(notice)
         if now_ns - self._published_ns >= self._publish_period_ns:
             self._published_ns = now_ns
             self._loop.refresh()
             self._publisher.send(self._core.snapshot(now_ns, self._loop.statistics()))
-            if self._recorder is not None:
-                self._recorder.flush()
 
 
 def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ...]]:
@@ -138,6 +139,21 @@ def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ..
     return options, saved.odometer_m, (*notes, note)
 
 
+def open_ring(
+    config: RobotConfig, options: StackOptions, core: ControlCore
+) -> tuple[FlightRing | None, tuple[str, ...]]:
+    """Return the flight recorder; where it cannot be had, None and a sentence that says so."""
+    try:
+        ring = FlightRing(
+            ring_path(options.instance),
+            record_header(config, options),
+            functools.partial(checkpoint, core),
+        )
+    except LinkError as error:
+        return None, (f"no flight recorder: {error}",)
+    return ring, ()
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Run the control loop until SIGTERM or SIGINT; the motors go off first."""
     stopped = StopFlag()
@@ -148,20 +164,17 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     context = zmq.Context()
     publisher = Publisher(context, endpoints.control_state)
     requests = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
-    recorder = None
-    if options.record:
-        stream = StreamSender(context, endpoints.control_record)
-        recorder = Recorder(stream.send, record_header(config, options))
     robot = make_robot(config, clock)
     core = make_core(config, options)
     core.odometer_start_m = odometer_m
     loop = Loop(clock, config.runtime.period_ns)
     heartbeat = Heartbeat(os.environ)
+    ring, ring_notes = open_ring(config, options, core)
     ticker = ControlTicker(
-        robot, core, requests, publisher, loop, recorder, emergency, heartbeat
+        robot, core, requests, publisher, loop, ring, emergency, heartbeat
     )  # fmt: skip
     refused = acquire_realtime(config.runtime)
-    for sentence in (*notes, *refused):
+    for sentence in (*notes, *ring_notes, *refused):
         print(f"robotctl: {sentence}", file=sys.stderr)  # noqa: T201
         publisher.send(Notice(clock.now_ns(), _SEVERITY_WARNING, sentence))
     try:
@@ -170,8 +183,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         robot.close()
         loop.refresh(whole=True)
         publisher.send(core.snapshot(clock.now_ns(), loop.statistics()))
-        if recorder is not None:
-            recorder.flush()
+        if ring is not None:
+            ring.close()
         publisher.close()
         context.destroy(linger=200)
 

@@ -18,6 +18,7 @@ from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
+from robotctl.app.log_folder import LogFolder
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
@@ -214,8 +215,7 @@ class LockstepRun:
             while bench.clock.now_ns() < end_ns:
                 outputs = bench.tick(requests)
                 if recorder is not None:
-                    recorder.record(bench.clock.now_ns(), bench.inputs, outputs.command)
-                    recorder.flush()
+                    recorder.record(bench.clock.now_ns(), bench.inputs, outputs)
                 requests = ()
                 if bench.ticks % every == 0:
                     control = bench.snapshot()
@@ -227,9 +227,9 @@ class LockstepRun:
 
     def _open_record(self, files: ExitStack, directory: Path) -> Recorder:
         """Write the CAN log and the control record into `directory`."""
-        directory.mkdir(parents=True, exist_ok=True)
+        folder = LogFolder(directory, self.config.log)
         files.enter_context(LogWriter(self.bench.simulation.bus, directory / "can.log"))
-        file = files.enter_context((directory / "control.rec").open("wb"))
+        file = files.enter_context(folder.new("control", "rec").open("wb"))
         return Recorder(file.write, record_header(self.config, self._stack))
 
     def _navigate(

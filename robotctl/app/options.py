@@ -27,6 +27,8 @@ class StackOptions(msgspec.Struct, frozen=True):
         Pose of `base` in `world` at the start.
     record
         Directory for the record of the control loop and the logs; empty: none.
+    flights
+        Directory for dumps of the flight recorder after faults; empty: none.
     state
         Directory of what survives restarts; empty: nothing does.
     run
@@ -41,6 +43,7 @@ class StackOptions(msgspec.Struct, frozen=True):
     y_m: float = 0.0
     theta_rad: float = 0.0
     record: str = ""
+    flights: str = ""
     state: str = ""
     run: str = ""
 

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import pydantic
 
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions
 from robotctl.app.robot import make_core
-from robotctl.runtime.messages import WheelCommand
-from robotctl.runtime.recorder import RecordError, Tick, read_record, replay
+from robotctl.runtime.recorder import (
+    Difference,
+    RecordError,
+    RecordHeader,
+    Replayed,
+    read_record,
+    replay,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,22 +30,16 @@ class Replay:
     ----------
     version
         robotctl that made the record.
-    agreed
-        Ticks whose command came out the same, bit for bit, before the first that did not.
-    different
-        The first tick that differs; None where all agree.
-    command
-        The command computed for it.
+    result
+        Ticks that agreed, gaps, and the first tick that differs.
     """
 
     version: str
-    agreed: int
-    different: Tick | None
-    command: WheelCommand
+    result: Replayed
 
 
 def replay_file(path: Path) -> Replay:
-    """Replay a record with the configuration that it carries.
+    """Replay a record, whole or dumped from the flight ring, with the configuration it carries.
 
     Raises
     ------
@@ -46,17 +48,38 @@ def replay_file(path: Path) -> Replay:
     """
     try:
         with path.open("rb") as file:
-            header, ticks = read_record(file, str(path))
-            config = pydantic.TypeAdapter(RobotConfig).validate_json(header.robot_json)
-            start = StackOptions(
-                "replay", "", x_m=header.x_m, y_m=header.y_m, theta_rad=header.theta_rad
-            )
-            agreed, different, command = replay(make_core(config, start), ticks)
+            header, entries = read_record(file, str(path))
+            config, options = _robot_of(header, path)
+            result = replay(lambda: make_core(config, options), entries, str(path))
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
+    return Replay(header.version, result)
+
+
+def differences(difference: Difference) -> list[tuple[str, str, str]]:
+    """Return name, recorded value and computed value of each output that differs."""
+    recorded: Any = msgspec.structs.asdict(difference.tick.outputs)
+    computed: Any = msgspec.structs.asdict(difference.outputs)
+    for values in (recorded, computed):
+        command = msgspec.structs.asdict(values.pop("command"))
+        values.update({f"command.{name}": value for name, value in command.items()})
+    return [
+        (name, repr(recorded[name]), repr(computed[name]))
+        for name in sorted(recorded)
+        if repr(recorded[name]) != repr(computed[name])
+    ]
+
+
+def _robot_of(header: RecordHeader, path: Path) -> tuple[RobotConfig, StackOptions]:
+    """Return the robot of a record and where it started."""
+    try:
+        config = pydantic.TypeAdapter(RobotConfig).validate_json(header.robot_json)
     except pydantic.ValidationError as error:
         raise RecordError(
             f"{path}: made by robotctl {header.version}, whose configuration this one does not "
             f"read: {error}"
         ) from error
-    return Replay(header.version, agreed, different, command)
+    options = StackOptions(
+        "replay", "", x_m=header.x_m, y_m=header.y_m, theta_rad=header.theta_rad
+    )  # fmt: skip
+    return config, options

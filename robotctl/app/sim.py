@@ -156,6 +156,7 @@ class SimRun:
             y_m=start.y_m,
             theta_rad=start.pose.theta_rad,
             record=str(options.record.resolve()) if options.record else "",
+            flights=str(options.record.resolve()) if options.record else "",
             state=str(endpoint_directory(instance)),
             run=instance,
         )

@@ -1,12 +1,11 @@
-"""The telemetry process: MAVLink links, and the record of the control loop on disk."""
+"""The telemetry process: MAVLink links."""
 
 from __future__ import annotations
 
 import os
 import sys
 from contextlib import ExitStack
-from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
 import zmq
 
@@ -29,7 +28,6 @@ from robotctl.runtime.topics import (
     Endpoints,
     Publisher,
     RequestSender,
-    StreamReceiver,
     Subscriber,
     endpoint_directory,
 )
@@ -37,34 +35,6 @@ from robotctl.telemetry.service import TelemetryRobot
 from robotctl.telemetry.telemetry import Telemetry
 
 RATE_HZ: Final = 100
-
-
-class RecordWriter:
-    """Appends the control process's record to `control.rec`.
-
-    Parameters
-    ----------
-    stream
-        Where the record comes from.
-    directory
-        Made where it is missing.
-    """
-
-    def __init__(self, stream: StreamReceiver, directory: Path) -> None:
-        directory.mkdir(parents=True, exist_ok=True)
-        self._stream = stream
-        self._file: BinaryIO = (directory / "control.rec").open("wb")
-
-    def step(self) -> None:
-        """Write what came; each batch reaches the kernel at once, so a kill loses none of it."""
-        for batch in self._stream.receive():
-            self._file.write(batch)
-        self._file.flush()
-
-    def close(self) -> None:
-        """Write the rest."""
-        self.step()
-        self._file.close()
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:
@@ -90,11 +60,6 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         links = stack.enter_context(
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
         )
-        writer = None
-        if options.record:
-            stream = StreamReceiver(context, endpoints.control_record)
-            writer = RecordWriter(stream, Path(options.record))
-            stack.callback(writer.close)
         telemetry = Telemetry(mavlink, robot, links)
         heartbeat = Heartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.
@@ -109,8 +74,6 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 stop = None
             for notice in telemetry.take_notices():
                 publisher.send(notice)
-            if writer is not None:
-                writer.step()
             heartbeat.beat()
             deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())
             clock.sleep_until(deadline_ns)

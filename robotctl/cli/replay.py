@@ -9,22 +9,29 @@ from typing import Annotated
 import typer
 
 import robotctl
-from robotctl.app.replay import replay_file
+from robotctl.app.replay import differences, replay_file
 
 DIFFERENT = 1
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(help="control.rec, as --record writes it.")],
+    file: Annotated[
+        Path, typer.Argument(help="A record: control-*.rec, fault-*.rec, crash-*.rec, or a dump.")
+    ],
 ) -> None:
-    """Compute every command of a record anew; status 1 and the first tick where they differ."""
-    result = replay_file(file)
-    if result.version != robotctl.__version__:
-        print(f"made by robotctl {result.version}, replayed by {robotctl.__version__}")
-    if result.different is None:
-        print(f"{file}: {result.agreed} ticks, all commands the same bit for bit")
+    """Compute every output of a record anew; status 1 and the first tick where they differ."""
+    replayed = replay_file(file)
+    result = replayed.result
+    if replayed.version != robotctl.__version__:
+        print(f"made by robotctl {replayed.version}, replayed by {robotctl.__version__}")
+    gaps = f", {result.gaps} gaps in the record" if result.gaps else ""
+    if result.difference is None:
+        print(f"{file}: {result.agreed} ticks, all outputs the same bit for bit{gaps}")
         return
-    print(f"{file}: differs after {result.agreed} ticks, at {result.different.now_ns} ns")
-    print(f"recorded {result.different.command}")
-    print(f"computed {result.command}")
+    tick = result.difference.tick
+    print(f"{file}: {result.agreed} ticks agree{gaps}")
+    print(f"tick {result.difference.number} of the run, at {tick.now_ns} ns, differs:")
+    for name, recorded, computed in differences(result.difference):
+        print(f"  {name}: recorded {recorded}, computed {computed}")
+    print(f"  its inputs: {tick.inputs}")
     sys.exit(DIFFERENT)

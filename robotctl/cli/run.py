@@ -51,6 +51,7 @@ def run(
     path = find_file(robot)
     mission_path = find_file(mission, "missions") if mission else None
     start = load_mission(mission_path).start.pose if mission_path else None
+    state = state_directory(os.environ).resolve()
     options = StackOptions(
         instance="robot",
         robot=str(path.resolve()),
@@ -60,7 +61,8 @@ def run(
         y_m=start.y_m if start else 0.0,
         theta_rad=start.theta_rad if start else 0.0,
         record=str(record.resolve()) if record else "",
-        state=str(state_directory(os.environ)),
+        flights=str(record.resolve() if record else state / "flights"),
+        state=str(state),
         run=uuid.uuid4().hex,
     )
     if resume:

@@ -51,6 +51,8 @@ class Loop:
         self.ticks = 0
         self.overruns = 0
         self.blame = dict.fromkeys((*STAGES, SCHEDULER), 0)
+        self.lag_ns = self.step_ns = 0
+        """Of the present tick: wake-up behind the deadline; from waking to having sent [ns]."""
         self.lag = Histogram()
         self.step = Histogram()
         self.stages = {stage: Histogram() for stage in STAGES}
@@ -76,12 +78,13 @@ class Loop:
         controlled_ns = now()
         ticker.send(woken_ns)
         sent_ns = now()
+        self.lag_ns = lag_ns = woken_ns - deadline_ns
+        self.step_ns = step_ns = sent_ns - woken_ns
         ticker.publish(woken_ns)
         done_ns = now()
-        lag_ns = woken_ns - deadline_ns
         self.ticks += 1
         self.lag.add(lag_ns // 100)
-        self.step.add((sent_ns - woken_ns) // 100)
+        self.step.add(step_ns // 100)
         durations = (
             received_ns - woken_ns,
             controlled_ns - received_ns,

@@ -1,23 +1,26 @@
 """Record of the control core's inputs and outputs, and their replay bit for bit.
 
-A record is a sequence of length-prefixed msgpack messages: one `RecordHeader`, then one `Tick`
-for each step. A record that was cut short (a kill, a full disk) reads up to its last whole tick.
+A record is a sequence of length-prefixed msgpack messages: one `RecordHeader`, then a `Checkpoint`
+followed by the `Tick` of each step, then perhaps more of both. A record that was cut short (a
+kill, a full disk) reads up to its last whole tick. Each checkpoint stands for the core between two
+steps, so a record may begin anywhere in a run and may have gaps.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
-from typing import BinaryIO
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import BinaryIO, Final, TypeAlias
 
 import msgspec
 
 from robotctl.errors import RobotctlError
-from robotctl.runtime.core import ControlCore, Inputs
-from robotctl.runtime.messages import WheelCommand
+from robotctl.runtime.checkpoint import CheckpointError, restored
+from robotctl.runtime.core import ControlCore, Inputs, Outputs
 
-_LENGTH = struct.Struct("<I")
-_MAX_LENGTH = 1 << 20
+LENGTH: Final = struct.Struct("<I")
+_MAX_LENGTH: Final = 1 << 20
 
 
 class RecordError(RobotctlError):
@@ -37,102 +40,187 @@ class RecordHeader(msgspec.Struct, frozen=True):
     theta_rad: float
 
 
-class Tick(msgspec.Struct, frozen=True, array_like=True, gc=False):
-    """One step: its time, its inputs, and the command that came of them."""
+class Checkpoint(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=0):
+    """The core after `ticks` steps, as of `checkpoint`; empty: as it was made, or not kept."""
+
+    ticks: int
+    core: bytes = b""
+
+
+class Tick(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=1):
+    """One step: its time, all that went in and came out, and how punctual it was.
+
+    `lag_ns` is the wake-up behind the deadline, `step_ns` the time from waking to having sent.
+    """
 
     now_ns: int
     inputs: Inputs
-    command: WheelCommand
+    outputs: Outputs
+    lag_ns: int = 0
+    step_ns: int = 0
+
+
+Entry: TypeAlias = Checkpoint | Tick
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first tick that a replay computed otherwise.
+
+    Parameters
+    ----------
+    number
+        Which step of the run, from 1.
+    tick
+        As recorded.
+    outputs
+        As computed.
+    """
+
+    number: int
+    tick: Tick
+    outputs: Outputs
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What a replay showed.
+
+    Parameters
+    ----------
+    agreed
+        Ticks whose outputs came out the same, bit for bit, before the first that did not.
+    gaps
+        Places where ticks are missing and the replay went on from a checkpoint.
+    difference
+        None where all agree.
+    """
+
+    agreed: int
+    gaps: int
+    difference: Difference | None
 
 
 class Recorder:
-    """Encodes ticks and hands them on in batches.
+    """Encodes a whole run and hands it on.
 
     Parameters
     ----------
     sink
-        Takes whole messages; must not block the caller (a socket, a file in lockstep).
+        Takes whole messages.
     header
-        Sent first, and again on `begin`.
+        Sent first.
     """
 
     def __init__(self, sink: Callable[[bytes], object], header: RecordHeader) -> None:
         self._sink = sink
         self._encoder = msgspec.msgpack.Encoder()
-        self._buffer = bytearray()
-        self._header = _framed(self._encoder.encode(header))
-        self._sink(self._header)
+        self._sink(framed(self._encoder.encode(header)))
+        self._sink(framed(self._encoder.encode(Checkpoint(0))))
 
-    def record(self, now_ns: int, inputs: Inputs, command: WheelCommand) -> None:
+    def record(self, now_ns: int, inputs: Inputs, outputs: Outputs) -> None:
         """Add one tick."""
-        payload = self._encoder.encode(Tick(now_ns, inputs, command))
-        self._buffer += _LENGTH.pack(len(payload))
-        self._buffer += payload
-
-    def flush(self) -> None:
-        """Hand on what was added since the last call."""
-        if self._buffer:
-            self._sink(bytes(self._buffer))
-            self._buffer.clear()
+        self._sink(framed(self._encoder.encode(Tick(now_ns, inputs, outputs))))
 
 
-def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Tick]]:
-    """Return the header and the ticks of a record.
+def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Entry]]:
+    """Return the header and the entries of a record.
 
     Raises
     ------
     RecordError
         Where the file is no record, or a whole message in it is damaged.
     """
-    first = next(_messages(file), None)
+    messages = _messages(file, name)
+    first = next(messages, None)
     try:
         if first is None:
             raise RecordError(f"{name}: not a record of the control loop, or an empty one")
         header = msgspec.msgpack.decode(first, type=RecordHeader)
     except msgspec.DecodeError as error:
         raise RecordError(f"{name}: not a record: {error}") from error
-    return header, _ticks(file, name)
+    return header, _entries(messages, name)
 
 
-def replay(core: ControlCore, ticks: Iterator[Tick]) -> tuple[int, Tick | None, WheelCommand]:
-    """Step `core` through recorded inputs until a command differs.
+def replay(make_core: Callable[[], ControlCore], entries: Iterable[Entry], name: str) -> Replayed:
+    """Step a core through recorded inputs until an output differs.
 
-    Returns
-    -------
-    The number of ticks that agreed, the first that differs (None: none did), and the last
-    command computed.
+    Parameters
+    ----------
+    make_core
+        Makes the core as it was before the first step.
+    entries
+        Of a record.
+    name
+        Of the record, for errors.
+
+    Raises
+    ------
+    RecordError
+        Where a checkpoint cannot be read, or the record has nothing to begin with.
     """
-    agreed, command = 0, WheelCommand()
-    for tick in ticks:
-        command = core.step(tick.inputs, tick.now_ns).command
-        if command != tick.command:
-            return agreed, tick, command
+    encode = msgspec.msgpack.Encoder().encode
+    core: ControlCore | None = None
+    ticks = agreed = gaps = 0
+    for entry in entries:
+        if isinstance(entry, Checkpoint):
+            if core is None or entry.ticks != ticks:
+                gaps += core is not None
+                core = _core_of(entry, make_core, name)
+                ticks = entry.ticks
+            continue
+        if core is None:
+            raise RecordError(f"{name}: it begins without a checkpoint")
+        ticks += 1
+        try:
+            outputs = core.step(entry.inputs, entry.now_ns)
+        except AttributeError as error:
+            raise RecordError(f"{name}: its checkpoint is of another robotctl: {error}") from error
+        # Encoded, nan equals nan and 0.0 differs from -0.0, as it should.
+        if encode(outputs) != encode(entry.outputs):
+            return Replayed(agreed, gaps, Difference(ticks, entry, outputs))
         agreed += 1
-    return agreed, None, command
+    return Replayed(agreed, gaps, None)
 
 
-def _framed(payload: bytes) -> bytes:
+def framed(payload: bytes) -> bytes:
     """Put the length in front."""
-    return _LENGTH.pack(len(payload)) + payload
+    return LENGTH.pack(len(payload)) + payload
 
 
-def _messages(file: BinaryIO) -> Iterator[bytes]:
+def _core_of(entry: Checkpoint, make_core: Callable[[], ControlCore], name: str) -> ControlCore:
+    """Return the core at a checkpoint."""
+    if entry.ticks == 0:
+        return make_core()
+    if not entry.core:
+        raise RecordError(f"{name}: after tick {entry.ticks} the core's state was not recorded")
+    try:
+        return restored(entry.core)
+    except CheckpointError as error:
+        raise RecordError(f"{name}: after tick {entry.ticks}: {error}") from error
+
+
+def _messages(file: BinaryIO, name: str) -> Iterator[bytes]:
     """Yield whole messages; a torn tail ends the record."""
-    while len(prefix := file.read(_LENGTH.size)) == _LENGTH.size:
-        (length,) = _LENGTH.unpack(prefix)
-        if length > _MAX_LENGTH:
-            return
+    place = 0
+    while len(prefix := file.read(LENGTH.size)) == LENGTH.size:
+        (length,) = LENGTH.unpack(prefix)
+        if not 0 < length <= _MAX_LENGTH:
+            raise RecordError(
+                f"{name}: not a record, or damaged at byte {place}: a message of {length} bytes"
+            )
         payload = file.read(length)
         if len(payload) < length:
             return
         yield payload
+        place += LENGTH.size + length
 
 
-def _ticks(file: BinaryIO, name: str) -> Iterator[Tick]:
+def _entries(messages: Iterator[bytes], name: str) -> Iterator[Entry]:
     """Decode the messages after the header."""
-    decoder = msgspec.msgpack.Decoder(Tick)
-    for index, payload in enumerate(_messages(file)):
+    decoder = msgspec.msgpack.Decoder[Entry](Entry)
+    for index, payload in enumerate(messages):
         try:
             yield decoder.decode(payload)
         except msgspec.DecodeError as error:
-            raise RecordError(f"{name}: tick {index} is damaged: {error}") from error
+            raise RecordError(f"{name}: message {index + 1} is damaged: {error}") from error

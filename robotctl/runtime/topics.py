@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import select
 import tempfile
+import zlib
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -21,6 +22,7 @@ from robotctl.errors import LinkError
 T = TypeVar("T")
 
 _QUEUE = 256
+_MEMORY = Path("/dev/shm")  # noqa: S108 - a private directory in it
 
 
 def endpoint_directory(instance: str) -> Path:
@@ -34,17 +36,32 @@ def endpoint_directory(instance: str) -> Path:
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     base = Path(runtime) if runtime else Path(tempfile.gettempdir())
     parent = base / ("robotctl" if runtime else f"robotctl-{os.getuid()}")
-    directory = parent / instance
+    return _private(_private(parent) / instance)
+
+
+def ring_path(instance: str) -> Path:
+    """Return where the flight ring of a robot is: in memory, in a private directory.
+
+    One ring belongs to one `endpoint_directory`, whose path is part of its name.
+
+    Raises
+    ------
+    LinkError
+        As `endpoint_directory`.
+    """
+    key = zlib.crc32(bytes(endpoint_directory(instance)))
+    return _private(_MEMORY / f"robotctl-{os.getuid()}") / f"{instance}-{key:08x}.ring"
+
+
+def _private(directory: Path) -> Path:
+    """Make a directory that only this user can enter."""
     try:
-        for path in (parent, directory):
-            path.mkdir(mode=0o700, exist_ok=True)
-            status = path.lstat()
-            if status.st_uid != os.getuid() or status.st_mode & 0o077:
-                raise LinkError(
-                    f"{path}: must belong to user {os.getuid()} and be closed to others"
-                )
+        directory.mkdir(mode=0o700, exist_ok=True)
+        status = directory.lstat()
     except OSError as error:
         raise LinkError(f"{directory}: cannot be made: {error.strerror}") from error
+    if status.st_uid != os.getuid() or status.st_mode & 0o077:
+        raise LinkError(f"{directory}: must belong to user {os.getuid()} and be closed to others")
     return directory
 
 
@@ -60,7 +77,6 @@ class Endpoints:
     def __init__(self, directory: Path) -> None:
         self.control_state = f"ipc://{directory}/control.state"
         self.control_requests = f"ipc://{directory}/control.requests"
-        self.control_record = f"ipc://{directory}/control.record"
         self.navigation_state = f"ipc://{directory}/navigation.state"
         self.navigation_requests = f"ipc://{directory}/navigation.requests"
         self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
@@ -173,54 +189,6 @@ class RequestSender:
         except zmq.Again:
             return False
         return True
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
-
-
-class StreamSender:
-    """Sends bytes to one reader that may start a little later; drops and counts when it lags.
-
-    Unlike a publisher it loses nothing before the reader is there.
-    """
-
-    def __init__(self, context: zmq.Context[Any], address: str) -> None:
-        self.dropped = 0
-        self._socket = _socket(context, zmq.PUSH)
-        _bind(self._socket, address)
-        self._waiting: list[bytes] = []
-
-    def send(self, data: bytes) -> None:
-        """Send one message without waiting."""
-        self._waiting.append(data)
-        try:
-            while self._waiting:
-                self._socket.send(self._waiting[0], zmq.NOBLOCK)
-                self._waiting.pop(0)
-        except zmq.Again:
-            if len(self._waiting) > _QUEUE:
-                self._waiting.pop()
-                self.dropped += 1
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
-
-
-class StreamReceiver:
-    """Reads what a `StreamSender` sends."""
-
-    def __init__(self, context: zmq.Context[Any], address: str) -> None:
-        self._socket = _socket(context, zmq.PULL)
-        self._socket.connect(address)
-
-    def receive(self) -> list[bytes]:
-        """Return all waiting messages, oldest first, without waiting."""
-        messages = []
-        while _readable(self._socket):
-            messages.append(self._socket.recv(zmq.NOBLOCK))
-        return messages
 
     def close(self) -> None:
         """Close the socket."""

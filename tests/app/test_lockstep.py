@@ -51,8 +51,8 @@ def test_the_same_seed_gives_the_same_report_and_logs_to_the_byte(tmp_path: Path
 
 def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path: Path) -> None:
     drive("tricycle", max_seconds=10, record=tmp_path, overrides=("control.drive.kp=0.3",))
-    replayed = replay_file(tmp_path / "control.rec")
-    assert replayed.different is None
+    replayed = replay_file(tmp_path / "control-0001.rec").result
+    assert replayed.difference is None
     assert replayed.agreed == 2000
 
 

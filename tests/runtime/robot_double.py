@@ -62,7 +62,7 @@ class RobotDouble:
         self.mute_wheels = False
         self.mute_status = False
         self.bus_stop = None
-        self.record: list[tuple[int, Inputs, WheelCommand]] = []
+        self.record: list[tuple[int, Inputs, Outputs]] = []
         self.outputs = Outputs(WheelCommand())
 
     @property
@@ -75,7 +75,7 @@ class RobotDouble:
         self._move()
         inputs = Inputs(self._feedback(), requests)
         self.outputs = self.core.step(inputs, self.now_ns)
-        self.record.append((self.now_ns, inputs, self.outputs.command))
+        self.record.append((self.now_ns, inputs, self.outputs))
         if self.outputs.clear_faults and self.motor_state not in (DriveState.BOOT,):
             self.motor_state = DriveState.READY
         if self.motor_state in (DriveState.READY, DriveState.ENABLED):

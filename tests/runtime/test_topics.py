@@ -23,8 +23,6 @@ from robotctl.runtime.topics import (
     Publisher,
     RequestReceiver,
     RequestSender,
-    StreamReceiver,
-    StreamSender,
     Subscriber,
     endpoint_directory,
 )
@@ -146,25 +144,6 @@ def test_a_listener_hears_a_publisher_that_starts_later_and_again(
         until(heard)
         assert got[-1].text == text
         publisher.close()
-
-
-def test_a_stream_loses_nothing_before_its_reader_is_there(
-    context: zmq.Context, endpoints: Endpoints
-) -> None:
-    sender = StreamSender(context, endpoints.control_record)
-    for index in range(20):
-        sender.send(b"%d" % index)
-    reader = StreamReceiver(context, endpoints.control_record)
-    got: list[bytes] = []
-
-    def all_read() -> bool:
-        sender.send(b"")
-        got.extend(part for part in reader.receive() if part)
-        return len(got) == 20
-
-    until(all_read)
-    assert got == [b"%d" % index for index in range(20)]
-    assert sender.dropped == 0
 
 
 def test_a_directory_open_to_others_is_refused(

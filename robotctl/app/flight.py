@@ -1,0 +1,155 @@
+"""What the recorder process does with the flight ring: continuous records, and dumps on faults."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from robotctl.app.log_folder import LogFolder
+from robotctl.runtime.flight_ring import Part, RingReader, crashed, dump
+from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.recorder import RecordError
+from robotctl.runtime.safety import LATCHED
+
+AFTERMATH_NS: Final = 1_000_000_000
+"""A dump waits so long after the fault, to show what came of it [ns]."""
+
+MOST_DUMPS: Final = 20
+"""Older dumps are removed."""
+
+
+class RecordCopy:
+    """Copies the ring, while it is written, into records `control-0001.rec` and so on.
+
+    A copy begins with the oldest segment that is there, so a recorder that starts again repeats
+    some ticks and loses none.
+
+    Parameters
+    ----------
+    ring
+        The ring's file, which may come, go and be replaced.
+    folder
+        Where the records go.
+    """
+
+    def __init__(self, ring: Path, folder: LogFolder) -> None:
+        self._ring = ring
+        self._folder = folder
+        self._reader: RingReader | None = None
+        self._last: Part | None = None
+        self._file: BinaryIO | None = None
+
+    def step(self) -> None:
+        """Copy what is new.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses; after `close` it can be tried again, and nothing is lost meanwhile
+            but what the ring overwrites.
+        """
+        if self._reader is None:
+            try:
+                self._reader = RingReader(self._ring)
+            except RecordError:
+                return
+        ended = self._reader.replaced()
+        for part in self._reader.read(self._last):
+            file = self._file
+            if file is None or (part.begins_segment and file.tell() > self._folder.file_bytes):
+                file = self._begin(self._reader.header)
+            file.write(part.data)
+            self._last = part
+        if self._file is not None:
+            self._file.flush()
+        if ended:
+            self.close()
+
+    def _begin(self, header: bytes) -> BinaryIO:
+        """Begin the next file."""
+        if self._file is not None:
+            self._file.close()
+        self._file = self._folder.new("control", "rec").open("wb")
+        self._file.write(header)
+        return self._file
+
+    def close(self) -> None:
+        """Let go of ring and file."""
+        if self._reader is not None:
+            self._reader.close()
+        if self._file is not None:
+            self._file.close()
+        self._reader, self._last, self._file = None, None, None
+
+
+class FlightDumps:
+    """Writes the ring to a file when something went wrong.
+
+    `fault-TIME.rec` follows a fault or an emergency stop, `crash-TIME.rec` a control process that
+    did not end in order.
+
+    Parameters
+    ----------
+    ring
+        The ring's file.
+    directory
+        Where to; made where it is missing.
+    """
+
+    def __init__(self, ring: Path, directory: Path) -> None:
+        self._ring = ring
+        self._directory = directory
+        self._latched = False
+        self._due_ns: int | None = None
+
+    def step(
+        self, messages: Sequence[ControlState | NavigationState | Notice], now_ns: int
+    ) -> tuple[str, ...]:
+        """Take in what was published; return a sentence for each dump or its failure."""
+        for message in messages:
+            if isinstance(message, ControlState):
+                latched = message.state in LATCHED
+                if latched and not self._latched and self._due_ns is None:
+                    self._due_ns = now_ns + AFTERMATH_NS
+                self._latched = latched
+        notes = self._dump_crash()
+        if self._due_ns is not None and now_ns >= self._due_ns:
+            self._due_ns = None
+            notes += self._dump(self._ring, "fault")
+        return notes
+
+    def close(self) -> tuple[str, ...]:
+        """Write what is still due."""
+        notes = self._dump_crash()
+        if self._due_ns is not None:
+            self._due_ns = None
+            notes += self._dump(self._ring, "fault")
+        return notes
+
+    def _dump_crash(self) -> tuple[str, ...]:
+        """Write the ring of a control process that did not end in order, and remove it."""
+        left = crashed(self._ring)
+        if not left.exists():
+            return ()
+        notes = self._dump(left, "crash")
+        left.unlink(missing_ok=True)
+        return notes
+
+    def _dump(self, ring: Path, kind: str) -> tuple[str, ...]:
+        """Write a ring and remove the oldest dumps."""
+        now = dt.datetime.now(dt.UTC)
+        target = self._directory / f"{kind}-{now:%Y%m%dT%H%M%S}.{now.microsecond // 1000:03d}Z.rec"
+        try:
+            self._directory.mkdir(parents=True, exist_ok=True)
+            dump(ring, target)
+            dumps = sorted(
+                (*self._directory.glob("fault-*.rec"), *self._directory.glob("crash-*.rec")),
+                key=lambda path: path.stat().st_mtime_ns,
+            )
+            for old in dumps[:-MOST_DUMPS]:
+                old.unlink(missing_ok=True)
+        except (OSError, RecordError) as error:
+            return (f"{target}: the flight recorder is not written: {error}",)
+        return (f"flight recorder written to {target}",)

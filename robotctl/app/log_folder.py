@@ -1,0 +1,94 @@
+"""A folder of logs, bounded in size: files of one kind are numbered, the oldest go first."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from robotctl.errors import RobotctlError
+
+_LOG: Final = re.compile(r"(control|can|robot)-(\d{4,})\.(rec|log|mcap)")
+
+
+class LogError(RobotctlError):
+    """A log cannot be written or read."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogConfig:
+    """How much is logged, where logging is asked for.
+
+    Parameters
+    ----------
+    file_mb
+        A file that has become larger is followed by a new one [MB].
+    total_mb
+        The oldest files are removed while all logs of the folder are larger together [MB].
+    """
+
+    file_mb: float = 64.0
+    total_mb: float = 2000.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 < self.file_mb <= 4000.0:
+            raise ValueError(f"file_mb must be above 0 and at most 4000, not {self.file_mb}")
+        if not self.total_mb >= 10.0 * self.file_mb:
+            raise ValueError(
+                f"total_mb must be at least ten times file_mb ({10 * self.file_mb:g}), "
+                f"not {self.total_mb}"
+            )
+
+
+class LogFolder:
+    """Names new log files and removes old ones.
+
+    Parameters
+    ----------
+    directory
+        Made where it is missing.
+    config
+        Bounds.
+
+    Raises
+    ------
+    LogError
+        If the directory cannot be made.
+    """
+
+    def __init__(self, directory: Path, config: LogConfig) -> None:
+        self.directory = directory
+        self.file_bytes = round(config.file_mb * 1e6)
+        self._total_bytes = round(config.total_mb * 1e6)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
+
+    def new(self, kind: str, suffix: str) -> Path:
+        """Return the path of a new file, such as `control-0002.rec`; make room first."""
+        self.trim()
+        numbers = [
+            int(match[2])
+            for path in self.directory.iterdir()
+            if (match := _LOG.fullmatch(path.name)) and match[1] == kind
+        ]
+        return self.directory / f"{kind}-{max(numbers, default=0) + 1:04d}.{suffix}"
+
+    def trim(self, keep: Collection[Path] = ()) -> None:
+        """Remove the oldest logs, but those in `keep`, until the rest is within the bound."""
+        files = []
+        for path in self.directory.iterdir():
+            if _LOG.fullmatch(path.name):
+                status = path.stat()
+                files.append((status.st_mtime_ns, path.name, path, status.st_size))
+        total = sum(size for *_, size in files)
+        for *_, path, size in sorted(files):
+            if total <= self._total_bytes:
+                return
+            if path not in keep:
+                path.unlink(missing_ok=True)
+                total -= size

@@ -1,0 +1,260 @@
+"""The flight recorder's files: dumps after faults and crashes, continuous records, bounds."""
+
+import functools
+import os
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from robotctl.app import flight
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.flight import AFTERMATH_NS, MOST_DUMPS, FlightDumps, RecordCopy
+from robotctl.app.log_folder import LogConfig, LogFolder
+from robotctl.app.options import StackOptions
+from robotctl.app.recorder import Recording, written
+from robotctl.app.replay import differences, replay_file
+from robotctl.app.robot import make_core, record_header
+from robotctl.cli.main import app
+from robotctl.runtime.checkpoint import checkpoint
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.core import ControlCore, Inputs
+from robotctl.runtime.flight_ring import FlightRing, crashed
+from robotctl.runtime.messages import (
+    ControlState,
+    Feedback,
+    LoopStatistics,
+    SafetyState,
+    WheelFeedback,
+)
+from robotctl.runtime.topics import ring_path
+
+OPTIONS = StackOptions("robot", str(find_file("diff_drive").resolve()))
+CONFIG = load_robot(find_file("diff_drive"))
+STATE = make_core(CONFIG, OPTIONS).snapshot(0, LoopStatistics())
+SMALL = 4, 1 << 16
+
+
+class Loop:
+    """A control loop that writes a ring."""
+
+    def __init__(self, path: Path) -> None:
+        self.core: ControlCore = make_core(CONFIG, OPTIONS)
+        self.ring = FlightRing(
+            path,
+            record_header(CONFIG, OPTIONS),
+            functools.partial(checkpoint, self.core),
+            *SMALL,
+        )
+        self.now_ns = 0
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            self.now_ns += CONFIG.runtime.period_ns
+            turns = self.now_ns // 1000
+            wheels = WheelFeedback(self.now_ns, turns & 0xFFFFF, turns // 50 & 0xFFFF, 7)
+            inputs = Inputs(Feedback(wheels=wheels))
+            self.ring.record(self.now_ns, inputs, self.core.step(inputs, self.now_ns), 0, 0)
+
+
+@pytest.fixture
+def loop(tmp_path: Path) -> Loop:
+    return Loop(tmp_path / "a.ring")
+
+
+def state(state: SafetyState) -> ControlState:
+    return msgspec.structs.replace(STATE, state=state)
+
+
+@pytest.mark.parametrize("stop", [SafetyState.FAULT, SafetyState.EMERGENCY_STOP])
+def test_a_stop_is_dumped_once_with_what_came_of_it(
+    tmp_path: Path, loop: Loop, stop: SafetyState
+) -> None:
+    dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    loop.ticks(100)
+    assert dumps.step([state(SafetyState.DRIVING)], 0) == ()
+    assert dumps.step([state(stop), state(stop)], 10) == ()
+    loop.ticks(200)
+    assert dumps.step([state(stop)], AFTERMATH_NS) == ()
+    (note,) = dumps.step([state(stop)], AFTERMATH_NS + 10)
+    (file,) = (tmp_path / "flights").iterdir()
+    assert str(file) in note
+    assert file.name.startswith("fault-")
+    assert replay_file(file).result.agreed == 300
+    assert dumps.step([state(stop)], 10 * AFTERMATH_NS) == ()
+    dumps.step([state(SafetyState.STANDBY), state(stop)], 11 * AFTERMATH_NS)
+    (note,) = dumps.close()
+    assert len(list((tmp_path / "flights").iterdir())) == 2
+
+
+def test_a_crash_is_dumped_by_whoever_comes_next(tmp_path: Path, loop: Loop) -> None:
+    loop.ticks(1000)
+    second = Loop(tmp_path / "a.ring")
+    second.ticks(3)
+    dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    (note,) = dumps.step([], 0)
+    (file,) = (tmp_path / "flights").iterdir()
+    assert file.name.startswith("crash-")
+    assert str(file) in note
+    result = replay_file(file).result
+    assert result.difference is None
+    assert result.agreed > 300
+    assert not crashed(tmp_path / "a.ring").exists()
+    assert dumps.step([], 0) == ()
+
+
+def test_the_oldest_dumps_go(tmp_path: Path, loop: Loop, monkeypatch: pytest.MonkeyPatch) -> None:
+    flights = tmp_path / "flights"
+    flights.mkdir()
+    for number in range(MOST_DUMPS + 5):
+        old = flights / f"fault-{number:02d}.rec"
+        old.write_bytes(b"")
+        os.utime(old, (number, number))
+    (flights / "mine.rec").write_bytes(b"")
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    dumps.step([state(SafetyState.FAULT)], 0)
+    dumps.close()
+    left = sorted(path.name for path in flights.iterdir())
+    assert len(left) == MOST_DUMPS + 1
+    assert "mine.rec" in left
+    assert "fault-05.rec" not in left
+    assert "fault-06.rec" in left
+
+
+def test_a_dump_that_cannot_be_written_is_said(tmp_path: Path, loop: Loop) -> None:
+    (tmp_path / "flights").write_text("in the way")
+    dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    dumps.step([state(SafetyState.FAULT)], 0)
+    (note,) = dumps.close()
+    assert "the flight recorder is not written" in note
+
+
+def test_the_continuous_record_holds_every_tick_over_files_and_lives(tmp_path: Path) -> None:
+    logs = tmp_path / "logs"
+    copy = RecordCopy(tmp_path / "a.ring", LogFolder(logs, LogConfig(0.1, 10.0)))
+    copy.step()
+    loop = Loop(tmp_path / "a.ring")
+    for _ in range(40):
+        loop.ticks(50)
+        copy.step()
+    loop.ticks(20)
+    loop.ring.close()
+    copy.step()
+    again = Loop(tmp_path / "a.ring")
+    again.ticks(30)
+    copy.step()
+    copy.close()
+    files = sorted(logs.iterdir())
+    assert [file.name for file in files] == [
+        f"control-{number:04d}.rec" for number in range(1, len(files) + 1)
+    ]
+    assert len(files) > 3
+    results = [replay_file(file).result for file in files]
+    assert all(result.difference is None and result.gaps == 0 for result in results)
+    assert sum(result.agreed for result in results) == 40 * 50 + 20 + 30
+    assert results[-1].agreed == 30
+    assert all(file.stat().st_size < 0.1e6 + SMALL[1] for file in files)
+
+
+def test_a_disk_that_refuses_the_log_is_said_once_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    options = msgspec.structs.replace(OPTIONS, record=str(tmp_path / "logs"))
+    recording = Recording(CONFIG, options)
+    loop = Loop(ring_path("robot"))
+    loop.ticks(10)
+    logs = tmp_path / "logs"
+    logs.rmdir()
+    notes = [recording.step([], second * 1_000_000_000) for second in range(25)]
+    assert [second for second, said in enumerate(notes) if said] == [0]
+    assert "logging stopped: [Errno 2] No such file" in notes[0][0]
+    logs.mkdir()
+    loop.ticks(10)
+    recording.step([], 40_000_000_000)
+    loop.ring.close()
+    recording.finish(list, RealClock())
+    assert replay_file(logs / "control-0001.rec").result.agreed == 20
+
+
+def test_a_recorder_that_ends_leaves_no_ring_of_a_dead_process_and_every_ring_of_a_live_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("robotctl.app.recorder._END_NS", 0)
+    path = ring_path("robot")
+    options = msgspec.structs.replace(OPTIONS, flights=str(tmp_path / "flights"))
+    Loop(path).ticks(50)
+    Recording(CONFIG, options).finish(list, RealClock())
+    assert not path.exists()
+    assert not crashed(path).exists()
+    (file,) = (tmp_path / "flights").iterdir()
+    assert file.name.startswith("crash-")
+
+    live = Loop(path)
+
+    class Ticking(RealClock):
+        def sleep_until(self, deadline_ns: int) -> None:
+            live.ticks(1)
+
+    assert written(path, Ticking())
+    Recording(CONFIG, options).finish(list, Ticking())
+    assert path.exists()
+    live.ring.close()
+
+
+def test_the_folder_is_bounded_and_only_logs_are_removed(tmp_path: Path) -> None:
+    folder = LogFolder(tmp_path, LogConfig(0.1, 1.0))
+    (tmp_path / "notes.txt").write_bytes(bytes(10**6))
+    for number in range(30):
+        path = folder.new("control", "rec")
+        path.write_bytes(bytes(100_000))
+        os.utime(path, (number, number))
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [*(f"control-{number:04d}.rec" for number in range(20, 31)), "notes.txt"]
+
+
+def test_a_record_is_dumped_on_request_and_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    loop = Loop(ring_path("robot"))
+    loop.ticks(77)
+    target = tmp_path / "wanted.rec"
+    done = CliRunner().invoke(app, ["record", "dump", str(target), "--instance", "robot"])
+    assert done.exit_code == 0, done.output
+    shown = CliRunner().invoke(app, ["replay", str(target)])
+    assert shown.exit_code == 0
+    assert "77 ticks, all outputs the same bit for bit" in shown.output
+    loop.ring.close()
+
+
+def test_a_replay_that_differs_shows_tick_and_both_values(tmp_path: Path, loop: Loop) -> None:
+    loop.ticks(40)
+    core = loop.core
+    inputs = Inputs(Feedback())
+    outputs = core.step(inputs, loop.now_ns + 5_000_000)
+    command = msgspec.structs.replace(outputs.command, steering_rad=0.25)
+    bent = msgspec.structs.replace(outputs, command=command)
+    loop.ring.record(loop.now_ns + 5_000_000, inputs, bent, 0, 0)
+    copy = RecordCopy(tmp_path / "a.ring", LogFolder(tmp_path, LogConfig()))
+    copy.step()
+    copy.close()
+    file = tmp_path / "control-0001.rec"
+    difference = replay_file(file).result.difference
+    assert difference is not None
+    assert differences(difference) == [("command.steering_rad", "0.25", "0.0")]
+    shown = CliRunner().invoke(app, ["replay", str(file)])
+    assert shown.exit_code == 1
+    assert "40 ticks agree" in shown.output
+    assert "tick 41 of the run, at 205000000 ns, differs" in shown.output
+    assert "command.steering_rad: recorded 0.25, computed 0.0" in shown.output
+
+
+def test_dumps_are_named_by_wall_time_in_utc(tmp_path: Path, loop: Loop) -> None:
+    dumps = flight.FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    dumps.step([state(SafetyState.FAULT)], 0)
+    dumps.close()
+    (file,) = (tmp_path / "flights").iterdir()
+    assert file.match("fault-20[0-9][0-9][01][0-9][0-3][0-9]T[0-9]*Z.rec")

@@ -1,0 +1,225 @@
+"""The flight ring: what is in it after it went round, after SIGKILL, and while it is written."""
+
+import functools
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robotctl.errors import LinkError
+from robotctl.runtime.checkpoint import checkpoint
+from robotctl.runtime.core import ControlCore
+from robotctl.runtime.flight_ring import FlightRing, RingReader, crashed, dump
+from robotctl.runtime.recorder import (
+    Checkpoint,
+    RecordError,
+    RecordHeader,
+    Tick,
+    read_record,
+    replay,
+)
+from tests.runtime.robot_double import RobotDouble, make_core
+
+HEADER = RecordHeader("0", "{}", 1.0, 2.0, 0.0)
+SMALL = 4, 1 << 16
+
+
+def make_ring(path: Path, core: ControlCore) -> FlightRing:
+    return FlightRing(path, HEADER, functools.partial(checkpoint, core), *SMALL)
+
+
+def drive(robot: RobotDouble, ring: FlightRing, ticks: int) -> None:
+    for step in range(ticks):
+        robot.tick(robot.velocity(0.4, 0.3 if step % 100 < 50 else -0.3))
+        ring.record(*robot.record[-1], 1000, 2000)
+
+
+def entries_of(path: Path) -> list[Checkpoint | Tick]:
+    with path.open("rb") as file:
+        _, entries = read_record(file, str(path))
+        return list(entries)
+
+
+@pytest.mark.parametrize("ticks", [5, 100, 3000])
+def test_a_dump_replays_bit_for_bit_whether_or_not_the_ring_went_round(
+    tmp_path: Path, ticks: int
+) -> None:
+    robot = RobotDouble()
+    ring = make_ring(tmp_path / "a.ring", robot.core)
+    drive(robot, ring, 3)
+    robot.arm()
+    ring.record(*robot.record[-1], 0, 0)
+    drive(robot, ring, ticks)
+    dump(tmp_path / "a.ring", tmp_path / "a.rec")
+    entries = entries_of(tmp_path / "a.rec")
+    kept = [entry for entry in entries if isinstance(entry, Tick)]
+    assert [tick.now_ns for tick in kept] == [each[0] for each in robot.record[-len(kept) :]]
+    assert kept[-1].lag_ns == 1000
+    result = replay(make_core, entries, "a.rec")
+    assert (result.agreed, result.gaps, result.difference) == (len(kept), 0, None)
+    first = entries[0]
+    assert isinstance(first, Checkpoint)
+    assert first.ticks == len(robot.record) - len(kept)
+    if ticks == 3000:
+        assert first.ticks > 0, "the ring did not go round"
+        room = (SMALL[0] - 1) * (SMALL[1] - (1 << 15) - 8000)
+        assert len(kept) * 210 > room
+    ring.close()
+
+
+def test_altering_one_byte_of_a_dump_shows_the_tick(tmp_path: Path) -> None:
+    robot = RobotDouble().armed()
+    ring = make_ring(tmp_path / "a.ring", robot.core)
+    ring._ticks = len(robot.record)
+    ring._begin_segment()
+    drive(robot, ring, 2000)
+    dump(tmp_path / "a.ring", tmp_path / "a.rec")
+    data = bytearray((tmp_path / "a.rec").read_bytes())
+    victim = robot.record[-100]
+    place = data.index(msgspec.msgpack.encode(victim[0]))
+    count = msgspec.msgpack.encode(victim[1].feedback.wheels.count1)
+    data[data.index(count, place) + len(count) - 1] ^= 1 << 4
+    _, entries = read_record(io.BytesIO(data), "a.rec")
+    difference = replay(make_core, entries, "a.rec").difference
+    assert difference is not None
+    assert 0 <= difference.tick.now_ns - victim[0] <= 10_000_000
+    assert difference.tick.outputs.command != difference.outputs.command
+    ring.close()
+
+
+def test_a_follower_gets_every_message_once(tmp_path: Path) -> None:
+    robot = RobotDouble()
+    ring = make_ring(tmp_path / "a.ring", robot.core)
+    reader = RingReader(tmp_path / "a.ring")
+    data, last = reader.header, None
+    for step in range(60):
+        drive(robot, ring, 1 + step % 37)
+        for part in reader.read(last):
+            data, last = data + part.data, part
+    assert reader.read(last) == []
+    _, entries = read_record(io.BytesIO(data), "x")
+    listed = list(entries)
+    assert [each.now_ns for each in listed if isinstance(each, Tick)] == [
+        each[0] for each in robot.record
+    ]
+    assert sum(isinstance(each, Checkpoint) for each in listed) > SMALL[0]
+    assert not reader.replaced()
+    ring.close()
+    assert reader.replaced()
+    reader.close()
+
+
+def test_a_follower_that_lags_behind_the_ring_gets_a_gap_that_replays(tmp_path: Path) -> None:
+    robot = RobotDouble()
+    ring = make_ring(tmp_path / "a.ring", robot.core)
+    reader = RingReader(tmp_path / "a.ring")
+    drive(robot, ring, 50)
+    parts = reader.read()
+    drive(robot, ring, 3000)
+    parts += reader.read(parts[-1])
+    data = reader.header + b"".join(part.data for part in parts)
+    _, entries = read_record(io.BytesIO(data), "x")
+    result = replay(make_core, entries, "x")
+    assert result.gaps == 1
+    assert result.difference is None
+    assert 50 < result.agreed < 3050
+    reader.close()
+    ring.close()
+
+
+def test_a_tick_that_no_segment_holds_is_a_gap_and_no_crash(tmp_path: Path) -> None:
+    robot = RobotDouble()
+    ring = make_ring(tmp_path / "a.ring", robot.core)
+    drive(robot, ring, 10)
+    robot.tick(*[robot.velocity(0.1, 0.0)] * 3000)
+    ring.record(*robot.record[-1], 0, 0)
+    drive(robot, ring, 10)
+    dump(tmp_path / "a.ring", tmp_path / "a.rec")
+    result = replay(make_core, entries_of(tmp_path / "a.rec"), "a.rec")
+    assert (result.agreed, result.gaps, result.difference) == (20, 1, None)
+    ring.close()
+
+
+def test_a_state_that_cannot_be_saved_stops_neither_the_loop_nor_the_record(
+    tmp_path: Path,
+) -> None:
+    robot = RobotDouble()
+
+    def unsaved() -> bytes:
+        raise TypeError("cannot pickle 'generator' object")
+
+    ring = FlightRing(tmp_path / "a.ring", HEADER, unsaved, *SMALL)
+    drive(robot, ring, 200)
+    dump(tmp_path / "a.ring", tmp_path / "a.rec")
+    assert replay(make_core, entries_of(tmp_path / "a.rec"), "a.rec").agreed == 200
+    ring.close()
+
+
+KILLED = """
+import functools, os, sys, time
+sys.path.insert(0, sys.argv[2])
+from pathlib import Path
+from tests.runtime.robot_double import RobotDouble
+from tests.runtime.test_flight_ring import drive, make_ring
+robot = RobotDouble()
+ring = make_ring(Path(sys.argv[1]), robot.core)
+drive(robot, ring, 3)
+robot.arm()
+ring.record(*robot.record[-1], 0, 0)
+while True:
+    drive(robot, ring, 1)
+    if len(robot.record) == 1000:
+        print("on its way", flush=True)
+"""
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.0313, 0.0701])
+def test_the_ring_of_a_killed_process_replays_to_its_last_tick(
+    tmp_path: Path, delay_s: float
+) -> None:
+    path = tmp_path / "a.ring"
+    child = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(path), str(Path(__file__).parents[2])],
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+    )
+    with child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"on its way\n"
+        end_s = time.monotonic() + delay_s
+        while time.monotonic() < end_s:
+            dump(path, tmp_path / "live.rec")
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    dump(path, tmp_path / "a.rec")
+    result = replay(make_core, entries_of(tmp_path / "a.rec"), "a.rec")
+    assert (result.gaps, result.difference) == (0, None)
+    assert result.agreed > 300
+    if delay_s:
+        live = replay(make_core, entries_of(tmp_path / "live.rec"), "live.rec")
+        assert live.difference is None
+    ring = make_ring(path, make_core())
+    dump(crashed(path), tmp_path / "b.rec")
+    assert (tmp_path / "b.rec").read_bytes() == (tmp_path / "a.rec").read_bytes()
+    ring.close()
+    assert not path.exists()
+
+
+def test_what_is_no_ring_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="cannot be read: No such file"):
+        RingReader(tmp_path / "none")
+    for content in (b"", b"x" * 10_000):
+        (tmp_path / "text").write_bytes(content)
+        with pytest.raises(RecordError, match="not a flight ring"):
+            RingReader(tmp_path / "text")
+
+
+def test_a_ring_that_cannot_be_made_says_where(tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match=r"none/a\.ring: cannot be made: No such file"):
+        make_ring(tmp_path / "none" / "a.ring", make_core())
