@@ -55,9 +55,10 @@ def install(
             print(f"### {root / file.path}\n{file.text}")
         for problem in conflicts(files, root):
             print(f"### in the way: {problem}")
-        check_executable(executable)
+    for program in (executable, Path(sys.executable)):
+        check_executable(program)
+    if dry_run:
         return
-    check_executable(executable)
     for line in install_files(files, root):
         print(line)
     reloaded = _run(_RELOAD, root)

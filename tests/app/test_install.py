@@ -4,6 +4,7 @@ import configparser
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -275,6 +276,17 @@ def test_a_damaged_manifest_is_said(tmp_path: Path, files: list[ServiceFile]) ->
     for act in (lambda: install(files, tmp_path), lambda: uninstall(tmp_path)):
         with pytest.raises(ConfigError, match=r"installed\.json"):
             act()
+
+
+def test_a_dry_run_shows_every_file_and_writes_none(tmp_path: Path) -> None:
+    program = "from robotctl.cli.main import main; main()"
+    command = [sys.executable, "-c", program, "install", "--dry-run", "--root", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert list(tmp_path.iterdir()) == []
+    for file in service_files(find_file("diff_drive"), None, Path("/bin/true"), 4):
+        assert f"### {tmp_path / file.path}\n" in done.stdout
+    # An interpreter that the service could not start is shown last; elsewhere all is well.
+    assert done.returncode == 0 or "install robotctl into a folder" in done.stderr
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
