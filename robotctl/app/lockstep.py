@@ -19,6 +19,7 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.log_folder import LogFolder
+from robotctl.app.logs import StateLog
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
@@ -211,15 +212,20 @@ class LockstepRun:
         end_ns = round(self._options.max_seconds * 1e9)
         with ExitStack() as files:
             recorder = self._open_record(files, record) if record is not None else None
+            states = self._open_state_log(files, record) if record is not None else None
             requests: tuple[ControlRequest, ...] = ()
             while bench.clock.now_ns() < end_ns:
                 outputs = bench.tick(requests)
                 if recorder is not None:
                     recorder.record(bench.clock.now_ns(), bench.inputs, outputs)
+                if states is not None:
+                    states.step(outputs.notices, bench.clock.now_ns())
                 requests = ()
                 if bench.ticks % every == 0:
                     control = bench.snapshot()
                     navigation, requests = self._navigate(control)
+                    if states is not None:
+                        states.step((control, navigation), control.stamp_ns)
                     yield control, navigation
                     if is_over(control, navigation):
                         break
@@ -231,6 +237,12 @@ class LockstepRun:
         files.enter_context(LogWriter(self.bench.simulation.bus, directory / "can.log"))
         file = files.enter_context(folder.new("control", "rec").open("wb"))
         return Recorder(file.write, record_header(self.config, self._stack))
+
+    def _open_state_log(self, files: ExitStack, directory: Path) -> StateLog:
+        """Write the states in virtual time into `directory`."""
+        states = StateLog(LogFolder(directory, self.config.log), 0, self.config.robot.name)
+        files.callback(states.close)
+        return states
 
     def _navigate(
         self, control: ControlState

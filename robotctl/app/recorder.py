@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -14,6 +15,7 @@ import zmq
 from robotctl.app.config import RobotConfig
 from robotctl.app.flight import FlightDumps, RecordCopy
 from robotctl.app.log_folder import LogFolder
+from robotctl.app.logs import BusLog, StateLog, recover_all
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.signals import StopFlag
@@ -34,6 +36,8 @@ from robotctl.runtime.topics import (
 Message: TypeAlias = ControlState | NavigationState | Notice
 
 PERIOD_NS: Final = 100_000_000
+LISTEN_NS: Final = 20_000_000
+"""A bus at 1 kHz brings some hundred frames meanwhile, a third of what a socket keeps [ns]."""
 _RETRY_NS: Final = 10_000_000_000
 _END_NS: Final = 1_500_000_000
 """The control process, told to end at the same time, has ended by then [ns]."""
@@ -47,52 +51,55 @@ class Recording:
     ----------
     config, options
         Of the robot.
+
+    Raises
+    ------
+    LogError, StateError
+        If a directory cannot be made.
     """
 
     def __init__(self, config: RobotConfig, options: StackOptions) -> None:
         self._ring = ring = ring_path(options.instance)
         self._keeper: ProgressKeeper | None = None
         self._dumps: FlightDumps | None = None
-        self._copy: RecordCopy | None = None
-        self._retry_ns = 0
-        self._troubled = False
+        self._logs: Logs | None = None
+        self._notes: tuple[str, ...] = ()
         if options.state:
             saved, _ = load_progress(options)
             self._keeper = ProgressKeeper(progress_file(Path(options.state)), options, saved)
         if options.flights:
             self._dumps = FlightDumps(ring, Path(options.flights))
         if options.record:
-            self._copy = RecordCopy(ring, LogFolder(Path(options.record), config.log))
+            folder = LogFolder(Path(options.record), config.log)
+            self._notes = recover_all(folder)
+            self._logs = Logs(ring, folder, config)
+
+    @property
+    def period_ns(self) -> int:
+        """How often `listen` is to be called [ns]."""
+        return PERIOD_NS if self._logs is None else LISTEN_NS
+
+    def listen(self, now_ns: int) -> tuple[str, ...]:
+        """Empty what would overflow before the next `step`."""
+        return () if self._logs is None else self._logs.listen(now_ns)
 
     def step(self, messages: list[Message], now_ns: int) -> tuple[str, ...]:
         """Write what is to be written; return what people should know."""
-        notes: tuple[str, ...] = ()
+        notes, self._notes = self._notes, ()
         if self._keeper is not None:
             notes += self._keeper.step(messages, now_ns)
         if self._dumps is not None:
             notes += self._dumps.step(messages, now_ns)
-        if self._copy is not None and now_ns >= self._retry_ns:
-            notes += self._guarded(self._copy.step, now_ns)
+        if self._logs is not None:
+            notes += self._logs.step(messages, now_ns)
         return notes
-
-    def _guarded(self, write: Callable[[], None], now_ns: int) -> tuple[str, ...]:
-        """Log; where the disk refuses, say so once and try again later."""
-        try:
-            write()
-        except OSError as error:
-            news = () if self._troubled else (f"logging stopped: {error}",)
-            self._troubled = True
-            self._retry_ns = now_ns + _RETRY_NS
-            self._close_logs()
-            return news
-        self._troubled = False
-        return ()
 
     def finish(self, receive: Callable[[], list[Message]], clock: Clock) -> None:
         """Take in the end of the control process, which removes its ring; then close everything."""
         deadline_ns = clock.now_ns() + _END_NS
         while self._ring.exists() and clock.now_ns() < deadline_ns:
-            clock.sleep_until(clock.now_ns() + PERIOD_NS // 4)
+            clock.sleep_until(clock.now_ns() + LISTEN_NS)
+            self.listen(clock.now_ns())
             self.step(receive(), clock.now_ns())
         if self._ring.exists() and not written(self._ring, clock):
             self._ring.replace(crashed(self._ring))
@@ -103,15 +110,65 @@ class Recording:
             self._keeper.close()
         if self._dumps is not None:
             self._dumps.close()
-        self._close_logs()
+        if self._logs is not None:
+            self._logs.close()
 
-    def _close_logs(self) -> None:
-        """Close the logs; on a disk that refuses even that, what it has is what there is."""
-        if self._copy is not None:
-            try:
-                self._copy.close()
-            except OSError:
-                return
+
+class Logs:
+    """The logs of `--record`, on a disk that may refuse.
+
+    Parameters
+    ----------
+    ring
+        The flight ring.
+    folder
+        Where to.
+    config
+        Of the robot.
+    """
+
+    def __init__(self, ring: Path, folder: LogFolder, config: RobotConfig) -> None:
+        epoch_ns = time.time_ns() - time.monotonic_ns()
+        self._copy = RecordCopy(ring, folder)
+        self._states = StateLog(folder, epoch_ns, config.robot.name)
+        self._bus = BusLog(folder, config.can, epoch_ns)
+        self._retry_ns = 0
+        self._troubled = False
+
+    def listen(self, now_ns: int) -> tuple[str, ...]:
+        """Log the bus."""
+        if now_ns < self._retry_ns:
+            return ()
+        try:
+            return self._bus.step(now_ns)
+        except OSError as error:
+            return self._refused(error, now_ns)
+
+    def step(self, messages: list[Message], now_ns: int) -> tuple[str, ...]:
+        """Log states and ticks."""
+        if now_ns < self._retry_ns:
+            return ()
+        try:
+            self._copy.step()
+            self._states.step(messages, now_ns)
+        except OSError as error:
+            return self._refused(error, now_ns)
+        self._troubled = False
+        return ()
+
+    def _refused(self, error: OSError, now_ns: int) -> tuple[str, ...]:
+        """Say once that the disk refuses, and try again later."""
+        news = () if self._troubled else (f"logging stopped: {error}",)
+        self._troubled = True
+        self._retry_ns = now_ns + _RETRY_NS
+        self.close()
+        return news
+
+    def close(self) -> None:
+        """Close all files; on a disk that refuses even that, what it has is what there is."""
+        for log in (self._copy, self._states, self._bus):
+            with suppress(OSError):
+                log.close()
 
 
 def written(ring: Path, clock: Clock) -> bool:
@@ -138,12 +195,17 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         recording = Recording(config, options)
         stack.callback(recording.finish, messages.receive, clock)
         heartbeat = Heartbeat(os.environ)
+        due_ns = 0
         while not stopped():
             now_ns = clock.now_ns()
-            for note in recording.step(messages.receive(), now_ns):
+            notes = recording.listen(now_ns)
+            if now_ns >= due_ns:
+                due_ns = now_ns + PERIOD_NS
+                notes += recording.step(messages.receive(), now_ns)
+            for note in notes:
                 publisher.send(Notice(now_ns, _SEVERITY_WARNING, note))
             heartbeat.beat()
-            clock.sleep_until(now_ns + PERIOD_NS)
+            clock.sleep_until(now_ns + recording.period_ns)
 
 
 def main() -> int:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -158,7 +159,7 @@ class SimRun:
             record=str(options.record.resolve()) if options.record else "",
             flights=str(options.record.resolve()) if options.record else "",
             state=str(endpoint_directory(instance)),
-            run=instance,
+            run=uuid.uuid4().hex,
         )
         self.config: RobotConfig = self._stack_options.load()
         self._endpoints = Endpoints(endpoint_directory(self._stack_options.instance))

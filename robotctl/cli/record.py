@@ -16,11 +16,6 @@ from robotctl.runtime.topics import ring_path
 app = typer.Typer(help="The flight recorder and the logs.", no_args_is_help=True)
 
 
-@app.callback()
-def main() -> None:
-    """Keep `dump` a subcommand."""
-
-
 @app.command()
 def dump(
     file: Annotated[
@@ -41,6 +36,20 @@ def dump(
     except OSError as error:
         raise RecordError(f"{target}: cannot be written: {error.strerror}") from error
     print(f"{ring} written to {target}, {target.stat().st_size} bytes")
+
+
+@app.command()
+def recover(
+    file: Annotated[Path, typer.Argument(help="robot-*.mcap that was cut by a kill.")],
+) -> None:
+    """Complete an MCAP log that was not closed, in place; the recorder does so when it starts."""
+    from robotctl.telemetry.mcap_log import recover as recover_log  # noqa: PLC0415 - loads zstd
+
+    try:
+        count = recover_log(file)
+    except OSError as error:
+        raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
+    print(f"{file}: complete, {count} messages")
 
 
 def find_ring(instance: str) -> Path:

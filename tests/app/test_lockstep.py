@@ -1,10 +1,12 @@
 """Whole missions under the virtual clock."""
 
+import collections
 import hashlib
 from pathlib import Path
 
 import msgspec
 import pytest
+from mcap.reader import make_reader
 
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
@@ -54,6 +56,12 @@ def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path:
     replayed = replay_file(tmp_path / "control-0001.rec").result
     assert replayed.difference is None
     assert replayed.agreed == 2000
+    with (tmp_path / "robot-0001.mcap").open("rb") as file:
+        counts = collections.Counter(
+            channel.topic for _, channel, _ in make_reader(file).iter_messages()
+        )
+    assert (counts["control"], counts["navigation"]) == (200, 200)
+    assert counts["notice"] >= 2
 
 
 def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
