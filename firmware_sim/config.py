@@ -39,6 +39,14 @@ class CanSection:
 
 
 @dataclass(frozen=True, slots=True)
+class LimitsSection:
+    """The table `[limits]`, as far as the simulator's safety monitor is concerned."""
+
+    v_max_m_s: Annotated[float, Field(gt=0)] = 1.0
+    omega_max_rad_s: Annotated[float, Field(gt=0)] = 2.0
+
+
+@dataclass(frozen=True, slots=True)
 class RobotConfig:
     """One robot: geometry, sonars and physics."""
 
@@ -47,6 +55,7 @@ class RobotConfig:
     simulation: SimulationParameters
     sonar: Annotated[tuple[SonarMount, ...], Field(max_length=16)] = ()
     can: CanSection = CanSection()
+    limits: LimitsSection = LimitsSection()
 
 
 _ROBOT: TypeAdapter[RobotConfig] = TypeAdapter(RobotConfig)

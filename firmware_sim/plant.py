@@ -180,6 +180,13 @@ class Plant:
         """Hold the wheel of channel 1 or 2, or let it go: a fault, under which the motor stalls."""
         self._w[channel - 1]["blocked"] = float(blocked)
 
+    @property
+    def powered(self) -> bool:
+        """Whether a bridge drives its motor: the only source of torque but braking."""
+        return self._body_numbers[_BRIDGE] == float(Bridge.DRIVE) and (
+            self._wheel_numbers[0][_DUTY] != 0.0 or self._wheel_numbers[1][_DUTY] != 0.0
+        )
+
     def _count(self, k: int) -> int:
         if k >= self._motors:
             return 0

@@ -22,6 +22,8 @@ from firmware_sim.bus.port import Port
 from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.lidar import Lidar
+from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
+from firmware_sim.monitor import Allowed, Motion, SafetyMonitor
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.nodes.node import Node
@@ -108,6 +110,11 @@ class Simulation:
         self._ports: dict[str, Port] = {}
         for node in self.nodes:
             self._power_up(node)
+        limits = config.limits
+        allowed = Allowed(limits.v_max_m_s, limits.omega_max_rad_s)
+        self.monitor = SafetyMonitor(self._motion, allowed)
+        self.bus.tap(self.monitor.on_frame)
+        self._watch()
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -151,7 +158,7 @@ class Simulation:
             For `Truth.late`.
         """
         stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
-        plant, statistics = self.plant, self.bus.statistics
+        plant, statistics, findings = self.plant, self.bus.statistics, self.monitor.findings
         return Truth(
             stamp_ns=stamp_ns,
             x_m=plant.x_m,
@@ -166,6 +173,8 @@ class Simulation:
             bus_load=self.bus.load(),
             bus_errors=sum(statistics.errors.values()),
             late=late,
+            unsafe_motions=self.monitor.count,
+            unsafe_reason=findings[-1].reason if findings else "",
         )
 
     def scan(self, *, origin_ns: int = 0) -> Scan | None:
@@ -225,6 +234,17 @@ class Simulation:
 
     def _wake(self, node: Node) -> None:
         node.wake(self.bus.now_ns)
+
+    def _motion(self) -> Motion:
+        plant = self.plant
+        return Motion(plant.powered, plant.v_m_s, plant.omega_rad_s)
+
+    def _watch(self) -> None:
+        """Let the monitor look at the robot, now and from now on."""
+        now_ns = self.bus.now_ns
+        self.run_to(now_ns)
+        self.monitor.look(now_ns)
+        self.bus.schedule(now_ns + MONITOR_PERIOD_NS, self._watch)
 
     def _fire(self, group: int, now_ns: int) -> Ranges:
         self.run_to(now_ns)

@@ -45,6 +45,9 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
         Share [0, 1] of the last second.
     late
         Times the simulator fell behind real time so far that it let time go; 0 in lockstep.
+    unsafe_motions, unsafe_reason
+        Motions that nobody allowed since the start, and why the last of them was one: see
+        `firmware_sim.monitor`.
     """
 
     stamp_ns: int
@@ -60,6 +63,8 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     bus_load: float
     bus_errors: int
     late: int = 0
+    unsafe_motions: int = 0
+    unsafe_reason: str = ""
 
 
 class Scan(msgspec.Struct, frozen=True, gc=False):

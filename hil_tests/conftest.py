@@ -28,7 +28,7 @@ def bus(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def make_rig(bus: str, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
-    """Makes benches; at the end no node may have rejected a frame."""
+    """Makes benches; at the end no frame was rejected and no motion was unsafe."""
     rigs: list[Rig] = []
 
     def make(**kwargs: str) -> Rig:
@@ -38,9 +38,12 @@ def make_rig(bus: str, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
     yield make
     for rig in rigs:
         try:
+            rig.listen()
             rejected = rig.rejected_frames()
         finally:
             rig.close()
+        if rig.truth is not None:
+            assert rig.truth.unsafe_motions == 0, rig.truth.unsafe_reason
         assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
 
 

@@ -263,6 +263,7 @@ class LockstepRun:
         if control.state == SafetyState.STANDBY and now_ns - self._asked_ns >= _ARM_RETRY_NS:
             self._asked_ns = now_ns
             self._request_id += 1
+            self.bench.simulation.monitor.on_arming()
             return self._navigation, (Arm(now_ns, self._request_id, arm=True),)
         return self._navigation, (command,)
 
@@ -284,6 +285,8 @@ class LockstepRun:
             duration_s=round(duration_s, 3),
             distance_m=round(truth.distance_m, 3),
             collisions=truth.collisions,
+            unsafe_motions=truth.unsafe_motions,
+            unsafe_reason=truth.unsafe_reason,
             pose_error=self._score.result(),
             loop=loop_report(self.bench.statistics()),
             bus=bus_report(control.bus),

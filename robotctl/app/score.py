@@ -24,7 +24,11 @@ class PoseError(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """The result of one simulated run, written as JSON."""
+    """The result of one simulated run, written as JSON.
+
+    `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
+    wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
+    """
 
     robot: str
     world: str
@@ -38,6 +42,8 @@ class Report(msgspec.Struct, frozen=True):
     duration_s: float
     distance_m: float
     collisions: int
+    unsafe_motions: int
+    unsafe_reason: str
     pose_error: PoseError
     loop: dict[str, Any]
     bus: dict[str, Any]

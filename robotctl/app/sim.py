@@ -113,6 +113,8 @@ class Truth(msgspec.Struct, frozen=True):
     theta_rad: float
     distance_m: float
     collisions: int
+    unsafe_motions: int
+    unsafe_reason: str
 
 
 @dataclass(slots=True)
@@ -342,6 +344,8 @@ class SimRun:
             duration_s=round(progress.elapsed_s, 3),
             distance_m=round(truth.distance_m, 3),
             collisions=truth.collisions,
+            unsafe_motions=truth.unsafe_motions,
+            unsafe_reason=truth.unsafe_reason,
             pose_error=self._score.result(),
             loop=loop_report(control.loop),
             bus=bus_report(control.bus),

@@ -20,10 +20,17 @@ def score_table(report: Report) -> Table:
     pose, loop, bus = report.pose_error, report.loop, report.bus
     lag, step = loop["lag_us"], loop["step_us"]
     done = f"{verdict}, {report.items_done} of {report.items} items"
+    unsafe = report.unsafe_motions
     rows = (
         ("mission", f"{done}{f' ({report.message})' if report.message else ''}"),
         ("duration", f"{report.duration_s:.1f} s, {report.real_time_factor:.1f} × real time"),
         ("distance", f"{report.distance_m:.2f} m, {report.collisions} collisions"),
+        (
+            "safety",
+            f"{unsafe} unsafe motions, the last: {report.unsafe_reason}"
+            if unsafe
+            else "no unsafe motion",
+        ),
         (
             "pose error",
             (

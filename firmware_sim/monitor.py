@@ -1,0 +1,160 @@
+"""Looks for motion that nobody allowed, from outside: by the wire, and by the true robot.
+
+The monitor knows nothing of the drive's own guards and states, and nothing of the host. It hears
+every frame that passed the bus and looks at the bridges and the body of the true robot. What it
+holds against a robot:
+
+- power at the wheels though the last command is older than the drive's time-out, or said no;
+- power at the wheels after an emergency stop, until the drive's latch has been cleared over the bus
+  and a command said "no" and then "yes";
+- power at the wheels after a stop without a new arming, where somebody tells of armings;
+- more speed than the robot is allowed.
+
+Power is torque-making voltage: a bridge that drives with a duty that is not zero.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+from firmware_sim.bus.frame import Frame
+from firmware_sim.nodes import wire
+from firmware_sim.nodes.e2e import crc8, data_id_crc
+
+PERIOD_NS: Final = 5_000_000
+"""Between two looks at the robot [ns]."""
+
+TIMEOUT_NS: Final = 100_000_000
+"""Age of a command at which the wheels must be without power, as the drive has it by default."""
+
+GRACE_NS: Final = 6_000_000
+"""The drive takes effect each millisecond, and the monitor looks each fifth [ns]."""
+
+OVERSPEED: Final = 1.3
+"""Share of the allowed speed that is held against the robot: room for overshoot and slip."""
+
+KEPT: Final = 100
+"""Findings kept; all are counted."""
+
+_EMERGENCY_STOP, _SDO_TO_DRIVE, _DRIVE_BOOT = 0x001, 0x601, 0x701
+_CLEAR_FAULTS: Final = bytes((0x2F, 0x10, 0x20, 0x00, 0x01))
+_ENABLE: Final = 0x10
+
+
+class Motion(NamedTuple):
+    """The true robot at one moment."""
+
+    powered: bool
+    v_m_s: float
+    omega_rad_s: float
+
+
+class Allowed(NamedTuple):
+    """The robot's limits."""
+
+    v_max_m_s: float
+    omega_max_rad_s: float
+    command_timeout_ns: int = TIMEOUT_NS
+
+
+class Unsafe(NamedTuple):
+    """One motion that nobody allowed: when it began, and why it is one."""
+
+    stamp_ns: int
+    reason: str
+
+
+class SafetyMonitor:
+    """Judges a robot each 5 ms of simulated time.
+
+    Parameters
+    ----------
+    look
+        Returns the true robot at the present time.
+    allowed
+        Its limits.
+    """
+
+    def __init__(self, look: Callable[[], Motion], allowed: Allowed) -> None:
+        self.count = 0
+        """Unsafe motions so far; one that lasts counts once."""
+        self.findings: deque[Unsafe] = deque(maxlen=KEPT)
+        self._look = look
+        self._allowed = allowed
+        self._crc_start = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
+        self._counter = -1
+        self._command_ns: int | None = None
+        self._enabled = False
+        self._disabled_ns = 0
+        self._stopped_ns: int | None = None
+        self._cleared = self._said_no = True
+        self._armings: int | None = None
+        self._armings_used = 0
+        self._present = ""
+
+    def on_arming(self) -> None:
+        """Take note that somebody armed the robot on purpose."""
+        self._armings = (self._armings or 0) + 1
+
+    def on_frame(self, frame: Frame) -> None:
+        """Hear one frame of the bus."""
+        arbitration_id, data, stamp_ns = frame
+        if arbitration_id == wire.MOTOR_COMMAND:
+            self._on_command(data, stamp_ns)
+        elif arbitration_id == _EMERGENCY_STOP:
+            self._stopped_ns, self._cleared, self._said_no = stamp_ns, False, False
+        elif (arbitration_id == _DRIVE_BOOT and data == b"\0") or (
+            arbitration_id == _SDO_TO_DRIVE and data.startswith(_CLEAR_FAULTS)
+        ):
+            self._cleared = True
+
+    def _on_command(self, data: bytes, stamp_ns: int) -> None:
+        """Take a command that is sound and new; what is neither allows nothing."""
+        if len(data) != 8 or crc8(data[1:], self._crc_start) != data[0]:
+            return
+        counter = data[1] & 0x0F
+        if counter == self._counter:
+            return
+        self._counter, self._command_ns = counter, stamp_ns
+        enabled = bool(data[1] & _ENABLE)
+        if not enabled:
+            self._said_no = self._said_no or self._cleared
+            if self._enabled:
+                self._disabled_ns = stamp_ns
+                self._armings_used = self._armings or 0
+        self._enabled = enabled
+
+    def look(self, now_ns: int) -> None:
+        """Judge the robot as it is now [ns]."""
+        reason = self._objection(now_ns)
+        if reason and not self._present:
+            self.count += 1
+            self.findings.append(Unsafe(now_ns, reason))
+        self._present = reason
+
+    def _objection(self, now_ns: int) -> str:
+        """Return what is held against the robot at this moment, or nothing."""
+        motion, allowed = self._look(), self._allowed
+        if abs(motion.v_m_s) > OVERSPEED * allowed.v_max_m_s:
+            return f"speed {motion.v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}"
+        if abs(motion.omega_rad_s) > OVERSPEED * allowed.omega_max_rad_s:
+            return f"turn rate {motion.omega_rad_s:.2f} rad/s, allowed {allowed.omega_max_rad_s:g}"
+        return self._objection_to_power(now_ns) if motion.powered else ""
+
+    def _objection_to_power(self, now_ns: int) -> str:
+        """Return why the wheels should be without power, or nothing."""
+        command_ns, stopped_ns = self._command_ns, self._stopped_ns
+        if command_ns is None:
+            return "power without any command"
+        if now_ns - command_ns > self._allowed.command_timeout_ns + GRACE_NS:
+            return f"power {(now_ns - command_ns) / 1e6:.0f} ms after the last command"
+        if not self._enabled and now_ns - self._disabled_ns > GRACE_NS:
+            return f"power {(now_ns - self._disabled_ns) / 1e6:.0f} ms after Enable=0"
+        latched = stopped_ns is not None and not (self._cleared and self._said_no)
+        if latched and stopped_ns is not None and now_ns - stopped_ns > GRACE_NS:
+            return f"power {(now_ns - stopped_ns) / 1e6:.0f} ms after an emergency stop"
+        if self._enabled and self._armings is not None and self._armings <= self._armings_used:
+            return "power after a stop without a new arming"
+        return ""

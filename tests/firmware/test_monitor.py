@@ -1,0 +1,209 @@
+"""The monitor: what it holds against a robot, and that it finds out a drive without guards."""
+
+from pathlib import Path
+
+import pytest
+
+from firmware_sim.bus.frame import Frame
+from firmware_sim.monitor import GRACE_NS, TIMEOUT_NS, Allowed, Motion, SafetyMonitor
+from firmware_sim.nodes.drive_state import DriveState
+from firmware_sim.nodes.e2e import Protector
+from firmware_sim.simulation import Simulation
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+COMMAND, STOP, TO_DRIVE, BOOT = 0x201, 0x001, 0x601, 0x701
+CLEAR = bytes.fromhex("2F10200001000000")
+PERIOD_NS = 5_000_000
+
+
+class Scene:
+    """A robot of two numbers, a wire and a monitor."""
+
+    def __init__(self):
+        self.motion = Motion(False, 0.0, 0.0)
+        self.monitor = SafetyMonitor(lambda: self.motion, Allowed(0.8, 2.5))
+        self.protector = Protector(0xA000 + COMMAND)
+        self.now_ns = 0
+
+    def frame(self, arbitration_id, data=b""):
+        self.monitor.on_frame(Frame(arbitration_id, data, self.now_ns))
+
+    def command(self, enable, duty=3000):
+        payload = (0x10 if enable else 0) << 8 | (duty if enable else 0) << 16
+        self.frame(COMMAND, self.protector.protect(payload))
+
+    def power(self, powered=True):
+        self.motion = self.motion._replace(powered=powered)
+
+    def run(self, milliseconds, enable=None):
+        """Let time pass, with a command each 5 ms where `enable` is given."""
+        for _ in range(milliseconds // 5):
+            self.now_ns += PERIOD_NS
+            if enable is not None:
+                self.command(enable)
+            self.monitor.look(self.now_ns)
+
+    @property
+    def reasons(self):
+        return [finding.reason for finding in self.monitor.findings]
+
+
+@pytest.fixture
+def scene():
+    return Scene()
+
+
+def test_a_robot_that_drives_as_it_is_told_is_safe(scene):
+    scene.run(50, enable=False)
+    scene.power()
+    scene.run(500, enable=True)
+    scene.power(False)
+    scene.run(500)
+    assert scene.reasons == []
+
+
+def test_power_without_any_command_is_unsafe(scene):
+    scene.power()
+    scene.run(5)
+    assert scene.reasons == ["power without any command"]
+
+
+def test_power_beyond_the_time_out_is_unsafe_and_counts_once(scene):
+    scene.power()
+    scene.run(100, enable=True)
+    scene.run(105)
+    assert scene.reasons == []
+    scene.run(400)
+    assert scene.reasons == ["power 110 ms after the last command"]
+    assert scene.monitor.count == 1
+
+
+def test_a_repeated_or_a_damaged_command_keeps_nobody_alive(scene):
+    scene.power()
+    scene.run(20, enable=True)
+    sound = scene.protector.protect(0x1000)
+    scene.frame(COMMAND, sound)
+    for _ in range(50):
+        scene.run(5)
+        scene.frame(COMMAND, sound)
+        scene.frame(COMMAND, bytes((sound[0] ^ 1,)) + sound[1:])
+    assert scene.monitor.count == 1
+
+
+def test_power_behind_enable_0_is_unsafe(scene):
+    scene.power()
+    scene.run(50, enable=True)
+    scene.run(5, enable=False)
+    assert scene.reasons == []
+    scene.run(10, enable=False)
+    assert scene.reasons == ["power 10 ms after Enable=0"]
+
+
+def test_after_an_emergency_stop_only_clearing_and_a_new_enable_make_power_safe(scene):
+    scene.power()
+    scene.run(50, enable=True)
+    scene.frame(STOP, b"\x01")
+    scene.power(False)
+    scene.run(50, enable=True)
+    scene.power()
+    scene.run(5, enable=True)
+    assert scene.reasons == ["power 55 ms after an emergency stop"]
+    scene.power(False)
+    scene.frame(TO_DRIVE, CLEAR)
+    scene.run(20, enable=True)
+    scene.power()
+    scene.run(20, enable=True)
+    assert scene.monitor.count == 2, "the host has not said no yet"
+    scene.power(False)
+    scene.run(20, enable=False)
+    scene.power()
+    scene.run(100, enable=True)
+    assert scene.monitor.count == 2
+
+
+def test_where_armings_are_told_of_power_after_a_stop_needs_a_new_one(scene):
+    scene.monitor.on_arming()
+    scene.power()
+    scene.run(50, enable=True)
+    scene.power(False)
+    scene.run(50, enable=False)
+    scene.power()
+    scene.run(10, enable=True)
+    assert scene.reasons == ["power after a stop without a new arming"]
+    scene.power(False)
+    scene.run(50, enable=False)
+    scene.monitor.on_arming()
+    scene.power()
+    scene.run(50, enable=True)
+    assert scene.monitor.count == 1
+
+
+@pytest.mark.parametrize(
+    ("v_m_s", "omega_rad_s", "reason"),
+    [
+        (1.0, 3.2, ""),
+        (1.05, 0.0, "speed 1.05 m/s, allowed 0.8"),
+        (-1.05, 0.0, "speed -1.05 m/s, allowed 0.8"),
+        (0.0, 3.3, "turn rate 3.30 rad/s, allowed 2.5"),
+    ],
+)
+def test_more_speed_than_allowed_is_unsafe(scene, v_m_s, omega_rad_s, reason):
+    scene.motion = Motion(False, v_m_s, omega_rad_s)
+    scene.run(5)
+    assert scene.reasons == ([reason] if reason else [])
+
+
+class Host:
+    """A host on the bus of a simulated robot that commands each 5 ms."""
+
+    def __init__(self):
+        robot, world = CONFIGS / "diff_drive.toml", CONFIGS / "worlds" / "empty_room.toml"
+        self.simulation = Simulation(robot, world, start=(2.0, 2.0, 0.0))
+        self.port = self.simulation.bus.attach("host", lambda _: None)
+        self.protector = Protector(0xA000 + COMMAND)
+        self.run(20)
+        self.port.send(0x000, b"\x01\x00")
+        self.run(20)
+
+    def run(self, milliseconds, enable=None):
+        for _ in range(milliseconds // 5):
+            if enable is not None:
+                duty = 3000 if enable else 0
+                payload = (0x10 if enable else 0) << 8 | duty << 16 | duty << 32
+                self.port.send(COMMAND, self.protector.protect(payload))
+            self.simulation.advance(self.simulation.now_ns + PERIOD_NS)
+
+    def drive(self):
+        self.run(100, enable=False)
+        self.run(500, enable=True)
+        assert self.simulation.truth().v_m_s > 0.1
+
+
+def test_the_simulated_drive_is_safe_when_its_host_falls_silent():
+    host = Host()
+    host.drive()
+    host.run(500)
+    truth = host.simulation.truth()
+    assert (truth.unsafe_motions, truth.unsafe_reason) == (0, "")
+    assert host.simulation.drive.drive_state is DriveState.STOPPED
+
+
+def test_a_drive_without_its_time_out_is_found_out():
+    host = Host()
+    host.drive()
+    host.simulation.drive._timeout_ns = 10**12
+    host.run(500)
+    truth = host.simulation.truth()
+    assert truth.unsafe_motions == 1
+    assert "after the last command" in truth.unsafe_reason
+    late_ns = host.simulation.monitor.findings[0].stamp_ns
+    assert late_ns - (host.simulation.now_ns - 500_000_000) <= TIMEOUT_NS + GRACE_NS + PERIOD_NS
+
+
+def test_a_drive_that_does_not_obey_the_emergency_stop_is_found_out():
+    host = Host()
+    host.drive()
+    host.simulation.drive._handlers.pop(STOP)
+    host.port.send(STOP, b"\x01")
+    host.run(100, enable=True)
+    assert "after an emergency stop" in host.simulation.truth().unsafe_reason
