@@ -18,8 +18,8 @@ import zmq
 
 from robotctl.app.config import config_directory, find_file
 from robotctl.app.options import StackOptions
-from robotctl.app.sim import PATIENCE, Truth
-from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
+from robotctl.app.sim import BEST_EFFORT, PATIENCE, Truth
+from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.drivers.dbc import load_dbc
 from robotctl.runtime.messages import (
     Arm,
@@ -162,6 +162,10 @@ class Rig:
         """Return the process id of a running process."""
         return self._processes[name].pid
 
+    def is_running(self, name: str) -> bool:
+        """Return whether a process has not ended."""
+        return self._processes[name].poll() is None
+
     def send_signal(self, name: str, number: int) -> None:
         """Send a signal to a process that is to live on."""
         self._processes[name].send_signal(number)
@@ -176,7 +180,7 @@ class Rig:
         """End everything, the stack first."""
         if self._observer is not None:
             self._observer.shutdown()
-        for name in (TELEMETRY, NAVIGATION, CONTROL, "firmware"):
+        for name in (TELEMETRY, NAVIGATION, CONTROL, RECORDER, "firmware"):
             if name in self._processes:
                 self.kill(name, signal.SIGTERM)
         self._context.destroy(linger=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ import pytest
 
 from hil_tests.faulty_control import COLLECT, HANG, SPIN
 from hil_tests.rig import COMMAND, EMCY_COMMAND_TIMEOUT, EMCY_DRIVE, Rig, enabled
-from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
+from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.runtime.messages import Mode, SafetyState
 
 React = Callable[[str, float], None]
@@ -96,7 +97,7 @@ def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> N
 
 def on_mission(rig: Rig) -> None:
     """Start the whole stack, arm, and drive in mode AUTO."""
-    for module in (CONTROL, NAVIGATION, TELEMETRY):
+    for module in (CONTROL, NAVIGATION, TELEMETRY, RECORDER):
         rig.start(module)
     rig.arm()
     rig.set_mode(Mode.AUTO)
@@ -143,3 +144,25 @@ def test_without_telemetry_the_robot_drives_on(mission_rig: Rig) -> None:
     assert commands
     assert all(commands)
     assert rig.fresh_truth().distance_m - before.distance_m > 0.2
+
+
+def test_a_full_disk_stops_nothing_and_is_said(mission_rig: Rig) -> None:
+    rig = mission_rig
+    on_mission(rig)
+    resource.prlimit(rig.pid(RECORDER), resource.RLIMIT_FSIZE, (4096, 4096))
+    rig.wait(lambda: any("logging stopped" in notice for notice in rig.notices), 10.0, "it is said")
+    before = rig.fresh_truth()
+    rig.heard(1.0)
+    assert rig.fresh_truth().distance_m - before.distance_m > 0.2
+    assert rig.control.state == SafetyState.DRIVING
+    assert rig.is_running(RECORDER)
+
+
+def test_without_a_recorder_the_robot_drives_on(mission_rig: Rig) -> None:
+    rig = mission_rig
+    on_mission(rig)
+    rig.kill(RECORDER, signal.SIGKILL)
+    before = rig.fresh_truth()
+    rig.heard(1.0)
+    assert rig.fresh_truth().distance_m - before.distance_m > 0.2
+    assert rig.control.state == SafetyState.DRIVING
