@@ -35,9 +35,9 @@ class ServiceNotifier:
             self._socket.setblocking(False)
             self._address = "\0" + address[1:] if address.startswith("@") else address
 
-    def ready(self) -> None:
-        """Say that the start is over."""
-        self._send("READY=1")
+    def ready(self) -> bool:
+        """Say that the start is over; return False where this must be said again."""
+        return self._send("READY=1")
 
     def stopping(self) -> None:
         """Say that the end has begun."""
@@ -49,9 +49,8 @@ class ServiceNotifier:
 
     def status(self, line: str) -> None:
         """Say in one line how things stand; the same line twice is sent once."""
-        if line != self._status:
+        if line != self._status and self._send("STATUS=" + line.replace("\n", " ")):
             self._status = line
-            self._send("STATUS=" + line.replace("\n", " "))
 
     def close(self) -> None:
         """Close the socket."""
@@ -59,11 +58,17 @@ class ServiceNotifier:
             self._socket.close()
             self._socket = None
 
-    def _send(self, text: str) -> None:
-        """Send one datagram; a manager that does not listen is no reason to stop a robot."""
+    def _send(self, text: str) -> bool:
+        """Send one datagram without waiting; return False where the manager's queue is full.
+
+        A manager that is gone is no reason to stop a robot.
+        """
         if self._socket is None:
-            return
+            return True
         try:
             self._socket.sendto(text.encode(), self._address)
+        except BlockingIOError:
+            return False
         except OSError:
-            return
+            return True
+        return True

@@ -80,9 +80,8 @@ class Supervisor:
             lines += self._stack.watch()
         finally:
             lines += self._log_exits()
-        if not self._ready and self._stack.ready:
+        if not self._ready and self._stack.ready and self._notifier.ready():
             self._ready = True
-            self._notifier.ready()
             lines.append("ready: " + self._processes())
         self._feed(now_s)
         self._notifier.status(self._status())
@@ -98,10 +97,12 @@ class Supervisor:
 
     def _feed(self, now_s: float) -> None:
         """Feed the watchdog where the control loop has made progress."""
-        feed_s = self._notifier.feed_s
-        if feed_s is None or now_s - self._fed_s < feed_s or self._stack.ticks == self._fed_ticks:
+        feed_s, ticks = self._notifier.feed_s, self._stack.ticks
+        if feed_s is None or now_s - self._fed_s < feed_s:
             return
-        self._fed_s, self._fed_ticks = now_s, self._stack.ticks
+        if ticks == self._fed_ticks or ticks[1] == 0:
+            return
+        self._fed_s, self._fed_ticks = now_s, ticks
         self._notifier.feed_watchdog()
 
     def _status(self) -> str:

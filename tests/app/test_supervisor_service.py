@@ -69,7 +69,9 @@ def test_a_service_says_ready_status_watchdog_and_stopping_in_this_order(manager
     stack, notifier = FakeStack(), ServiceNotifier(manager.environment)
     with Supervisor(stack, notifier, None) as supervisor:
         supervisor.step([], 100.0)
-        assert "READY=1" not in manager.heard()
+        heard = manager.heard()
+        assert "READY=1" not in heard
+        assert "WATCHDOG=1" not in heard  # a process is there, but its loop has not ticked
         stack.ready, stack.ticks = True, (1, 5)
         supervisor.step([], 102.0)
         assert manager.heard() == ["READY=1", "WATCHDOG=1"]
@@ -94,6 +96,36 @@ def test_the_watchdog_is_fed_only_while_the_control_loop_ticks(manager: Manager)
     assert len([each for each in fed if each < 5.0]) in range(4, 7)
     assert [each for each in fed if 5.0 <= each < 8.0 and each > 6.0] == []
     assert [each for each in fed if each >= 8.0]
+
+
+def test_readiness_is_said_again_until_a_busy_manager_takes_it(manager: Manager) -> None:
+    stack, notifier = FakeStack(), ServiceNotifier(manager.environment)
+    with Supervisor(stack, notifier, None) as supervisor:
+        while notifier.ready():  # the queue of a socket that nobody reads
+            pass
+        stack.ready = True
+        supervisor.step([], 100.0)
+        manager.heard()
+        supervisor.step([], 100.1)
+        assert manager.heard()[0] == "READY=1"
+        supervisor.step([], 100.2)
+        assert "READY=1" not in manager.heard()
+
+
+def test_a_new_control_process_does_not_feed_the_watchdog_before_it_ticks(
+    manager: Manager,
+) -> None:
+    stack, notifier = FakeStack(), ServiceNotifier(manager.environment)
+    with Supervisor(stack, notifier, None) as supervisor:
+        stack.ticks = (1, 100)
+        supervisor.step([], 100.0)
+        assert "WATCHDOG=1" in manager.heard()
+        stack.ticks = (2, 0)
+        supervisor.step([], 105.0)
+        assert "WATCHDOG=1" not in manager.heard()
+        stack.ticks = (2, 1)
+        supervisor.step([], 106.0)
+        assert "WATCHDOG=1" in manager.heard()
 
 
 def test_without_a_manager_or_with_one_that_is_gone_nothing_happens(tmp_path: Path) -> None:

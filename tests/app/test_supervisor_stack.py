@@ -1,14 +1,17 @@
 """The real processes of a robot on a simulated bus without nodes: killed, hung, told to stop."""
 
 import contextlib
+import itertools
 import json
 import os
 import pty
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,8 @@ import zmq
 
 from robotctl.app.config import find_file
 from robotctl.app.options import StackOptions
-from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY, Stack, StackError
+from robotctl.app.restart import RestartPolicy
+from robotctl.app.stack import CONTROL, NAVIGATION, ROLES, TELEMETRY, Stack, StackError
 from robotctl.app.supervised import Phase
 from robotctl.runtime.messages import ControlState, NavigationState, Notice, SafetyState
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
@@ -70,11 +74,16 @@ def ear(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatc
 
 
 def overrides(channel: str) -> tuple[str, ...]:
-    return ('can.interface="simcan"', f'can.channel="{channel}"', "mavlink.link=[]")
+    bus = ('can.interface="simcan"', f'can.channel="{channel}"')
+    return (*bus, "mavlink.link=[]", "runtime.allow_best_effort=true")
 
 
 @pytest.fixture
-def stack(channel: str, ear: Ear) -> Iterator[Stack]:
+def stack(channel: str, ear: Ear, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stack]:
+    """Start the stack with smaller budgets for what control can do without."""
+    quick = RestartPolicy(crashes=2, first_delay_s=0.1)
+    roles = [role if role.vital else replace(role, restart=quick) for role in ROLES]
+    monkeypatch.setattr("robotctl.app.stack.ROLES", roles)
     robot = str(find_file("diff_drive").resolve())
     made = Stack(StackOptions("robot", robot, overrides(channel)))
     try:
@@ -183,8 +192,12 @@ def test_a_bad_configuration_ends_the_start_at_once(ear: Ear) -> None:
 class Run:
     """`robotctl run` on a terminal of its own."""
 
-    def __init__(self, channel: str, record: Path) -> None:
+    def __init__(self, channel: str, record: Path, manager: Path) -> None:
         self.record = record
+        self.manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.manager.bind(str(manager))
+        self.manager.setblocking(False)
+        service = {"NOTIFY_SOCKET": str(manager), "WATCHDOG_USEC": "400000"}
         self.terminal, child = pty.openpty()
 
         def take_terminal() -> None:
@@ -200,16 +213,27 @@ class Run:
             stdin=child,
             stdout=child,
             stderr=child,
+            env=os.environ | service,
             preexec_fn=take_terminal,  # noqa: PLW1509 - nothing but system calls
         )
         os.close(child)
         os.set_blocking(self.terminal, False)
         self.output = ""
+        self.ready = False
 
     def said(self, words: str) -> bool:
         with contextlib.suppress(BlockingIOError, OSError):
             self.output += os.read(self.terminal, 65536).decode()
         return words in self.output
+
+    def told(self) -> list[str]:
+        """Return what systemd was told since the last call."""
+        lines = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                lines.append(self.manager.recv(4096).decode())
+        self.ready |= "READY=1" in lines
+        return lines
 
     def child(self, module: str) -> int:
         """Return the process id of a child, as the kernel knows it."""
@@ -221,13 +245,17 @@ class Run:
 
 
 @pytest.fixture
-def run(channel: str, ear: Ear, tmp_path: Path) -> Iterator[Run]:
-    made = Run(channel, tmp_path / "record")
-    wait(lambda: made.said("ready:"), "the robot is ready")
+def run(
+    channel: str, ear: Ear, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Run]:
+    made = Run(channel, tmp_path / "record", tmp_path_factory.mktemp("manager") / "notify")
+    wait(lambda: (made.told(), made.said("ready:"))[1], "the robot is ready")
+    made.told()
     yield made
     made.process.terminate()
     made.process.wait(DEADLINE_S)
     os.close(made.terminal)
+    made.manager.close()
 
 
 def test_sigusr1_to_the_supervisor_stops_the_robot(run: Run, ear: Ear) -> None:
@@ -262,3 +290,19 @@ def test_an_end_is_said_and_logged_and_sigterm_ends_the_robot_in_order(run: Run)
     assert json.loads(line)["status"] == -signal.SIGKILL
     run.process.terminate()
     assert run.process.wait(DEADLINE_S) == 0
+
+
+def test_systemd_hears_of_a_control_loop_that_stands_by_hearing_nothing(run: Run) -> None:
+    assert run.ready
+    wait(lambda: "WATCHDOG=1" in run.told(), "the watchdog is fed")
+    os.kill(run.child(CONTROL), signal.SIGSTOP)
+    stopped_s = time.monotonic()
+    fed_s: list[float] = []
+
+    def fed_again() -> bool:
+        fed_s.extend([time.monotonic()] * run.told().count("WATCHDOG=1"))
+        return bool(fed_s) and fed_s[-1] - stopped_s > 1.0 and run.said("it hung")
+
+    wait(fed_again, "the watchdog is fed for the new control process")
+    gaps_s = [after - before for before, after in itertools.pairwise([stopped_s, *fed_s])]
+    assert max(gaps_s) > 1.0  # the supervisor lived and watched, and yet did not feed it
