@@ -56,6 +56,7 @@ class Driven:
                 # A stall of the machine shall show in the figures and stop the robot seldom.
                 "safety.feedback_timeout_periods=10",
                 "safety.command_timeout_ms=400",
+                "runtime.allow_best_effort=true",
                 *overrides,
             ),
             x_m=2.0,

@@ -95,6 +95,7 @@ class Rig:
             robot=str(find_file(robot).resolve()),
             overrides=(
                 *(() if exact else (PATIENCE,)),
+                BEST_EFFORT,
                 f'can.interface="{self.interface}"',
                 f'can.channel="{self.channel}"',
                 f'mavlink.link=[{{url="{mavlink_url}"}}]' if mavlink_url else "mavlink.link=[]",

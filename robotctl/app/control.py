@@ -6,12 +6,14 @@ import functools
 import math
 import os
 import sys
+from pathlib import Path
 from typing import Final
 
 import msgspec
 import zmq
 
-from robotctl.app.config import RobotConfig
+from robotctl.app.config import RobotConfig, config_directory
+from robotctl.app.fitness import Fitness
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.progress import load_progress
 from robotctl.app.robot import make_core, make_robot, record_header
@@ -24,6 +26,7 @@ from robotctl.runtime.flight_ring import FlightRing
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.loop import Loop
 from robotctl.runtime.messages import (
+    Arm,
     ControlRequest,
     EmergencyStop,
     EmergencyStopSource,
@@ -33,6 +36,7 @@ from robotctl.runtime.messages import (
 )
 from robotctl.runtime.ports import RobotPort
 from robotctl.runtime.realtime import acquire_realtime
+from robotctl.runtime.rehearsal import rehearse
 from robotctl.runtime.topics import (
     Endpoints,
     Publisher,
@@ -62,6 +66,8 @@ class ControlTicker:
         SIGUSR1, the emergency stop that works without requests.
     heartbeat
         Tells the supervisor of each tick.
+    fitness
+        What of this computer speaks against arming.
     """
 
     def __init__(
@@ -74,6 +80,7 @@ class ControlTicker:
         ring: FlightRing | None,
         emergency: EmergencySignal,
         heartbeat: Heartbeat,
+        fitness: Fitness,
     ) -> None:
         self._robot = robot
         self._core = core
@@ -83,6 +90,7 @@ class ControlTicker:
         self._ring = ring
         self._emergency = emergency
         self._heartbeat = heartbeat
+        self._fitness = fitness
         self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
         self._published_ns = 0
         self._inputs = Inputs(Feedback())
@@ -93,7 +101,10 @@ class ControlTicker:
         requests = tuple(self._requests.receive())
         if self._emergency.take():
             requests += (EmergencyStop(now_ns, EmergencyStopSource.OPERATOR),)
-        self._inputs = Inputs(self._robot.receive(now_ns), requests)
+        objections: tuple[str, ...] = ()
+        if any(isinstance(request, Arm) and request.arm for request in requests):
+            objections = self._fitness.objections()
+        self._inputs = Inputs(self._robot.receive(now_ns), requests, objections)
 
     def control(self, now_ns: int) -> None:
         """Step the core."""
@@ -154,7 +165,7 @@ def open_ring(
     return ring, ()
 
 
-def run(config: RobotConfig, options: StackOptions) -> None:
+def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     """Run the control loop until SIGTERM or SIGINT; the motors go off first."""
     stopped = StopFlag()
     emergency = EmergencySignal()
@@ -165,15 +176,18 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     publisher = Publisher(context, endpoints.control_state)
     requests = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
     robot = make_robot(config, clock)
+    rehearse(make_core(config, options), config.runtime.period_ns)
     core = make_core(config, options)
     core.odometer_start_m = odometer_m
     loop = Loop(clock, config.runtime.period_ns)
     heartbeat = Heartbeat(os.environ)
     ring, ring_notes = open_ring(config, options, core)
     ticker = ControlTicker(
-        robot, core, requests, publisher, loop, ring, emergency, heartbeat
+        robot, core, requests, publisher, loop, ring, emergency, heartbeat, fitness
     )  # fmt: skip
     refused = acquire_realtime(config.runtime)
+    if not config.runtime.allow_best_effort:
+        fitness.refused_rights = tuple(refused)
     for sentence in (*notes, *ring_notes, *refused):
         print(f"robotctl: {sentence}", file=sys.stderr)  # noqa: T201
         publisher.send(Notice(clock.now_ns(), _SEVERITY_WARNING, sentence))
@@ -193,7 +207,8 @@ def main() -> int:
     """Entry point of the process."""
     options = options_of_command_line(sys.argv)
     try:
-        run(options.load(), options)
+        fitness = Fitness(Path(options.robot), config_directory() / "robot.dbc")
+        run(options.load(), options, fitness)
     except RobotctlError as error:
         print(f"robotctl control: {error}", file=sys.stderr)  # noqa: T201
         return 2

@@ -26,7 +26,7 @@ def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
         config.limits,
         config.safety,
         config.runtime.period_ns,
-        len(config.sonar),
+        config.sonar,
         SE2(options.x_m, options.y_m, options.theta_rad),
     )
 

@@ -51,6 +51,9 @@ from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoi
 PATIENCE = "safety.feedback_timeout_periods=10"
 """A simulated drive is a process of an ordinary computer, whose pauses are no fault of a robot."""
 
+BEST_EFFORT = "runtime.allow_best_effort=true"
+"""A simulated robot harms nobody where the computer gives no real-time rights."""
+
 _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
@@ -142,6 +145,7 @@ class SimRun:
         interface, channel = options.channel
         overrides = (
             PATIENCE,
+            BEST_EFFORT,
             *options.overrides,
             f'can.interface="{interface}"',
             f'can.channel="{channel}"',
@@ -275,7 +279,7 @@ class SimRun:
 
     @property
     def _control_began_anew(self) -> bool:
-        """Whether the control process was lost: its odometry knows the robot's place no more."""
+        """Whether the control process was lost: the robot may stand elsewhere than it believes."""
         return self._stack is not None and self._stack.starts(CONTROL) > 1
 
     def emergency_stop(self) -> None:

@@ -19,6 +19,7 @@ from robotctl.control.wheel_loop import WheelLoop
 from robotctl.estimation.odometry import Odometry
 from robotctl.model.drives import DifferentialDrive, Drive
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
 from robotctl.model.twist import Twist
 from robotctl.runtime.health import Health
 from robotctl.runtime.messages import (
@@ -32,14 +33,13 @@ from robotctl.runtime.messages import (
     LoopStatistics,
     NodeStatus,
     Notice,
-    SonarFeedback,
     VelocityCommand,
     WheelCommand,
 )
 from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
 
-SONAR_MAX_AGE_NS: Final = 250_000_000
-"""Older sonar ranges are published as nan [ns]."""
+_SETPOINT_AHEAD_NS: Final = 50_000_000
+"""A set-point may be younger than the tick that reads it, which had to wait, by this [ns]."""
 
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
@@ -79,10 +79,15 @@ class ControlConfig:
 
 
 class Inputs(msgspec.Struct, frozen=True, array_like=True):
-    """All that one step depends on, besides the configuration and the steps before."""
+    """All that one step depends on, besides the configuration and the steps before.
+
+    `objections` are reasons of the host computer against arming; they count in the tick that
+    brings a request to arm.
+    """
 
     feedback: Feedback
     requests: tuple[ControlRequest, ...] = ()
+    objections: tuple[str, ...] = ()
 
 
 class Outputs(msgspec.Struct, frozen=True, array_like=True):
@@ -106,7 +111,7 @@ class ControlCore:
     period_ns
         Control period [ns].
     sonars
-        Number of sonars of the ring.
+        The ring, in the order of the bus.
     pose_world_base
         Where odometry starts.
     """
@@ -118,7 +123,7 @@ class ControlCore:
         limits: LimitsConfig,
         safety: SafetyConfig,
         period_ns: int,
-        sonars: int,
+        sonars: tuple[SonarMount, ...],
         pose_world_base: SE2,
     ) -> None:
         self.machine = SafetyMachine()
@@ -132,8 +137,9 @@ class ControlCore:
         )
         self._estimators = self._wheels[0].estimator, self._wheels[-1].estimator
         self._limiter = TwistLimiter(limits)
-        self._health = Health(safety, period_ns)
+        self._health = Health(safety, period_ns, tuple(mount.name for mount in sonars))
         self._safety = safety
+        self._setpoint_limit_ns = safety.setpoint_timeout_ms * 1_000_000
         self._period_s = period_ns * 1e-9
         self._command = WheelCommand(enable=False, brake=True)
         self._steering_max_rad = (
@@ -146,18 +152,24 @@ class ControlCore:
         self._has_counts = False
         self._nodes: tuple[NodeStatus, ...] = ()
         self._boots: dict[int, int] = {}
+        self._ticks = 0
         self._pending: Arm | None = None
+        self._objections: tuple[str, ...] = ()
         self._cleared_ns = 0
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
         self._ack: Ack | None = None
-        self._sonar_m = [float("nan")] * sonars
-        self._sonar_ns = [0] * sonars
         self._notices: list[Notice] = []
+
+    @property
+    def warm(self) -> bool:
+        """Whether the loop has run long enough to be allowed to arm."""
+        return self._ticks >= self._safety.warmup_ticks
 
     def step(self, inputs: Inputs, now_ns: int) -> Outputs:
         """Return the command of this tick; `now_ns` is its time, never read from a clock."""
         self._notices = []
+        self._ticks += 1
         self._take_feedback(inputs.feedback, now_ns)
         stop = self._take_requests(inputs, now_ns)
         self._supervise(now_ns)
@@ -169,8 +181,6 @@ class ControlCore:
         """Update estimates from what the bus brought."""
         health = self._health
         health.update(feedback)
-        for sonar in feedback.sonars:
-            self._take_sonar(sonar)
         if feedback.drive is not None:
             self._steering_rad = feedback.drive.steering_rad
         wheels = feedback.wheels
@@ -206,14 +216,6 @@ class ControlCore:
         if before is not None and self.machine.state in POWERED:
             self._on(Event.FAULT, f"{name} (node {node_id}) restarted", now_ns)
 
-    def _take_sonar(self, sonar: SonarFeedback) -> None:
-        """Keep the ranges of one group."""
-        for offset, range_m in enumerate(sonar.ranges_m):
-            index = sonar.first + offset
-            if index < len(self._sonar_m):
-                self._sonar_m[index] = range_m
-                self._sonar_ns[index] = sonar.stamp_ns
-
     def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
         """Carry out requests that are not too old; an emergency stop has no age.
 
@@ -246,6 +248,7 @@ class ControlCore:
                     self._ack = Ack(request.request_id, accepted=False, reasons=reasons)
                 case Arm():
                     self._pending = self._asked_again(request)
+                    self._objections = inputs.objections
                     if self.machine.state in LATCHED:
                         self._on(Event.RESET, "arming after a stop", now_ns)
         return stop
@@ -262,7 +265,7 @@ class ControlCore:
             if problem is not None:
                 self._on(Event.FAULT, problem, now_ns)
         elif self.machine.state not in LATCHED:
-            problem = self._health.node_problem()
+            problem = self._health.node_problem(now_ns)
             if problem is None:
                 self._on(Event.READY, "", now_ns)
             elif not self._on(Event.NOT_READY, problem, now_ns):
@@ -277,7 +280,7 @@ class ControlCore:
             self._pending = None
             self._ack = Ack(request.request_id, accepted=True)
             return False
-        refusals = self._health.refusals(now_ns)
+        refusals = self._refusals(now_ns)
         if not refusals and self._on(Event.ARM, "", now_ns):
             self._pending = None
             self._ack = Ack(request.request_id, accepted=True)
@@ -294,6 +297,14 @@ class ControlCore:
             return True
         return False
 
+    def _refusals(self, now_ns: int) -> tuple[str, ...]:
+        """Return all reasons against arming now."""
+        refusals = self._objections + self._health.refusals(now_ns)
+        if not self.warm:
+            of = self._safety.warmup_ticks
+            refusals += (f"the control loop is not warm: tick {self._ticks} of {of}",)
+        return refusals
+
     def _take_over(self) -> None:
         """Start the wheel loops from the present motion, so that arming causes no jump."""
         self._velocity = None
@@ -305,17 +316,23 @@ class ControlCore:
         """Return the command for the present state and velocity set-point."""
         if self.machine.state not in POWERED:
             return self._stopped()
-        velocity = self._velocity
-        if velocity is None or now_ns > velocity.expires_ns:
-            wanted_v, wanted_omega = 0.0, 0.0
-        else:
-            wanted_v, wanted_omega = velocity.v_m_s, velocity.omega_rad_s
+        wanted_v, wanted_omega = self._setpoint(now_ns)
         self._twist_ref = reference = self._limiter.step(wanted_v, wanted_omega, self._period_s)
         if wanted_v != 0.0 or wanted_omega != 0.0:
             self._on(Event.MOVE, "", now_ns)
         elif reference == (0.0, 0.0) and abs(self._twist_meas.v_m_s) < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
         return self._wheel_command(reference, now_ns)
+
+    def _setpoint(self, now_ns: int) -> Twist:
+        """Return the velocity wanted now; rest where the set-point is missing or void."""
+        velocity = self._velocity
+        if velocity is None or now_ns > velocity.expires_ns:
+            return Twist(0.0, 0.0)
+        age_ns = now_ns - velocity.stamp_ns
+        if not -_SETPOINT_AHEAD_NS <= age_ns <= self._setpoint_limit_ns:
+            return Twist(0.0, 0.0)
+        return Twist(velocity.v_m_s, velocity.omega_rad_s)
 
     def _wheel_command(self, reference: Twist, now_ns: int) -> WheelCommand:
         """Close the wheel loops on a body velocity."""
@@ -363,7 +380,8 @@ class ControlCore:
     def snapshot(self, now_ns: int, loop: LoopStatistics) -> ControlState:
         """Return what other processes may know."""
         health, pose = self._health, self.odometry.pose_world_base
-        motor, wheels = health.motor, self._wheels
+        motor, drive = health.fresh_motor(now_ns), health.fresh_drive(now_ns)
+        wheels = self._wheels
         duties = (self._command.duty1, self._command.duty2)
         n = len(wheels)
         return ControlState(
@@ -388,13 +406,10 @@ class ControlCore:
             current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),
             temperature_c=(motor.temperature1_c, motor.temperature2_c)[:n] if motor else (),
             steering_rad=self._steering_rad,
-            bus_voltage_v=health.drive.bus_voltage_v if health.drive else float("nan"),
-            battery=health.battery,
-            sonar_m=tuple(
-                range_m if now_ns - stamp_ns <= SONAR_MAX_AGE_NS else float("nan")
-                for range_m, stamp_ns in zip(self._sonar_m, self._sonar_ns, strict=True)
-            ),
-            sonar_stamp_ns=tuple(self._sonar_ns),
+            bus_voltage_v=drive.bus_voltage_v if drive else float("nan"),
+            battery=health.fresh_battery(now_ns),
+            sonar_m=health.fresh_sonar_m(now_ns),
+            sonar_stamp_ns=tuple(max(stamp_ns, 0) for stamp_ns in health.sonar_ns),
             faults=motor.faults if motor else 0,
             nodes=health.nodes,
             bus=health.bus,

@@ -39,6 +39,7 @@ class LoopConfig:
     priority: int = 60
     cpu: int = -1
     wake_latency_us: int = 20
+    allow_best_effort: bool = False
 
     def __post_init__(self) -> None:
         """Check the ranges."""

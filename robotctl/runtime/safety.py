@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Final
 
 from robotctl.runtime.messages import SafetyState
 
@@ -57,7 +58,10 @@ LATCHED = frozenset({SafetyState.FAULT, SafetyState.EMERGENCY_STOP})
 
 @dataclass(frozen=True, slots=True)
 class SafetyConfig:
-    """Limits of what the robot trusts.
+    """Limits of what the robot trusts: an age for every input, beyond which it is not used.
+
+    An age is counted from reception by the host's monotonic clock; an input from further in the
+    future than its limit is as little trusted as an old one.
 
     Parameters
     ----------
@@ -65,42 +69,65 @@ class SafetyConfig:
         The motor controller stops when no valid command came for so long [ms]; written to it
         and read back before arming. At least two control periods.
     feedback_timeout_periods
-        The host stops when wheel feedback is older than so many control periods.
+        The host stops when wheel feedback is older than so many control periods. Feedback whose
+        encoder latch is that of the feedback before counts as none.
     status_timeout_ms
         As above for the motor controller's slower status frames [ms].
+    battery_timeout_ms
+        As above for the battery monitor [ms].
+    sonar_timeout_ms
+        As above for each sonar [ms]; nobody is told an older range. A sonar that reports no
+        sensor or a fault of its own counts as silent.
     heartbeat_timeout_ms
         A node whose heartbeat is older is lost [ms].
+    setpoint_timeout_ms
+        A velocity set-point is void after so long [ms], even where its sender allows more.
     arm_timeout_ms
         A request to arm is refused when the robot did not become ready for so long [ms].
     request_max_age_ms
         Requests older than this are not carried out [ms].
+    warmup_ticks
+        Arming is refused before the loop has ticked so often: until then code paths are not
+        specialised, pages not touched and the windows of the estimators not full.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
     """
 
     command_timeout_ms: int = 100
     feedback_timeout_periods: int = 3
     status_timeout_ms: int = 200
+    battery_timeout_ms: int = 500
+    sonar_timeout_ms: int = 250
     heartbeat_timeout_ms: int = 350
+    setpoint_timeout_ms: int = 500
     arm_timeout_ms: int = 1000
     request_max_age_ms: int = 1000
+    warmup_ticks: int = 100
 
     def __post_init__(self) -> None:
         """Check the ranges; the relation to the period is checked with the whole configuration."""
-        if not 10 <= self.command_timeout_ms <= 1000:
-            raise ValueError(
-                f"command_timeout_ms must be 10 to 1000, not {self.command_timeout_ms}"
-            )
-        if not 2 <= self.feedback_timeout_periods <= 10:
-            raise ValueError(
-                f"feedback_timeout_periods must be 2 to 10, not {self.feedback_timeout_periods}"
-            )
-        for name in (
-            "status_timeout_ms",
-            "heartbeat_timeout_ms",
-            "arm_timeout_ms",
-            "request_max_age_ms",
-        ):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
+        for name, (low, high) in _RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(f"{name} must be {low} to {high}, not {value}")
+
+
+_RANGES: Final = {
+    "command_timeout_ms": (10, 1000),
+    "feedback_timeout_periods": (2, 10),
+    "status_timeout_ms": (1, 1000),
+    "battery_timeout_ms": (1, 5000),
+    "sonar_timeout_ms": (1, 1000),
+    "heartbeat_timeout_ms": (1, 5000),
+    "setpoint_timeout_ms": (1, 2000),
+    "arm_timeout_ms": (1, 10_000),
+    "request_max_age_ms": (1, 10_000),
+    "warmup_ticks": (1, 10_000),
+}
+"""What `SafetyConfig` allows: a limit that can be set to for ever is none."""
 
 
 class SafetyMachine:

@@ -2,10 +2,13 @@
 
 import math
 
+import msgspec
+
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.pid import PidConfig
 from robotctl.model.drives import DifferentialDrive
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
 from robotctl.runtime.core import ControlConfig, ControlCore, Inputs, Outputs
 from robotctl.runtime.messages import (
     Arm,
@@ -19,6 +22,7 @@ from robotctl.runtime.messages import (
     MotorStatus,
     NodeStatus,
     SafetyState,
+    SonarFeedback,
     VelocityCommand,
     WheelCommand,
     WheelFeedback,
@@ -26,21 +30,24 @@ from robotctl.runtime.messages import (
 from robotctl.runtime.safety import SafetyConfig
 
 PERIOD_NS = 5_000_000
+SAFETY = SafetyConfig()
+WARM_TICKS = SAFETY.warmup_ticks
 BUS_V = 12.0
 K_V_S_RAD = 0.45
+RESISTANCE_OHM = 1.5
 TAU_S = 0.08
 DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
 PID = PidConfig(kp=0.25, ki=3.0, kv=K_V_S_RAD)
 
 
-def make_core() -> ControlCore:
+def make_core(safety: SafetyConfig = SAFETY) -> ControlCore:
     return ControlCore(
         DRIVE,
         ControlConfig(left=PID, right=PID),
         LimitsConfig(),
-        SafetyConfig(),
+        safety,
         PERIOD_NS,
-        4,
+        tuple(SonarMount(name, 0.1, 0.0, 0.0) for name in ("a", "b", "c", "d")),
         SE2(1.0, 2.0, 0.0),
     )
 
@@ -48,8 +55,8 @@ def make_core() -> ControlCore:
 class RobotDouble:
     """Steps core and wheels together; every input can be withheld or bent by the test."""
 
-    def __init__(self) -> None:
-        self.core = make_core()
+    def __init__(self, safety: SafetyConfig = SAFETY) -> None:
+        self.core = make_core(safety)
         self.now_ns = 1_000_000_000
         self.speeds = [0.0, 0.0]
         self.angles = [0.0, 0.0]
@@ -61,6 +68,15 @@ class RobotDouble:
         self.battery: BatteryFeedback | None = BatteryFeedback(0, 12.0, 1.0, 0.8, 25, False, False)
         self.mute_wheels = False
         self.mute_status = False
+        self.mute_battery = False
+        self.battery_sent: BatteryFeedback | None = None
+        self.battery_ns = 0
+        self.mute_sonars = False
+        self.sonar_ns = 0
+        self.frozen_latch = False
+        self.heartbeat_ns: int | None = None
+        self.sonar_m = (2.0, math.inf, 2.0, 2.0)
+        self.objections: tuple[str, ...] = ()
         self.bus_stop = None
         self.record: list[tuple[int, Inputs, Outputs]] = []
         self.outputs = Outputs(WheelCommand())
@@ -73,7 +89,7 @@ class RobotDouble:
         """One period: wheels move under the last command, then the core sees them."""
         self.now_ns += PERIOD_NS
         self._move()
-        inputs = Inputs(self._feedback(), requests)
+        inputs = Inputs(self._feedback(), requests, self.objections)
         self.outputs = self.core.step(inputs, self.now_ns)
         self.record.append((self.now_ns, inputs, self.outputs))
         if self.outputs.clear_faults and self.motor_state not in (DriveState.BOOT,):
@@ -97,7 +113,7 @@ class RobotDouble:
         return self.tick(Arm(self.now_ns, 99, arm=False))
 
     def armed(self) -> "RobotDouble":
-        self.ticks(3)
+        self.ticks(WARM_TICKS)
         self.arm()
         assert self.state == SafetyState.ARMED
         return self
@@ -119,16 +135,44 @@ class RobotDouble:
         counts = [math.floor(angle / (2 * math.pi) * 2400) & 0xFFFF for angle in self.angles]
         status = not self.mute_status
         stop, self.bus_stop = self.bus_stop, None
+        latch_ns = 0 if self.frozen_latch else now
+        heartbeat_ns = now if self.heartbeat_ns is None else self.heartbeat_ns
         return Feedback(
             wheels=None
             if self.mute_wheels
-            else WheelFeedback(now, (now // 1000) & 0xFFFFF, counts[0], counts[1]),
-            motor=MotorStatus(now, self.motor_state, 0.5, 0.5, 30, 30, self.faults)
+            else WheelFeedback(now, (latch_ns // 1000) & 0xFFFFF, counts[0], counts[1]),
+            motor=MotorStatus(now, self.motor_state, *self.currents_a(), 30, 30, self.faults)
             if status
             else None,
             drive=DriveStatus(now, 0, 0.0, BUS_V, 1, 0) if status else None,
-            battery=self.battery,
+            sonars=self._sonars(),
+            battery=self._battery(),
             emergency_stop=stop,
-            nodes=(NodeStatus(1, "drive", 5, now, self.boots, self.problem),),
+            nodes=(NodeStatus(1, "drive", 5, heartbeat_ns, self.boots, self.problem),),
             bus=self.bus,
         )
+
+    def _sonars(self) -> tuple[SonarFeedback, ...]:
+        """One frame every 50 ms."""
+        if self.mute_sonars or self.now_ns < self.sonar_ns + 50_000_000:
+            return ()
+        self.sonar_ns = self.now_ns
+        return (SonarFeedback(self.now_ns, 0, self.sonar_m),)
+
+    def _battery(self) -> BatteryFeedback | None:
+        """One frame every 100 ms, and at once where the test puts in another battery."""
+        battery = self.battery
+        due = battery is not self.battery_sent or self.now_ns >= self.battery_ns + 100_000_000
+        if battery is None or self.mute_battery or not due:
+            return None
+        self.battery_sent, self.battery_ns = battery, self.now_ns
+        return msgspec.structs.replace(battery, stamp_ns=self.now_ns)
+
+    def currents_a(self) -> list[float]:
+        """What the windings take: the voltage left after back-EMF, over the resistance."""
+        command = self.outputs.command
+        on = command.enable and self.motor_state == DriveState.ENABLED
+        return [
+            (duty * BUS_V - K_V_S_RAD * speed) / RESISTANCE_OHM if on else 0.0
+            for duty, speed in zip((command.duty1, command.duty2), self.speeds, strict=True)
+        ]

