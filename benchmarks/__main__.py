@@ -7,6 +7,7 @@ import sys
 
 from benchmarks import (
     control_quality,
+    flight_recorder,
     lockstep_speed,
     loop_lag,
     machine,
@@ -20,6 +21,7 @@ SUBJECTS = {
     "lag": loop_lag.run,
     "lockstep": lockstep_speed.run,
     "memory": memory.run,
+    "recorder": flight_recorder.run,
     "control": control_quality.run,
     "startup": start_up.run,
 }

@@ -36,8 +36,9 @@ from robotctl.runtime.topics import (
 Message: TypeAlias = ControlState | NavigationState | Notice
 
 PERIOD_NS: Final = 100_000_000
-LISTEN_NS: Final = 20_000_000
-"""A bus at 1 kHz brings some hundred frames meanwhile, a third of what a socket keeps [ns]."""
+LISTEN_PERIODS: Final = 20
+"""The bus brings some eighty frames in so many control periods, a third of what a socket keeps."""
+_LOOK_NS: Final = 20_000_000
 _RETRY_NS: Final = 10_000_000_000
 _END_NS: Final = 1_500_000_000
 """The control process, told to end at the same time, has ended by then [ns]."""
@@ -64,6 +65,7 @@ class Recording:
         self._dumps: FlightDumps | None = None
         self._logs: Logs | None = None
         self._notes: tuple[str, ...] = ()
+        self._listen_ns = LISTEN_PERIODS * config.runtime.period_ns
         if options.state:
             saved, _ = load_progress(options)
             self._keeper = ProgressKeeper(progress_file(Path(options.state)), options, saved)
@@ -77,7 +79,7 @@ class Recording:
     @property
     def period_ns(self) -> int:
         """How often `listen` is to be called [ns]."""
-        return PERIOD_NS if self._logs is None else LISTEN_NS
+        return PERIOD_NS if self._logs is None else self._listen_ns
 
     def listen(self, now_ns: int) -> tuple[str, ...]:
         """Empty what would overflow before the next `step`."""
@@ -98,7 +100,7 @@ class Recording:
         """Take in the end of the control process, which removes its ring; then close everything."""
         deadline_ns = clock.now_ns() + _END_NS
         while self._ring.exists() and clock.now_ns() < deadline_ns:
-            clock.sleep_until(clock.now_ns() + LISTEN_NS)
+            clock.sleep_until(clock.now_ns() + _LOOK_NS)
             self.listen(clock.now_ns())
             self.step(receive(), clock.now_ns())
         if self._ring.exists() and not written(self._ring, clock):

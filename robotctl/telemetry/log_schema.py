@@ -8,7 +8,6 @@ null where it is missing; so are nan and infinity, for which JSON has no word.
 from __future__ import annotations
 
 import enum
-import math
 import types
 from typing import Any, Final, TypeAlias, Union, get_args, get_origin, get_type_hints
 
@@ -74,15 +73,19 @@ def schema_of(kind: Any) -> Schema:
 
 
 def plain(value: Any) -> Any:
-    """Return a message, or a part of it, as what JSON knows, with the names of its fields."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
+    """Return a message, or a part of it, with the names of its fields, for msgspec's JSON encoder.
+
+    The encoder itself would write the values of some messages without names; it does write nan
+    and infinity as null.
+    """
     if isinstance(value, msgspec.Struct):
-        return {name: plain(getattr(value, name)) for name in value.__struct_fields__}
-    if isinstance(value, tuple):
+        return {
+            name: part if type(part) in _PRIMITIVES else plain(part)
+            for name in value.__struct_fields__
+            for part in (getattr(value, name),)
+        }
+    if isinstance(value, tuple) and value and isinstance(value[0], msgspec.Struct):
         return [plain(each) for each in value]
-    if isinstance(value, dict):
-        return {key: plain(each) for key, each in value.items()}
     return value
 
 
