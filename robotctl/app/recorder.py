@@ -21,7 +21,7 @@ from robotctl.app.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
-from robotctl.runtime.flight_ring import RingReader, crashed
+from robotctl.runtime.flight_ring import crashed, is_written
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.ports import Clock
@@ -103,7 +103,7 @@ class Recording:
             clock.sleep_until(clock.now_ns() + _LOOK_NS)
             self.listen(clock.now_ns())
             self.step(receive(), clock.now_ns())
-        if self._ring.exists() and not written(self._ring, clock):
+        if self._ring.exists() and not is_written(self._ring):
             self._ring.replace(crashed(self._ring))
         self.step(receive(), clock.now_ns())
         if self._dumps is None:
@@ -171,17 +171,6 @@ class Logs:
         for log in (self._copy, self._states, self._bus):
             with suppress(OSError):
                 log.close()
-
-
-def written(ring: Path, clock: Clock) -> bool:
-    """Return whether a process writes the ring; a robot's slowest loop does in 10 ms."""
-    reader = RingReader(ring)
-    try:
-        parts = reader.read()
-        clock.sleep_until(clock.now_ns() + PERIOD_NS)
-        return bool(parts and reader.read(parts[-1]))
-    finally:
-        reader.close()
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

@@ -13,11 +13,13 @@ its beginning is written; its length moves on when a tick is there as a whole.
 
 from __future__ import annotations
 
+import fcntl
 import mmap
 import os
 import pickle
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -30,6 +32,9 @@ from robotctl.runtime.recorder import LENGTH, Checkpoint, RecordError, RecordHea
 SEGMENTS: Final = 16
 SEGMENT_SIZE: Final = 1 << 18
 """Bytes; with `SEGMENTS` a ring of 4 MiB: some 85 s at 200 Hz, 17 s at 1 kHz."""
+
+MOST_DEAD: Final = 4
+"""Rings kept of processes that did not end in order and whose recorder did not either."""
 
 _MAGIC: Final = b"robotctl flight ring 1\n"
 _HEAD: Final = struct.Struct("<24sIII")
@@ -77,7 +82,10 @@ class FlightRing:
         self._segment = self._at = self._end = 0
         try:
             if path.exists():
+                if is_written(path):
+                    raise LinkError(f"{path}: another process writes it")
                 path.replace(crashed(path))
+            remove_old(path.parent)
             self._memory = self._map(_HEAD_SIZE + segments * segment_size)
         except OSError as error:
             raise LinkError(f"{path}: cannot be made: {error.strerror}") from error
@@ -92,10 +100,13 @@ class FlightRing:
         """Return the ring's memory, all of it present."""
         descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
         try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             os.posix_fallocate(descriptor, 0, size)
             memory = mmap.mmap(descriptor, size)
-        finally:
+        except OSError:
             os.close(descriptor)
+            raise
+        self._lock = descriptor
         memory[:] = bytes(size)
         return memory
 
@@ -139,6 +150,7 @@ class FlightRing:
         """Remove the ring: its process ends in order. Who has it open can still read it."""
         self._path.unlink(missing_ok=True)
         self._memory.close()
+        os.close(self._lock)
 
 
 class Part(NamedTuple):
@@ -222,6 +234,32 @@ class RingReader:
 def crashed(path: Path) -> Path:
     """Return where the ring of a process goes that did not end in order."""
     return path.with_name(f"{path.name}.crashed")
+
+
+def is_written(path: Path) -> bool:
+    """Return whether the process that made a ring is still alive; it holds a lock on the file."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def remove_old(folder: Path) -> None:
+    """Remove rings of dead processes but the newest: nobody else gives their memory back."""
+    dead = []
+    for path in folder.glob("*.ring*"):
+        with suppress(FileNotFoundError):  # others do the same
+            if not is_written(path):
+                dead.append((path.stat().st_mtime_ns, path))
+    for _, path in sorted(dead)[:-MOST_DEAD]:
+        path.unlink(missing_ok=True)
 
 
 def dump(ring: Path, target: Path) -> None:

@@ -15,7 +15,14 @@ import pytest
 from robotctl.errors import LinkError
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.core import ControlCore
-from robotctl.runtime.flight_ring import FlightRing, RingReader, crashed, dump
+from robotctl.runtime.flight_ring import (
+    MOST_DEAD,
+    FlightRing,
+    RingReader,
+    crashed,
+    dump,
+    is_written,
+)
 from robotctl.runtime.recorder import (
     Checkpoint,
     RecordError,
@@ -223,3 +230,27 @@ def test_what_is_no_ring_is_refused(tmp_path: Path) -> None:
 def test_a_ring_that_cannot_be_made_says_where(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"none/a\.ring: cannot be made: No such file"):
         make_ring(tmp_path / "none" / "a.ring", make_core())
+
+
+def test_the_ring_of_a_live_process_is_not_taken_away(tmp_path: Path) -> None:
+    ring = make_ring(tmp_path / "a.ring", make_core())
+    with pytest.raises(LinkError, match=r"a\.ring: another process writes it"):
+        make_ring(tmp_path / "a.ring", make_core())
+    assert is_written(tmp_path / "a.ring")
+    ring.close()
+    assert not is_written(tmp_path / "a.ring")
+
+
+def test_the_rings_of_many_dead_processes_do_not_fill_the_memory(tmp_path: Path) -> None:
+    live = make_ring(tmp_path / "live.ring", make_core())
+    for number in range(MOST_DEAD + 3):
+        dead = make_ring(tmp_path / f"dead-{number}.ring", make_core())
+        dead._memory.close()
+        os.close(dead._lock)
+        os.utime(tmp_path / f"dead-{number}.ring", (number, number))
+    make_ring(tmp_path / "next.ring", make_core()).close()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *(f"dead-{number}.ring" for number in range(3, MOST_DEAD + 3)),
+        "live.ring",
+    ]
+    live.close()
