@@ -4,13 +4,14 @@ The monitor knows nothing of the drive's own guards and states, and nothing of t
 every frame that passed the bus and looks at the bridges and the body of the true robot. What it
 holds against a robot:
 
-- power at the wheels though the last command is older than the drive's time-out, or said no;
-- power at the wheels after an emergency stop, until the drive's latch has been cleared over the bus
-  and a command said "no" and then "yes";
-- power at the wheels after a stop without a new arming, where somebody tells of armings;
+- power at the wheels later than the drive's time-out after the last command that allowed it. A
+  command allows power if it is sound, new, and says "enable"; after an emergency stop only once
+  the drive's latch has been cleared over the bus and a command has said "no"; after a "no" only
+  once somebody has armed the robot anew, where armings are told of;
 - more speed than the robot is allowed.
 
-Power is torque-making voltage: a bridge that drives with a duty that is not zero.
+Power is torque-making voltage: a bridge that drives with a duty that is not zero. The time-out is
+allowed after a "no" and an emergency stop as well, since the drive may have missed that frame.
 """
 
 from __future__ import annotations
@@ -85,10 +86,9 @@ class SafetyMonitor:
         self._allowed = allowed
         self._crc_start = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
         self._counter = -1
-        self._command_ns: int | None = None
-        self._enabled = False
-        self._disabled_ns = 0
-        self._stopped_ns: int | None = None
+        self._allowed_ns: int | None = None
+        self._why = "any command"
+        self._said_yes = False
         self._cleared = self._said_no = True
         self._armings: int | None = None
         self._armings_used = 0
@@ -104,7 +104,7 @@ class SafetyMonitor:
         if arbitration_id == wire.MOTOR_COMMAND:
             self._on_command(data, stamp_ns)
         elif arbitration_id == _EMERGENCY_STOP:
-            self._stopped_ns, self._cleared, self._said_no = stamp_ns, False, False
+            self._cleared = self._said_no = False
         elif (arbitration_id == _DRIVE_BOOT and data == b"\0") or (
             arbitration_id == _SDO_TO_DRIVE and data.startswith(_CLEAR_FAULTS)
         ):
@@ -117,14 +117,20 @@ class SafetyMonitor:
         counter = data[1] & 0x0F
         if counter == self._counter:
             return
-        self._counter, self._command_ns = counter, stamp_ns
-        enabled = bool(data[1] & _ENABLE)
-        if not enabled:
+        self._counter = counter
+        if not data[1] & _ENABLE:
             self._said_no = self._said_no or self._cleared
-            if self._enabled:
-                self._disabled_ns = stamp_ns
+            if self._said_yes:
                 self._armings_used = self._armings or 0
-        self._enabled = enabled
+            self._said_yes, self._why = False, "Enable=0"
+            return
+        self._said_yes = True
+        if not (self._cleared and self._said_no):
+            self._why = "an emergency stop"
+        elif self._armings is not None and self._armings <= self._armings_used:
+            self._why = "a stop, without a new arming"
+        else:
+            self._allowed_ns, self._why = stamp_ns, "the last command"
 
     def look(self, now_ns: int) -> None:
         """Judge the robot as it is now [ns]."""
@@ -145,16 +151,9 @@ class SafetyMonitor:
 
     def _objection_to_power(self, now_ns: int) -> str:
         """Return why the wheels should be without power, or nothing."""
-        command_ns, stopped_ns = self._command_ns, self._stopped_ns
-        if command_ns is None:
-            return "power without any command"
-        if now_ns - command_ns > self._allowed.command_timeout_ns + GRACE_NS:
-            return f"power {(now_ns - command_ns) / 1e6:.0f} ms after the last command"
-        if not self._enabled and now_ns - self._disabled_ns > GRACE_NS:
-            return f"power {(now_ns - self._disabled_ns) / 1e6:.0f} ms after Enable=0"
-        latched = stopped_ns is not None and not (self._cleared and self._said_no)
-        if latched and stopped_ns is not None and now_ns - stopped_ns > GRACE_NS:
-            return f"power {(now_ns - stopped_ns) / 1e6:.0f} ms after an emergency stop"
-        if self._enabled and self._armings is not None and self._armings <= self._armings_used:
-            return "power after a stop without a new arming"
-        return ""
+        if self._allowed_ns is None:
+            return f"power without {self._why}"
+        after_ns = now_ns - self._allowed_ns
+        if after_ns <= self._allowed.command_timeout_ns + GRACE_NS:
+            return ""
+        return f"power {after_ns / 1e6:.0f} ms after it was last allowed, behind {self._why}"

@@ -90,6 +90,7 @@ class Injector:
         TypeError
             If it is only a base class of faults.
         """
+        self._forget_past()
         if isinstance(fault, (Delay, Duplicate, Corrupt)):
             self._on_send.append(_Watch(fault))
         elif isinstance(fault, (Destroy, BitErrors)):
@@ -109,6 +110,16 @@ class Injector:
         else:
             raise TypeError(f"{type(fault).__name__} is no fault of its own")
         self._count_watches()
+
+    def _forget_past(self) -> None:
+        """Let go of frame faults whose time is over, so that long runs do not grow."""
+        now_ns = self._bus.now_ns
+        for watches in (self._on_send, self._on_wire, self._on_delivery):
+            watches[:] = [
+                watch
+                for watch in watches
+                if watch.fault.end_ns is None or watch.fault.end_ns > now_ns
+            ]
 
     def _count_watches(self) -> None:
         babbling = any(isinstance(fault, Babble) for fault in self._active)

@@ -1,0 +1,343 @@
+"""A simulated mission of many hours in lockstep, with random faults and an operator.
+
+The robot drives the patrol again and again. Faults strike at random: on the bus, in the nodes, in
+the host. When the robot has stopped, the operator waits until the fault is over, arms it and sets
+AUTO, as the one documented sequence says. After each lap somebody carries the robot back to its
+start. The simulator's monitor, which knows the truth, counts what no robot may do. Exit status 1
+where it has found anything, or a recovery failed, or memory grew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from firmware_sim.bus.errors import BusError
+from firmware_sim.bus.faults import (
+    Babble,
+    Corrupt,
+    Cut,
+    Delay,
+    Destroy,
+    Dominant,
+    Drop,
+    Duplicate,
+    Fault,
+    Mute,
+)
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import Bench, make_simulation
+from robotctl.app.options import StackOptions
+from robotctl.app.pilot import Pilot, load_mission
+from robotctl.estimation.odometry import Odometry
+from robotctl.runtime.messages import (
+    Arm,
+    ControlRequest,
+    ControlState,
+    EmergencyStop,
+    EmergencyStopSource,
+    Mode,
+    NavigationState,
+    SetMode,
+)
+from robotctl.runtime.safety import LATCHED, POWERED
+
+SECOND_NS = 1_000_000_000
+LAP_NS = 120 * SECOND_NS
+"""A lap that has not ended by then is given up."""
+
+RECOVERY_NS = 20 * SECOND_NS
+"""The operator's sequence has succeeded by then, or the run fails."""
+
+QUIET_NS = SECOND_NS // 2
+"""The operator looks so long at a robot without fault before he arms it."""
+
+GROWTH_MIB = 8.0
+"""More is a leak: Python's arenas move by some MiB."""
+
+COMMAND = 0x201
+
+
+class Endurance:
+    """One robot, its operator and its bad luck.
+
+    Parameters
+    ----------
+    robot
+        Configuration file.
+    seed
+        Of the simulation, the faults and their times.
+    mean_s
+        Mean time between faults [s].
+    """
+
+    def __init__(self, robot: Path, seed: int, mean_s: float) -> None:
+        mission = find_file("patrol", "missions")
+        self._start = start = load_mission(mission).start.pose
+        options = StackOptions(
+            instance="endurance",
+            robot=str(robot),
+            mission=str(mission),
+            x_m=start.x_m,
+            y_m=start.y_m,
+            theta_rad=start.theta_rad,
+        )
+        self._config, self._options = options.load(), options
+        world = find_file(load_mission(mission).world, "worlds")
+        pose = (start.x_m, start.y_m, start.theta_rad)
+        self.simulation = simulation = make_simulation(robot, world, seed, pose)
+        self.bench = Bench(self._config, options, simulation)
+        self._pilot = Pilot(self._config, options)
+        self._every = max(1, round(self._pilot.period_ns / self.bench.period_ns))
+        self._rng = np.random.default_rng(seed)
+        self._mean_s = mean_s
+        self.faults: Counter[str] = Counter()
+        self.stops: Counter[str] = Counter()
+        self.laps = self.recoveries = self.failed_recoveries = 0
+        self.slowest_recovery_s = 0.0
+        self._fault_end_ns = self._pause_end_ns = self._asked_ns = 0
+        self._stopped_ns: int | None = None
+        self._lap_end_ns = LAP_NS
+        self._next_fault_ns = self._draw_ns()
+        self._navigation: NavigationState | None = None
+        self._wishes: list[ControlRequest] = []
+        self._number = 0
+
+    @property
+    def now_ns(self) -> int:
+        """Simulated time [ns]."""
+        return self.bench.clock.now_ns()
+
+    def run_until(self, end_ns: int) -> None:
+        """Simulate up to `end_ns`."""
+        requests: tuple[ControlRequest, ...] = ()
+        bench = self.bench
+        while self.now_ns < end_ns:
+            if self.now_ns < self._pause_end_ns:  # the host is held up
+                now_ns = self.now_ns + bench.period_ns
+                self.simulation.advance(now_ns)
+                bench.clock.sleep_until(now_ns)
+                continue
+            bench.tick(requests)
+            requests = ()
+            if bench.ticks % self._every == 0:
+                requests = self._navigate(bench.snapshot())
+
+    def _navigate(self, control: ControlState) -> tuple[ControlRequest, ...]:
+        """Be navigator, operator and fate."""
+        now_ns = control.stamp_ns
+        if now_ns >= self._next_fault_ns:
+            self._strike(now_ns)
+        modes: tuple[SetMode, ...] = ()
+        navigation = self._navigation
+        if control.state in POWERED:
+            self._recovered(now_ns)
+            if navigation is not None and navigation.mode == Mode.HOLD:
+                modes = (SetMode(now_ns, Mode.AUTO),)
+            if self._lap_is_over(navigation, control, now_ns):
+                return self._begin_lap(now_ns)
+        wishes, self._wishes = self._wishes, []
+        wishes += self._operate(control, now_ns)
+        command, self._navigation = self._pilot.step(control, modes, now_ns)
+        return (command, *wishes)
+
+    def _operate(self, control: ControlState, now_ns: int) -> list[ControlRequest]:
+        """Recover a robot that has stopped, once the fault is over."""
+        if control.state in POWERED:
+            return []
+        if self._stopped_ns is None:
+            self._stopped_ns = now_ns
+            if control.state in LATCHED:
+                self.stops[_kind(control.reason)] += 1
+        since_ns = max(self._stopped_ns, self._fault_end_ns) + QUIET_NS
+        if now_ns - since_ns > RECOVERY_NS:
+            self.failed_recoveries += 1
+            print(f"{now_ns / 1e9:.1f} s: not recovered: {control.state.name}, {control.reason}, "
+                  f"{control.ack}", flush=True)  # fmt: skip
+            self._stopped_ns = now_ns
+        if now_ns < since_ns or now_ns - self._asked_ns < SECOND_NS:
+            return []
+        self._asked_ns = now_ns
+        self._number += 1
+        self.simulation.monitor.on_arming()
+        return [Arm(now_ns, self._number, arm=True)]
+
+    def _recovered(self, now_ns: int) -> None:
+        """Note the end of a stop."""
+        if self._stopped_ns is not None:
+            since_ns = max(self._stopped_ns, self._fault_end_ns)
+            self.slowest_recovery_s = max(self.slowest_recovery_s, (now_ns - since_ns) / 1e9)
+            self.recoveries += 1
+            self._stopped_ns = None
+
+    def _lap_is_over(
+        self, navigation: NavigationState | None, control: ControlState, now_ns: int
+    ) -> bool:
+        if now_ns >= self._lap_end_ns:
+            return True
+        over = navigation is not None and (
+            navigation.mission_completed or navigation.mission_failed
+        )
+        return over and abs(control.v_m_s) < 0.01
+
+    def _begin_lap(self, now_ns: int) -> tuple[ControlRequest, ...]:
+        """Disarm the robot, carry it to its start and let its odometry begin there."""
+        self.laps += 1
+        self._lap_end_ns = now_ns + LAP_NS
+        start, drive = self._start, self._config.drive
+        self.simulation.plant.place(start.x_m, start.y_m, start.theta_rad)
+        angles = [way_m / drive.wheel_radius_m for way_m in self.bench.snapshot().wheel_distance_m]
+        self.bench.core.odometry = Odometry(drive, start)
+        self.bench.core.odometry.reset(angles[0], angles[-1])
+        self._pilot = Pilot(self._config, self._options)
+        self._navigation = None
+        self._number += 1
+        return (Arm(now_ns, self._number, arm=False),)
+
+    def _draw_ns(self) -> int:
+        """Draw the time of the next fault."""
+        return self.now_ns + round(self._rng.exponential(self._mean_s) * 1e9)
+
+    def _strike(self, now_ns: int) -> None:
+        """Let one fault happen."""
+        name = str(self._rng.choice(list(FAULTS)))
+        end_ns = now_ns + round(self._rng.uniform(0.005, 0.8) * 1e9)
+        self.faults[name] += 1
+        fault = FAULTS[name](self, now_ns, end_ns)
+        if fault is not None:
+            self.simulation.bus.inject(fault)
+        self._fault_end_ns = max(self._fault_end_ns, end_ns)
+        self._next_fault_ns = self._draw_ns()
+
+    def chance(self) -> float:
+        """Draw the probability of a fault of frames."""
+        return float(self._rng.uniform(0.05, 1.0))
+
+    def node(self) -> str:
+        """Draw a node."""
+        return str(self._rng.choice(["drive", "sonar", "power"]))
+
+    def pause_host(self, end_ns: int) -> None:
+        """Let the host do nothing until then."""
+        self._pause_end_ns = end_ns
+
+    def block_wheel(self, end_ns: int) -> None:
+        """Hold a wheel for so long."""
+        channel = int(self._rng.integers(1, 3))
+        plant = self.simulation.plant
+        plant.block(channel)
+        self.simulation.bus.schedule(end_ns, lambda: plant.block(channel, blocked=False))
+
+    def press_stop(self, now_ns: int) -> None:
+        """Let the operator press the emergency stop."""
+        self._wishes.append(EmergencyStop(now_ns, EmergencyStopSource.OPERATOR))
+
+    def restart_nodes(self) -> None:
+        """Take the supply from all nodes for a moment."""
+        self.simulation.power_cycle()
+
+
+Strike = Callable[[Endurance, int, int], Fault | None]
+
+FAULTS: dict[str, Strike] = {
+    "node mute": lambda run, t, end: Mute(node=run.node(), start_ns=t, end_ns=end),
+    "host cut off": lambda _, t, end: Cut(node="host", start_ns=t, end_ns=end),
+    "node cut off": lambda run, t, end: Cut(node=run.node(), start_ns=t, end_ns=end),
+    "bus cut": lambda _, t, end: Cut(start_ns=t, end_ns=end),
+    "bus shorted": lambda _, t, end: Dominant(start_ns=t, end_ns=end),
+    "babbling node": lambda _, t, end: Babble(node="sonar", start_ns=t, end_ns=end),
+    "frames destroyed": lambda run, t, end: Destroy(
+        error=BusError.CRC_ERROR, start_ns=t, end_ns=end, probability=run.chance()
+    ),
+    "frames corrupt beyond CAN's CRC": lambda run, t, end: Corrupt(
+        start_ns=t, end_ns=end, probability=run.chance()
+    ),
+    "commands lost": lambda run, t, end: Drop(
+        arbitration_id=COMMAND, start_ns=t, end_ns=end, probability=run.chance()
+    ),
+    "feedback lost": lambda run, t, end: Drop(
+        receiver="host", start_ns=t, end_ns=end, probability=run.chance()
+    ),
+    "commands repeated": lambda run, t, end: Duplicate(
+        arbitration_id=COMMAND, start_ns=t, end_ns=end, probability=run.chance()
+    ),
+    "frames late": lambda run, t, end: Delay(
+        start_ns=t, end_ns=end, probability=run.chance(), delay_ns=round(run.chance() * 60e6)
+    ),
+    "host held up": lambda run, _, end: run.pause_host(end),
+    "wheel blocked": lambda run, _, end: run.block_wheel(end),
+    "emergency stop": lambda run, t, _: run.press_stop(t),
+    "nodes restarted": lambda run, _t, _end: run.restart_nodes(),
+}
+
+
+def _kind(reason: str) -> str:
+    """Return a reason without its numbers."""
+    words = reason.partition(" (")[0]
+    return "".join("#" if letter.isdigit() else letter for letter in words)
+
+
+def resident_mib() -> float:
+    """Return the memory of this process [MiB]."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 2**20
+
+
+def main() -> int:
+    """Run the command."""
+    parser = argparse.ArgumentParser(prog="tools/endurance.py", description=__doc__)
+    add = parser.add_argument
+    add("--hours", type=float, default=1.0, help="of simulated time (%(default)s)")
+    add("--seed", type=int, default=1, help="(%(default)s)")
+    add("--robot", default="diff_drive", help="(%(default)s)")
+    add("--every", type=float, default=20.0, help="mean time between faults [s] (%(default)s)")
+    options = parser.parse_args()
+    run = Endurance(find_file(options.robot), options.seed, options.every)
+    begin_s, before_mib = time.monotonic(), 0.0
+    parts = max(10, round(options.hours * 4))
+    for part in range(1, parts + 1):
+        run.run_until(round(options.hours * 3600e9 * part / parts))
+        if part == max(1, parts // 10):
+            before_mib = resident_mib()
+        monitor = run.simulation.monitor
+        print(
+            f"{run.now_ns / 3600e9:6.2f} h  {run.laps} laps  {run.faults.total()} faults  "
+            f"{run.stops.total()} stops  {run.recoveries} recoveries  "
+            f"{monitor.count} unsafe motions  {resident_mib():.1f} MiB  "
+            f"{run.now_ns / 1e9 / (time.monotonic() - begin_s):.0f} x real time",
+            flush=True,
+        )
+    return conclude(run, resident_mib() - before_mib)
+
+
+def conclude(run: Endurance, growth_mib: float) -> int:
+    """Print the sums; return the exit status."""
+    simulation = run.simulation
+    for title, counts in (("faults", run.faults), ("stops", run.stops)):
+        print(f"\n{title}")
+        for name, count in counts.most_common():
+            print(f"  {count:6d}  {name}")
+    bus = run.bench.snapshot().bus
+    print(
+        f"\nhost: {bus.crc_rejects} frames rejected for their CRC, {bus.counter_rejects} for their "
+        f"counter, {bus.lost} lost\n"
+        f"{run.recoveries} recoveries, slowest {run.slowest_recovery_s:.1f} s after the fault; "
+        f"{run.failed_recoveries} failed\n"
+        f"memory grew by {growth_mib:.1f} MiB after the first tenth\n"
+        f"{simulation.monitor.count} unsafe motions"
+    )
+    for finding in simulation.monitor.findings:
+        print(f"  {finding.stamp_ns / 1e9:.3f} s: {finding.reason}")
+    bad = simulation.monitor.count or run.failed_recoveries or growth_mib > GROWTH_MIB
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
