@@ -18,6 +18,7 @@ from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDri
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
 from robotctl.runtime.core import ControlConfig
+from robotctl.runtime.plausibility import PlausibilityConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.safety import SafetyConfig
 from robotctl.telemetry.config import MavlinkConfig
@@ -53,6 +54,7 @@ class RobotConfig:
     ]
     limits: LimitsConfig
     control: ControlConfig
+    plausibility: PlausibilityConfig
     sonar: tuple[SonarMount, ...] = ()
     can: CanConfig = field(default_factory=CanConfig)
     runtime: LoopConfig = field(default_factory=LoopConfig)

@@ -25,6 +25,7 @@ def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
         config.control,
         config.limits,
         config.safety,
+        config.plausibility,
         config.runtime.period_ns,
         config.sonar,
         SE2(options.x_m, options.y_m, options.theta_rad),

@@ -36,6 +36,8 @@ from robotctl.runtime.messages import (
     VelocityCommand,
     WheelCommand,
 )
+from robotctl.runtime.plausibility import Plausibility, PlausibilityConfig
+from robotctl.runtime.plausibility_sonar import SonarMonitor
 from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
 
 _SETPOINT_AHEAD_NS: Final = 50_000_000
@@ -106,7 +108,7 @@ class ControlCore:
     ----------
     drive
         Kinematics.
-    control, limits, safety
+    control, limits, safety, plausibility
         Configuration of the wheel loops, of the set-point limiter and of the safety core.
     period_ns
         Control period [ns].
@@ -122,6 +124,7 @@ class ControlCore:
         control: ControlConfig,
         limits: LimitsConfig,
         safety: SafetyConfig,
+        plausibility: PlausibilityConfig,
         period_ns: int,
         sonars: tuple[SonarMount, ...],
         pose_world_base: SE2,
@@ -145,6 +148,12 @@ class ControlCore:
         self._steering_max_rad = (
             0.0 if isinstance(drive, DifferentialDrive) else drive.steering_max_rad
         )
+        self._plausibility = Plausibility(
+            plausibility, drive.wheel_names, control.pwm.deadband, self._steering_max_rad
+        )
+        self._sonar_monitor = SonarMonitor(sonars, plausibility.travel_m)
+        self._command_before = self._command
+        """What the bridges did when the newest feedback was taken, one period ago."""
         self._velocity: VelocityCommand | None = None
         self._twist_meas = Twist(0.0, 0.0)
         self._twist_ref = Twist(0.0, 0.0)
@@ -174,6 +183,7 @@ class ControlCore:
         stop = self._take_requests(inputs, now_ns)
         self._supervise(now_ns)
         clear = self._pending is not None and self._try_to_arm(now_ns)
+        self._command_before = self._command
         self._command = self._drive_wheels(now_ns)
         return Outputs(self._command, stop, clear, tuple(self._notices))
 
@@ -197,6 +207,8 @@ class ControlCore:
             self._twist_meas = self._drive.forward(
                 first.velocity_rad_s, last.velocity_rad_s, self._steering_rad
             )
+        if self.machine.state in POWERED:
+            self._compare(feedback)
         if feedback.nodes is not self._nodes:
             self._nodes = feedback.nodes
             for node in feedback.nodes:
@@ -204,6 +216,30 @@ class ControlCore:
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
             self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
+
+    def _compare(self, feedback: Feedback) -> None:
+        """Let the monitors see what came, while the robot is powered."""
+        monitors, command = self._plausibility, self._command_before
+        if feedback.wheels is not None:
+            monitors.take_wheels(feedback.wheels)
+        if feedback.drive is not None:
+            monitors.take_drive(feedback.drive, command)
+        if feedback.motor is not None and self._health.drive is not None:
+            monitors.take_motor(
+                feedback.motor,
+                command,
+                self._health.drive.bus_voltage_v,
+                self._speeds_rad_s(),
+                sum(wheel.estimator.jumps for wheel in self._wheels),
+            )
+        for sonar in feedback.sonars:
+            pose = self.odometry.pose_world_base
+            found = self._sonar_monitor.update(sonar.first, sonar.ranges_m, pose, sonar.stamp_ns)
+            monitors.fault = monitors.fault or found
+
+    def _speeds_rad_s(self) -> tuple[float, ...]:
+        """Return the speed of each driven wheel by its encoder [rad/s]."""
+        return tuple(wheel.estimator.velocity_rad_s for wheel in self._wheels)
 
     def _take_boot(self, node_id: int, boots: int, name: str, now_ns: int) -> None:
         """Stop where a node has restarted; its counts begin anew."""
@@ -261,9 +297,9 @@ class ControlCore:
     def _supervise(self, now_ns: int) -> None:
         """Let health move the state machine."""
         if self.machine.state in POWERED:
-            problem = self._health.fault(now_ns)
-            if problem is not None:
-                self._on(Event.FAULT, problem, now_ns)
+            fault = self._health.fault(now_ns) or self._plausibility.fault
+            if fault:
+                self._on(Event.FAULT, fault, now_ns)
         elif self.machine.state not in LATCHED:
             problem = self._health.node_problem(now_ns)
             if problem is None:
@@ -299,7 +335,14 @@ class ControlCore:
 
     def _refusals(self, now_ns: int) -> tuple[str, ...]:
         """Return all reasons against arming now."""
-        refusals = self._objections + self._health.refusals(now_ns)
+        health = self._health
+        refusals = self._objections + health.refusals(now_ns)
+        motor, drive, battery = health.motor, health.drive, health.battery
+        if motor is not None and drive is not None and battery is not None:
+            speeds, enabled = self._speeds_rad_s(), self._command_before.enable
+            refusals += self._plausibility.value_faults(
+                motor, drive, battery, speeds, enabled=enabled
+            )
         if not self.warm:
             of = self._safety.warmup_ticks
             refusals += (f"the control loop is not warm: tick {self._ticks} of {of}",)
@@ -308,6 +351,8 @@ class ControlCore:
     def _take_over(self) -> None:
         """Start the wheel loops from the present motion, so that arming causes no jump."""
         self._velocity = None
+        self._plausibility.reset()
+        self._sonar_monitor.reset()
         self._limiter.reset(self._twist_meas.v_m_s, self._twist_meas.omega_rad_s)
         for wheel in self._wheels:
             wheel.reset()

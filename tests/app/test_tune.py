@@ -337,7 +337,7 @@ def test_bad_input_ends_with_status_2_and_the_nearest_name(monkeypatch, capsys, 
         ("simulation.motor.air_c=119.95", "over temperature"),
         ("simulation.battery.voltage_scale=0.8", "battery is low"),
         ("simulation.errors.wheel_radius=[0.0, 0.2]", "not enough room: the robot met a wall"),
-        ("simulation.motor.coulomb_n_m=1.0", "over current"),
+        ("simulation.motor.coulomb_n_m=1.0", "wheel is blocked"),
         ("drive.wheel_radius_m=0.005", "at a duty of 1.00 the wheels turn at"),
     ],
 )

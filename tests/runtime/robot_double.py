@@ -27,6 +27,7 @@ from robotctl.runtime.messages import (
     WheelCommand,
     WheelFeedback,
 )
+from robotctl.runtime.plausibility import PlausibilityConfig
 from robotctl.runtime.safety import SafetyConfig
 
 PERIOD_NS = 5_000_000
@@ -46,8 +47,9 @@ def make_core(safety: SafetyConfig = SAFETY) -> ControlCore:
         ControlConfig(left=PID, right=PID),
         LimitsConfig(),
         safety,
+        PlausibilityConfig(RESISTANCE_OHM, K_V_S_RAD),
         PERIOD_NS,
-        tuple(SonarMount(name, 0.1, 0.0, 0.0) for name in ("a", "b", "c", "d")),
+        tuple(SonarMount(name, 0.0, 0.1, 90.0) for name in ("a", "b", "c", "d")),
         SE2(1.0, 2.0, 0.0),
     )
 

@@ -13,7 +13,7 @@ from robotctl.runtime.safety import SafetyConfig
 from tests.runtime.robot_double import PERIOD_NS, WARM_TICKS, RobotDouble, make_core
 
 LOW = BatteryFeedback(0, 10.2, 1.0, 0.1, 25, low=True, critical=False)
-CRITICAL = BatteryFeedback(0, 9.0, 1.0, 0.0, 25, low=True, critical=True)
+CRITICAL = BatteryFeedback(0, 10.1, 1.0, 0.0, 25, low=True, critical=True)
 WAIT_TICKS = SafetyConfig().arm_timeout_ms * 1_000_000 // PERIOD_NS
 
 
@@ -37,7 +37,7 @@ def setting(**values: object) -> Callable[[RobotDouble], None]:
 
 REFUSED = {
     "low battery": (setting(battery=LOW), "the battery is low (10.2 V)"),
-    "critical battery": (setting(battery=CRITICAL), "the battery is critical (9.0 V)"),
+    "critical battery": (setting(battery=CRITICAL), "the battery is critical (10.1 V)"),
     "no battery": (setting(battery=None), "the battery has not reported yet"),
     "error passive": (
         setting(bus=BusStatus(state=BusState.ERROR_PASSIVE)),
