@@ -114,6 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace, signals: list[int]) -> None:
     # They load numba; without it this is an error like others.
+    from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
     from firmware_sim.realtime import RealTime, raise_priority  # noqa: PLC0415
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
@@ -133,7 +134,7 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     with ExitStack() as stack:
         service, channel = _open_bus(simulation, options.bus)
         stack.enter_context(closing(service))
-        loop = RealTime(simulation, [service])
+        loop = RealTime(simulation, [service, FaultConsole(simulation)])
         if options.truth:
             loop.publish_truth(stack.enter_context(Publisher(options.truth)))
         if options.lidar:

@@ -21,6 +21,7 @@ from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.port import Port
 from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.errors import SimulationError
+from firmware_sim.faults import Faults, FaultyStage
 from firmware_sim.lidar import Lidar
 from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.monitor import Allowed, Motion, SafetyMonitor
@@ -96,6 +97,8 @@ class Simulation:
         self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
         self.plant = Plant(config, room, streams[1])
         self._plant_ns = start_ns
+        self.faults = Faults(self, FaultyStage(self.plant))
+        self._last_ranges: dict[int, Ranges] = {}
         self._ring = SonarRing(config, room, streams[2])
         lidar = config.simulation.lidar
         self._lidar = None if lidar is None else Lidar(lidar, room, streams[3])
@@ -141,9 +144,11 @@ class Simulation:
         """
         self.bus.advance(until_ns)
 
-    def power_cycle(self) -> None:
-        """Take the supply from all nodes and give it back: they boot, robot and room stay."""
+    def power_cycle(self, name: str = "") -> None:
+        """Take the supply from a node, or from all, and give it back; robot and room stay."""
         for node in self.nodes:
+            if name not in ("", node.name):
+                continue
             self._ports.pop(node.name).detach()
             self._power_up(node)
 
@@ -215,7 +220,7 @@ class Simulation:
             counts_per_revolution=self.config.drive.counts_per_revolution,
         )
         return DriveNode(
-            self.plant,
+            self.faults.stage,
             self.run_to,
             model,
             memory("drive"),
@@ -247,9 +252,14 @@ class Simulation:
         self.bus.schedule(now_ns + MONITOR_PERIOD_NS, self._watch)
 
     def _fire(self, group: int, now_ns: int) -> Ranges:
+        last_m = self._last_ranges.get(group)
+        if self.faults.sonar_stuck and last_m is not None:
+            return last_m
         self.run_to(now_ns)
         plant = self.plant
-        return self._ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
+        ranges_m = self._ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
+        self._last_ranges[group] = ranges_m
+        return ranges_m
 
     def _measure_battery(self, now_ns: int) -> BatterySample:
         self.run_to(now_ns)

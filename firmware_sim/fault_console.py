@@ -1,0 +1,64 @@
+"""Faults at run time: one line on standard input each, one line on standard output in answer.
+
+The answer is `fault KIND at NANOSECONDS`, CLOCK_MONOTONIC of the moment at which the fault began,
+or `error: ` and what is wrong. See `firmware_sim.faults`.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from typing import TYPE_CHECKING
+
+from firmware_sim.errors import SimulationError
+
+if TYPE_CHECKING:
+    from firmware_sim.simulation import Simulation
+
+
+class FaultConsole:
+    """A service of `RealTime` that reads fault lines; at the end of input it falls silent.
+
+    Parameters
+    ----------
+    simulation
+        Whose faults they are.
+    descriptor
+        Where lines come from.
+    """
+
+    def __init__(self, simulation: Simulation, descriptor: int | None = None) -> None:
+        self._faults = simulation.faults
+        self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
+        self._never, self._never_written = os.pipe()
+        self._open = True
+        self._rest = b""
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait for; after the end of input one that never wakes."""
+        return self._descriptor if self._open else self._never
+
+    def service(self, now_ns: int) -> None:
+        """Carry out the lines that have come; `now_ns` is CLOCK_MONOTONIC."""
+        if not self._open or not select.select([self._descriptor], (), (), 0)[0]:
+            return
+        try:
+            data = os.read(self._descriptor, 65536)
+        except OSError:  # a closed input, or a terminal that belongs to somebody else now
+            data = b""
+        if not data:
+            self._open = False
+            return
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            if line.strip():
+                answer = self._answer(line.decode(errors="replace").strip(), now_ns)
+                sys.stdout.write(answer + "\n")
+                sys.stdout.flush()
+
+    def _answer(self, line: str, now_ns: int) -> str:
+        try:
+            return f"fault {self._faults.inject(line)} at {now_ns}"
+        except SimulationError as error:
+            return f"error: {error}"
