@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.control.command_guard import guard_command
+from robotctl.control.command_guard import TOLERANCE, clamp, guard_command
 
 anything = st.floats()
 
@@ -53,3 +53,65 @@ def test_a_bad_steering_angle_stops_the_robot(bad):
 def test_rounding_at_the_bound_is_clamped_and_no_fault():
     out = guard_command(True, 1.0 + 1e-9, -1.0 - 1e-9, 0.6 + 1e-9, 0.6)
     assert out == (True, 1.0, -1.0, 0.6, "")
+
+
+BOUND = 1.0 + TOLERANCE
+BEYOND = math.nextafter(BOUND, 2.0)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("first", [True, False])
+def test_the_last_tolerated_duty_is_clamped_and_the_next_number_stops(sign, first):
+    def guarded(duty):
+        return guard_command(True, *((duty, 0.5) if first else (0.5, duty)), 0.1, 0.6, 0.2)
+
+    clamped = (sign, 0.5) if first else (0.5, sign)
+    assert guarded(sign * BOUND) == (True, *clamped, 0.1, "")
+    assert guarded(sign * math.nextafter(BOUND, 0.0)) == (True, *clamped, 0.1, "")
+    assert guarded(sign * BEYOND)[:4] == (False, 0.0, 0.0, 0.2)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("enable", [True, False])
+def test_the_last_tolerated_steering_is_clamped_and_the_next_number_stops(sign, enable):
+    bound = 0.6 + TOLERANCE
+    duty = 0.5 if enable else 0.0
+    clamped = (enable, duty, duty, sign * 0.6, "")
+    assert guard_command(enable, 0.5, 0.5, sign * bound, 0.6, 0.2) == clamped
+    out = guard_command(enable, 0.5, 0.5, sign * math.nextafter(bound, 2.0), 0.6, 0.2)
+    assert out[:4] == (False, 0.0, 0.0, 0.2)
+    assert out.fault.endswith("rad: 0.6 rad to either side allowed")
+
+
+@pytest.mark.parametrize(
+    ("held", "kept"),
+    [(0.2, 0.2), (0.6, 0.6), (0.7, 0.6), (-0.7, -0.6)]
+    + [(bad, 0.0) for bad in (math.nan, math.inf, -math.inf)],
+)
+def test_the_held_angle_is_bounded_as_well_and_straight_where_it_is_no_number(held, kept):
+    assert guard_command(True, math.nan, 0.0, 0.0, 0.6, held).steering_rad == kept
+
+
+def test_without_a_held_angle_the_wheels_go_straight_and_the_linkage_bound_is_a_right_angle():
+    assert guard_command(True, 2.0, 0.0, 0.3).steering_rad == 0.0
+    quarter = math.pi / 2
+    assert guard_command(True, 0.0, 0.0, quarter).steering_rad == quarter
+    assert guard_command(True, 0.0, 0.0, quarter + 2 * TOLERANCE).fault
+
+
+def test_the_refusal_names_what_was_found_and_what_is_allowed():
+    assert guard_command(True, 1.5, -0.5, 0.0).fault == "duties 1.5, -0.5: [-1, 1] allowed"
+    out = guard_command(True, 0.0, 0.0, 0.7, 0.6)
+    assert out.fault == "steering 0.7 rad: 0.6 rad to either side allowed"
+
+
+@pytest.mark.parametrize(
+    ("value", "clamped"), [(0.5, 0.5), (-0.5, -0.5), (0.6, 0.5), (-0.6, -0.5), (0.0, 0.0)]
+)
+def test_clamp_limits_both_sides(value, clamped):
+    assert clamp(value, 0.5) == clamped
+    assert clamp(value, 0.0) == 0.0
+
+
+def test_clamp_keeps_what_is_no_number():
+    assert math.isnan(clamp(math.nan, 0.5))
