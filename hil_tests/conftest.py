@@ -44,7 +44,8 @@ def make_rig(bus: str, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
             rig.close()
         if rig.truth is not None:
             assert rig.truth.unsafe_motions == 0, rig.truth.unsafe_reason
-        assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
+        if not rig.tolerates_rejects:
+            assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
 
 
 @pytest.fixture

@@ -122,6 +122,8 @@ class Rig:
         self.navigation: NavigationState | None = None
         self.truth: Truth | None = None
         self.notices: list[str] = []
+        self.tolerates_rejects = False
+        """Whether the test disturbs frames on purpose."""
 
     # Processes
 
@@ -139,11 +141,12 @@ class Rig:
                     *("--truth", self.endpoints.truth),
                     *("--priority", str(self.config.runtime.priority + _ABOVE_CONTROL)),
                 ],
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,
                 stdout=output,
                 stderr=output,
             )
         self._processes["firmware"] = process
+        self._firmware_log = log
         already = log.read_bytes().count(b"ready") if log.exists() else 0
 
         def ready() -> bool:
@@ -152,6 +155,22 @@ class Rig:
 
         if not already:
             self.wait(ready, 90.0, "firmware_sim is ready")
+
+    def inject(self, fault: str) -> float:
+        """Let a fault befall the simulated robot; return when it began, in the wall's seconds."""
+        log, process = self._firmware_log, self._processes["firmware"]
+        said = len(log.read_text(encoding="utf-8"))
+        assert process.stdin is not None
+        process.stdin.write(fault.encode() + b"\n")
+        process.stdin.flush()
+
+        def answer() -> str:
+            return log.read_text(encoding="utf-8")[said:]
+
+        self.wait(lambda: answer().endswith("\n"), 2.0, f"an answer to {fault}")
+        words = answer().split()
+        assert words[0] == "fault", answer()
+        return time.time() - (time.monotonic_ns() - int(words[-1])) / 1e9
 
     def start(self, module: str = CONTROL, program: str = "") -> None:
         """Start one process of the stack, or another `program` in its place."""
@@ -175,6 +194,8 @@ class Rig:
         """Send a signal to a process, wait for its end, and return its status."""
         process = self._processes.pop(name)
         process.send_signal(number)
+        if process.stdin is not None:
+            process.stdin.close()
         return process.wait(10)
 
     def close(self) -> None:

@@ -1,0 +1,107 @@
+"""Faults of nodes, sensors, frames and bus: the robot stops in time and waits to be armed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import can
+import pytest
+
+from hil_tests.rig import COMMAND, EMCY_DRIVE, Rig, enabled
+from robotctl.runtime.messages import SafetyState
+
+STATUS = 0x281
+ENABLED = 2
+
+
+@dataclass(frozen=True)
+class Row:
+    """One fault: its line, what the operator reads, and how soon the wheels are without power.
+
+    Where several guards see a fault, it depends on the moment which is first: any of the reasons.
+    """
+
+    fault: str
+    reasons: tuple[str, ...]
+    limit_ms: float
+
+
+SILENT = ("wheel feedback is older",)
+STOPPED = ("the motor controller is in stopped",)
+IMPLAUSIBLE = ("encoder", "wheel")
+
+ROWS = (
+    Row("node_reset node=drive", ("drive", *SILENT), 110),
+    Row("node_reset node=power", ("power",), 500),
+    Row("node_silent node=drive duration=1", SILENT, 80),
+    Row("node_silent node=sonar duration=2", ("sonar",), 600),
+    Row("feedback_lost duration=1", SILENT, 80),
+    Row("feedback_frozen duration=1", IMPLAUSIBLE, 600),
+    Row("encoder_stuck wheel=right duration=1", IMPLAUSIBLE, 600),
+    Row("encoder_reversed wheel=left duration=1", IMPLAUSIBLE, 600),
+    Row("wheel_blocked wheel=left duration=1", ("over current", *IMPLAUSIBLE), 600),
+    Row("over_current amperes=30 duration=1", ("over current", *IMPLAUSIBLE), 400),
+    Row("over_temperature kelvin=150 duration=1", ("over temperature",), 400),
+    Row("under_voltage volts=6 duration=1", ("under voltage", *IMPLAUSIBLE), 400),
+    Row("node_cut node=drive duration=0.5", ("drive", *SILENT), 110),
+    Row("host_cut duration=0.5", ("bus", *SILENT, *STOPPED), 110),
+    Row("frames_lost id=0x181 duration=1", SILENT, 80),
+    Row("frames_lost id=0x201 duration=1", STOPPED, 110),
+    Row("frames_corrupt id=0x181 duration=1", SILENT, 80),
+    Row("frames_corrupt id=0x201 duration=1", STOPPED, 110),
+    Row("frames_late id=0x181 delay=0.2 duration=1", SILENT, 80),
+)
+
+
+def without_power_s(messages: list[can.Message], since_s: float) -> float | None:
+    """Return when a command or the drive's own state first took the power off the wheels."""
+    for message in messages:
+        if message.timestamp < since_s:
+            continue
+        if message.arbitration_id == COMMAND and not enabled(message):
+            return message.timestamp
+        if message.arbitration_id == STATUS and (message.data[1] >> 4) != ENABLED:
+            return message.timestamp
+        if message.arbitration_id == EMCY_DRIVE and message.data[:2] != b"\0\0":
+            return message.timestamp
+    return None
+
+
+def assert_recovers(rig: Rig) -> None:
+    """Assert that commands move nothing until the robot has been armed, and then do."""
+    rig.at_rest()
+    before = rig.fresh_truth()
+    rig.drive(0.4, 0.0, 0.5)
+    assert rig.fresh_truth().distance_m - before.distance_m < 1e-3
+    rig.arm()
+    rig.drive(0.3, 0.0, 1.0)
+    assert rig.fresh_truth().distance_m - before.distance_m > 0.1
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.fault)
+def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
+    armed: Rig, row: Row, reaction: Callable[[str, float], None]
+) -> None:
+    armed.tolerates_rejects = True
+    armed.drive(0.4, 0.0, 1.0)
+    armed.heard(0.05)
+    began_s = armed.inject(row.fault)
+    deadline_s = time.monotonic() + 2.0
+    while armed.control.state in (SafetyState.ARMED, SafetyState.DRIVING):
+        assert time.monotonic() < deadline_s, "the host did not stop"
+        armed.drive(0.4, 0.0, 0.05)
+    messages = armed.heard(0.2, before=True)
+    stopped_s = without_power_s(messages, began_s)
+    assert stopped_s is not None
+    taken_ms = 1000 * (stopped_s - began_s)
+    reaction(row.fault.partition(" duration")[0], taken_ms)
+    assert taken_ms <= row.limit_ms
+    assert any(reason in armed.control.reason for reason in row.reasons), armed.control.reason
+    assert armed.control.state == SafetyState.FAULT
+    assert any(armed.control.reason in notice for notice in armed.notices)
+    armed.wait(lambda: not any(node.problem for node in armed.control.nodes), 10, "nodes are back")
+    time.sleep(1.0)  # the fault ends by itself; nothing on the bus says so
+    armed.inject("clear")
+    assert_recovers(armed)
