@@ -16,6 +16,8 @@ from firmware_sim.errors import SimulationError
 if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
 
+STDIN = 0
+
 
 class FaultConsole:
     """A service of `RealTime` that reads fault lines; at the end of input it falls silent.
@@ -28,9 +30,9 @@ class FaultConsole:
         Where lines come from.
     """
 
-    def __init__(self, simulation: Simulation, descriptor: int | None = None) -> None:
+    def __init__(self, simulation: Simulation, descriptor: int = STDIN) -> None:
         self._faults = simulation.faults
-        self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
+        self._descriptor = descriptor
         self._never, self._never_written = os.pipe()
         self._open = True
         self._rest = b""

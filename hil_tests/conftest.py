@@ -79,7 +79,7 @@ def mission_rig(make_rig: Callable[..., Rig], tmp_path: Path) -> Rig:
 
 @pytest.fixture
 def reaction(request: pytest.FixtureRequest, bus: str) -> Callable[[str, float], None]:
-    """Notes how long a reaction took [ms]; `tools/reactions.py` makes a table of the file."""
+    """Notes how long a reaction took [ms]; `tools/soak.py` makes a table of the file."""
     file = str(request.config.getoption("--reactions"))
 
     def note(fault: str, milliseconds: float) -> None:
