@@ -52,7 +52,8 @@ def cast_fan(
         ranges[i] = np.inf
         hits[i] = -1
     cos, sin = math.cos(axis_rad), math.sin(axis_rad)
-    half = angles[n - 1] if angles[n - 1] < 0.5 * math.pi else math.pi
+    # A full turn starts at the fan's back and ends short of it.
+    half = -angles[0] if -angles[0] < 0.5 * math.pi else math.pi
     edge_x, edge_y = math.cos(half), math.sin(half)
     for m in range(len(segments)):
         ux, uy = segments[m, 0] - x, segments[m, 1] - y

@@ -59,6 +59,9 @@ RECOVERY_NS = 20 * SECOND_NS
 QUIET_NS = SECOND_NS // 2
 """The operator looks so long at a robot without fault before he arms it."""
 
+CHANGE_BELOW = 0.3
+"""Charge [0, 1] at which the operator puts in a full battery, at the end of a lap."""
+
 GROWTH_MIB = 8.0
 """More is a leak: Python's arenas move by some MiB."""
 
@@ -102,6 +105,7 @@ class Endurance:
         self.stops: Counter[str] = Counter()
         self.laps = self.recoveries = self.failed_recoveries = 0
         self.slowest_recovery_s = 0.0
+        self.batteries = 1
         self._fault_end_ns = self._pause_end_ns = self._asked_ns = 0
         self._stopped_ns: int | None = None
         self._lap_end_ns = LAP_NS
@@ -188,11 +192,18 @@ class Endurance:
         return over and abs(control.v_m_s) < 0.01
 
     def _begin_lap(self, now_ns: int) -> tuple[ControlRequest, ...]:
-        """Disarm the robot, carry it to its start and let its odometry begin there."""
+        """Disarm the robot, carry it to its start and let its odometry begin there.
+
+        Where the battery is low it is changed for a full one.
+        """
         self.laps += 1
         self._lap_end_ns = now_ns + LAP_NS
         start, drive = self._start, self._config.drive
-        self.simulation.plant.place(start.x_m, start.y_m, start.theta_rad)
+        plant = self.simulation.plant
+        plant.place(start.x_m, start.y_m, start.theta_rad)
+        if plant.charge < CHANGE_BELOW:
+            plant.charge = 1.0
+            self.batteries += 1
         angles = [way_m / drive.wheel_radius_m for way_m in self.bench.snapshot().wheel_distance_m]
         self.bench.core.odometry = Odometry(drive, start)
         self.bench.core.odometry.reset(angles[0], angles[-1])
@@ -330,6 +341,7 @@ def conclude(run: Endurance, growth_mib: float) -> int:
         f"counter, {bus.lost} lost\n"
         f"{run.recoveries} recoveries, slowest {run.slowest_recovery_s:.1f} s after the fault; "
         f"{run.failed_recoveries} failed\n"
+        f"{run.batteries} batteries\n"
         f"memory grew by {growth_mib:.1f} MiB after the first tenth\n"
         f"{simulation.monitor.count} unsafe motions"
     )

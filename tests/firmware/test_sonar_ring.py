@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from firmware_sim.config import load_robot
@@ -201,6 +201,7 @@ def cast_plainly(
     return ranges
 
 
+@example(2, 360.0, 3)
 @given(
     st.integers(0, 2**32), st.sampled_from([15.0, 60.0, 120.0, 270.0, 360.0]), st.integers(2, 40)
 )
