@@ -11,7 +11,7 @@ PY := $(BIN)/python
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim test check lint types layers format soak bench guest clean
+.PHONY: help setup sim test check lint types layers format soak mutants bench guest clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -59,6 +59,9 @@ format: $(STAMP) ## bring the code into shape
 soak: $(STAMP) ## the fault tests over and over, with a table of reaction times; ARGS="--repeats 20"
 	@$(PY) tools/soak.py $(ARGS)
 
+mutants: $(STAMP) ## change the safety modules in small ways: do the tests notice? ARGS="'robotctl.runtime.health*'"
+	@$(PY) tools/mutants.py $(ARGS)
+
 bench: $(STAMP) ## measure; ARGS are passed on
 	@$(PY) -m benchmarks $(ARGS)
 
@@ -66,4 +69,4 @@ guest: ## build the kernel of tools/vcan-guest, if it is not in the cache
 	@$(PYTHON) tools/vcan-guest true
 
 clean: ## remove .venv and caches of this checkout
-	rm -rf .venv .cache .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv .cache .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis mutants

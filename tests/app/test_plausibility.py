@@ -62,11 +62,12 @@ def glitches() -> Bend:
 
 def clock(factor: float) -> Bend:
     """The latch times run by a factor of the real ones, over any number of roll-overs."""
-    state = {"true": None, "told": 0.0}
+    state = {"start": None, "true": 0, "told": 0.0}
 
     def change(now: WheelFeedback, start: WheelFeedback) -> WheelFeedback:
-        before = start.timestamp_us if state["true"] is None else state["true"]
-        state["told"] += factor * (now.timestamp_us - before & 0xFFFFF)
+        if state["start"] is not start:
+            state.update(start=start, true=start.timestamp_us, told=0.0)
+        state["told"] += factor * (now.timestamp_us - state["true"] & 0xFFFFF)
         state["true"] = now.timestamp_us
         return replace(now, timestamp_us=start.timestamp_us + round(state["told"]) & 0xFFFFF)
 
