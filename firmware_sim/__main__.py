@@ -60,6 +60,7 @@ def parser() -> argparse.ArgumentParser:
     add("--truth", metavar="ADDRESS", help="publish the ground truth at ipc:///PATH")
     add("--lidar", metavar="ADDRESS", help="publish the lidar's scans at ipc:///PATH")
     add("--log", type=Path, metavar="FILE", help="write a candump log")
+    add("--faults", type=Path, metavar="FILE", help="TOML of the faults that befall the robot")
     add("--duration", type=_seconds, default=math.inf, metavar="S", help="end after this time")
     add("--priority", type=_priority, default=0, help="of SCHED_FIFO, 1..99, where permitted (off)")
     return result
@@ -116,9 +117,11 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     # They load numba; without it this is an error like others.
     from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
     from firmware_sim.realtime import RealTime, raise_priority  # noqa: PLC0415
+    from firmware_sim.scenario import Scenario, load_scenario, play  # noqa: PLC0415
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
     _check_bus(options.bus)
+    scenario = load_scenario(options.faults) if options.faults else Scenario()
     if options.state is not None and options.state.exists() and not options.state.is_dir():
         raise SimulationError(f"--state {options.state}: not a directory")
     simulation = Simulation(
@@ -142,6 +145,7 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
         if options.log:
             stack.enter_context(_open_log(simulation, options.log, channel))
         raise_priority(options.priority)
+        play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
         loop.run(lambda: _finished(simulation, signals, options.duration))
 
@@ -203,6 +207,12 @@ def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -
             bus.schedule(bus.now_ns + 1_000_000, look)
 
     bus.schedule(bus.now_ns, look)
+
+
+def _announce_fault(line: str) -> None:
+    """Print that a fault of the scenario has begun."""
+    sys.stdout.write(f"fault at {line}\n")
+    sys.stdout.flush()
 
 
 def _finished(simulation: Simulation, signals: list[int], duration_s: float) -> bool:

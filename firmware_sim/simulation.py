@@ -21,7 +21,8 @@ from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.port import Port
 from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.errors import SimulationError
-from firmware_sim.faults import Faults, FaultyStage
+from firmware_sim.faults import Faults
+from firmware_sim.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.lidar import Lidar
 from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.monitor import Allowed, Motion, SafetyMonitor
@@ -97,9 +98,8 @@ class Simulation:
         self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
         self.plant = Plant(config, room, streams[1])
         self._plant_ns = start_ns
-        self.faults = Faults(self, FaultyStage(self.plant))
-        self._last_ranges: dict[int, Ranges] = {}
         self._ring = SonarRing(config, room, streams[2])
+        self.faults = Faults(self, FaultyStage(self.plant), FaultyRing(self._ring))
         lidar = config.simulation.lidar
         self._lidar = None if lidar is None else Lidar(lidar, room, streams[3])
         memory = _memory(state_directory)
@@ -178,6 +178,7 @@ class Simulation:
             bus_load=self.bus.load(),
             bus_errors=sum(statistics.errors.values()),
             late=late,
+            power_off_ns=self.monitor.power_off_ns + origin_ns,
             unsafe_motions=self.monitor.count,
             unsafe_reason=findings[-1].reason if findings else "",
         )
@@ -252,14 +253,9 @@ class Simulation:
         self.bus.schedule(now_ns + MONITOR_PERIOD_NS, self._watch)
 
     def _fire(self, group: int, now_ns: int) -> Ranges:
-        last_m = self._last_ranges.get(group)
-        if self.faults.sonar_stuck and last_m is not None:
-            return last_m
         self.run_to(now_ns)
         plant = self.plant
-        ranges_m = self._ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
-        self._last_ranges[group] = ranges_m
-        return ranges_m
+        return self.faults.ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
 
     def _measure_battery(self, now_ns: int) -> BatterySample:
         self.run_to(now_ns)

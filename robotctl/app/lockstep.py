@@ -16,6 +16,7 @@ from firmware_sim.bus.log import LogWriter
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
+from firmware_sim.scenario import play
 from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.log_folder import LogFolder
@@ -32,7 +33,7 @@ from robotctl.app.score import (
     loop_report,
     run_message,
 )
-from robotctl.app.sim import SimOptions, SimulatorError, simulation_overrides
+from robotctl.app.sim import SimOptions, SimulatorError, load_faults, simulation_overrides
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
 from robotctl.runtime.clock import VirtualClock
@@ -186,6 +187,8 @@ class LockstepRun:
         self._stack = stack
         self._pilot = Pilot(self.config, stack)
         self._score = PoseScore()
+        self._faults: list[str] = []
+        scenario = load_faults(options.faults)
         self._navigation: NavigationState | None = None
         self._asked_ns = -_ARM_RETRY_NS
         self._request_id = 0
@@ -197,6 +200,7 @@ class LockstepRun:
             options.overrides,
         )
         self.bench = Bench(self.config, stack, simulation)
+        play(scenario, simulation.faults, self._faults.append)
 
     def run(self) -> Report:
         """Drive until the mission is over or the time is up."""
@@ -291,6 +295,7 @@ class LockstepRun:
             loop=loop_report(self.bench.statistics()),
             bus=bus_report(control.bus),
             real_time_factor=round(duration_s / took_s, 2),
+            faults=tuple(self._faults),
         )
 
 

@@ -28,6 +28,7 @@ class Report(msgspec.Struct, frozen=True):
 
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
+    `faults` are those of the scenario that have begun, each with the simulator's time.
     """
 
     robot: str
@@ -48,6 +49,7 @@ class Report(msgspec.Struct, frozen=True):
     loop: dict[str, Any]
     bus: dict[str, Any]
     real_time_factor: float
+    faults: tuple[str, ...] = ()
 
     def json(self) -> bytes:
         """Return the report as indented JSON."""

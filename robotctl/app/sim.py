@@ -21,6 +21,7 @@ import zmq
 
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.errors import SimulationError
+from firmware_sim.scenario import Scenario, load_scenario
 from firmware_sim.world import load_world
 from robotctl.app.children import start_child
 from robotctl.app.config import RobotConfig, find_file
@@ -58,6 +59,7 @@ _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _ASK_S = 0.5
+_FAULT = "fault at "
 
 
 class SimulatorError(RobotctlError):
@@ -82,6 +84,8 @@ class SimOptions:
         `key=value` settings of the robot.
     record
         Directory of record and logs; None: none.
+    faults
+        Scenario of the faults that befall the robot; None: none.
     """
 
     robot: Path
@@ -92,6 +96,7 @@ class SimOptions:
     max_seconds: float = 300.0
     overrides: tuple[str, ...] = ()
     record: Path | None = None
+    faults: Path | None = None
 
     @property
     def channel(self) -> tuple[str, str]:
@@ -116,6 +121,7 @@ class Truth(msgspec.Struct, frozen=True):
     theta_rad: float
     distance_m: float
     collisions: int
+    power_off_ns: int
     unsafe_motions: int
     unsafe_reason: str
 
@@ -177,6 +183,9 @@ class SimRun:
         self._to_control = RequestSender(self._context, self._endpoints.control_requests)
         self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
         self.walls = load_walls(self.world)
+        load_faults(options.faults)
+        self._said: queue.Queue[str | None] = queue.Queue()
+        self._faults: list[str] = []
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
@@ -234,8 +243,11 @@ class SimRun:
         if options.record is not None:
             options.record.mkdir(parents=True, exist_ok=True)
             command += ["--log", str(options.record / "can.log")]
+        if options.faults is not None:
+            command += ["--faults", str(options.faults)]
         process = start_child(command, stdout=subprocess.PIPE, text=True)
-        if not _said_ready(process, _READY_S):
+        self._said = _lines_of(process)
+        if not _said_ready(self._said, _READY_S):
             process.kill()
             status = process.wait()
             if process.stdout is not None:
@@ -305,6 +317,7 @@ class SimRun:
     def _listen(self) -> None:
         """Take in what the processes published."""
         progress = self.progress
+        self._listen_to_firmware()
         for truth in self._truths.receive():
             progress.truth = truth
             self._score.truth(StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad))
@@ -319,6 +332,14 @@ class SimRun:
                     progress.navigation = message
                 case Notice():
                     progress.lines.append(message.text)
+
+    def _listen_to_firmware(self) -> None:
+        """Take in which faults have begun."""
+        while not self._said.empty():
+            line = self._said.get() or ""
+            if line.startswith(_FAULT):
+                self._faults.append(line.removeprefix(_FAULT).rstrip())
+                self.progress.lines.append(line.rstrip())
 
     def report(self) -> Report:
         """Return the score of the run so far."""
@@ -354,6 +375,7 @@ class SimRun:
             loop=loop_report(control.loop),
             bus=bus_report(control.bus),
             real_time_factor=1.0,
+            faults=tuple(self._faults),
         )
 
 
@@ -390,8 +412,22 @@ def load_walls(world: Path) -> npt.NDArray[np.float64]:
         raise SimulatorError(str(error)) from error
 
 
-def _said_ready(process: subprocess.Popen[str], seconds: float) -> bool:
-    """Wait for the line `ready` on a process's output, and go on emptying the pipe afterwards."""
+def load_faults(path: Path | None) -> Scenario:
+    """Return a scenario of faults; None: one without any.
+
+    Raises
+    ------
+    SimulatorError
+        If the file is wrong.
+    """
+    try:
+        return Scenario() if path is None else load_scenario(path)
+    except SimulationError as error:
+        raise SimulatorError(str(error)) from error
+
+
+def _lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:
+    """Return the lines that a process will print, None at their end; its pipe never fills up."""
     lines: queue.Queue[str | None] = queue.Queue()
 
     def read() -> None:
@@ -401,6 +437,11 @@ def _said_ready(process: subprocess.Popen[str], seconds: float) -> bool:
         lines.put(None)
 
     threading.Thread(target=read, daemon=True).start()
+    return lines
+
+
+def _said_ready(lines: queue.Queue[str | None], seconds: float) -> bool:
+    """Wait for the line `ready`."""
     deadline_s = time.monotonic() + seconds
     while True:
         try:

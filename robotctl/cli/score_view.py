@@ -8,6 +8,8 @@ from rich.table import Table
 
 from robotctl.app.score import Report
 
+_FAULTS_SHOWN = 8
+
 
 def score_table(report: Report) -> Table:
     """Return the report as a table for a terminal."""
@@ -55,6 +57,15 @@ def score_table(report: Report) -> Table:
             f"{bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['errors']} errors",
         ),
     )
-    for name, text in rows:
+    for name, text in (*rows, *_fault_rows(report.faults)):
         table.add_row(name, text)
     return table
+
+
+def _fault_rows(faults: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Return a row for the faults that befell the robot, where there were any."""
+    if not faults:
+        return []
+    more = len(faults) - _FAULTS_SHOWN
+    shown = [*faults[:_FAULTS_SHOWN], *([f"and {more} more"] if more > 0 else [])]
+    return [("faults", "\n".join(shown))]

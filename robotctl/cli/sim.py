@@ -51,6 +51,9 @@ def sim(
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="One process, virtual time, same seed same run.")
     ] = False,
+    faults: Annotated[
+        str, typer.Option(help="Scenario file or name: faults that befall the robot.")
+    ] = "",
     overrides: Overrides = None,
 ) -> None:
     """Drive a mission in simulation and score it.
@@ -66,6 +69,7 @@ def sim(
         max_seconds=max_seconds,
         overrides=tuple(overrides or ()),
         record=record,
+        faults=find_file(faults, "scenarios") if faults else None,
     )
     if lockstep:
         result = run_lockstep(options)

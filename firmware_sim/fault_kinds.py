@@ -1,0 +1,116 @@
+"""What a kind of fault is made of: its parameters, their allowed values, how it begins and ends."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from firmware_sim.errors import SimulationError
+
+if TYPE_CHECKING:
+    from firmware_sim.faults import Faults
+
+Value: TypeAlias = str | float
+Arguments: TypeAlias = Mapping[str, Value]
+Undo: TypeAlias = Callable[[], None]
+"""Ends a fault that lasts."""
+
+DURATION: Final = "duration"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of a kind of fault: a number in its range, or one of some words.
+
+    Attributes
+    ----------
+    default
+        Its value where none is given.
+    help
+        Its unit, and what it means where its name does not say it.
+    low, high
+        Bounds of a number, both allowed.
+    words
+        What is allowed where it is no number.
+    """
+
+    default: Value
+    help: str
+    low: float = 0.0
+    high: float = 0.0
+    words: tuple[str, ...] = ()
+
+    def value(self, given: object) -> Value:
+        """Return a given value as it is used; a number may be text, hexadecimal with `0x`.
+
+        Raises
+        ------
+        SimulationError
+            With what is allowed.
+        """
+        if self.words:
+            if not isinstance(given, str) or given not in self.words:
+                hint = nearest(str(given), self.words)
+                raise SimulationError(f"{given!r}, allowed: {', '.join(self.words)}{hint}")
+            return given
+        number = _number(given)
+        if not self.low <= number <= self.high:
+            raise SimulationError(f"{number:g}, allowed: {self.low:g} to {self.high:g}")
+        return number
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One kind of fault.
+
+    Attributes
+    ----------
+    help
+        What happens, in a line.
+    begin
+        Lets it begin; returns what ends it, or None where nothing is left to end.
+    parameters
+        By name.
+    """
+
+    help: str
+    begin: Callable[[Faults, Arguments], Undo | None]
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+
+    def value(self, key: str, given: object) -> Value:
+        """Return the value of one parameter; raises SimulationError where it is unknown or wrong.
+
+        The message begins with the key.
+        """
+        parameter = self.parameters.get(key)
+        if parameter is None:
+            allowed = ", ".join(self.parameters) or "none"
+            hint = nearest(key, self.parameters)
+            raise SimulationError(f"{key}: unknown, allowed: {allowed}{hint}")
+        try:
+            return parameter.value(given)
+        except SimulationError as error:
+            raise SimulationError(f"{key}: {error}") from None
+
+    def complete(self, given: Mapping[str, Value]) -> dict[str, Value]:
+        """Return all arguments, defaults in the place of those that are not given."""
+        return {key: given.get(key, each.default) for key, each in self.parameters.items()}
+
+
+def nearest(word: str, allowed: Iterable[str]) -> str:
+    """Return `; did you mean "..."?` for the name nearest to `word`; nothing where none is near."""
+    near = difflib.get_close_matches(word, list(allowed), n=1)
+    return f'; did you mean "{near[0]}"?' if near else ""
+
+
+def _number(given: object) -> float:
+    if isinstance(given, str):
+        try:
+            return float(int(given, 16)) if given.startswith("0x") else float(given)
+        except ValueError:
+            pass
+    elif isinstance(given, int | float) and not isinstance(given, bool):
+        return float(given)
+    raise SimulationError(f"{given!r} is no number")

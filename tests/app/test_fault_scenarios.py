@@ -1,0 +1,55 @@
+"""Whole missions under faults, in lockstep."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import run_lockstep
+from robotctl.app.score import Report
+from robotctl.app.sim import SimOptions, SimulatorError
+from robotctl.errors import ConfigError
+
+PATROL = find_file("patrol", "missions")
+
+
+def drive(faults: Path | None, **options: object) -> Report:
+    return run_lockstep(SimOptions(find_file("diff_drive"), PATROL, faults=faults, **options))
+
+
+def can_log(folder: Path, faults: Path | None) -> str:
+    drive(faults, record=folder, max_seconds=8.0)
+    return hashlib.sha256((folder / "can.log").read_bytes()).hexdigest()
+
+
+def test_the_same_seeds_and_file_give_the_same_can_log_to_the_byte(tmp_path: Path) -> None:
+    noisy = find_file("bus", "scenarios")
+    other = tmp_path / "other.toml"
+    other.write_text(noisy.read_text().replace("seed = 1", "seed = 2"))
+    first = can_log(tmp_path / "a", noisy)
+    assert can_log(tmp_path / "b", noisy) == first
+    assert can_log(tmp_path / "c", other) != first
+    assert can_log(tmp_path / "d", None) != first
+
+
+def test_the_robot_stops_for_a_plug_that_comes_off_and_the_report_says_what_befell_it() -> None:
+    report = drive(find_file("sensors", "scenarios"))
+    assert not report.mission_completed
+    assert "right encoder stuck" in report.message
+    assert report.duration_s == pytest.approx(18.0, abs=0.3)
+    assert report.faults == (
+        "8.000 s: encoder_glitch wheel=left counts=40",
+        "12.000 s: sonar_silent duration=0.1",
+        "18.000 s: encoder_stuck wheel=right duration=5",
+    )
+    assert report.unsafe_motions == 0
+
+
+def test_a_scenario_that_is_wrong_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text('[[fault]]\nkind = "bus_cot"\nat = 1\n')
+    with pytest.raises(SimulatorError, match=r'wrong\.toml:2: .*did you mean "bus_cut"'):
+        drive(wrong)
+    with pytest.raises(ConfigError, match='did you mean "sensors"'):
+        find_file("sensor", "scenarios")

@@ -1,0 +1,218 @@
+"""Scenario files: what they may say, and when their faults begin."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_sim.errors import SimulationError
+from firmware_sim.faults import check
+from firmware_sim.scenario import PlannedFault, Scenario, load_scenario, play
+from firmware_sim.simulation import Simulation
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+SECOND_NS = 1_000_000_000
+
+GOOD = """\
+seed = 3
+
+[[fault]]
+kind = "encoder_stuck"  # a comment
+wheel = "right"
+duration = 1
+at = 12.5
+
+[[fault]]
+kind = "frames_lost"
+id = 0x181
+every = 20
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load(text: str) -> Scenario:
+        path = tmp_path / "scenario.toml"
+        path.write_text(text, encoding="utf-8")
+        return load_scenario(path)
+
+    return load
+
+
+@pytest.fixture
+def problems(load, tmp_path):
+    def problems(text: str) -> list[str]:
+        with pytest.raises(SimulationError) as caught:
+            load(text)
+        return [
+            line.removeprefix(f"{tmp_path}/scenario.toml") for line in str(caught.value).split("\n")
+        ]
+
+    return problems
+
+
+def begun(scenario: Scenario, seconds: float) -> list[tuple[float, str]]:
+    """Play a scenario; return when each fault began, and its line."""
+    simulation = Simulation(CONFIGS / "diff_drive.toml", CONFIGS / "worlds" / "empty_room.toml")
+    told: list[tuple[float, str]] = []
+    play(
+        scenario,
+        simulation.faults,
+        lambda line: told.append((simulation.now_ns / SECOND_NS, line)),
+    )
+    simulation.advance(round(seconds * SECOND_NS))
+    return told
+
+
+def test_a_file_becomes_its_faults_with_numbers_as_numbers(load):
+    assert load(GOOD) == Scenario(
+        faults=(
+            PlannedFault("encoder_stuck", {"wheel": "right", "duration": 1.0}, 12.5, None),
+            PlannedFault("frames_lost", {"id": 385.0}, None, 20.0),
+        ),
+        seed=3,
+    )
+
+
+def test_a_file_may_be_empty(load):
+    assert load("") == Scenario()
+
+
+def test_every_line_of_a_fault_is_one_that_the_console_takes(load):
+    for fault in load(GOOD).faults:
+        name, *words = str(fault).split()
+        check(name, dict(word.split("=") for word in words))
+    assert str(load(GOOD).faults[1]) == "frames_lost id=0x181"
+
+
+@pytest.mark.parametrize(
+    "path", sorted((CONFIGS / "scenarios").glob("*.toml")), ids=lambda p: p.stem
+)
+def test_the_files_that_come_with_the_robot_are_right(path):
+    assert load_scenario(path).faults
+
+
+@pytest.mark.parametrize(
+    ("wrong", "line", "problem"),
+    [
+        ("sead = 4", 1, 'sead: unknown key; did you mean "seed"?'),
+        ("seed = -1", 1, "seed: -1 is no whole number from 0 on"),
+        ("seed = true", 1, "seed: True is no whole number from 0 on"),
+        (
+            '[[fault]]\nkind = "bus_cuts"\nat = 1',
+            2,
+            "fault[0].kind: 'bus_cuts' is no kind of fault; did you mean \"bus_cut\"?",
+        ),
+        ("[[fault]]\nat = 1", 1, 'fault[0]: a fault needs its kind, as kind = "bus_cut"'),
+        (
+            '[[fault]]\nkind = "bus_cut"',
+            1,
+            "fault[0]: needs either at or every, the time in seconds",
+        ),
+        (
+            '[[fault]]\nkind = "bus_cut"\nat = 1\nevery = 2',
+            1,
+            "fault[0]: needs either at or every, the time in seconds",
+        ),
+        (
+            '[[fault]]\nkind = "bus_cut"\nat = -0.5',
+            3,
+            "fault[0].at: -0.5, allowed: 0 to 1e+06 s",
+        ),
+        ('[[fault]]\nkind = "bus_cut"\nat = nan', 3, "fault[0].at: nan, allowed: 0 to 1e+06 s"),
+        (
+            '[[fault]]\nkind = "bus_cut"\nevery = 0',
+            3,
+            "fault[0].every: 0, allowed: 0.001 to 1e+06 s",
+        ),
+        (
+            '[[fault]]\nkind = "bus_cut"\nat = 1\nduration = nan',
+            4,
+            "fault[0].duration: nan, allowed: 0.001 to 3600",
+        ),
+        (
+            '[[fault]]\nkind = "bus_cut"\nat = 1\nduration = true',
+            4,
+            "fault[0].duration: True is no number",
+        ),
+        (
+            '[[fault]]\nkind = "node_cut"\nat = 1\nnode = "sonr"',
+            4,
+            "fault[0].node: 'sonr', allowed: drive, sonar, power; did you mean \"sonar\"?",
+        ),
+        (
+            '[[fault]]\nkind = "bus_cut"\nat = 1\ndurat = 2',
+            4,
+            'fault[0].durat: unknown, allowed: duration; did you mean "duration"?',
+        ),
+        (
+            '[[fault]]\nkind = "encoder_stuck"\nevery = 5',
+            1,
+            "fault[0].duration: must be greater than 0 with every",
+        ),
+    ],
+)
+def test_a_mistake_is_named_with_its_line_and_what_is_allowed(problems, wrong, line, problem):
+    assert problems(wrong) == [f":{line}: {problem}"]
+
+
+def test_all_mistakes_of_a_file_are_told_at_once(problems):
+    text = GOOD.replace("right", "wright").replace("0x181", "0x1181").replace("seed", "sed")
+    assert [problem.split(":")[1] for problem in problems(text)] == ["1", "5", "11"]
+
+
+@pytest.mark.parametrize("text", ["[fault]\nkind = 'bus_cut'", "fault = 3", "fault = [3]"])
+def test_faults_that_are_no_tables_are_refused(problems, text):
+    assert problems(text) == [":1: fault: write each fault as a table [[fault]]"]
+
+
+def test_a_file_that_is_no_toml_or_not_there_is_named(problems, tmp_path):
+    assert "line 1" in problems("kind == 3")[0]
+    with pytest.raises(SimulationError, match=r"missing\.toml: cannot be read"):
+        load_scenario(tmp_path / "missing.toml")
+
+
+def test_a_fault_begins_at_its_time_and_once():
+    scenario = Scenario((PlannedFault("bus_cut", {"duration": 0.01}, 0.25, None),))
+    assert begun(scenario, 2.0) == [(0.25, "0.250 s: bus_cut duration=0.01")]
+
+
+def test_a_fault_that_cannot_begin_is_told_and_the_others_go_on():
+    scenario = Scenario(
+        (
+            PlannedFault("host_cut", {}, 0.1, None),
+            PlannedFault("bus_cut", {}, 0.2, None),
+        )
+    )
+    assert [line for _, line in begun(scenario, 0.3)] == [
+        "0.100 s: host_cut failed: no host is on the bus",
+        "0.200 s: bus_cut",
+    ]
+
+
+def test_pauses_between_random_faults_are_exponential_with_the_mean_that_is_given():
+    fault = PlannedFault("frames_lost", {"duration": 0.01}, None, 0.05)
+    times = np.array([time for time, _ in begun(Scenario((fault,), seed=1), 60.0)])
+    pauses = np.diff(times) - 0.01
+    assert len(pauses) == pytest.approx(1000, rel=0.15)
+    assert pauses.min() >= 0.0
+    # Mean and standard deviation of an exponential distribution are equal; each has a relative
+    # error of about 1 / sqrt(n) and sqrt(2 / n).
+    assert pauses.mean() == pytest.approx(0.05, rel=0.15)
+    assert pauses.std() == pytest.approx(0.05, rel=0.2)
+
+
+def test_the_same_seed_gives_the_same_times_and_another_seed_others():
+    fault = PlannedFault("frames_lost", {"duration": 0.01}, None, 0.1)
+    first = begun(Scenario((fault,), seed=5), 3.0)
+    assert begun(Scenario((fault,), seed=5), 3.0) == first
+    assert begun(Scenario((fault,), seed=6), 3.0) != first
+
+
+def test_a_fault_added_at_the_end_changes_nothing_for_those_before():
+    fault = PlannedFault("frames_lost", {"duration": 0.01}, None, 0.1)
+    other = PlannedFault("node_reset", {}, None, 0.3)
+    alone = begun(Scenario((fault,), seed=5), 3.0)
+    both = begun(Scenario((fault, other), seed=5), 3.0)
+    assert [each for each in both if "frames_lost" in each[1]] == alone
+    assert len(both) > len(alone)
