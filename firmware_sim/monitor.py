@@ -82,6 +82,9 @@ class SafetyMonitor:
         self.count = 0
         """Unsafe motions so far; one that lasts counts once."""
         self.findings: deque[Unsafe] = deque(maxlen=KEPT)
+        self.power_off_ns = 0
+        """When the wheels were last seen to have lost their power."""
+        self._powered = False
         self._look = look
         self._allowed = allowed
         self._crc_start = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
@@ -134,15 +137,19 @@ class SafetyMonitor:
 
     def look(self, now_ns: int) -> None:
         """Judge the robot as it is now [ns]."""
-        reason = self._objection(now_ns)
+        motion = self._look()
+        if self._powered and not motion.powered:
+            self.power_off_ns = now_ns
+        self._powered = motion.powered
+        reason = self._objection(motion, now_ns)
         if reason and not self._present:
             self.count += 1
             self.findings.append(Unsafe(now_ns, reason))
         self._present = reason
 
-    def _objection(self, now_ns: int) -> str:
+    def _objection(self, motion: Motion, now_ns: int) -> str:
         """Return what is held against the robot at this moment, or nothing."""
-        motion, allowed = self._look(), self._allowed
+        allowed = self._allowed
         if abs(motion.v_m_s) > OVERSPEED * allowed.v_max_m_s:
             return f"speed {motion.v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}"
         if abs(motion.omega_rad_s) > OVERSPEED * allowed.omega_max_rad_s:

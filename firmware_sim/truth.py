@@ -45,6 +45,9 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
         Share [0, 1] of the last second.
     late
         Times the simulator fell behind real time so far that it let time go; 0 in lockstep.
+    power_off_ns
+        When the wheels were last seen to have lost their power, to 5 ms; before that 0 of the
+        simulation.
     unsafe_motions, unsafe_reason
         Motions that nobody allowed since the start, and why the last of them was one: see
         `firmware_sim.monitor`.
@@ -63,6 +66,7 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     bus_load: float
     bus_errors: int
     late: int = 0
+    power_off_ns: int = 0
     unsafe_motions: int = 0
     unsafe_reason: str = ""
 

@@ -26,9 +26,22 @@ def bus(request: pytest.FixtureRequest) -> str:
     return str(request.config.getoption("--bus"))
 
 
+def close(rig: Rig) -> None:
+    """End a bench; no frame was rejected on it and no motion was unsafe."""
+    try:
+        rig.listen()
+        rejected = rig.rejected_frames()
+    finally:
+        rig.close()
+    if rig.truth is not None:
+        assert rig.truth.unsafe_motions == 0, rig.truth.unsafe_reason
+    if not rig.tolerates_rejects:
+        assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
+
+
 @pytest.fixture
 def make_rig(bus: str, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
-    """Makes benches; at the end no frame was rejected and no motion was unsafe."""
+    """Makes benches for one test."""
     rigs: list[Rig] = []
 
     def make(**kwargs: str) -> Rig:
@@ -37,15 +50,7 @@ def make_rig(bus: str, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
 
     yield make
     for rig in rigs:
-        try:
-            rig.listen()
-            rejected = rig.rejected_frames()
-        finally:
-            rig.close()
-        if rig.truth is not None:
-            assert rig.truth.unsafe_motions == 0, rig.truth.unsafe_reason
-        if not rig.tolerates_rejects:
-            assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
+        close(rig)
 
 
 @pytest.fixture
@@ -62,6 +67,41 @@ def armed(rig: Rig) -> Rig:
     rig.start()
     rig.arm()
     return rig
+
+
+@pytest.fixture(scope="module")
+def benches() -> Iterator[list[Rig]]:
+    """The bench that the tests of a module share, once there is one."""
+    shared: list[Rig] = []
+    yield shared
+    for rig in shared:
+        close(rig)
+
+
+@pytest.fixture
+def lasting(
+    bus: str, benches: list[Rig], tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[Rig]:
+    """Firmware and control process, armed, away from walls, with many faults behind them.
+
+    A failed test ends them, so that the next one has new ones.
+    """
+    if not benches:
+        benches.append(Rig(bus, tmp_path))
+        benches[0].tolerates_rejects = True
+        benches[0].start_firmware()
+        benches[0].start()
+    rig = benches[0]
+    failed_before = request.session.testsfailed
+    sound = False
+    try:
+        rig.arm()
+        rig.drive_to_the_middle()
+        sound = True
+        yield rig
+    finally:
+        if not sound or request.session.testsfailed > failed_before:
+            benches.pop().close()
 
 
 @pytest.fixture

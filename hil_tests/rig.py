@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import signal
 import subprocess
@@ -21,6 +22,7 @@ from robotctl.app.options import StackOptions
 from robotctl.app.sim import BEST_EFFORT, PATIENCE, Truth
 from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.drivers.dbc import load_dbc
+from robotctl.model.angles import wrap_angle
 from robotctl.runtime.messages import (
     Arm,
     ControlState,
@@ -41,6 +43,9 @@ ROOM_M = (6.0, 4.0)
 COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
 EMCY_COMMAND_TIMEOUT = 0x8130
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
+
+NEAR_M = 1.0
+"""So near to the middle of the room there is space to drive a circle."""
 
 _POLL_S = 0.005
 _ABOVE_CONTROL = 10
@@ -333,6 +338,18 @@ class Rig:
             self.velocity(v_m_s, omega_rad_s)
             time.sleep(0.05)
             self.listen()
+
+    def drive_to_the_middle(self) -> None:
+        """Drive the armed robot into the middle of the empty room, by its true pose."""
+        deadline_s = time.monotonic() + 20.0
+        while True:
+            truth = self.fresh_truth()
+            x_m, y_m = ROOM_M[0] / 2 - truth.x_m, ROOM_M[1] / 2 - truth.y_m
+            if math.hypot(x_m, y_m) < NEAR_M:
+                return
+            assert time.monotonic() < deadline_s, f"not in the middle: {truth}"
+            error_rad = wrap_angle(math.atan2(y_m, x_m) - truth.theta_rad)
+            self.drive(0.4 if abs(error_rad) < 0.5 else 0.0, 2.0 * error_rad, 0.1)
 
     def set_mode(self, mode: Mode) -> None:
         """Ask the navigation process for a mode until it is in it."""

@@ -1,15 +1,15 @@
 """Bring-up, sixth step: whoever dies, the wheels stop, and nothing resumes by itself."""
 
 import signal
+import time
+from collections.abc import Callable
 
 import can
+import pytest
 
-from hil_tests.rig import (
-    COMMAND,
-    EMERGENCY_STOP,
-    Rig,
-    enabled,
-)
+from hil_tests.emergency_stop import SOURCES, assert_latched
+from hil_tests.ground_station import GroundStation, mavlink
+from hil_tests.rig import COMMAND, EMERGENCY_STOP, Rig, enabled
 from robotctl.app.stack import CONTROL
 from robotctl.runtime.messages import SafetyState
 
@@ -86,3 +86,37 @@ def test_an_emergency_stop_by_the_operator_reaches_the_bus_and_only_arming_ends_
     assert armed.fresh_truth().distance_m - before.distance_m < 1e-3
     armed.drive(0.3, 0.0, 1.0)
     assert armed.fresh_truth().distance_m - before.distance_m > 0.1
+
+
+@pytest.mark.parametrize("source", list(SOURCES))
+def test_an_emergency_stop_while_the_robot_starts(rig: Rig, source: str) -> None:
+    rig.start()
+    rig.wait(lambda: rig.control is not None, 5.0, "the control process is there")
+    SOURCES[source](rig)
+    rig.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
+    rig.wait(lambda: not any(node.problem for node in rig.control.nodes), 10, "nodes are ready")
+    assert_latched(rig)
+
+
+def test_an_emergency_stop_by_the_ground_station_latches_and_arming_from_there_ends_it(
+    station: GroundStation, reaction: Callable[[str, float], None]
+) -> None:
+    rig = station.rig
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mavlink.MAV_RESULT_ACCEPTED
+    rig.wait_for_state(SafetyState.ARMED)
+    rig.drive(0.4, 0.8, 0.5)
+    rig.heard(0.05)
+    asked_s = time.time()
+    station.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1)
+    heard_s = rig.heard_until(EMERGENCY_STOP, 1.0)[-1].timestamp
+    reaction("emergency stop by MAVLink: on the bus", 1000 * (heard_s - asked_s))
+    rig.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
+    rig.at_rest()
+
+    def armed() -> bool:  # a request within a second of the last one may be a late copy of it
+        result = station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        rig.heard(0.2)
+        return result == mavlink.MAV_RESULT_ACCEPTED
+
+    rig.wait(armed, 5.0, "arming is accepted")
+    rig.wait_for_state(SafetyState.ARMED)

@@ -96,7 +96,7 @@ class SafetyConfig:
         If a value is out of its range.
     """
 
-    command_timeout_ms: int = 100
+    command_timeout_ms: int = 90
     feedback_timeout_periods: int = 3
     status_timeout_ms: int = 200
     battery_timeout_ms: int = 500

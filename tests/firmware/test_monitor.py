@@ -183,9 +183,11 @@ class Host:
 def test_the_simulated_drive_is_safe_when_its_host_falls_silent():
     host = Host()
     host.drive()
+    last_ns = host.simulation.now_ns
     host.run(500)
     truth = host.simulation.truth()
     assert (truth.unsafe_motions, truth.unsafe_reason) == (0, "")
+    assert 90_000_000 < truth.power_off_ns - last_ns < 106_000_000
     assert host.simulation.drive.drive_state is DriveState.STOPPED
 
 
