@@ -179,7 +179,6 @@ class Simulation:
             bus_errors=sum(statistics.errors.values()),
             late=late,
             power_off_ns=self.monitor.power_off_ns + origin_ns,
-            power_off_ns=self.monitor.power_off_ns + origin_ns,
             unsafe_motions=self.monitor.count,
             unsafe_reason=findings[-1].reason if findings else "",
         )
