@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 TESTS = Path(__file__).resolve().parent
 # Run by `make test` where they can be: on a kernel with vcan0, and on a host that boots guests.
@@ -16,6 +16,10 @@ RECORDINGS_MISSING = "recordings missing: "
 # A busy machine makes single examples slow; pytest's time-out still ends a test that hangs.
 # In CI the same commit tries the same examples.
 settings.register_profile("robotctl", deadline=None, derandomize="CI" in os.environ)
+# For `make mutants`: the same examples for each mutant, and no search for the simplest.
+settings.register_profile(
+    "mutants", deadline=None, derandomize=True, phases=set(Phase) - {Phase.shrink, Phase.explain}
+)
 settings.load_profile("robotctl")
 
 

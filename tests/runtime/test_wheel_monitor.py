@@ -1,0 +1,233 @@
+"""One wheel's monitor and its tolerances, each bound from both sides."""
+
+import math
+from dataclasses import replace as changed
+
+import pytest
+
+from robotctl.runtime.plausibility import (
+    COPPER_PER_K,
+    PlausibilityConfig,
+    Standing,
+    WheelMonitor,
+)
+from tests.runtime.exact_tolerances import CONFIG, MS, T0, above, below
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "resistance_ohm",
+        "back_emf_v_s_rad",
+        "speed_tolerance_rad_s",
+        "speed_tolerance_share",
+        "push_v",
+        "pair_share",
+        "steering_tolerance_rad",
+        "clock_share",
+        "travel_m",
+    ],
+)
+def test_a_tolerance_is_a_finite_number_above_zero(name: str) -> None:
+    smallest = math.ulp(0.0)
+    assert getattr(changed(CONFIG, **{name: smallest}), name) == smallest
+    for value in (0.0, -1.0, math.nan, math.inf):
+        message = f"^{name}: {value} found, a finite number > 0 allowed$"
+        with pytest.raises(ValueError, match=message):
+            changed(CONFIG, **{name: value})
+
+
+def test_the_clock_share_is_below_one_half() -> None:
+    assert changed(CONFIG, clock_share=below(0.5)).clock_share < 0.5
+    with pytest.raises(ValueError, match=r"^clock_share: 0.5 found, \(0, 0.5\) allowed$"):
+        changed(CONFIG, clock_share=0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("speed_ms", 5, 500),
+        ("push_ms", 20, 2000),
+        ("pair_ms", 20, 5000),
+        ("steering_ms", 20, 2000),
+    ],
+)
+def test_no_time_can_be_set_away(name: str, low: int, high: int) -> None:
+    for allowed in (low, high):
+        assert getattr(changed(CONFIG, **{name: allowed}), name) == allowed
+    for refused in (low - 1, high + 1):
+        with pytest.raises(ValueError, match=f"^{name}: {refused} found, {low} to {high} allowed$"):
+            changed(CONFIG, **{name: refused})
+
+
+def test_a_condition_stands_since_it_first_stood_without_a_break() -> None:
+    standing = Standing()
+    seen = [
+        standing.lasts_ns(condition, now_ns)
+        for condition, now_ns in [(True, 5), (True, 7), (True, 12), (False, 13), (True, 20)]
+    ]
+    assert seen == [0, 2, 7, 0, 0]
+    assert standing.lasts_ns(True, 21) == 1
+
+
+def wheel(
+    counted_rad_s: float,
+    electrical_rad_s: float,
+    *,
+    current_a: float = 0.0,
+    off_ns: int = 50 * MS + 1,
+    config: PlausibilityConfig = CONFIG,
+) -> WheelMonitor:
+    """A wheel of which encoder and motor have said the same for so long."""
+    monitor = WheelMonitor("left", config)
+    voltage_v = electrical_rad_s * 0.5 + 2.0 * current_a
+    for stamp_ns in (T0, T0 + off_ns):
+        monitor.update(counted_rad_s, voltage_v, current_a, 25.0, stamp_ns)
+    assert monitor.electrical_rad_s == electrical_rad_s
+    return monitor
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("current_a", [-3.0, 0.0, 5.0])
+@pytest.mark.parametrize("temperature_c", [-20.0, 25.0, 75.0])
+def test_the_electrical_speed_is_that_of_the_back_emf_at_any_load_and_temperature(
+    sign: float, current_a: float, temperature_c: float
+) -> None:
+    speed, resistance = sign * 10.0, 2.0 * (1.0 + COPPER_PER_K * (temperature_c - 25.0))
+    monitor = WheelMonitor("left", CONFIG)
+    monitor.update(speed, resistance * current_a + 0.5 * speed, current_a, temperature_c, T0)
+    assert monitor.electrical_rad_s == pytest.approx(speed)
+    assert monitor.counted_rad_s == speed
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("counted", "off"),
+    # 2 + a quarter of the greater of the two speeds, around 10 rad/s by the motor.
+    [(5.5, False), (below(5.5), True), (16.0, False), (above(16.0), True)],
+)
+def test_the_two_speeds_may_lie_apart_by_the_tolerance_and_no_more(
+    sign: float, counted: float, off: bool
+) -> None:
+    assert wheel(sign * counted, sign * 10.0).is_off == off
+    assert bool(wheel(sign * counted, sign * 10.0).encoder_fault()) == off
+
+
+@pytest.mark.parametrize(("electrical", "tolerance"), [(2.0, 4.0), (-8.0, 4.0), (-16.0, 6.0)])
+def test_the_tolerance_grows_with_the_faster_of_the_two(
+    electrical: float, tolerance: float
+) -> None:
+    assert wheel(8.0, electrical).tolerance_rad_s == tolerance
+    assert wheel(-8.0, electrical).tolerance_rad_s == tolerance
+
+
+def test_an_encoder_is_off_after_its_time_and_not_before() -> None:
+    assert not wheel(0.0, 10.0, off_ns=50 * MS).is_off
+    assert wheel(0.0, 10.0, off_ns=50 * MS).encoder_fault() == ""
+    assert wheel(0.0, 10.0, off_ns=50 * MS + 1).is_off
+
+
+@pytest.mark.parametrize(
+    ("counted", "electrical", "kind"),
+    [
+        (0.0, 10.0, "stuck or disconnected"),
+        (0.25, -10.0, "stuck or disconnected"),
+        (below(0.5), 10.0, "stuck or disconnected"),
+        (-below(0.5), 10.0, "stuck or disconnected"),
+        (0.5, 10.0, "wrong"),
+        (-0.5, -10.0, "wrong"),
+        (-0.5, 10.0, "reversed"),
+        (10.0, -10.0, "reversed"),
+        (10.0, 0.0, "wrong"),
+        (10.0, 0.0625, "wrong"),
+        (10.0, -0.0625, "reversed"),
+    ],
+)
+def test_an_encoder_fault_is_named_by_what_it_looks_like(
+    counted: float, electrical: float, kind: str
+) -> None:
+    assert wheel(counted, electrical).encoder_fault() == (
+        f"left encoder {kind}: {counted:.1f} rad/s counted, {electrical:.1f} rad/s by duty and "
+        "current"
+    )
+
+
+def test_a_ratio_is_given_from_4_rad_s_on() -> None:
+    assert wheel(2.0, 4.0).ratio == 0.5
+    assert wheel(-3.0, -4.0).ratio == 0.75
+    assert math.isnan(wheel(4.0, below(4.0)).ratio)
+    assert math.isnan(wheel(4.0, -below(4.0)).ratio)
+
+
+def push(
+    counted: float, *, begin: float = 5.0, current_a: float = 1.0, lasts_ns: int = 300 * MS + 1
+) -> str:
+    """What is said of a wheel that turned at `begin` when the current came."""
+    monitor = WheelMonitor("left", CONFIG)
+    for speed, now_ns in ((begin, T0), (counted, T0 + lasts_ns)):
+        monitor.update(speed, 0.5 * speed + 2.0 * current_a, current_a, 25.0, now_ns)
+        said = monitor.push_fault(now_ns)
+    return said
+
+
+PUSHES = "left wheel pushes against something: 1.0 A, no faster"
+
+
+def test_much_current_for_long_without_getting_faster_is_a_push() -> None:
+    assert push(5.0) == PUSHES
+    assert push(5.0, lasts_ns=300 * MS) == ""
+    assert push(-5.0, begin=-5.0, current_a=-1.0) == PUSHES.replace("1.0 A", "-1.0 A")
+
+
+def test_a_push_begins_above_the_voltage_over_the_winding() -> None:
+    assert push(5.0, current_a=0.75) == ""
+    assert push(5.0, current_a=-0.75) == ""
+    assert push(5.0, current_a=above(0.75)).startswith("left wheel pushes")
+    assert push(5.0, current_a=-above(0.75)).startswith("left wheel pushes")
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_gain_or_loss_of_more_than_3_rad_s_meets_inertia(sign: float) -> None:
+    for speed in (8.0, 2.0):
+        assert push(sign * speed, begin=sign * 5.0) == PUSHES
+    for speed in (8.001, 1.999):
+        assert push(sign * speed, begin=sign * 5.0) == ""
+
+
+def test_the_gain_is_counted_from_where_the_push_began() -> None:
+    """And anew after each gain: a wheel that gets faster and faster is never stopped."""
+    monitor = WheelMonitor("left", CONFIG)
+    for number in range(400):
+        # 5 ms, 0.06 rad/s: 3.6 rad/s in 300 ms.
+        speed, now_ns = 0.06 * number, T0 + 5 * MS * number
+        monitor.update(speed, 0.5 * speed + 2.0, 1.0, 25.0, now_ns)
+        assert monitor.push_fault(now_ns) == ""
+    held = monitor.counted_rad_s
+    for number in range(400, 600):
+        now_ns = T0 + 5 * MS * number
+        monitor.update(held, 0.5 * held + 2.0, 1.0, 25.0, now_ns)
+        said = monitor.push_fault(now_ns)
+        # 372 began the time in which 28 gains were too few.
+        if number <= 372 + 60:
+            assert said == ""
+    assert said == PUSHES
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_slower_than_half_a_rad_s_is_called_blocked(sign: float) -> None:
+    blocked = "left wheel is blocked: 1.0 A and no motion"
+    assert push(sign * below(0.5), begin=0.0) == blocked
+    assert push(0.0, begin=0.0) == blocked
+    assert push(sign * 0.5, begin=0.0) == PUSHES
+
+
+def test_reset_forgets_speeds_and_what_stood() -> None:
+    monitor = wheel(0.0, 10.0, current_a=2.0)
+    monitor.push_fault(T0)
+    monitor.reset()
+    assert not monitor.is_off
+    assert (monitor.counted_rad_s, monitor.electrical_rad_s) == (0.0, 0.0)
+    assert monitor.encoder_fault() == ""
+    assert monitor.push_fault(T0 + 10_000 * MS) == ""
+    monitor.update(0.0, 5.0, 0.0, 25.0, T0 + 20_000 * MS)
+    assert not monitor.is_off
