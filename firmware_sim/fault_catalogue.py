@@ -6,220 +6,219 @@ sit between the true robot and its firmware, in `firmware_sim.faulty_parts`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final
 
+from firmware_sim import fault_actions as act
 from firmware_sim.bus.errors import BusError
 from firmware_sim.bus.faults import (
     Babble,
     Corrupt,
     Cut,
-    Delay,
     Destroy,
     Dominant,
     Drop,
     Duplicate,
-    FrameFault,
     Mute,
+    Reorder,
+    Stale,
 )
-from firmware_sim.bus.faults import Fault as BusFault
-from firmware_sim.fault_kinds import DURATION, Arguments, Kind, Parameter, Undo
+from firmware_sim.fault_kinds import DURATION, Kind, Parameter
 from firmware_sim.faulty_parts import REVERSED, STUCK
 from firmware_sim.nodes import wire
 
-if TYPE_CHECKING:
-    from firmware_sim.faults import Faults
-
-Begin: TypeAlias = "Callable[[Faults, Arguments], Undo | None]"
-
-WHEELS: Final = {"left": 0, "right": 1, "drive": 0}
-NODES: Final = ("drive", "sonar", "power")
 DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS)
 
 _LASTING: Final = {DURATION: Parameter(0.0, "s; 0: until `clear`", 0.0, 3600.0)}
-_ON_BUS: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
-_NODE: Final = {"node": Parameter("drive", "which", words=NODES)}
-_WHEEL: Final = {"wheel": Parameter("left", "whose", words=tuple(WHEELS))}
-_OF_WHEEL: Final = {**_WHEEL, **_LASTING}
-_ON_NODE: Final = {**_NODE, **_ON_BUS}
-_ON_FRAMES: Final = {
+_FOR: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
+_NODE: Final = {"node": Parameter("drive", "which", words=("drive", "sonar", "power"))}
+_WHEEL: Final = {"wheel": Parameter("left", "whose", words=tuple(act.WHEELS))}
+_FRAMES: Final = {
     "id": Parameter(0.0, "identifier, 0x201 or 513; 0: any", 0.0, 0x7FF),
     "probability": Parameter(1.0, "for each frame", 0.001, 1.0),
-    **_ON_BUS,
+    **_FOR,
 }
 
-
-def _channel(arguments: Arguments) -> int:
-    return WHEELS[str(arguments["wheel"])]
-
-
-def _number(arguments: Arguments, key: str) -> float:
-    return float(arguments[key])
-
-
-# Drive and sonars -------------------------------------------------------------------------------
-
-
-def _encoder(factor: int) -> Begin:
-    return lambda faults, arguments: faults.stage.break_encoder(_channel(arguments), factor)
-
-
-def _glitch(faults: Faults, arguments: Arguments) -> None:
-    faults.stage.jump(_channel(arguments), int(_number(arguments, "counts")))
-
-
-def _freeze(faults: Faults, _: Arguments) -> Undo:
-    ends = [faults.stage.break_encoder(channel, STUCK) for channel in (0, 1)]
-
-    def end() -> None:
-        for each in ends:
-            each()
-
-    return end
-
-
-def _current(faults: Faults, arguments: Arguments) -> Undo:
-    return faults.stage.add_current(_channel(arguments), _number(arguments, "amperes"))
-
-
-def _heat(faults: Faults, arguments: Arguments) -> Undo:
-    return faults.stage.add_heat(_channel(arguments), _number(arguments, "kelvin"))
-
-
-_DRIVE_AND_SONARS: Final[dict[str, Kind]] = {
-    "encoder_stuck": Kind("an encoder counts no more", _encoder(STUCK), _OF_WHEEL),
-    "encoder_reversed": Kind("an encoder counts backwards", _encoder(REVERSED), _OF_WHEEL),
+DRIVE: Final[dict[str, Kind]] = {
+    "encoder_stuck": Kind(
+        "an encoder counts no more", act.encoder(STUCK), {**_WHEEL, **_LASTING}
+    ),
+    "encoder_reversed": Kind(
+        "an encoder counts backwards", act.encoder(REVERSED), {**_WHEEL, **_LASTING}
+    ),
     "encoder_glitch": Kind(
-        "an encoder's count jumps once", _glitch,
+        "an encoder's count jumps once", act.glitch,
         {**_WHEEL, "counts": Parameter(500.0, "counts", -32000.0, 32000.0)},
+    ),
+    "encoder_disconnected": Kind(
+        "an encoder's cable is open: it counts at random what its inputs pick up while the bridges "
+        "switch, and nothing while they do not", act.disconnect_encoder,
+        {**_WHEEL, "edges": Parameter(2000.0, "1/s; 0: none", 0.0, 50000.0), **_LASTING},
     ),
     "wheels_swapped": Kind(
         "the encoders' cables are in each other's sockets",
         lambda faults, _: faults.stage.swap(), _LASTING,
     ),
     "feedback_frozen": Kind(
-        "the drive's feedback goes on with the counts of long ago", _freeze, _LASTING
+        "the drive's feedback goes on with the counts of long ago", act.freeze, _LASTING
     ),
-    "wheel_blocked": Kind(
-        "a wheel cannot turn",
-        lambda faults, arguments: faults.stage.block(_channel(arguments)), _OF_WHEEL,
-    ),
+    "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}),
     "over_current": Kind(
-        "a motor draws more current than it shows torque", _current,
+        "a motor draws more current than it shows torque", act.draw_current,
         {**_WHEEL, "amperes": Parameter(20.0, "A", 0.1, 100.0), **_LASTING},
     ),
     "over_temperature": Kind(
-        "a winding is hotter", _heat,
+        "a winding is hotter", act.heat,
         {**_WHEEL, "kelvin": Parameter(150.0, "K", 1.0, 200.0), **_LASTING},
     ),
     "under_voltage": Kind(
-        "the supply at the drive breaks down",
-        lambda faults, arguments: faults.stage.lose_voltage(_number(arguments, "volts")),
-        {"volts": Parameter(5.0, "V", 0.1, 12.0), **_LASTING},
+        "the supply at the drive breaks down", act.under_voltage,
+        {"volts": Parameter(5.0, "V less", 0.1, 12.0), **_LASTING},
+    ),
+    "brown_out": Kind(
+        f"the supply at the drive sags evenly; below {act.RESET_V:g} V its processor is held in "
+        f"reset, above {act.RELEASE_V:g} V it boots", act.brown_out,
+        {
+            "volts": Parameter(4.0, "V that are left", 0.0, 60.0),
+            "sag": Parameter(0.2, "s until then", 0.001, 60.0),
+            **_LASTING,
+        },
+    ),
+}  # fmt: skip
+
+SONARS: Final[dict[str, Kind]] = {
+    "sonar_silent": Kind(
+        "the sonar ring sends no ranges, its heartbeat goes on",
+        act.lose(*wire.SONAR_RANGES), _FOR,
     ),
     "sonar_stuck": Kind(
         "the sonar ring repeats its last ranges", lambda faults, _: faults.ring.stick(), _LASTING
     ),
+    "sonar_crosstalk": Kind(
+        "a sonar takes the echo of another of its group of four for its own: it reads too near",
+        act.leak,
+        {
+            "sonar": Parameter(0.0, "number of the one that hears", 0.0, 15.0),
+            "other": Parameter(1.0, "number of the one that is heard", 0.0, 15.0),
+            **_LASTING,
+        },
+    ),
 }  # fmt: skip
 
-
-# Nodes and bus ----------------------------------------------------------------------------------
-
-
-def _lose(*identifiers: int) -> Begin:
-    def lose(faults: Faults, arguments: Arguments) -> None:
-        for identifier in identifiers:
-            faults.on_bus(Drop, arguments, arbitration_id=identifier)
-
-    return lose
-
-
-def _bus(make: Callable[..., BusFault]) -> Begin:
-    return lambda faults, arguments: faults.on_bus(make, arguments)
-
-
-def _node(make: Callable[..., BusFault]) -> Begin:
-    return lambda faults, arguments: faults.on_bus(make, arguments, node=arguments["node"])
-
-
-def _host(make: Callable[..., BusFault]) -> Begin:
-    return lambda faults, arguments: faults.on_bus(make, arguments, node=faults.host())
-
-
-def _reset(faults: Faults, arguments: Arguments) -> None:
-    faults.simulation.power_cycle(str(arguments["node"]))
-
-
-_NODES_AND_BUS: Final[dict[str, Kind]] = {
-    "node_reset": Kind("a node loses its supply for a moment and boots", _reset, _NODE),
+NODES: Final[dict[str, Kind]] = {
+    "node_reset": Kind("a node loses its supply for a moment and boots", act.reset, _NODE),
     "node_silent": Kind(
-        "a node's program hangs: it sends nothing, heartbeat neither", _node(Mute), _ON_NODE
+        "a node's program hangs: it sends nothing, heartbeat neither",
+        act.on_node(Mute), {**_NODE, **_FOR},
     ),
     "feedback_lost": Kind(
-        "the drive's feedback is missing, its heartbeat goes on", _lose(*DRIVE_FEEDBACK), _ON_BUS
+        "the drive's feedback is missing, its heartbeat goes on", act.lose(*DRIVE_FEEDBACK), _FOR
     ),
-    "sonar_silent": Kind(
-        "the sonar ring sends no ranges, its heartbeat goes on",
-        _lose(*wire.SONAR_RANGES), _ON_BUS,
+    "parameter_lost": Kind(
+        "a node's stored parameters are damaged and it boots: with its defaults, and saying so",
+        act.lose_parameters, _NODE,
     ),
-    "bus_cut": Kind("the wire is cut everywhere", _bus(Cut), _ON_BUS),
-    "bus_short": Kind("the bus is held dominant", _bus(Dominant), _ON_BUS),
-    "node_cut": Kind("a node is cut off", _node(Cut), _ON_NODE),
-    "host_cut": Kind("the host is cut off", _host(Cut), _ON_BUS),
-    "babble": Kind("a node sends identifier 0 without a pause", _node(Babble), _ON_NODE),
+    "wrong_firmware": Kind(
+        "a node boots with another major revision, and the drive with another wire version; "
+        "in the end it boots with its own", act.flash, {**_NODE, **_LASTING},
+    ),
+    "clock_drift": Kind(
+        "a node's oscillator is off: its periods, its time-out and its time stamps", act.drift,
+        {**_NODE, "ppm": Parameter(50000.0, "ppm too fast", -100000.0, 100000.0), **_LASTING},
+    ),
 }  # fmt: skip
 
-
-# Frames -----------------------------------------------------------------------------------------
-
-
-def _frames(make: Callable[..., FrameFault], **more: object) -> Begin:
-    return lambda faults, arguments: faults.on_frames(make, arguments, **more)
-
-
-def _delay(faults: Faults, arguments: Arguments) -> None:
-    faults.on_frames(Delay, arguments, delay_ns=round(_number(arguments, "delay") * 1e9))
-
-
-def _masquerade(faults: Faults, arguments: Arguments) -> None:
-    faults.on_bus(
-        Babble, arguments, node="sonar", arbitration_id=wire.MOTOR_COMMAND,
-        data=bytes.fromhex("0010E803E8030000"), period_ns=5_000_000,
-    )  # fmt: skip
-
-
-_FRAMES: Final[dict[str, Kind]] = {
-    "masquerade": Kind(
-        "the sonar node sends motor commands, with a CRC that does not fit", _masquerade, _ON_BUS
+BUS: Final[dict[str, Kind]] = {
+    "bus_cut": Kind("the wire is cut everywhere", act.on_bus(Cut), _FOR),
+    "bus_short": Kind("the bus is held dominant", act.on_bus(Dominant), _FOR),
+    "node_cut": Kind("a node is cut off", act.on_node(Cut), {**_NODE, **_FOR}),
+    "host_cut": Kind("the host is cut off", act.on_host(Cut), _FOR),
+    "node_bus_off": Kind(
+        "a node's transmitter breaks each of its frames: it goes bus-off, as often as it comes "
+        "back", act.on_node(Destroy, error=BusError.BIT_ERROR), {**_NODE, **_FOR},
     ),
+    "host_bus_off": Kind(
+        "the host's transmitter breaks each of its frames: it goes bus-off, as often as it comes "
+        "back", act.on_host(Destroy, error=BusError.BIT_ERROR), _FOR,
+    ),
+    "node_error_passive": Kind(
+        "a node's transmitter breaks so many frames that it stays error-passive; all get through",
+        act.node_passive, {**_NODE, **_LASTING},
+    ),
+    "host_error_passive": Kind(
+        "the host's transmitter breaks so many frames that it stays error-passive; all get through",
+        act.host_passive, _LASTING,
+    ),
+    "no_ack": Kind(
+        "nobody acknowledges the host: its frames are lost, it hears the others",
+        act.no_acknowledgement, _FOR,
+    ),
+    "babble": Kind(
+        "a node sends identifier 0 without a pause", act.on_node(Babble), {**_NODE, **_FOR}
+    ),
+    "overload": Kind(
+        "a stranger's frames fill a share of the bus, behind all others or before them",
+        act.overload,
+        {
+            "priority": Parameter("low", "of its frames", words=tuple(act.OVERLOAD_IDS)),
+            "load": Parameter(0.95, "share", 0.05, 1.0),
+            **_FOR,
+        },
+    ),
+}  # fmt: skip
+
+FRAMES: Final[dict[str, Kind]] = {
     "frames_destroyed": Kind(
         "frames break on the wire: CAN's own CRC sees it and they are sent again",
-        _frames(Destroy, error=BusError.CRC_ERROR), _ON_FRAMES,
+        act.on_frames(Destroy, error=BusError.CRC_ERROR), _FRAMES,
     ),
     "frames_corrupt": Kind(
         "one bit of the payload changes before the frame is sent: only E2E sees it",
-        _frames(Corrupt), _ON_FRAMES,
+        act.on_frames(Corrupt), _FRAMES,
     ),
-    "frames_lost": Kind("receivers lose frames", _frames(Drop), _ON_FRAMES),
-    "frames_repeated": Kind("frames are sent twice", _frames(Duplicate), _ON_FRAMES),
+    "frames_lost": Kind("receivers lose frames", act.on_frames(Drop), _FRAMES),
+    "frames_repeated": Kind("frames are sent twice", act.on_frames(Duplicate), _FRAMES),
+    "frames_stale": Kind(
+        "instead of a frame the last true one is sent once more", act.on_frames(Stale), _FRAMES
+    ),
+    "frames_reordered": Kind(
+        "a frame is sent after the next one of its identifier", act.on_frames(Reorder), _FRAMES
+    ),
     "frames_late": Kind(
-        "frames are handed to the controller late; others overtake them", _delay,
-        {**_ON_FRAMES, "delay": Parameter(0.02, "s", 0.0001, 10.0)},
+        "frames are handed to the controller late; others overtake them", act.delay,
+        {**_FRAMES, "delay": Parameter(0.02, "s", 0.0001, 10.0)},
+    ),
+    "masquerade": Kind(
+        "the sonar node sends motor commands, with a CRC that does not fit", act.masquerade, _FOR
     ),
 }  # fmt: skip
 
-
-CATALOGUE: Final[dict[str, Kind]] = {**_DRIVE_AND_SONARS, **_NODES_AND_BUS, **_FRAMES}
+GROUPS: Final = {
+    "The drive and its sensors": DRIVE,
+    "The sonars": SONARS,
+    "Nodes": NODES,
+    "The bus": BUS,
+    "Frames": FRAMES,
+}
+CATALOGUE: Final[dict[str, Kind]] = {
+    name: kind for group in GROUPS.values() for name, kind in group.items()
+}
 
 
 def describe() -> str:
-    """Return the catalogue as a Markdown table."""
-    rows = ["| fault | what happens | parameters |", "|---|---|---|"]
-    for name, kind in CATALOGUE.items():
-        parameters = "; ".join(
-            f"`{key}={parameter.default}` {parameter.help}"
-            + (f" ({', '.join(parameter.words)})" if parameter.words else "")
-            for key, parameter in kind.parameters.items()
-        )
+    """Return the catalogue in Markdown, a table for each group."""
+    return "\n\n".join(f"### {title}\n\n{_table(group)}" for title, group in GROUPS.items())
+
+
+def _table(group: dict[str, Kind]) -> str:
+    rows = ["| kind | what happens | parameters, with their defaults |", "|---|---|---|"]
+    for name, kind in group.items():
+        parameters = "; ".join(_parameter(key, each) for key, each in kind.parameters.items())
         rows.append(f"| `{name}` | {kind.help} | {parameters} |")
     return "\n".join(rows)
+
+
+def _parameter(key: str, parameter: Parameter) -> str:
+    if parameter.words:
+        return f"`{key}={parameter.default}` {parameter.help}: {', '.join(parameter.words)}"
+    allowed = f"{parameter.low:g} to {parameter.high:g}"
+    return f"`{key}={parameter.default:g}` {parameter.help}, {allowed}"

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from firmware_sim.bus.faults import Fault as BusFault
 from firmware_sim.errors import SimulationError
 from firmware_sim.fault_catalogue import CATALOGUE
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
 
 CLEAR = "clear"
+MILLISECOND_NS = 1_000_000
 
 
 class Faults:
@@ -33,12 +36,21 @@ class Faults:
         What its drive reads.
     ring
         What its sonars hear.
+    rng
+        Of the noise of broken sensors.
     """
 
-    def __init__(self, simulation: Simulation, stage: FaultyStage, ring: FaultyRing) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        stage: FaultyStage,
+        ring: FaultyRing,
+        rng: np.random.Generator,
+    ) -> None:
         self.simulation = simulation
         self.stage: FaultyStage = stage
         self.ring: FaultyRing = ring
+        self.rng = rng
         self._present: list[Undo] = []
 
     def inject(self, line: str) -> str:
@@ -84,11 +96,31 @@ class Faults:
             self._present.remove(undo)
             undo()
 
+    def repeat(self, action: Callable[[], None], period_ns: int = MILLISECOND_NS) -> Undo:
+        """Do something now and then each period; return what ends that."""
+        bus = self.simulation.bus
+        goes_on = True
+
+        def tick() -> None:
+            if goes_on:
+                action()
+                bus.schedule(bus.now_ns + period_ns, tick)
+
+        def end() -> None:
+            nonlocal goes_on
+            goes_on = False
+
+        tick()
+        return end
+
+    def end_ns(self, arguments: Arguments) -> int:
+        """Return the time at which a fault with these arguments ends if it begins now [ns]."""
+        return self.simulation.bus.now_ns + round(float(arguments[DURATION]) * 1e9)
+
     def on_bus(self, make: Callable[..., BusFault], arguments: Arguments, **more: object) -> None:
         """Inject a fault of the bus from now for its duration."""
-        now_ns = self.simulation.bus.now_ns
-        end_ns = now_ns + round(float(arguments["duration"]) * 1e9)
-        self.simulation.bus.inject(make(start_ns=now_ns, end_ns=end_ns, **more))
+        bus = self.simulation.bus
+        bus.inject(make(start_ns=bus.now_ns, end_ns=self.end_ns(arguments), **more))
 
     def on_frames(
         self, make: Callable[..., BusFault], arguments: Arguments, **more: object

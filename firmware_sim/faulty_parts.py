@@ -6,13 +6,17 @@ fault passes everything through unchanged.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from firmware_sim.errors import SimulationError
 from firmware_sim.fault_kinds import Undo
+from firmware_sim.nodes.sonar import GROUP_SIZE, Ranges
+from firmware_sim.parameters import SonarMount
 
 if TYPE_CHECKING:
-    from firmware_sim.nodes.sonar import Ranges
     from firmware_sim.plant import Bridge, Plant
     from firmware_sim.sonar import SonarRing
 
@@ -65,6 +69,7 @@ class FaultyStage:
         self._added_a = [0.0, 0.0]
         self._added_c = [0.0, 0.0]
         self._lost_v = 0.0
+        self._commanded: tuple[float, float, float, Bridge] | None = None
 
     # Faults -------------------------------------------------------------------------------------
 
@@ -108,14 +113,10 @@ class FaultyStage:
         """Let a winding be hotter [K]."""
         return _add(self._added_c, channel, rise_k)
 
-    def lose_voltage(self, lost_v: float) -> Undo:
-        """Let the supply at the bridges be lower [V]."""
-        self._lost_v += lost_v
-
-        def end() -> None:
-            self._lost_v -= lost_v
-
-        return end
+    def lose_voltage(self, lost_v: float) -> None:
+        """Let the supply at the bridges be lower [V] than so far; negative: give it back."""
+        self._lost_v = _without_dust(self._lost_v + lost_v)
+        self._pass_on()
 
     # What the firmware sees and does ------------------------------------------------------------
 
@@ -155,7 +156,7 @@ class FaultyStage:
     @property
     def bus_voltage_v(self) -> float:
         """Supply at the bridges [V]."""
-        return self._plant.bus_voltage_v - self._lost_v
+        return max(self._plant.bus_voltage_v - self._lost_v, 0.0)
 
     @property
     def steering_rad(self) -> float:
@@ -163,8 +164,19 @@ class FaultyStage:
         return self._plant.steering_rad
 
     def command(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
-        """Pass a command on."""
-        self._plant.command(duty1, duty2, steering_rad, bridge)
+        """Pass a command on; with less than the supply the bridges give that much less."""
+        self._commanded = duty1, duty2, steering_rad, bridge
+        if self._lost_v:
+            self._pass_on()
+        else:
+            self._plant.command(duty1, duty2, steering_rad, bridge)
+
+    def _pass_on(self) -> None:
+        if self._commanded is None:
+            return
+        duty1, duty2, steering_rad, bridge = self._commanded
+        share = self.bus_voltage_v / self._plant.bus_voltage_v
+        self._plant.command(share * duty1, share * duty2, steering_rad, bridge)
 
 
 class FaultyRing:
@@ -174,10 +186,14 @@ class FaultyRing:
     ----------
     ring
         The true one.
+    mounts
+        Where its sonars are.
     """
 
-    def __init__(self, ring: SonarRing) -> None:
+    def __init__(self, ring: SonarRing, mounts: Sequence[SonarMount]) -> None:
         self._ring = ring
+        self._mounts = mounts
+        self._leaks: list[tuple[int, int]] = []
         self._stuck = 0
         self._last: dict[int, Ranges] = {}
 
@@ -189,13 +205,62 @@ class FaultyRing:
     def _change_stuck(self, by: int) -> None:
         self._stuck += by
 
+    def leak(self, listener: int, speaker: int) -> Undo:
+        """Let one sonar take the echo of another for its own.
+
+        Raises
+        ------
+        SimulationError
+            Where the robot has no such sonars, or the two do not fire together.
+        """
+        count = len(self._mounts)
+        if max(listener, speaker) >= count:
+            raise SimulationError(f"the robot has {count} sonars, counted from 0")
+        if listener == speaker or listener // GROUP_SIZE != speaker // GROUP_SIZE:
+            raise SimulationError(
+                f"sonars {listener} and {speaker} do not fire together, only those of one group "
+                f"of {GROUP_SIZE} do"
+            )
+        pair = listener, speaker
+        self._leaks.append(pair)
+        return partial(self._leaks.remove, pair)
+
     def fire(self, group: int, x_m: float, y_m: float, theta_rad: float) -> Ranges:
         """Return the ranges [m] of a group fired from a pose of base in world."""
         if self._stuck and group in self._last:
             return self._last[group]
         ranges_m = self._ring.fire(group, x_m, y_m, theta_rad)
+        for listener, speaker in self._leaks:
+            if listener // GROUP_SIZE == group:
+                ranges_m = self._mixed(ranges_m, listener, speaker)
         self._last[group] = ranges_m
         return ranges_m
+
+    def _mixed(self, ranges_m: Ranges, listener: int, speaker: int) -> Ranges:
+        """Return the ranges of a group in which one sonar hears another, if that echo is first.
+
+        The sound goes from the speaker to what it sees and from there straight to the listener,
+        which takes half of the way for its range.
+        """
+        there_m = ranges_m[speaker % GROUP_SIZE]
+        if math.isinf(there_m):
+            return ranges_m
+        here, other = self._mounts[listener], self._mounts[speaker]
+        heading_rad = math.radians(other.heading_deg)
+        x_m = other.x_m + there_m * math.cos(heading_rad)
+        y_m = other.y_m + there_m * math.sin(heading_rad)
+        back_m = math.hypot(x_m - here.x_m, y_m - here.y_m)
+        mixed = list(ranges_m)
+        mixed[listener % GROUP_SIZE] = min(
+            ranges_m[listener % GROUP_SIZE], round(500.0 * (there_m + back_m)) / 1000.0
+        )
+        first, second, third, fourth = mixed
+        return first, second, third, fourth
+
+
+def _without_dust(volts: float) -> float:
+    """Return 0 where only rounding errors are left."""
+    return 0.0 if abs(volts) < 1e-9 else volts
 
 
 def _add(amounts: list[float], channel: int, amount: float) -> Undo:

@@ -29,11 +29,16 @@ from firmware_sim.monitor import Allowed, Motion, SafetyMonitor
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.nodes.node import Node
-from firmware_sim.nodes.parameter_store import FileStore, MemoryStore, ParameterStore
+from firmware_sim.nodes.parameter_store import (
+    FileStore,
+    FragileStore,
+    MemoryStore,
+    ParameterStore,
+)
 from firmware_sim.nodes.power import BatterySample, PowerNode
 from firmware_sim.nodes.sonar import Ranges, SonarNode
 from firmware_sim.parameters import DifferentialDrive
-from firmware_sim.plant import STEP_NS, Plant
+from firmware_sim.plant import STEP_NS, Bridge, Plant
 from firmware_sim.sonar import SonarRing
 from firmware_sim.truth import Scan, Truth
 from firmware_sim.world import World, load_world
@@ -60,7 +65,8 @@ class Simulation:
     world
         The room or its TOML.
     seed
-        Of all random draws: bus faults, floor, sonar and lidar each have a stream of their own.
+        Of all random draws: bus faults, floor, sonar, lidar and broken sensors each have a stream
+        of their own.
         Same seed, same commands: the same frames at the same nanoseconds.
     start
         Pose of base in world: x [m], y [m], heading [rad]; None: the world's.
@@ -92,27 +98,33 @@ class Simulation:
         room = load_world(world) if isinstance(world, Path) else world
         if start is not None:
             room = _with_start(room, start)
-        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
+        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(5)]
         self.config = config
         self.world = room
         self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
         self.plant = Plant(config, room, streams[1])
         self._plant_ns = start_ns
         self._ring = SonarRing(config, room, streams[2])
-        self.faults = Faults(self, FaultyStage(self.plant), FaultyRing(self._ring))
+        self.faults = Faults(
+            self, FaultyStage(self.plant), FaultyRing(self._ring, config.sonar), streams[4]
+        )
         lidar = config.simulation.lidar
         self._lidar = None if lidar is None else Lidar(lidar, room, streams[3])
         memory = _memory(state_directory)
+        self.stores: dict[str, FragileStore] = {}
         self.drive = self._make_drive(memory)
         self.sonar = SonarNode(
-            len(config.sonar), config.simulation.sonar.max_range_m, self._fire, memory("sonar")
+            len(config.sonar),
+            config.simulation.sonar.max_range_m,
+            self._fire,
+            self._store("sonar", memory),
         )
         self.power = PowerNode(
-            self._measure_battery, config.simulation.battery.cells, memory("power")
+            self._measure_battery, config.simulation.battery.cells, self._store("power", memory)
         )
         self._ports: dict[str, Port] = {}
         for node in self.nodes:
-            self._power_up(node)
+            self.power_up(node)
         limits = config.limits
         allowed = Allowed(limits.v_max_m_s, limits.omega_max_rad_s)
         self.monitor = SafetyMonitor(self._motion, allowed)
@@ -147,10 +159,30 @@ class Simulation:
     def power_cycle(self, name: str = "") -> None:
         """Take the supply from a node, or from all, and give it back; robot and room stay."""
         for node in self.nodes:
-            if name not in ("", node.name):
-                continue
-            self._ports.pop(node.name).detach()
-            self._power_up(node)
+            if name in ("", node.name):
+                self.power_off(node)
+                self.power_up(node)
+
+    def power_off(self, node: Node) -> None:
+        """Take the supply from a node: it leaves the bus, and a drive's bridges open."""
+        port = self._ports.pop(node.name, None)
+        if port is not None:
+            port.detach()
+        if node is self.drive:
+            self.run_to(self.bus.now_ns)
+            stage = self.faults.stage
+            stage.command(0.0, 0.0, stage.steering_rad, Bridge.COAST)
+
+    def power_up(self, node: Node) -> None:
+        """Give a node its supply: it boots."""
+        port = self.bus.attach(node.name, node.on_frame, accept=node.arbitration_ids)
+        self._ports[node.name] = port
+        node.connect(port, self._alarm)
+        node.power_cycle(self.bus.now_ns)
+
+    def has_power(self, node: Node) -> bool:
+        """Whether a node has its supply."""
+        return node.name in self._ports
 
     def truth(self, *, origin_ns: int = 0, late: int = 0) -> Truth:
         """Return what really is, at the present time.
@@ -224,22 +256,21 @@ class Simulation:
             self.faults.stage,
             self.run_to,
             model,
-            memory("drive"),
+            self._store("drive", memory),
             current_limit_ma=_current_limit_ma(self.config),
             channels=2 if isinstance(self.config.drive, DifferentialDrive) else 1,
         )
 
-    def _power_up(self, node: Node) -> None:
-        port = self.bus.attach(node.name, node.on_frame, accept=node.arbitration_ids)
-        self._ports[node.name] = port
-        node.connect(port, self._alarm)
-        node.power_cycle(self.bus.now_ns)
+    def _store(self, name: str, memory: Memory) -> FragileStore:
+        store = self.stores[name] = FragileStore(memory(name))
+        return store
 
     def _alarm(self, due_ns: int, node: Node) -> None:
         self.bus.schedule(due_ns, partial(self._wake, node))
 
     def _wake(self, node: Node) -> None:
-        node.wake(self.bus.now_ns)
+        if self.has_power(node):
+            node.wake(self.bus.now_ns)
 
     def _motion(self) -> Motion:
         plant = self.plant

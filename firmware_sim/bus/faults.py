@@ -5,7 +5,7 @@ Times are times of the bus (ns). Where several faults fit one frame, the first o
 strikes counts.
 
 There is no clock drift of nodes: on the wire nothing of it is seen below the tolerance of bit
-timing (1.58 %), and a node's own timers are the node's business.
+timing (1.58 %), and a node's own timers are the node's business (`firmware_sim.nodes.clock`).
 """
 
 from __future__ import annotations
@@ -136,6 +136,19 @@ class Delay(FrameFault):
         FrameFault.__post_init__(self)
         if self.delay_ns <= 0:
             raise ValueError(f"delay_ns must be > 0: {self.delay_ns}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reorder(FrameFault):
+    """The sender sends the frame after its next one with the same id."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stale(FrameFault):
+    """In the place of the frame the sender sends the last one that it truly sent, once more.
+
+    A first frame without one before it is sent as it is.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

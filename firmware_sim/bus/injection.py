@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,6 +25,8 @@ from firmware_sim.bus.faults import (
     FrameFault,
     Mute,
     NodeFault,
+    Reorder,
+    Stale,
 )
 from firmware_sim.bus.frame import Frame, check_id
 
@@ -43,11 +45,12 @@ class Strike(NamedTuple):
 
 @dataclass(slots=True)
 class _Watch:
-    """A frame fault and how often it has fitted and struck."""
+    """A frame fault, how often it has fitted and struck, and the last frames that it let pass."""
 
     fault: FrameFault
     seen: int = 0
     struck: int = 0
+    passed: dict[tuple[Port, int], Offer] = field(default_factory=dict)
 
     @property
     def spent(self) -> bool:
@@ -79,6 +82,7 @@ class Injector:
         self._on_wire: list[_Watch] = []
         self._on_delivery: list[_Watch] = []
         self._active: list[NodeFault | Cut] = []
+        self._held: dict[tuple[Port, int], Offer] = {}
         self.watches_sending = False
         self.watches_wire = False
 
@@ -91,7 +95,7 @@ class Injector:
             If it is only a base class of faults.
         """
         self._forget_past()
-        if isinstance(fault, (Delay, Duplicate, Corrupt)):
+        if isinstance(fault, (Delay, Duplicate, Reorder, Stale, Corrupt)):
             self._on_send.append(_Watch(fault))
         elif isinstance(fault, (Destroy, BitErrors)):
             self._on_wire.append(_Watch(fault))
@@ -122,18 +126,37 @@ class Injector:
             ]
 
     def _count_watches(self) -> None:
+        self._held = {key: offer for key, offer in self._held.items() if key[0].attached}
         babbling = any(isinstance(fault, Babble) for fault in self._active)
-        self.watches_sending = bool(self._on_send)
+        self.watches_sending = bool(self._on_send or self._held)
         self.watches_wire = bool(self._on_wire or self._on_delivery or babbling)
 
     # Faults of frames
 
     def sending(self, port: Port, offer: Offer) -> None:
-        """Enqueue a frame as the sender's faults have it: changed, twice or later."""
+        """Enqueue a frame as the sender's faults have it: changed, twice, later or not in turn."""
         bus = self._bus
+        key = port, offer[1]
+        held = self._held.pop(key, None)
+        if held is not None:
+            bus._enqueue(port, offer)
+            bus._enqueue(port, held)
+            self._count_watches()
+            bus._rewire()
+            return
         watch = self._first(self._on_send, port.name, offer[1])
         fault = None if watch is None else watch.fault
-        if isinstance(fault, Delay):
+        if watch is not None and isinstance(fault, Stale):
+            bus._enqueue(port, watch.passed.setdefault(key, offer))
+            return
+        for each in self._on_send:
+            if isinstance(each.fault, Stale) and self._fits(each.fault, port.name, offer[1]):
+                each.passed[key] = offer
+        if isinstance(fault, Reorder):
+            self._held[key] = offer
+            self._count_watches()
+            bus._rewire()
+        elif isinstance(fault, Delay):
             bus.schedule(bus.now_ns + fault.delay_ns, lambda: bus._enqueue(port, offer))
         elif isinstance(fault, Corrupt):
             bus._enqueue(port, self._corrupted(offer, fault))
@@ -189,12 +212,7 @@ class Injector:
 
     def _strikes(self, watch: _Watch, node: str, arbitration_id: int, bits: int) -> bool:
         fault = watch.fault
-        now_ns = self._bus.now_ns
-        if fault.arbitration_id is not None and fault.arbitration_id != arbitration_id:
-            return False
-        if fault.node is not None and fault.node != node:
-            return False
-        if now_ns < fault.start_ns or (fault.end_ns is not None and now_ns >= fault.end_ns):
+        if not self._fits(fault, node, arbitration_id):
             return False
         watch.seen += 1
         if watch.seen <= fault.first:
@@ -203,6 +221,16 @@ class Injector:
         if isinstance(fault, BitErrors):
             chance *= -math.expm1((bits - 1) * math.log1p(-fault.rate))
         return chance >= 1.0 or bool(self._rng.random() < chance)
+
+    def _fits(self, fault: FrameFault, node: str, arbitration_id: int) -> bool:
+        """Whether a frame is one that a fault may strike now."""
+        now_ns = self._bus.now_ns
+        return (
+            fault.arbitration_id in (None, arbitration_id)
+            and fault.node in (None, node)
+            and fault.start_ns <= now_ns
+            and (fault.end_ns is None or now_ns < fault.end_ns)
+        )
 
     def _corrupted(self, offer: Offer, fault: Corrupt) -> Offer:
         key, arbitration_id, data = offer

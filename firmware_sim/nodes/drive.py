@@ -136,7 +136,6 @@ class DriveNode(Node):
 
     def _forget(self, now_ns: int) -> None:
         stage = self._stage
-        self._power_up_ns = now_ns
         self._origin1, self._origin2 = stage.count1, stage.count2
         self._guarded_ns = now_ns
         self._duty1 = self._duty2 = 0.0
@@ -176,7 +175,7 @@ class DriveNode(Node):
     def _on_motor_command(self, data: bytes, now_ns: int) -> None:
         if self.state is not NmtState.OPERATIONAL:
             return
-        if now_ns - self._heard_ns >= self._timeout_ns:
+        if now_ns - self._heard_ns >= self.clock.span_ns(self._timeout_ns):
             self._on_silence(now_ns)
         status = self._checker.check(data)
         if status is CheckStatus.INITIAL:
@@ -230,7 +229,7 @@ class DriveNode(Node):
         self._expire(now_ns)
 
     def _expire(self, now_ns: int) -> None:
-        due_ns = self._accepted_ns + self._timeout_ns
+        due_ns = self._accepted_ns + self.clock.span_ns(self._timeout_ns)
         if now_ns >= due_ns and self._machine.handle(DriveEvent.TIMEOUT):
             self._timeouts += 1
             self._hold(now_ns)
@@ -298,7 +297,7 @@ class DriveNode(Node):
     def _due_ns(self) -> int:
         due_ns = self._guarded_ns + GUARD_DUE_NS
         if self._machine.state is DriveState.ENABLED:
-            return min(due_ns, self._accepted_ns + self._timeout_ns)
+            return min(due_ns, self._accepted_ns + self.clock.span_ns(self._timeout_ns))
         return due_ns
 
     # Feedback -----------------------------------------------------------------------------------
@@ -324,7 +323,7 @@ class DriveNode(Node):
     def _feedback_payload(self, stage_ns: int) -> int:
         stage = self._stage
         return wire.wheel_feedback(
-            (stage_ns - self._power_up_ns) // 1000,
+            self.clock.read(stage_ns) // 1000,
             stage.count1 - self._origin1,
             stage.count2 - self._origin2,
         )

@@ -1,7 +1,7 @@
 """What all nodes have in common: NMT, boot-up, heartbeat, EMCY, SDO, stored parameters (CiA 301).
 
 A node is told of every frame at its exact time (`on_frame`) and asks through its alarm to be woken
-at an exact time without one (`wake`). It keeps no clock of its own.
+at an exact time without one (`wake`). Its own clock (`clock`) says how long its periods are.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 from firmware_sim.nodes import standard_objects as objects
 from firmware_sim.nodes import wire
+from firmware_sim.nodes.clock import LocalClock
 from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import MemoryStore, ParameterStore, StoreDamagedError
 from firmware_sim.nodes.sdo_server import SdoServer
@@ -115,6 +116,7 @@ class Node:
         self.dictionary = dictionary
         self.state = NmtState.INITIALISING
         self.next_due_ns = NEVER_NS
+        self.clock = LocalClock()
         self._store = MemoryStore() if store is None else store
         self._port: CanPort | None = None
         self._alarm: Alarm | None = None
@@ -146,6 +148,7 @@ class Node:
     def power_cycle(self, now_ns: int) -> None:
         """Take the supply away and give it back: everything but stored parameters is forgotten."""
         self._now_ns = now_ns
+        self.clock.reset(now_ns)
         self._troubles = []
         self._history = []
         self._boot(now_ns)
@@ -249,7 +252,8 @@ class Node:
 
     def _schedule_heartbeat(self, from_ns: int) -> None:
         period_ms = self.dictionary.number(objects.HEARTBEAT_TIME)
-        self._heartbeat_ns = from_ns + period_ms * MILLISECOND_NS if period_ms else NEVER_NS
+        period_ns = self.clock.span_ns(period_ms * MILLISECOND_NS)
+        self._heartbeat_ns = from_ns + period_ns if period_ms else NEVER_NS
 
     def _reschedule(self) -> None:
         due_ns = min(self._boot_ns, self._heartbeat_ns, self._due_ns())

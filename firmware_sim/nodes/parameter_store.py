@@ -49,6 +49,36 @@ class MemoryStore:
         self._values = {}
 
 
+class FragileStore:
+    """Another store whose content can be damaged, until it is written anew.
+
+    Parameters
+    ----------
+    store
+        Where the parameters really are.
+    """
+
+    def __init__(self, store: ParameterStore) -> None:
+        self._store = store
+        self.damaged = False
+
+    def load(self) -> dict[Key, int]:
+        """Return what was stored; raises StoreDamagedError where it is damaged."""
+        if self.damaged:
+            raise StoreDamagedError("the checksum does not match")
+        return self._store.load()
+
+    def save(self, values: dict[Key, int]) -> None:
+        """Replace what is stored, which is sound then."""
+        self._store.save(values)
+        self.damaged = False
+
+    def clear(self) -> None:
+        """Forget what is stored, which is sound then."""
+        self._store.clear()
+        self.damaged = False
+
+
 class FileStore:
     """A store in the file `directory`/`name`.json.
 

@@ -87,7 +87,7 @@ class PowerNode(Node):
 
     def _on_nmt_change(self) -> None:
         operational = self.state is NmtState.OPERATIONAL
-        self._measure_ns = self._now_ns + PERIOD_NS if operational else NEVER_NS
+        self._measure_ns = self._now_ns + self.clock.span_ns(PERIOD_NS) if operational else NEVER_NS
 
     def _due_ns(self) -> int:
         return self._measure_ns
@@ -95,7 +95,7 @@ class PowerNode(Node):
     def _step(self, now_ns: int) -> None:
         if now_ns < self._measure_ns:
             return
-        self._measure_ns += PERIOD_NS
+        self._measure_ns += self.clock.span_ns(PERIOD_NS)
         sample = self._measure(now_ns)
         flags = self._judge(LOW_FLAG, LOW_LIMIT, sample.voltage_v)
         flags |= self._judge(CRITICAL_FLAG, CRITICAL_LIMIT, sample.voltage_v)

@@ -132,7 +132,7 @@ class SonarNode(Node):
         self._echoes.append((done_ns, group, ranges_m))
         self._group = (group + 1) % self._groups
         period_ns = self.dictionary.number(RING_PERIOD) * MILLISECOND_NS
-        self._fire_ns += period_ns // self._groups
+        self._fire_ns += self.clock.span_ns(period_ns // self._groups)
 
     def _listen_ns(self, ranges_m: Ranges) -> int:
         farthest_m = max((each for each in ranges_m if not math.isnan(each)), default=0.0)

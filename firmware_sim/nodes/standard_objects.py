@@ -13,6 +13,7 @@ ERROR_FIELD: Final = 0x1003
 STORE: Final = 0x1010
 RESTORE: Final = 0x1011
 HEARTBEAT_TIME: Final = 0x1017
+IDENTITY: Final = 0x1018
 
 VENDOR_ID: Final = 0x00526F62
 """ASCII "Rob"; not assigned by CiA."""
@@ -71,7 +72,7 @@ def standard_objects(node_id: int, device_name: str, product_code: int) -> list[
             HEARTBEAT_TIME, "Producer heartbeat time", _U16, _RW, 100, low=0, high=0xFFFF,
             stored=True,
         ),
-        compound(0x1018, "Identity object", Kind.RECORD, identity),
+        compound(IDENTITY, "Identity object", Kind.RECORD, identity),
     ]  # fmt: skip
 
 

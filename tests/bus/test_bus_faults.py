@@ -25,6 +25,8 @@ from firmware_sim.bus.faults import (
     FaultPlan,
     FrameFault,
     Mute,
+    Reorder,
+    Stale,
 )
 from firmware_sim.bus.frame import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG, Frame
 from firmware_sim.bus.log import LogWriter, log_line
@@ -71,6 +73,38 @@ def test_a_delayed_frame_is_overtaken():
     _, b, _ = talk(Delay(delay_ns=2_500_000, first=2, count=1))
     assert numbers(b) == [0, 1, 3, 4, 2, 5, 6, 7, 8, 9]
     assert b[4].stamp_ns == 4_500_000 + 1000 * frame_bits(0x100, b"\x02\x00")
+
+
+def test_a_reordered_frame_comes_after_its_next_one():
+    _, b, _ = talk(Reorder(first=2, count=1))
+    assert numbers(b) == [0, 1, 3, 2, 4, 5, 6, 7, 8, 9]
+
+
+def test_frames_that_are_all_reordered_come_in_swapped_pairs_and_none_is_lost():
+    _, b, _ = talk(Reorder(end_ns=5 * MILLISECOND))
+    assert numbers(b) == [1, 0, 3, 2, 5, 4, 6, 7, 8, 9]
+
+
+def test_a_frame_that_waits_for_a_next_one_is_forgotten_with_its_node():
+    bus = Bus(faults=FaultPlan((Reorder(count=1),)))
+    got = []
+    bus.attach("b", got.append)
+    for _ in range(2):
+        a = bus.attach("a", lambda frame: None)
+        a.send(0x100, b"\x07")
+        bus.advance(bus.now_ns + MILLISECOND)
+        a.detach()
+    assert numbers(got) == [7]
+
+
+def test_a_stale_frame_is_the_last_one_that_was_truly_sent():
+    _, b, _ = talk(Stale(first=3, count=3))
+    assert numbers(b) == [0, 1, 2, 2, 2, 2, 6, 7, 8, 9]
+
+
+def test_a_first_frame_has_nothing_stale_to_give_way_to():
+    _, b, _ = talk(Stale(end_ns=3 * MILLISECOND))
+    assert numbers(b) == [0, 0, 0, 3, 4, 5, 6, 7, 8, 9]
 
 
 def test_corruption_keeps_the_frame_valid_and_changes_what_it_says():

@@ -1,0 +1,281 @@
+"""How the faults of the catalogue begin: functions of `Faults` and the arguments.
+
+Each returns what ends the fault, or None where it ends by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from firmware_sim.bus.bits import INTERMISSION_BITS, frame_bits
+from firmware_sim.bus.errors import PASSIVE_LIMIT, BusError
+from firmware_sim.bus.faults import AckLess, Babble, Delay, Destroy, Drop, FrameFault
+from firmware_sim.bus.faults import Fault as BusFault
+from firmware_sim.fault_kinds import Arguments, Undo
+from firmware_sim.faulty_parts import STUCK
+from firmware_sim.nodes import drive_objects, standard_objects, wire
+
+if TYPE_CHECKING:
+    from firmware_sim.faults import Faults
+    from firmware_sim.nodes.node import Node
+
+Begin: TypeAlias = "Callable[[Faults, Arguments], Undo | None]"
+
+WHEELS: Final = {"left": 0, "right": 1, "drive": 0}
+OVERLOAD_IDS: Final = {"low": 0x7FF, "high": 0x002}
+"""What the stranger of `overload` sends: behind everybody, or before all but emergency stop."""
+
+MILLISECOND_NS: Final = 1_000_000
+RESET_V: Final = 6.0
+"""Below this supply the drive's processor is held in reset,"""
+RELEASE_V: Final = 6.5
+"""and above this one it starts again."""
+
+TEC_LOW, TEC_HIGH = PASSIVE_LIMIT + 8, PASSIVE_LIMIT + 40
+"""Between these a transmit error counter is held for error-passive: bus-off begins at 256."""
+
+OTHER_REVISION: Final = standard_objects.REVISION + 0x0001_0000
+OTHER_WIRE_VERSION: Final = wire.PROTOCOL_VERSION ^ 0xFFFF_FFFF
+
+
+def number(arguments: Arguments, key: str) -> float:
+    """Return an argument that is a number."""
+    return float(arguments[key])
+
+
+def _channel(arguments: Arguments) -> int:
+    return WHEELS[str(arguments["wheel"])]
+
+
+def _node(faults: Faults, arguments: Arguments) -> Node:
+    return next(each for each in faults.simulation.nodes if each.name == arguments["node"])
+
+
+def _all(*ends: Undo) -> Undo:
+    def end() -> None:
+        for each in ends:
+            each()
+
+    return end
+
+
+# Drive and sonars -------------------------------------------------------------------------------
+
+
+def encoder(factor: int) -> Begin:
+    """Return what lets an encoder count by a factor."""
+    return lambda faults, arguments: faults.stage.break_encoder(_channel(arguments), factor)
+
+
+def disconnect_encoder(faults: Faults, arguments: Arguments) -> Undo:
+    """Let an encoder count what its open inputs pick up of the switching bridge: a random walk."""
+    channel = _channel(arguments)
+    edges = number(arguments, "edges") * MILLISECOND_NS * 1e-9
+
+    def pick_up() -> None:
+        if faults.simulation.plant.powered:
+            count = int(faults.rng.poisson(edges))
+            faults.stage.jump(channel, 2 * int(faults.rng.binomial(count, 0.5)) - count)
+
+    return _all(faults.repeat(pick_up), faults.stage.break_encoder(channel, STUCK))
+
+
+def glitch(faults: Faults, arguments: Arguments) -> None:
+    """Let an encoder's count jump."""
+    faults.stage.jump(_channel(arguments), int(number(arguments, "counts")))
+
+
+def freeze(faults: Faults, _: Arguments) -> Undo:
+    """Let both encoders stand still."""
+    return _all(*(faults.stage.break_encoder(channel, STUCK) for channel in (0, 1)))
+
+
+def block(faults: Faults, arguments: Arguments) -> Undo:
+    """Hold a wheel."""
+    return faults.stage.block(_channel(arguments))
+
+
+def draw_current(faults: Faults, arguments: Arguments) -> Undo:
+    """Let a motor draw more current."""
+    return faults.stage.add_current(_channel(arguments), number(arguments, "amperes"))
+
+
+def heat(faults: Faults, arguments: Arguments) -> Undo:
+    """Let a winding be hotter."""
+    return faults.stage.add_heat(_channel(arguments), number(arguments, "kelvin"))
+
+
+def under_voltage(faults: Faults, arguments: Arguments) -> Undo:
+    """Lower the drive's supply at once."""
+    lost_v = number(arguments, "volts")
+    faults.stage.lose_voltage(lost_v)
+    return lambda: faults.stage.lose_voltage(-lost_v)
+
+
+def brown_out(faults: Faults, arguments: Arguments) -> Undo:
+    """Let the drive's supply sag evenly; below `RESET_V` its processor is held in reset."""
+    simulation, stage = faults.simulation, faults.stage
+    start_ns, drop_v = simulation.now_ns, stage.bus_voltage_v - number(arguments, "volts")
+    lost_v = 0.0
+
+    def set_loss(wanted_v: float) -> None:
+        nonlocal lost_v
+        simulation.run_to(simulation.now_ns)
+        stage.lose_voltage(wanted_v - lost_v)
+        lost_v = wanted_v
+        powered = simulation.has_power(simulation.drive)
+        if powered and stage.bus_voltage_v < RESET_V:
+            simulation.power_off(simulation.drive)
+        elif not powered and stage.bus_voltage_v > RELEASE_V:
+            simulation.power_up(simulation.drive)
+
+    def sag() -> None:
+        elapsed_s = (simulation.now_ns - start_ns) * 1e-9
+        set_loss(max(drop_v, 0.0) * min(elapsed_s / number(arguments, "sag"), 1.0))
+
+    return _all(faults.repeat(sag), lambda: set_loss(0.0))
+
+
+def leak(faults: Faults, arguments: Arguments) -> Undo:
+    """Let one sonar hear another."""
+    return faults.ring.leak(int(number(arguments, "sonar")), int(number(arguments, "other")))
+
+
+# Nodes ------------------------------------------------------------------------------------------
+
+
+def reset(faults: Faults, arguments: Arguments) -> None:
+    """Power-cycle a node."""
+    faults.simulation.power_cycle(str(arguments["node"]))
+
+
+def lose_parameters(faults: Faults, arguments: Arguments) -> None:
+    """Damage what a node has stored, and let it boot."""
+    name = str(arguments["node"])
+    faults.simulation.stores[name].damaged = True
+    faults.simulation.power_cycle(name)
+
+
+def flash(faults: Faults, arguments: Arguments) -> Undo:
+    """Let a node boot with other firmware; in the end it boots with its own."""
+    node = _node(faults, arguments)
+
+    def boot(revision: int, wire_version: int) -> None:
+        node.dictionary.on_read(standard_objects.IDENTITY, 3, lambda: revision)
+        if node is faults.simulation.drive:
+            node.dictionary.on_read(drive_objects.PROTOCOL_VERSION, 0, lambda: wire_version)
+        faults.simulation.power_cycle(node.name)
+
+    boot(OTHER_REVISION, OTHER_WIRE_VERSION)
+    return lambda: boot(standard_objects.REVISION, wire.PROTOCOL_VERSION)
+
+
+def drift(faults: Faults, arguments: Arguments) -> Undo:
+    """Let a node's oscillator be off."""
+    node, ppm = _node(faults, arguments), number(arguments, "ppm")
+    node.clock.drift(ppm, faults.simulation.now_ns)
+    return lambda: node.clock.drift(-ppm, faults.simulation.now_ns)
+
+
+# Bus --------------------------------------------------------------------------------------------
+
+
+def lose(*identifiers: int) -> Begin:
+    """Return what lets receivers lose all frames of some identifiers."""
+
+    def begin(faults: Faults, arguments: Arguments) -> None:
+        for identifier in identifiers:
+            faults.on_bus(Drop, arguments, arbitration_id=identifier)
+
+    return begin
+
+
+def on_bus(make: Callable[..., BusFault]) -> Begin:
+    """Return what injects a fault of the whole bus."""
+    return lambda faults, arguments: faults.on_bus(make, arguments)
+
+
+def on_node(make: Callable[..., BusFault], **more: object) -> Begin:
+    """Return what injects a fault of one node of the robot."""
+    return lambda faults, arguments: faults.on_bus(make, arguments, node=arguments["node"], **more)
+
+
+def on_host(make: Callable[..., BusFault], **more: object) -> Begin:
+    """Return what injects a fault of the host's controller."""
+    return lambda faults, arguments: faults.on_bus(make, arguments, node=faults.host(), **more)
+
+
+def _hold_passive(faults: Faults, name: str) -> Undo:
+    """Destroy as many frames of a node as hold its transmit error counter in error-passive."""
+    bus = faults.simulation.bus
+
+    def push() -> None:
+        port = next((each for each in bus.ports if each.name == name), None)
+        if port is not None and port.counters.tec < TEC_LOW:
+            count = (TEC_HIGH - port.counters.tec) // 8
+            bus.inject(
+                Destroy(
+                    node=name,
+                    error=BusError.BIT_ERROR,
+                    count=count,
+                    start_ns=bus.now_ns,
+                    end_ns=bus.now_ns + MILLISECOND_NS,
+                )
+            )
+
+    return faults.repeat(push)
+
+
+def node_passive(faults: Faults, arguments: Arguments) -> Undo:
+    """Hold a node error-passive."""
+    return _hold_passive(faults, str(arguments["node"]))
+
+
+def host_passive(faults: Faults, _: Arguments) -> Undo:
+    """Hold the host error-passive."""
+    return _hold_passive(faults, faults.host())
+
+
+def no_acknowledgement(faults: Faults, arguments: Arguments) -> None:
+    """Let nobody acknowledge the host."""
+    host = faults.host()
+    for port in faults.simulation.bus.ports:
+        if port.name != host:
+            faults.on_bus(AckLess, arguments, node=port.name)
+
+
+def overload(faults: Faults, arguments: Arguments) -> None:
+    """Let a device that does not belong there fill a share of the bus."""
+    bus = faults.simulation.bus
+    identifier, data = OVERLOAD_IDS[str(arguments["priority"])], bytes(8)
+    bits = frame_bits(identifier, data) + INTERMISSION_BITS
+    share = number(arguments, "load")
+    period_ns = 0 if share >= 1.0 else round(bits * bus.bit_ns / share)
+    name = f"stranger{len(bus.ports)}@{bus.now_ns}"
+    port = bus.attach(name, lambda _: None, accept=())
+    faults.on_bus(
+        Babble, arguments, node=name, arbitration_id=identifier, data=data, period_ns=period_ns
+    )
+    bus.schedule(faults.end_ns(arguments), port.detach)
+
+
+# Frames -----------------------------------------------------------------------------------------
+
+
+def on_frames(make: Callable[..., FrameFault], **more: object) -> Begin:
+    """Return what injects a fault of frames."""
+    return lambda faults, arguments: faults.on_frames(make, arguments, **more)
+
+
+def delay(faults: Faults, arguments: Arguments) -> None:
+    """Let frames be late."""
+    faults.on_frames(Delay, arguments, delay_ns=round(number(arguments, "delay") * 1e9))
+
+
+def masquerade(faults: Faults, arguments: Arguments) -> None:
+    """Let the sonar node send motor commands."""
+    faults.on_bus(
+        Babble, arguments, node="sonar", arbitration_id=wire.MOTOR_COMMAND,
+        data=bytes.fromhex("0010E803E8030000"), period_ns=5_000_000,
+    )  # fmt: skip

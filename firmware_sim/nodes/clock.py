@@ -1,0 +1,34 @@
+"""A node's own clock, whose oscillator may be off."""
+
+from __future__ import annotations
+
+PPM = 1e-6
+
+
+class LocalClock:
+    """What time it is for a node, and how long a time of its own really lasts.
+
+    Exact while the oscillator is.
+    """
+
+    def __init__(self) -> None:
+        self._ppm = 0.0
+        self._read_ns = self._true_ns = 0
+
+    def reset(self, now_ns: int) -> None:
+        """Begin at 0, as at power-up; the oscillator stays as it is."""
+        self._read_ns, self._true_ns = 0, now_ns
+
+    def drift(self, ppm: float, now_ns: int) -> None:
+        """From now on run faster by so many parts per million than so far."""
+        self._read_ns, self._true_ns = self.read(now_ns), now_ns
+        self._ppm += ppm
+
+    def read(self, now_ns: int) -> int:
+        """Return the time since power-up as the node measures it [ns]."""
+        elapsed_ns = now_ns - self._true_ns
+        return self._read_ns + elapsed_ns + round(elapsed_ns * self._ppm * PPM)
+
+    def span_ns(self, own_ns: int) -> int:
+        """Return how long a time lasts that the node measures to be `own_ns` long [ns]."""
+        return round(own_ns / (1.0 + self._ppm * PPM)) if self._ppm else own_ns
