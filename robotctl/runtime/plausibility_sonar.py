@@ -47,7 +47,7 @@ class _Track:
         self.name = name
         self.sign = sign
         self.contradicted_ns = -CONTRADICTION_NS
-        self.begin(math.nan, SE2(0.0, 0.0, 0.0))
+        self.begin(math.nan, SE2())
 
     def begin(self, range_m: float, start: SE2) -> None:
         """Start a comparison with this reading."""

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,26 @@ def test_the_sender_counts_from_0_to_14_and_begins_again():
         seen.append(counter.value)
         counter.advance()
     assert seen == [*range(15), *range(15), 0]
+
+
+def test_a_message_without_protection_is_refused():
+    with pytest.raises(ValueError, match=r"^MotorStatus has no E2E protection$"):
+        E2eReceiver(replace(MESSAGE, name="MotorStatus", protection=None), 1, E2eCounters())
+
+
+def test_before_the_first_frame_the_status_is_initial():
+    assert E2eReceiver(MESSAGE, TIMEOUT_NS, E2eCounters()).status is E2eStatus.INITIAL
+
+
+def test_every_reject_and_every_loss_is_counted_for_ever(link):
+    for number in range(1, 4):
+        assert link.take(None, data=b"") is E2eStatus.WRONG_LENGTH
+        assert link.take(None, data=bytes(8)) is E2eStatus.WRONG_CRC
+        counter = (5 + 8 * (number - 1)) % 15
+        assert link.take((counter + 3) % 15) is E2eStatus.OK_SOME_LOST
+        assert link.take((counter + 3) % 15) is E2eStatus.REPEATED
+        assert link.take((counter + 8) % 15) is E2eStatus.WRONG_SEQUENCE
+        assert link.counts() == (2 * number, 2 * number, 2 * number)
 
 
 def test_the_first_frame_only_sets_the_reference(link):
@@ -99,8 +120,9 @@ def test_counter_15_is_dropped_even_with_a_good_crc(link):
     payload[0] |= 0x0F
     crc = crc_bit_by_bit(MESSAGE.protection.data_id, payload)
     assert link.take(None, data=bytes([crc, *payload])) is E2eStatus.WRONG_SEQUENCE
+    assert link.take(None, data=bytes([crc, *payload])) is E2eStatus.WRONG_SEQUENCE
     assert link.take(6) is E2eStatus.OK
-    assert link.counts() == (0, 1, 0)
+    assert link.counts() == (0, 2, 0)
 
 
 def test_after_a_silence_the_next_frame_only_sets_the_reference(link):

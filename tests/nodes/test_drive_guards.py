@@ -1,6 +1,7 @@
 """The electrical guards at their bounds: the last sample that passes, the first that does not."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -76,13 +77,28 @@ def test_the_time_counts_and_not_the_number_of_samples() -> None:
     ]  # fmt: skip
 
 
-def test_two_conditions_are_two_bits() -> None:
+def test_a_fault_comes_to_the_nanosecond() -> None:
     guard = ChannelGuard(MODEL)
-    bad = ChannelSample(0.0, 9.0, 95.0, 0)
-    for _ in range(500):
-        guard.update(bad, SUPPLY_V, LIMITS, MS)
-    found = guard.update(bad, SUPPLY_V, LIMITS, MS)
-    assert found == DriveFault.OVER_CURRENT | DriveFault.OVER_TEMPERATURE
+    hot = REST._replace(temperature_c=95.0)
+    assert guard.update(hot, SUPPLY_V, LIMITS, MS) == 0
+    assert guard.update(hot, SUPPLY_V, LIMITS, 10 * MS - 1) == 0
+    assert guard.update(hot, SUPPLY_V, LIMITS, 1) == DriveFault.OVER_TEMPERATURE
+
+
+def test_conditions_together_are_a_bit_each() -> None:
+    guard = ChannelGuard(MODEL)
+    bad = ChannelSample(0.0, 8.5, 95.0, 0)
+    found = [guard.update(bad, SUPPLY_V, LIMITS, MS) for _ in range(501)]
+    assert found[-1] == DriveFault.OVER_CURRENT | DriveFault.OVER_TEMPERATURE
+    # Full duty without counts, of a winding that leaves 8 V of 12.
+    guard = ChannelGuard(replace(MODEL, resistance_ohm=0.4))
+    bad = bad._replace(duty=1.0)
+    found = [guard.update(bad, SUPPLY_V, LIMITS, MS) for _ in range(501)]
+    assert found[10] == DriveFault.OVER_TEMPERATURE
+    assert found[201] == DriveFault.OVER_TEMPERATURE | DriveFault.ENCODER
+    assert found[500] == (
+        DriveFault.OVER_CURRENT | DriveFault.OVER_TEMPERATURE | DriveFault.ENCODER
+    )
 
 
 def turn(
@@ -113,6 +129,10 @@ def test_a_silent_encoder_is_found_after_200_ms_from_3_rad_s_on(sign: int) -> No
     # The first sample has nothing to compare with, the second begins the count.
     assert turn(ChannelGuard(MODEL), sign * 3.001, 0) == 201
     assert turn(ChannelGuard(MODEL), sign * 2.999, 0) is None
+    # An eighth of 12 V over 0.5 V s/rad is 3 rad/s to the bit.
+    for duty, found in ((0.125, True), (math.nextafter(0.125, 0.0), False)):
+        guard = ChannelGuard(MODEL)
+        assert (stands(guard, ChannelSample(sign * duty, 0.0, 25.0, 0)) == 201) == found
 
 
 @pytest.mark.parametrize("sign", [1, -1])

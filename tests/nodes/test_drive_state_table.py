@@ -89,6 +89,30 @@ def test_driving_that_nmt_ended_needs_a_disable_before_it_goes_on(event):
     assert machine.state is DriveState.ENABLED
 
 
+@pytest.mark.parametrize("state", ["STOPPED", "FAULT", "EMERGENCY_STOP"])
+def test_power_up_forgets_that_a_disable_was_needed(state):
+    machine = machine_in(state)
+    machine.handle(DriveEvent.CLEAR)
+    assert machine.locked is True
+    assert machine.handle(DriveEvent.ENABLE) is False
+    machine.handle(DriveEvent.POWER_UP)
+    assert machine.locked is False
+    machine.handle(DriveEvent.OPERATIONAL)
+    assert machine.handle(DriveEvent.ENABLE) is True
+
+
+def test_the_host_may_disable_and_enable_as_it_likes():
+    machine = machine_in("ENABLED")
+    for _ in range(3):
+        assert machine.handle(DriveEvent.DISABLE) is True
+        assert machine.locked is False
+        assert machine.handle(DriveEvent.ENABLE) is True
+
+
+def test_a_new_drive_is_not_locked():
+    assert DriveStateMachine().locked is False
+
+
 @given(events=st.lists(st.sampled_from(DriveEvent), max_size=40))
 def test_no_history_leaves_a_latch_but_clear_and_power(events):
     machine = DriveStateMachine()

@@ -7,6 +7,7 @@ from e2e import p01
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_sim.nodes import e2e
 from firmware_sim.nodes.e2e import Checker, CheckStatus, Protector, crc8
 
 DATA_ID = 0xA201
@@ -31,6 +32,18 @@ def test_the_crc_is_sae_j1850_without_its_inversions():
     # Check value of CRC-8 with polynomial 0x1D, initial value 0, no final xor, of "123456789"
     # ("CRC-8/GSM-A" in the catalogue of parametrised CRC algorithms).
     assert crc8(b"123456789") == 0x37
+
+
+def test_the_table_is_the_division_of_each_byte_by_the_polynomial():
+    def remainder(byte):
+        dividend = byte << 8
+        for shift in range(7, -1, -1):
+            if dividend >> 8 + shift & 1:
+                dividend ^= 0x11D << shift
+        return dividend
+
+    # Made again, since the one in use was made when the module was loaded.
+    assert e2e._table() == bytes(map(remainder, range(256)))
 
 
 @given(payload=PAYLOADS, data_id=IDS, counter=st.integers(0, 14))
@@ -101,6 +114,8 @@ def test_the_unused_counter_15_is_never_accepted_and_leaves_the_reference():
     checker = checker_after(14)
     assert checker.check(protected(15)) is CheckStatus.WRONG_SEQUENCE
     assert checker.check(protected(0)) is CheckStatus.OK
+    assert checker.check(protected(15)) is CheckStatus.WRONG_SEQUENCE
+    assert checker.sequence_rejects == 2
     assert Checker(DATA_ID).check(protected(15)) is CheckStatus.WRONG_SEQUENCE
 
 
@@ -110,6 +125,40 @@ def test_a_wrong_length_is_dropped_and_counted(length):
     assert checker.check(bytes(length)) is CheckStatus.WRONG_LENGTH
     assert checker.length_rejects == 1
     assert checker.check(protected(1)) is CheckStatus.OK
+
+
+def test_every_reject_and_every_loss_is_counted_for_ever():
+    checker = checker_after(0)
+    for number in range(1, 4):
+        checker.check(b"")
+        checker.check(b"\xff" + protected(0)[1:])
+        # Two lost, a repeat and a jump.
+        reference = 8 * (number - 1) % 15
+        assert checker.check(protected((reference + 3) % 15)) is CheckStatus.OK_SOME_LOST
+        assert checker.check(protected((reference + 3) % 15)) is CheckStatus.REPEATED
+        assert checker.check(protected((reference + 8) % 15)) is CheckStatus.WRONG_SEQUENCE
+        counts = checker.length_rejects, checker.crc_rejects, checker.lost
+        assert counts == (number, number, 2 * number)
+        assert checker.sequence_rejects == 2 * number
+    checker.reset()
+    assert (checker.length_rejects, checker.crc_rejects, checker.lost) == (3, 3, 6)
+
+
+def test_the_greatest_counter_step_is_1_to_14():
+    for max_delta in (1, 14):
+        for step in range(2, 15):
+            checker = Checker(DATA_ID, max_delta)
+            checker.check(protected(0))
+            accepted = checker.check(protected(step)) is CheckStatus.OK_SOME_LOST
+            assert accepted == (step <= max_delta)
+
+
+def test_a_sender_that_is_reset_begins_at_0():
+    protector = Protector(DATA_ID)
+    assert protector.counter == 0
+    protector.protect(0)
+    protector.reset()
+    assert protector.protect(0)[1] & 0xF == 0
 
 
 def test_after_a_reset_the_next_frame_only_sets_the_reference():

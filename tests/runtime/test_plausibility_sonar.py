@@ -252,11 +252,12 @@ def test_the_first_of_two_faults_is_told() -> None:
 
 
 def test_after_a_reset_the_next_reading_begins_anew() -> None:
-    drive = Drive()
-    drive.steps(2.0, count=8)
-    drive.monitor.reset()
-    assert drive.steps(2.0, count=8) == ""
-    assert drive.see(2.0) == "sonar front is stuck at 2.000 m"
+    for before in (4, 8):
+        drive = Drive()
+        drive.steps(2.0, count=before)
+        drive.monitor.reset()
+        assert drive.steps(2.0, count=8) == ""
+        assert drive.see(2.0) == "sonar front is stuck at 2.000 m"
 
 
 # -- front and rear against odometry ---------------------------------------------------------------

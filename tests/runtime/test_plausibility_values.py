@@ -1,6 +1,7 @@
 """Steering, clocks and single values that no healthy sensor says, each bound from both sides."""
 
 import math
+from dataclasses import replace as changed
 
 import msgspec
 import pytest
@@ -76,8 +77,9 @@ def test_after_a_reset_the_steering_has_its_whole_time_again() -> None:
 class Clocks:
     """Feedback every 5 ms of the host, latched at every `step_us` of the drive."""
 
-    def __init__(self, first_us: int = 1_048_000) -> None:
-        self.monitors = Plausibility(CONFIG, ("drive",), DEADBAND, 0.0)
+    def __init__(self, first_us: int = 1_048_000, share: float = 0.03) -> None:
+        config = changed(CONFIG, clock_share=share)
+        self.monitors = Plausibility(config, ("drive",), DEADBAND, 0.0)
         self.latch_us, self.stamp_ns = first_us, T0
         self.monitors.take_wheels(WheelFeedback(T0, first_us, 0, 0))
 
@@ -100,9 +102,25 @@ def test_a_clock_may_run_off_by_its_share_and_no_more() -> None:
         assert clocks.step(step_us) == f"the drive's clock runs {percent} against the host's"
 
 
+def test_the_share_itself_is_allowed_and_a_microsecond_more_in_a_window_is_not() -> None:
+    """One 32nd of two seconds is 62,500 us to the bit; in the first window and in the next."""
+    for windows in (1, 2):
+        for last_us, judged in ((5157, False), (5158, True)):
+            clocks = Clocks(share=1 / 32)
+            clocks.step(5000, times=400 * (windows - 1))
+            for _ in range(99):
+                clocks.step(5156, times=3)
+                clocks.step(5157)
+            assert clocks.step(5156, times=3) == ""
+            assert bool(clocks.step(last_us)) == judged
+
+
 @pytest.mark.parametrize("first_us", [0, 1, 0xFFFFF])
 def test_the_first_latch_only_begins_the_window(first_us: int) -> None:
     assert Clocks(first_us).step(5000, times=1000) == ""
+    clocks = Clocks(first_us)
+    assert clocks.step(6000, times=399) == ""
+    assert clocks.step(6000) != ""
 
 
 def test_each_window_is_judged_by_itself() -> None:
