@@ -28,12 +28,12 @@ from firmware_sim.nodes import wire
 
 DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS)
 
-_LASTING: Final = {DURATION: Parameter(0.0, "s; 0: until `clear`", 0.0, 3600.0)}
+_LASTING: Final = {DURATION: Parameter(0.0, "s, 0: until `clear`", 0.0, 3600.0)}
 _FOR: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
 _NODE: Final = {"node": Parameter("drive", "which", words=("drive", "sonar", "power"))}
 _WHEEL: Final = {"wheel": Parameter("left", "whose", words=tuple(act.WHEELS))}
 _FRAMES: Final = {
-    "id": Parameter(0.0, "identifier, 0x201 or 513; 0: any", 0.0, 0x7FF),
+    "id": Parameter(0.0, "identifier, 0x201 or 513, 0: any", 0.0, 0x7FF),
     "probability": Parameter(1.0, "for each frame", 0.001, 1.0),
     **_FOR,
 }
@@ -52,7 +52,7 @@ DRIVE: Final[dict[str, Kind]] = {
     "encoder_disconnected": Kind(
         "an encoder's cable is open: it counts at random what its inputs pick up while the bridges "
         "switch, and nothing while they do not", act.disconnect_encoder,
-        {**_WHEEL, "edges": Parameter(2000.0, "1/s; 0: none", 0.0, 50000.0), **_LASTING},
+        {**_WHEEL, "edges": Parameter(2000.0, "1/s, 0: none", 0.0, 50000.0), **_LASTING},
     ),
     "wheels_swapped": Kind(
         "the encoders' cables are in each other's sockets",
@@ -210,15 +210,15 @@ def describe() -> str:
 
 
 def _table(group: dict[str, Kind]) -> str:
-    rows = ["| kind | what happens | parameters, with their defaults |", "|---|---|---|"]
+    rows = ["| kind | what happens | parameters, their defaults and bounds |", "|---|---|---|"]
     for name, kind in group.items():
-        parameters = "; ".join(_parameter(key, each) for key, each in kind.parameters.items())
+        parameters = ", ".join(_parameter(key, each) for key, each in kind.parameters.items())
         rows.append(f"| `{name}` | {kind.help} | {parameters} |")
     return "\n".join(rows)
 
 
 def _parameter(key: str, parameter: Parameter) -> str:
     if parameter.words:
-        return f"`{key}={parameter.default}` {parameter.help}: {', '.join(parameter.words)}"
-    allowed = f"{parameter.low:g} to {parameter.high:g}"
-    return f"`{key}={parameter.default:g}` {parameter.help}, {allowed}"
+        return f"`{key}={parameter.default}` ({parameter.help}: {', '.join(parameter.words)})"
+    bounds = f"{parameter.low:g} to {parameter.high:g}"
+    return f"`{key}={parameter.default:g}` ({parameter.help}; {bounds})"
