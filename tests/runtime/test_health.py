@@ -89,6 +89,21 @@ def test_before_the_first_feedback_every_input_that_is_missing_is_named() -> Non
     )
 
 
+def test_a_refusal_tells_its_limit_as_it_was_configured() -> None:
+    second = {f"{name}_timeout_ms": 1000 for name in ("status", "battery", "sonar", "heartbeat")}
+    kept = Health(SafetyConfig(feedback_timeout_periods=10, **second), 100 * MS, NAMES)
+    kept.update(GOOD)
+    assert kept.refusals(NOW + 1000 * MS) == ()
+    assert kept.refusals(NOW + 1000 * MS + 1) == (
+        "wheel feedback is older than 1000 ms",
+        "motor status is older than 1000 ms",
+        "drive status is older than 1000 ms",
+        "the battery's report is older than 1000 ms",
+        *(f"sonar {name} has given no range for 1000 ms" for name in NAMES),
+        *(f"{node.name} (node {node.node_id}): no heartbeat for 1000 ms" for node in NODES),
+    )
+
+
 @pytest.mark.parametrize("now_ns", [0, 1, NOW])
 def test_a_health_that_never_saw_anything_has_seen_nothing_at_any_time(now_ns: int) -> None:
     """Nor does the time since the machine's start let it look fresh."""

@@ -77,11 +77,11 @@ def test_after_a_reset_the_steering_has_its_whole_time_again() -> None:
 class Clocks:
     """Feedback every 5 ms of the host, latched at every `step_us` of the drive."""
 
-    def __init__(self, first_us: int = 1_048_000, share: float = 0.03) -> None:
+    def __init__(self, first_us: int = 1_048_000, share: float = 0.03, at_ns: int = T0) -> None:
         config = changed(CONFIG, clock_share=share)
         self.monitors = Plausibility(config, ("drive",), DEADBAND, 0.0)
-        self.latch_us, self.stamp_ns = first_us, T0
-        self.monitors.take_wheels(WheelFeedback(T0, first_us, 0, 0))
+        self.latch_us, self.stamp_ns = first_us, at_ns
+        self.monitors.take_wheels(WheelFeedback(at_ns, first_us, 0, 0))
 
     def step(self, step_us: int, step_ns: int = 5 * MS, times: int = 1) -> str:
         for _ in range(times):
@@ -117,7 +117,8 @@ def test_the_share_itself_is_allowed_and_a_microsecond_more_in_a_window_is_not()
 
 @pytest.mark.parametrize("first_us", [0, 1, 0xFFFFF])
 def test_the_first_latch_only_begins_the_window(first_us: int) -> None:
-    assert Clocks(first_us).step(5000, times=1000) == ""
+    for at_ns in (0, T0):
+        assert Clocks(first_us, at_ns=at_ns).step(5000, times=1000) == ""
     clocks = Clocks(first_us)
     assert clocks.step(6000, times=399) == ""
     assert clocks.step(6000) != ""

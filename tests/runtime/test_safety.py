@@ -43,6 +43,20 @@ def test_after_a_fault_in_motion_the_robot_is_never_powered(events: list[Event])
             assert machine.state not in POWERED
 
 
+def test_an_event_says_whether_it_changed_the_state_and_keeps_its_reason_only_then() -> None:
+    machine = SafetyMachine()
+    assert (machine.state, machine.reason) == (SafetyState.BOOT, "starting")
+    for event in Event:
+        changes = (SafetyState.BOOT, event) in TRANSITIONS
+        machine = SafetyMachine()
+        assert machine.on(event, "because") is changes
+        assert machine.reason == ("because" if changes else "starting")
+        assert (machine.state != SafetyState.BOOT) == changes
+        machine = SafetyMachine()
+        machine.on(event)
+        assert machine.reason == ("" if changes else "starting")
+
+
 def test_every_state_can_be_reached_and_left() -> None:
     reached = set(TRANSITIONS.values()) | {SafetyState.BOOT}
     left = {state for state, _ in TRANSITIONS}
