@@ -99,6 +99,9 @@ def lasting(
         rig.drive_to_the_middle()
         sound = True
         yield rig
+        rig.listen()
+        sound = rig.truth.unsafe_motions == 0
+        assert sound, rig.truth.unsafe_reason
     finally:
         if not sound or request.session.testsfailed > failed_before:
             benches.pop().close()

@@ -13,6 +13,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,8 +28,10 @@ GUEST = str(ROOT / "tools" / "vcan-guest")
 PYTEST = (sys.executable, "-m", "pytest")
 INTERFACE = "vcan0"
 # Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
-ON_VCAN = ("tests/vcan", "tests/drivers/test_can_port_contract.py", "hil_tests", "--bus", INTERFACE)
-SMOKE = ("tests/vcan", "hil_tests/test_1_link.py", "--bus", INTERFACE)
+DRIVERS = ("tests/vcan", "tests/drivers/test_can_port_contract.py")
+HIL = tuple(sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("hil_tests/test_*.py")))
+ON_VCAN = ("--bus", INTERFACE)
+SMOKE = ("tests/vcan", "hil_tests/test_1_link.py", *ON_VCAN)
 GUEST_LIMIT_S = 2400.0
 
 PASSED, FAILED, NOT_RUN = "passed", "FAILED", "NOT RUN"
@@ -49,18 +52,32 @@ class Outcome:
         return f"  {self.name:<42} {self.result:<8} {taken}  {self.note}".rstrip()
 
 
-def stage(name: str, command: tuple[str, ...]) -> Outcome:
-    """Run one stage, its output passed on."""
+def stage(name: str, *commands: tuple[str, ...]) -> Outcome:
+    """Run one stage: its commands side by side, the first one's output passed on as it comes."""
     print(f"\n=== {name}", flush=True)
     begin_s = time.monotonic()
-    try:
-        status = subprocess.run(
-            command, cwd=ROOT, stdin=subprocess.DEVNULL, check=False, timeout=GUEST_LIMIT_S
-        ).returncode
-    except subprocess.TimeoutExpired:
-        return Outcome(name, FAILED, GUEST_LIMIT_S, "ended: it took too long")
+    with contextlib.ExitStack() as stack:
+        outputs = [stack.enter_context(tempfile.TemporaryFile()) for _ in commands[1:]]
+        running = [
+            subprocess.Popen(
+                command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            )
+            for command, output in zip(commands, (None, *outputs), strict=True)
+        ]
+        try:
+            for process in running:
+                process.wait(GUEST_LIMIT_S - (time.monotonic() - begin_s))
+        except subprocess.TimeoutExpired:
+            for process in running:
+                process.kill()
+            return Outcome(name, FAILED, GUEST_LIMIT_S, "ended: it took too long")
+        for output in outputs:
+            output.seek(0)
+            print(output.read().decode(errors="replace"), flush=True)
     taken_s = time.monotonic() - begin_s
-    return Outcome(name, FAILED if status else PASSED, taken_s, f"exit {status}" if status else "")
+    failed = [str(process.returncode) for process in running if process.returncode]
+    note = f"exit {', '.join(failed)}" if failed else ""
+    return Outcome(name, FAILED if failed else PASSED, taken_s, note)
 
 
 def vcan_here() -> bool:
@@ -77,12 +94,13 @@ def vcan_here() -> bool:
     return True
 
 
-def vcan_stages(wanted: str, run: Callable[[str, tuple[str, ...]], Outcome]) -> list[Outcome]:
+def vcan_stages(wanted: str, run: Callable[..., Outcome]) -> list[Outcome]:
     """Run the HIL tests on a real SocketCAN bus, on this kernel or in the guest."""
     if wanted == "off":
         return [Outcome("HIL on vcan", NOT_RUN, note="VCAN=off")]
     if vcan_here():
-        return [run("HIL on vcan, this kernel, real time", (*PYTEST, *ON_VCAN))]
+        whole = (*PYTEST, *DRIVERS, *HIL, *ON_VCAN)
+        return [run("HIL on vcan, this kernel, real time", whole)]
     # Booting once tells the guest's own failure (125) from that of tests.
     ready = run("vcan guest: kernel and boot", (sys.executable, GUEST, "true"))
     if ready.result != PASSED:
@@ -92,7 +110,11 @@ def vcan_stages(wanted: str, run: Callable[[str, tuple[str, ...]], Outcome]) -> 
     return [
         ready,
         run("vcan guest: the tool's own tests", (*PYTEST, "tests/guest")),
-        run("HIL on vcan, guest, virtual time", (*guest, *PYTEST, *ON_VCAN)),
+        run(  # a guest has one processor
+            "HIL on vcan, two guests, virtual time",
+            (*guest, *PYTEST, *HIL[::2], *ON_VCAN),
+            (*guest, *PYTEST, *DRIVERS, *HIL[1::2], *ON_VCAN),
+        ),
         run("smoke on vcan, guest, real time", (*guest, "--real-time", *PYTEST, *SMOKE)),
     ]
 
@@ -116,7 +138,7 @@ def main() -> int:
         return 2
     outcomes = [
         stage("unit tests", (*PYTEST, "-n", "2")),
-        stage("HIL on simcan", (*PYTEST, "hil_tests", "--bus", "simcan")),
+        stage("HIL on simcan", (*PYTEST, "hil_tests", "--bus", "simcan", "-n", "2")),
         *vcan_stages(wanted, stage),
     ]
     print("\n=== summary")

@@ -22,7 +22,7 @@ def stages(monkeypatch: pytest.MonkeyPatch, here: bool, fails: str = "") -> list
     """Return (name, result) of the vcan stages on a machine; the one named `fails` fails."""
     monkeypatch.setattr(run_tests, "vcan_here", lambda: here)
 
-    def run(name: str, _command: tuple[str, ...]) -> object:
+    def run(name: str, *_commands: tuple[str, ...]) -> object:
         return Outcome(name, FAILED if fails and fails in name else PASSED)
 
     return [(outcome.name, outcome.result) for outcome in run_tests.vcan_stages("", run)]
@@ -36,7 +36,10 @@ def test_without_vcan_all_runs_in_virtual_time_and_a_smoke_in_real_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     names = [name for name, _ in stages(monkeypatch, here=False)]
-    assert names[-2:] == ["HIL on vcan, guest, virtual time", "smoke on vcan, guest, real time"]
+    assert names[-2:] == [
+        "HIL on vcan, two guests, virtual time",
+        "smoke on vcan, guest, real time",
+    ]
 
 
 def test_a_failing_stage_does_not_keep_the_next_from_running(
@@ -71,3 +74,38 @@ def test_the_status_of_a_stage_is_its_commands(capfd: pytest.CaptureFixture[str]
     assert (bad.result, bad.note) == (FAILED, "exit 5")
     assert good.result == PASSED
     assert "seen" in capfd.readouterr().out
+
+
+def test_commands_of_a_stage_run_side_by_side_and_each_must_pass(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    # Each waits for the other's file: one after the other they would never end.
+    meet = (
+        "import pathlib, sys, time\n"
+        "mine, other = map(pathlib.Path, sys.argv[1:3])\n"
+        "mine.touch()\n"
+        "while not other.exists(): time.sleep(0.01)\n"
+        "print('met at', mine.name); sys.exit(int(sys.argv[3]))"
+    )
+    a, b = str(tmp_path / "a"), str(tmp_path / "b")
+    both = run_tests.stage(
+        "both", (sys.executable, "-c", meet, a, b, "0"), (sys.executable, "-c", meet, b, a, "3")
+    )
+    assert (both.result, both.note) == (FAILED, "exit 3")
+    seen = capfd.readouterr().out
+    assert "met at a" in seen
+    assert "met at b" in seen
+
+
+def test_no_hil_test_is_left_out_of_the_guests(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_tests, "vcan_here", lambda: False)
+    commands: list[tuple[str, ...]] = []
+
+    def run(name: str, *given: tuple[str, ...]) -> object:
+        commands.extend(given)
+        return Outcome(name, PASSED)
+
+    run_tests.vcan_stages("on", run)
+    given = {argument for command in commands for argument in command}
+    files = {str(p.relative_to(run_tests.ROOT)) for p in run_tests.ROOT.glob("hil_tests/test_*")}
+    assert files <= given
