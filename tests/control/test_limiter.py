@@ -152,12 +152,15 @@ def test_reset_goes_on_from_the_present_speed_without_a_bump():
 
 
 @pytest.mark.parametrize(
-    ("speed", "kept"), [(2.0, 0.8), (-2.0, -0.8), (math.nan, 0.0), (math.inf, 0.0)]
+    ("speed", "share"),
+    [(9.0, 1.0), (-9.0, -1.0), (math.nan, 0.0), (math.inf, 0.0), (-math.inf, 0.0)],
 )
-def test_reset_beyond_the_limits_is_clamped(speed, kept):
+def test_reset_beyond_the_limits_is_clamped(speed, share):
     limiter = TwistLimiter(LIMITS)
-    limiter.reset(speed, 0.0)
-    assert limiter.twist.v_m_s == kept
+    limiter.reset(speed, 0.25)
+    assert limiter.twist == (share * 0.8, 0.25)
+    limiter.reset(0.25, speed)
+    assert limiter.twist == (0.25, share * 2.5)
 
 
 def test_accelerations_are_those_of_the_last_step():
@@ -178,8 +181,9 @@ def test_a_step_without_time_changes_nothing(dt):
     run(limiter, [(0.8, 1.0, 10)])
     before = limiter.twist
     acceleration = limiter.acceleration_m_s2
-    assert limiter.step(0.0, 0.0, dt) == before
-    assert limiter.acceleration_m_s2 == acceleration
+    for target in ((0.0, 0.0), (0.8, 1.0), before):
+        assert limiter.step(*target, dt) == before
+        assert limiter.acceleration_m_s2 == acceleration
 
 
 def test_a_set_point_at_the_bound_is_reached_and_one_ulp_beyond_is_not_passed():
