@@ -13,7 +13,7 @@ import math
 import struct
 from typing import Final, NamedTuple
 
-PROTOCOL_VERSION: Final = 0x0B5AA063
+PROTOCOL_VERSION: Final = 0xC9FEFEB7
 """CRC-32 (zlib) of the robot.dbc that this module implements: object 0x2001 of the drive."""
 
 NMT: Final = 0x000
@@ -31,7 +31,9 @@ SDO_REQUEST_BASE: Final = 0x600
 HEARTBEAT_BASE: Final = 0x700
 
 DATA_ID_OFFSET: Final = 0xA000
-"""E2E_DataId of a frame: 0xA000 + its identifier."""
+"""E2E_DataId of a frame: 0xA000 + its identifier, but for the exceptions."""
+DATA_ID_EXCEPTIONS: Final = {0x382: 0xB382}
+"""The CRC-8 of 0xA382 is that of MotorCommand's 0xA201: sonar ranges could pass for a command."""
 
 DUTY_RAW_MAX: Final = 10_000
 STEERING_RAW_MAX: Final = 15_708
@@ -42,7 +44,7 @@ _EMCY = struct.Struct("<HB5s")
 
 def data_id(arbitration_id: int) -> int:
     """Return the E2E data id of a protected frame."""
-    return DATA_ID_OFFSET + arbitration_id
+    return DATA_ID_EXCEPTIONS.get(arbitration_id, DATA_ID_OFFSET + arbitration_id)
 
 
 def _raw(value: float, scale: float, low: int, high: int) -> int:

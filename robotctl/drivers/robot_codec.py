@@ -11,8 +11,8 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Final
 
-from robotctl.drivers.codec import Decoder, compile_decoder, compile_encoder
-from robotctl.drivers.dbc import HOST, Dbc
+from robotctl.drivers.codec import Decoder, compile_decoder, compile_encoder, data_id_crc
+from robotctl.drivers.dbc import HOST, Dbc, Message
 from robotctl.errors import ConfigError
 from robotctl.runtime.messages import DriveFault, DriveState, EmergencyStopSource
 
@@ -48,7 +48,8 @@ class RobotCodec:
     Raises
     ------
     ConfigError
-        If the file lacks a message, a signal, a protection or a named value that the host needs.
+        If the file lacks a message, a signal, a protection or a named value that the host needs,
+        or two data ids have the same CRC.
     """
 
     def __init__(self, dbc: Dbc) -> None:
@@ -61,6 +62,7 @@ class RobotCodec:
         """What the host listens to: what is meant for it, and emergency stops by others."""
         for name in (COMMAND, WHEELS, MOTOR, DRIVE, BATTERY, *SONARS):
             dbc.protection(name)
+        _check_data_ids(dbc)
         _check_names(dbc, MOTOR, "State", DriveState)
         _check_names(dbc, EMERGENCY_STOP, "EmergencyStopSource", EmergencyStopSource)
         self.encode_command = compile_encoder(
@@ -138,6 +140,24 @@ def _sonar_decoder(
 def _present(dbc: Dbc, message: str, *signals: str) -> tuple[str, ...]:
     """Return the names of signals that must exist."""
     return tuple(dbc.signal(message, name).name for name in signals)
+
+
+def _check_data_ids(dbc: Dbc) -> None:
+    """Refuse data ids of which the CRC does not tell one message from another.
+
+    All that a data id adds to a frame's CRC is its own, eight bits of sixteen.
+    """
+    seen: dict[int, Message] = {}
+    for message in sorted(dbc.messages.values(), key=lambda each: each.arbitration_id):
+        if message.protection is None:
+            continue
+        other = seen.setdefault(data_id_crc(message.protection.data_id), message)
+        if other is not message and other.protection is not None:
+            raise ConfigError(
+                f"{dbc.path}: {message.name}: its E2E_DataId 0x{message.protection.data_id:04X} "
+                f"has the CRC of {other.name}'s 0x{other.protection.data_id:04X}, so that each "
+                "passes for the other"
+            )
 
 
 def _check_names(dbc: Dbc, message: str, signal: str, kind: type[IntEnum]) -> None:

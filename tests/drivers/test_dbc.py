@@ -31,7 +31,8 @@ def test_process_data_are_protected_with_the_data_id_of_their_identifier(dbc):
         0x201, 0x181, 0x281, 0x381, 0x182, 0x282, 0x382, 0x482, 0x183,
     }  # fmt: skip
     for arbitration_id, protection in protected.items():
-        assert protection.data_id == 0xA000 + arbitration_id
+        # The CRC-8 of 0xA382 would be that of 0xA201: see the codec.
+        assert protection.data_id == {0x382: 0xB382}.get(arbitration_id, 0xA000 + arbitration_id)
         assert protection.max_delta == 3
 
 
@@ -80,6 +81,11 @@ def refusal(path):
             'BA_ "E2E_DataId" BO_ 385 41345;',
             "",
             "WheelFeedback: attribute E2E_DataId is missing",
+        ),
+        (
+            'BA_ "E2E_DataId" BO_ 898 45954;',
+            'BA_ "E2E_DataId" BO_ 898 41858;',
+            "SonarRangesC: its E2E_DataId 0xA382 has the CRC of MotorCommand's 0xA201, so",
         ),
         (
             'BA_ "E2E_CounterSignal" BO_ 513 "Counter";',

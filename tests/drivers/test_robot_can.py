@@ -43,7 +43,8 @@ class Wire:
         counter = self.counters.get(name, 0)
         signals = {signal.name: 0 for signal in message.signals}
         data = bytearray(message.encode({**signals, **values, "Counter": counter}))
-        p01.e2e_p01_protect(data, 0xA000 + message.frame_id, length=8, increment_counter=False)
+        data_id = message.dbc.attributes["E2E_DataId"].value
+        p01.e2e_p01_protect(data, data_id, length=8, increment_counter=False)
         self.counters[name] = (counter + 1) % 15
         return message.frame_id, bytes(data)
 
