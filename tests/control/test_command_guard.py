@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.control.command_guard import TOLERANCE, clamp, guard_command
+from robotctl.control.command_guard import clamp, guard_command
 
 anything = st.floats()
 
@@ -55,6 +55,7 @@ def test_rounding_at_the_bound_is_clamped_and_no_fault():
     assert out == (True, 1.0, -1.0, 0.6, "")
 
 
+TOLERANCE = 1e-6
 BOUND = 1.0 + TOLERANCE
 BEYOND = math.nextafter(BOUND, 2.0)
 

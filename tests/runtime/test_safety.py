@@ -1,5 +1,6 @@
 """The table of transitions, read as laws."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -7,6 +8,51 @@ from robotctl.runtime.messages import SafetyState
 from robotctl.runtime.safety import LATCHED, POWERED, TRANSITIONS, Event, SafetyMachine
 
 EVENTS = st.lists(st.sampled_from(list(Event)), max_size=60)
+
+
+# One row a state, one column an event, in the order below. B boot, S standby, A armed, D driving,
+# F fault, X emergency stop.
+COLUMNS = [
+    "EMERGENCY_STOP",
+    "FAULT",
+    "DISARM",
+    "READY",
+    "NOT_READY",
+    "ARM",
+    "RESET",
+    "MOVE",
+    "REST",
+]
+TABLE = {
+    "BOOT": "X B B S B B B B B",
+    "STANDBY": "X S S S B A S S S",
+    "ARMED": "X F S A A A A D A",
+    "DRIVING": "X F S D D D D D A",
+    "FAULT": "X F F F F F S F F",
+    "EMERGENCY_STOP": "X X X X X X S X X",
+}
+LETTER = {"B": "BOOT", "S": "STANDBY", "A": "ARMED", "D": "DRIVING", "F": "FAULT",
+          "X": "EMERGENCY_STOP"}  # fmt: skip
+
+
+def test_the_table_names_every_state_and_every_event() -> None:
+    assert set(TABLE) == {state.name for state in SafetyState}
+    assert [event.name for event in Event] == COLUMNS
+
+
+@pytest.mark.parametrize("state", TABLE)
+@pytest.mark.parametrize("event", COLUMNS)
+def test_every_event_in_every_state(state: str, event: str) -> None:
+    machine = SafetyMachine()
+    machine.state = SafetyState[state]
+    expected = LETTER[TABLE[state].split()[COLUMNS.index(event)]]
+    assert machine.on(Event[event]) == (expected != state)
+    assert machine.state == SafetyState[expected]
+
+
+def test_two_states_are_powered_and_two_others_latch() -> None:
+    assert {SafetyState.ARMED, SafetyState.DRIVING} == POWERED
+    assert {SafetyState.FAULT, SafetyState.EMERGENCY_STOP} == LATCHED
 
 
 def test_an_emergency_stop_leads_to_its_latch_from_every_state() -> None:

@@ -5,12 +5,7 @@ from dataclasses import replace as changed
 
 import pytest
 
-from robotctl.runtime.plausibility import (
-    COPPER_PER_K,
-    PlausibilityConfig,
-    Standing,
-    WheelMonitor,
-)
+from robotctl.runtime.plausibility import PlausibilityConfig, Standing, WheelMonitor
 from tests.runtime.exact_tolerances import CONFIG, MS, T0, above, below
 
 
@@ -93,7 +88,7 @@ def wheel(
 def test_the_electrical_speed_is_that_of_the_back_emf_at_any_load_and_temperature(
     sign: float, current_a: float, temperature_c: float
 ) -> None:
-    speed, resistance = sign * 10.0, 2.0 * (1.0 + COPPER_PER_K * (temperature_c - 25.0))
+    speed, resistance = sign * 10.0, 2.0 * (1.0 + 0.0039 * (temperature_c - 25.0))
     monitor = WheelMonitor("left", CONFIG)
     monitor.update(speed, resistance * current_a + 0.5 * speed, current_a, temperature_c, T0)
     assert monitor.electrical_rad_s == pytest.approx(speed)
