@@ -44,7 +44,7 @@ COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
 EMCY_COMMAND_TIMEOUT = 0x8130
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
-NEAR_M = 1.0
+NEAR_M = 0.7
 """So near to the middle of the room there is space to drive a circle."""
 
 _POLL_S = 0.005

@@ -32,6 +32,8 @@ class Row:
 SILENT = ("wheel feedback is older",)
 STOPPED = ("the motor controller is in stopped",)
 IMPLAUSIBLE = ("encoder", "wheel")
+BUS_GONE = ("bus", *SILENT, *STOPPED)
+DRIVE_BOOTS = ("drive", *SILENT, "under voltage")
 
 ROWS = (
     Row("node_reset node=drive", ("drive", *SILENT), 100),
@@ -42,21 +44,34 @@ ROWS = (
     Row("feedback_frozen duration=1", IMPLAUSIBLE, 600),
     Row("encoder_stuck wheel=right duration=1", IMPLAUSIBLE, 600),
     Row("encoder_reversed wheel=left duration=1", IMPLAUSIBLE, 600),
+    Row("encoder_disconnected wheel=left duration=1", IMPLAUSIBLE, 600),
     Row("wheel_blocked wheel=left duration=1", ("over current", *IMPLAUSIBLE), 600),
     Row("over_current amperes=30 duration=1", ("over current", *IMPLAUSIBLE), 400),
     Row("over_temperature kelvin=150 duration=1", ("over temperature",), 400),
     Row("under_voltage volts=6 duration=1", ("under voltage", *IMPLAUSIBLE), 400),
+    Row("brown_out volts=4 duration=1", DRIVE_BOOTS, 400),
+    Row("brown_out volts=8 duration=1", DRIVE_BOOTS, 400),
+    Row("parameter_lost node=drive", DRIVE_BOOTS, 100),
+    Row("wrong_firmware node=drive duration=1", DRIVE_BOOTS, 100),
+    Row("clock_drift node=drive ppm=100000 duration=5", ("the drive's clock runs",), 4500),
     Row("sonar_silent duration=1", ("sonar",), 400),
+    Row("sonar_stuck duration=3", ("is stuck at",), 1500, omega_rad_s=0.0),
     # Until it is found out each wheel is driven by the other's error: twice the turn rate.
     Row("wheels_swapped duration=1", IMPLAUSIBLE, 600, omega_rad_s=0.5),
     Row("node_cut node=drive duration=0.5", ("drive", *SILENT), 100),
-    Row("host_cut duration=0.5", ("bus", *SILENT, *STOPPED), 100),
-    Row("bus_cut duration=0.5", ("bus", *SILENT, *STOPPED), 100),
-    Row("bus_short duration=0.5", ("bus", *SILENT, *STOPPED), 100),
-    Row("babble node=sonar duration=0.5", ("bus", *SILENT, *STOPPED), 100),
-    Row("frames_destroyed duration=0.5", ("bus", *SILENT, *STOPPED), 100),
+    Row("node_bus_off node=drive duration=0.5", ("drive", *SILENT), 100),
+    Row("host_cut duration=0.5", BUS_GONE, 100),
+    Row("host_bus_off duration=0.5", BUS_GONE, 100),
+    Row("no_ack duration=0.5", BUS_GONE, 100),
+    Row("overload priority=high load=1 duration=0.5", BUS_GONE, 100),
+    Row("bus_cut duration=0.5", BUS_GONE, 100),
+    Row("bus_short duration=0.5", BUS_GONE, 100),
+    Row("babble node=sonar duration=0.5", BUS_GONE, 100),
+    Row("frames_destroyed duration=0.5", BUS_GONE, 100),
     Row("frames_lost id=0x181 duration=1", SILENT, 80),
     Row("frames_lost id=0x201 duration=1", STOPPED, 100),
+    Row("frames_stale id=0x181 duration=1", SILENT, 80),
+    Row("frames_stale id=0x201 duration=1", STOPPED, 100),
     Row("frames_corrupt id=0x181 duration=1", SILENT, 80),
     Row("frames_corrupt id=0x201 duration=1", STOPPED, 100),
     Row("frames_late id=0x181 delay=0.2 duration=1", SILENT, 80),
@@ -103,7 +118,7 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     lasting.drive(0.4, row.omega_rad_s, 1.0)
     lasting.heard(0.05)
     began_s = lasting.inject(row.fault)
-    deadline_s = time.monotonic() + 2.0
+    deadline_s = time.monotonic() + 2.0 + row.limit_ms / 1000
     while lasting.control.state in (SafetyState.ARMED, SafetyState.DRIVING):
         assert time.monotonic() < deadline_s, "the host did not stop"
         lasting.drive(0.4, row.omega_rad_s, 0.05)
@@ -128,6 +143,11 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     [
         "encoder_glitch wheel=left counts=500",
         "masquerade duration=0.5",
+        "sonar_crosstalk duration=1",
+        "node_error_passive node=drive duration=1",
+        "host_error_passive duration=1",
+        "overload priority=low duration=1",
+        "frames_reordered duration=1",
         "frames_repeated duration=1",
         "frames_lost id=0x181 probability=0.2 duration=1",
         "frames_corrupt id=0x201 probability=0.5 duration=1",
@@ -148,3 +168,17 @@ def test_what_harms_nobody_neither_stops_the_robot_nor_leads_it_astray(
     ]
     assert way_m > 0.4
     assert sum(counted_m) / 2 == pytest.approx(way_m, abs=0.05)
+
+
+def test_a_drive_with_another_firmware_is_not_armed(lasting: Rig) -> None:
+    lasting.inject("wrong_firmware node=drive duration=4")
+    lasting.wait_for_state(SafetyState.FAULT, 1.0)
+
+    def refused() -> bool:
+        ack = lasting.control.ack
+        return ack is not None and not ack.accepted and any("drive" in r for r in ack.reasons)
+
+    lasting.ask_to_arm()
+    lasting.wait(refused, 3.0, "arming is refused for the drive's sake")
+    reasons = lasting.control.ack.reasons
+    assert any("wire version" in r or "revision" in r for r in reasons), reasons
