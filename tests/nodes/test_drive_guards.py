@@ -23,6 +23,13 @@ SUPPLY_V = 12.0
 REST = ChannelSample(0.0, 0.0, 25.0, 0)
 
 
+def test_faults_are_the_bits_of_the_wire() -> None:
+    names = "OVER_CURRENT OVER_TEMPERATURE UNDER_VOLTAGE ENCODER COMMAND_TIMEOUT PARAMETER"
+    assert [(fault.name, fault.value) for fault in DriveFault] == [
+        (name, 1 << bit) for bit, name in enumerate(names.split())
+    ]
+
+
 def stands(guard: ChannelGuard, sample: ChannelSample, step_ns: int = MS) -> int:
     """For how many samples in a row the guard keeps still [up to 2000]."""
     for samples in range(2000):
