@@ -33,7 +33,7 @@ _FOR: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
 _NODE: Final = {"node": Parameter("drive", "which", words=("drive", "sonar", "power"))}
 _WHEEL: Final = {"wheel": Parameter("left", "whose", words=tuple(act.WHEELS))}
 _FRAMES: Final = {
-    "id": Parameter(0.0, "identifier, 0x201 or 513, 0: any", 0.0, 0x7FF),
+    "id": Parameter(0.0, "identifier, 0x201 or 513, 0: any", 0.0, 0x7FF, whole=True),
     "probability": Parameter(1.0, "for each frame", 0.001, 1.0),
     **_FOR,
 }
@@ -47,7 +47,7 @@ DRIVE: Final[dict[str, Kind]] = {
     ),
     "encoder_glitch": Kind(
         "an encoder's count jumps once", act.glitch,
-        {**_WHEEL, "counts": Parameter(500.0, "counts", -32000.0, 32000.0)},
+        {**_WHEEL, "counts": Parameter(500.0, "counts", -32000.0, 32000.0, whole=True)},
     ),
     "encoder_disconnected": Kind(
         "an encoder's cable is open: it counts at random what its inputs pick up while the bridges "
@@ -97,8 +97,8 @@ SONARS: Final[dict[str, Kind]] = {
         "a sonar takes the echo of another of its group of four for its own: it reads too near",
         act.leak,
         {
-            "sonar": Parameter(0.0, "number of the one that hears", 0.0, 15.0),
-            "other": Parameter(1.0, "number of the one that is heard", 0.0, 15.0),
+            "sonar": Parameter(0.0, "number of the one that hears", 0.0, 15.0, whole=True),
+            "other": Parameter(1.0, "number of the one that is heard", 0.0, 15.0, whole=True),
             **_LASTING,
         },
     ),

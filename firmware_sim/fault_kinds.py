@@ -34,6 +34,8 @@ class Parameter:
         Bounds of a number, both allowed.
     words
         What is allowed where it is no number.
+    whole
+        Whether it must be a whole number.
     """
 
     default: Value
@@ -41,6 +43,7 @@ class Parameter:
     low: float = 0.0
     high: float = 0.0
     words: tuple[str, ...] = ()
+    whole: bool = False
 
     def value(self, given: object) -> Value:
         """Return a given value as it is used; a number may be text, hexadecimal with `0x`.
@@ -56,6 +59,8 @@ class Parameter:
                 raise SimulationError(f"{given!r}, allowed: {', '.join(self.words)}{hint}")
             return given
         number = _number(given)
+        if self.whole and not number.is_integer():
+            raise SimulationError(f"{number:g} is no whole number")
         if not self.low <= number <= self.high:
             raise SimulationError(f"{number:g}, allowed: {self.low:g} to {self.high:g}")
         return number

@@ -1,6 +1,7 @@
 """Whole missions under faults, in lockstep."""
 
 import hashlib
+import os
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.score import Report
-from robotctl.app.sim import SimOptions, SimulatorError
+from robotctl.app.sim import SimOptions, SimRun, SimulatorError
 from robotctl.errors import ConfigError
 
 PATROL = find_file("patrol", "missions")
@@ -53,3 +54,26 @@ def test_a_scenario_that_is_wrong_is_refused_before_anything_starts(tmp_path: Pa
         drive(wrong)
     with pytest.raises(ConfigError, match='did you mean "sensors"'):
         find_file("sensor", "scenarios")
+
+
+def test_a_run_in_real_time_shows_each_fault_and_reports_it(tmp_path: Path) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text('[[fault]]\nkind = "sonar_silent"\nduration = 0.1\nat = 1.0\n')
+    options = SimOptions(
+        find_file("diff_drive"),
+        PATROL,
+        bus=f"simcan:faults-{os.getpid()}",
+        faults=scenario,
+        max_seconds=20.0,
+        overrides=("mavlink.link=[]",),
+    )
+    with SimRun(options) as run:
+        lines: list[str] = []
+        for progress in run.steps():
+            lines += progress.lines
+            progress.lines.clear()
+            if progress.truth and progress.control and progress.navigation and run.report().faults:
+                break
+        report = run.report()
+    assert "fault at 1.000 s: sonar_silent duration=0.1" in lines
+    assert report.faults == ("1.000 s: sonar_silent duration=0.1",)
