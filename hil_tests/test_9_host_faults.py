@@ -10,6 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from hil_tests.faulty_control import COLLECT, HANG, SPIN
+from hil_tests.faulty_navigation import LEAK
 from hil_tests.rig import COMMAND, EMCY_COMMAND_TIMEOUT, EMCY_DRIVE, Rig, enabled
 from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.runtime.messages import Mode, SafetyState
@@ -95,26 +96,31 @@ def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> N
     armed.at_rest()
 
 
-def on_mission(rig: Rig) -> None:
+def on_mission(rig: Rig, navigation: str = NAVIGATION) -> None:
     """Start the whole stack, arm, and drive in mode AUTO."""
-    for module in (CONTROL, NAVIGATION, TELEMETRY, RECORDER):
+    for module in (CONTROL, TELEMETRY, RECORDER):
         rig.start(module)
+    rig.start(NAVIGATION, navigation)
     rig.arm()
     rig.set_mode(Mode.AUTO)
     rig.wait(lambda: rig.control.v_m_s > 0.2, 10.0, "the mission drives")
 
 
-@pytest.mark.parametrize("fault", ["killed", "frozen"])
+@pytest.mark.parametrize("fault", ["killed", "frozen", "out of memory"])
 def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_on(
     mission_rig: Rig, fault: str, reaction: React
 ) -> None:
     rig = mission_rig
-    on_mission(rig)
+    on_mission(rig, "hil_tests.faulty_navigation")
     rig.heard(0.02)
+    if fault == "out of memory":
+        rig.send_signal(NAVIGATION, LEAK)
+        rig.wait(lambda: not rig.is_running(NAVIGATION), 20.0, "its memory is used up")
+    rig.listen()
     stamp_ns = rig.control.stamp_ns
     if fault == "killed":
         rig.kill(NAVIGATION, signal.SIGKILL)
-    else:
+    elif fault == "frozen":
         rig.send_signal(NAVIGATION, signal.SIGSTOP)
     rig.wait(lambda: rig.control.v_ref_m_s == 0.0, 3.0, "set-points expire")
     reaction(f"navigation {fault}", (rig.control.stamp_ns - stamp_ns) / 1e6)
@@ -122,10 +128,10 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
     assert rig.control.state == SafetyState.ARMED
     before = rig.fresh_truth()
     rig.navigation = None
-    if fault == "killed":
-        rig.start(NAVIGATION)
-    else:
+    if fault == "frozen":
         rig.send_signal(NAVIGATION, signal.SIGCONT)
+    else:
+        rig.start(NAVIGATION)
     rig.wait(lambda: rig.navigation, 10.0, "navigation is back")
     rig.heard(1.0)
     rig.listen()

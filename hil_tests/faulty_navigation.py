@@ -1,0 +1,51 @@
+"""The navigation process with a leak built in: from a signal on it takes all memory it can have."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from robotctl.app import navigation
+
+LEAK = signal.SIGRTMIN
+_ROOM_BYTES = 64 * 2**20
+_PIECE_BYTES = 16 * 2**20
+
+
+def _limit() -> None:
+    """Leave so much memory to this process and no more, as the machine would."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    limit = pages * resource.getpagesize() + _ROOM_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def main() -> int:
+    """Run the navigation process until SIGTERM, or until it has no memory left."""
+    leaking = False
+
+    class LeakingPilot(navigation.Pilot):
+        leaked: list[bytearray]
+
+        def step(self, *arguments: Any) -> Any:
+            if leaking:
+                if not hasattr(self, "leaked"):
+                    self.leaked = []
+                    _limit()
+                self.leaked.append(bytearray(_PIECE_BYTES))
+            return super().step(*arguments)
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        nonlocal leaking
+        leaking = True
+
+    signal.signal(LEAK, on_signal)
+    navigation.Pilot = LeakingPilot  # type: ignore[misc]
+    return navigation.main()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
