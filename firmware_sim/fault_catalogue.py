@@ -114,7 +114,8 @@ NODES: Final[dict[str, Kind]] = {
         "the drive's feedback is missing, its heartbeat goes on", act.lose(*DRIVE_FEEDBACK), _FOR
     ),
     "parameter_lost": Kind(
-        "a node's stored parameters are damaged and it boots: with its defaults, and saying so",
+        "a node's stored parameters are damaged and it boots, with its defaults and saying so; so "
+        "does each boot until they are stored anew",
         act.lose_parameters, _NODE,
     ),
     "wrong_firmware": Kind(

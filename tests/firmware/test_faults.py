@@ -701,6 +701,47 @@ class TestLines:
         assert np.diff(left[21:]).min() > 0
 
 
+@pytest.mark.parametrize(("robot", "seed"), [("diff_drive", 1), ("tricycle", 2), ("ackermann", 3)])
+def test_after_any_mixture_of_faults_the_robot_is_as_sound_as_before(robot, seed):
+    bench = Bench(robot)
+    rng = np.random.default_rng(seed)
+    bench.drive(0.5, 0.2, 0.2)
+    for _ in range(200):
+        name = str(rng.choice(list(CATALOGUE)))
+        duration = f" duration={rng.uniform(0.05, 0.5):.3f}"
+        bench.begin(name + (duration if "duration" in CATALOGUE[name].parameters else ""))
+        bench.drive(0.05, 0.2, 0.2)
+    bench.clear()
+    bench.drive(1.0, 0.0, 0.0, enable=False)
+    for node in (1, 2, 3):  # what was lost must be stored anew
+        bench.port.send(0x600 + node, b"\x23\x10\x10\x01save")
+    bench.run(10)
+    bench.begin("node_reset node=drive")  # a trip of its guards stays latched otherwise
+    bench.run(20)
+    bench.port.send(0x000, b"\x01\x00")
+    bench.drive(0.5, 0.0, 0.0, enable=False)
+    simulation = bench.simulation
+    assert {port.name for port in simulation.bus.ports} == {"drive", "sonar", "power", "host"}
+    assert {port.state for port in simulation.bus.ports} <= {
+        ErrorState.ERROR_ACTIVE, ErrorState.ERROR_WARNING,
+    }  # fmt: skip
+    before, true = bench.counts()[-1], bench.true_counts()
+    bench.drive(0.5, 0.15, 0.15)
+    assert len(bench.of(FEEDBACK)) == 100
+    assert simulation.plant.powered
+    moved = bench.true_counts() - true
+    assert moved[0] > 20
+    assert bench.counts()[-1] - before == pytest.approx(moved, abs=0.05 * moved.max() + 1)
+    status = bench.status()
+    assert status["faults"] == 0
+    assert status["current1_a"] == pytest.approx(simulation.plant.current1_a, abs=0.1)
+    assert status["temperature1_c"] == pytest.approx(simulation.plant.temperature1_c, abs=1)
+    assert bench.voltage_v() == pytest.approx(simulation.plant.bus_voltage_v, abs=0.1)
+    assert np.diff(bench.stamps_us()) == pytest.approx(5000, abs=1001)
+    for node in (1, 2, 3):
+        assert bench.read(node, 0x1018, 3) >> 16 == 1
+
+
 def test_every_default_is_allowed():
     for kind in CATALOGUE.values():
         for key, value in kind.complete({}).items():
