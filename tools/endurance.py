@@ -14,24 +14,12 @@ import resource
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from firmware_sim.bus.errors import BusError
-from firmware_sim.bus.faults import (
-    Babble,
-    Corrupt,
-    Cut,
-    Delay,
-    Destroy,
-    Dominant,
-    Drop,
-    Duplicate,
-    Fault,
-    Mute,
-)
+from firmware_sim.fault_catalogue import CATALOGUE
+from firmware_sim.fault_kinds import DURATION, Kind, Value
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import Bench, make_simulation
 from robotctl.app.options import StackOptions
@@ -65,7 +53,13 @@ CHANGE_BELOW = 0.3
 GROWTH_MIB = 8.0
 """More is a leak: Python's arenas move by some MiB."""
 
-COMMAND = 0x201
+HELD_UP, PRESSED = "host_held_up", "emergency_stop"
+HOST_FAULTS = (HELD_UP, PRESSED)
+FAULTS = {name: kind for name, kind in CATALOGUE.items() if name != "wheels_swapped"}
+"""All that may befall a robot under way; nobody exchanges plugs then."""
+
+IDENTIFIERS = (0, 0x181, 0x201)
+"""Whose frames suffer: all, the feedback, the command."""
 
 
 class Endurance:
@@ -218,75 +212,32 @@ class Endurance:
 
     def _strike(self, now_ns: int) -> None:
         """Let one fault happen."""
-        name = str(self._rng.choice(list(FAULTS)))
+        name = str(self._rng.choice([*FAULTS, *HOST_FAULTS]))
         end_ns = now_ns + round(self._rng.uniform(0.005, 0.8) * 1e9)
         self.faults[name] += 1
-        fault = FAULTS[name](self, now_ns, end_ns)
-        if fault is not None:
-            self.simulation.bus.inject(fault)
+        if name in FAULTS:
+            self.simulation.faults.begin(name, self._arguments(FAULTS[name], end_ns - now_ns))
+        elif name == HELD_UP:
+            self._pause_end_ns = end_ns
+        else:
+            self._wishes.append(EmergencyStop(now_ns, EmergencyStopSource.OPERATOR))
         self._fault_end_ns = max(self._fault_end_ns, end_ns)
         self._next_fault_ns = self._draw_ns()
 
-    def chance(self) -> float:
-        """Draw the probability of a fault of frames."""
-        return float(self._rng.uniform(0.05, 1.0))
-
-    def node(self) -> str:
-        """Draw a node."""
-        return str(self._rng.choice(["drive", "sonar", "power"]))
-
-    def pause_host(self, end_ns: int) -> None:
-        """Let the host do nothing until then."""
-        self._pause_end_ns = end_ns
-
-    def block_wheel(self, end_ns: int) -> None:
-        """Hold a wheel for so long."""
-        channel = int(self._rng.integers(1, 3))
-        plant = self.simulation.plant
-        plant.block(channel)
-        self.simulation.bus.schedule(end_ns, lambda: plant.block(channel, blocked=False))
-
-    def press_stop(self, now_ns: int) -> None:
-        """Let the operator press the emergency stop."""
-        self._wishes.append(EmergencyStop(now_ns, EmergencyStopSource.OPERATOR))
-
-    def restart_nodes(self) -> None:
-        """Take the supply from all nodes for a moment."""
-        self.simulation.power_cycle()
-
-
-Strike = Callable[[Endurance, int, int], Fault | None]
-
-FAULTS: dict[str, Strike] = {
-    "node mute": lambda run, t, end: Mute(node=run.node(), start_ns=t, end_ns=end),
-    "host cut off": lambda _, t, end: Cut(node="host", start_ns=t, end_ns=end),
-    "node cut off": lambda run, t, end: Cut(node=run.node(), start_ns=t, end_ns=end),
-    "bus cut": lambda _, t, end: Cut(start_ns=t, end_ns=end),
-    "bus shorted": lambda _, t, end: Dominant(start_ns=t, end_ns=end),
-    "babbling node": lambda _, t, end: Babble(node="sonar", start_ns=t, end_ns=end),
-    "frames destroyed": lambda run, t, end: Destroy(
-        error=BusError.CRC_ERROR, start_ns=t, end_ns=end, probability=run.chance()
-    ),
-    "frames corrupt beyond CAN's CRC": lambda run, t, end: Corrupt(
-        start_ns=t, end_ns=end, probability=run.chance()
-    ),
-    "commands lost": lambda run, t, end: Drop(
-        arbitration_id=COMMAND, start_ns=t, end_ns=end, probability=run.chance()
-    ),
-    "feedback lost": lambda run, t, end: Drop(
-        receiver="host", start_ns=t, end_ns=end, probability=run.chance()
-    ),
-    "commands repeated": lambda run, t, end: Duplicate(
-        arbitration_id=COMMAND, start_ns=t, end_ns=end, probability=run.chance()
-    ),
-    "frames late": lambda run, t, end: Delay(
-        start_ns=t, end_ns=end, probability=run.chance(), delay_ns=round(run.chance() * 60e6)
-    ),
-    "host held up": lambda run, _, end: run.pause_host(end),
-    "wheel blocked": lambda run, _, end: run.block_wheel(end),
-    "emergency stop": lambda run, t, _: run.press_stop(t),
-    "nodes restarted": lambda run, _t, _end: run.restart_nodes(),
-}
+    def _arguments(self, kind: Kind, lasts_ns: int) -> dict[str, Value]:
+        """Draw what differs from the defaults: whose, for how long, how often."""
+        drawn: dict[str, Value] = {
+            name: str(self._rng.choice(parameter.words))
+            for name, parameter in kind.parameters.items()
+            if parameter.words
+        }
+        if DURATION in kind.parameters:
+            drawn[DURATION] = lasts_ns / 1e9
+        if "probability" in kind.parameters:
+            drawn["probability"] = float(self._rng.uniform(0.05, 1.0))
+        if "id" in kind.parameters:
+            drawn["id"] = int(self._rng.choice(IDENTIFIERS))
+        return drawn
 
 
 def _kind(reason: str) -> str:
