@@ -159,7 +159,7 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
         "overload priority=low duration=1",
         "frames_reordered duration=1",
         "frames_repeated duration=1",
-        "frames_lost id=0x181 probability=0.2 duration=1",
+        "frames_lost id=0x181 probability=0.02 duration=1",
         "frames_corrupt id=0x201 probability=0.5 duration=1",
     ],
 )
