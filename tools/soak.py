@@ -59,13 +59,14 @@ def main() -> int:
     add("--repeats", type=int, default=200, help="runs of the whole suite (%(default)s)")
     add("--bus", default="simcan", help="simcan or vcan0 (%(default)s)")
     add("--workers", type=int, default=2, help="tests side by side, on simcan (%(default)s)")
+    add("--keep", type=Path, metavar="FILE", help="add each reaction to this file, a JSON a line")
     add("--only", default="", metavar="EXPRESSION", help="as pytest's -k")
     options = parser.parse_args()
     if options.bus != "simcan":
         options.workers = 1
     failures = 0
     with tempfile.TemporaryDirectory(prefix="soak-") as directory:
-        reactions = Path(directory) / "reactions.jsonl"
+        reactions = (options.keep or Path(directory) / "reactions.jsonl").resolve()
         reactions.touch()
         begin_s = time.monotonic()
         for number in range(1, options.repeats + 1):
