@@ -135,9 +135,8 @@ class ChannelGuard:
         self, sample: ChannelSample, bus_voltage_v: float, limits: Limits, elapsed_ns: int
     ) -> int:
         """Return the faults that have developed, `elapsed_ns` after the last sample."""
-        faults = 0
-        if self._current.update(abs(sample.current_a) > limits.current_a, elapsed_ns):
-            faults |= _OVER_CURRENT
+        high = self._current.update(abs(sample.current_a) > limits.current_a, elapsed_ns)
+        faults = _OVER_CURRENT if high else 0
         if self._temperature.update(sample.temperature_c > limits.temperature_c, elapsed_ns):
             faults |= _OVER_TEMPERATURE
         if self._encoder_implausible(sample, bus_voltage_v, elapsed_ns):
@@ -167,9 +166,7 @@ class ChannelGuard:
 
     def cause_present(self, sample: ChannelSample, limits: Limits) -> int:
         """Return the faults whose cause still stands, so that they cannot be cleared."""
-        faults = 0
-        if abs(sample.current_a) > limits.current_a:
-            faults |= _OVER_CURRENT
+        faults = _OVER_CURRENT if abs(sample.current_a) > limits.current_a else 0
         if sample.temperature_c > limits.temperature_c - TEMPERATURE_HYSTERESIS_C:
             faults |= _OVER_TEMPERATURE
         return faults

@@ -163,6 +163,16 @@ def test_a_slow_count_the_wrong_way_is_not_called_reversed(sign: int) -> None:
         assert found == reversed_at
 
 
+def test_1_rad_s_itself_is_not_called_reversed() -> None:
+    """Over two years, the first time in which a count of 1000 comes to 1 rad/s to the bit."""
+    for step_ns, found in ((62_831_853_071_795_864, 0), (62_831_853_071_000_000, 8)):
+        guard = ChannelGuard(MODEL)
+        for number in range(3):
+            sample = ChannelSample(10.0 * 0.5 / SUPPLY_V, 0.0, 25.0, -number * 10**10)
+            said = guard.update(sample, SUPPLY_V, LIMITS, step_ns)
+        assert said == found
+
+
 @pytest.mark.parametrize("temperature_c", [-10.0, 25.0, 80.0])
 @pytest.mark.parametrize("current_a", [-6.0, 3.0, 7.9])
 def test_the_drop_over_the_winding_at_its_temperature_is_no_speed(
