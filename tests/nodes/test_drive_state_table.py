@@ -51,7 +51,10 @@ def machine_in(state):
 
 
 def test_the_table_is_complete():
-    assert set(TABLE) == {state.name for state in DriveState}
+    # In the order of their numbers on the wire.
+    assert [(state.name, state.value) for state in DriveState] == [
+        (name, number) for number, name in enumerate(TABLE)
+    ]
     assert set(EVENTS) == {event.name for event in DriveEvent}
 
 
