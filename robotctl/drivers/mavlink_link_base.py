@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import selectors
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -131,7 +132,14 @@ class Link(ABC):
     def count_error(self, error: Exception | str) -> None:
         """Count an error."""
         self.counters.errors += 1
-        self.counters.last_error = str(error)
+        self.counters.last_error = self._words(error)
+
+    def _words(self, error: Exception | str) -> str:
+        """Return what is wrong, and what to do where that is known."""
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            port = self.address.port
+            return f"port {port} is in use by another program, see sudo ss -lnp | grep :{port}"
+        return str(error)
 
     def opened(self) -> None:
         """Count a successful opening."""

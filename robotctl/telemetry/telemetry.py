@@ -13,6 +13,7 @@ from robotctl.telemetry.commands import Commands
 from robotctl.telemetry.config import MavlinkConfig
 from robotctl.telemetry.ground_stations import GroundStation, GroundStations
 from robotctl.telemetry.heartbeat import Heartbeat
+from robotctl.telemetry.link_watch import LinkWatch
 from robotctl.telemetry.manual_control import ManualControls
 from robotctl.telemetry.message_requests import MessageRequests
 from robotctl.telemetry.modes import Modes
@@ -58,6 +59,7 @@ class Telemetry:
             TimeSync(context),
             heartbeat,
             streams,
+            LinkWatch(context),
             StatusText(context),
         )
         self._context = context
