@@ -1,0 +1,78 @@
+"""Write the parts of the documentation that the code itself states, each between its two marks."""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from firmware_sim.fault_catalogue import describe
+from robotctl.runtime.messages import SafetyState
+from robotctl.runtime.safety import POWERED, TRANSITIONS, SafetyMachine
+
+DOCS = Path(__file__).parents[1] / "docs"
+BEGIN = "<!-- written by tools/write_docs.py -->"
+END = "<!-- end of what is written -->"
+
+
+def diagram() -> str:
+    """Return the state machine in Mermaid's words; events of one way share an arrow."""
+    ways: dict[tuple[SafetyState, SafetyState], list[str]] = defaultdict(list)
+    for (state, event), new in TRANSITIONS.items():
+        ways[state, new].append(event.value)
+    arrows = [
+        f"    {state.name} --> {new.name}: {' / '.join(events)}"
+        for (state, new), events in ways.items()
+    ]
+    powered = ",".join(state.name for state in SafetyState if state in POWERED)
+    return "\n".join(
+        (
+            "```mermaid",
+            "stateDiagram-v2",
+            f"    [*] --> {SafetyMachine().state.name}",
+            *arrows,
+            "    classDef powered stroke-width:4px",
+            f"    class {powered} powered",
+            "```",
+        )
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One generated part of one page."""
+
+    page: Path
+    write: Callable[[], str]
+
+    def put_into(self, text: str) -> str:
+        """Return `text` with the present part between its marks.
+
+        Raises
+        ------
+        ValueError
+            Where the marks are not there once each.
+        """
+        if text.count(BEGIN) != 1 or text.count(END) != 1:
+            raise ValueError(f"{self.page}: {BEGIN!r} and {END!r} must stand there once each")
+        before, rest = text.split(BEGIN)
+        _, after = rest.split(END)
+        return f"{before}{BEGIN}\n{self.write()}\n{END}{after}"
+
+
+STATES = Part(DOCS / "safety.md", diagram)
+FAULTS = Part(DOCS / "faults.md", describe)
+
+
+def main() -> int:
+    """Rewrite the pages."""
+    for part in (STATES, FAULTS):
+        text = part.page.read_text(encoding="utf-8")
+        part.page.write_text(part.put_into(text), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
