@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import queue
+import shutil
 import subprocess
 import sys
 import threading
@@ -24,7 +25,7 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import Scenario, load_scenario
 from firmware_sim.world import load_world
 from robotctl.app.children import start_child
-from robotctl.app.config import RobotConfig, find_file
+from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
 from robotctl.app.score import (
@@ -156,25 +157,30 @@ class SimRun:
             f'can.interface="{interface}"',
             f'can.channel="{channel}"',
         )
+        robot = options.robot.resolve()
+        self.config: RobotConfig = load_robot(robot, overrides)
         self.mission = load_mission(options.mission)
         self.world = find_file(options.world or self.mission.world, "worlds")
+        self.walls = load_walls(self.world)
+        load_faults(options.faults)
         start = self.mission.start
         instance = f"sim-{os.getpid()}"
+        record = str(options.record.resolve()) if options.record else ""
+        self._folder = endpoint_directory(instance)
         self._stack_options = StackOptions(
             instance=instance,
-            robot=str(options.robot.resolve()),
+            robot=str(robot),
             overrides=overrides,
             mission=str(options.mission.resolve()),
             x_m=start.x_m,
             y_m=start.y_m,
             theta_rad=start.pose.theta_rad,
-            record=str(options.record.resolve()) if options.record else "",
-            flights=str(options.record.resolve()) if options.record else "",
-            state=str(endpoint_directory(instance)),
+            record=record,
+            flights=record,
+            state=str(self._folder),
             run=uuid.uuid4().hex,
         )
-        self.config: RobotConfig = self._stack_options.load()
-        self._endpoints = Endpoints(endpoint_directory(self._stack_options.instance))
+        self._endpoints = Endpoints(self._folder)
         self._context = zmq.Context()
         self._states = Subscriber[ControlState | NavigationState | Notice](
             self._context, self._endpoints.published, ControlState | NavigationState | Notice
@@ -182,8 +188,6 @@ class SimRun:
         self._truths = Subscriber[Truth](self._context, (self._endpoints.truth,), Truth)
         self._to_control = RequestSender(self._context, self._endpoints.control_requests)
         self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
-        self.walls = load_walls(self.world)
-        load_faults(options.faults)
         self._said: queue.Queue[str | None] = queue.Queue()
         self._faults: list[str] = []
         self._firmware: subprocess.Popen[str] | None = None
@@ -195,7 +199,7 @@ class SimRun:
     def __enter__(self) -> SimRun:
         """Start firmware_sim, then the stack."""
         try:
-            self._firmware = self._start_firmware()
+            self._start_firmware()
             self._stack = Stack(self._stack_options)
         except BaseException:
             self.__exit__()
@@ -218,8 +222,9 @@ class SimRun:
                 self._firmware.stdout.close()
             self._firmware = None
         self._context.destroy(linger=0)
+        shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _start_firmware(self) -> subprocess.Popen[str]:
+    def _start_firmware(self) -> None:
         """Start firmware_sim and wait for its nodes."""
         options, start = self._options, self.mission.start
         interface, channel = options.channel
@@ -245,15 +250,12 @@ class SimRun:
             command += ["--log", str(options.record / "can.log")]
         if options.faults is not None:
             command += ["--faults", str(options.faults)]
-        process = start_child(command, stdout=subprocess.PIPE, text=True)
-        self._said = _lines_of(process)
+        self._firmware = start_child(command, stdout=subprocess.PIPE, text=True)
+        self._said = _lines_of(self._firmware)
         if not _said_ready(self._said, _READY_S):
-            process.kill()
-            status = process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
+            self._firmware.kill()
+            status = self._firmware.wait()
             raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
-        return process
 
     @property
     def connections(self) -> tuple[str, ...]:

@@ -1,0 +1,73 @@
+"""`robotctl sim` as a process: however it ends, it leaves no folder and no process behind."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+DEADLINE_S = 90.0
+ROBOTCTL = [sys.executable, "-c", "from robotctl.cli.main import main; main()"]
+
+
+@contextmanager
+def sim(runtime: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Start `robotctl sim` on a bus of its own, with `runtime` as the folder of its sockets."""
+    runtime.chmod(0o700)
+    command = [*ROBOTCTL, "sim", "--headless", "--bus", f"simcan:{runtime}/hub"]
+    with subprocess.Popen(
+        [*command, "--set", "mavlink.link=[]", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | {"XDG_RUNTIME_DIR": str(runtime), "PYTHONUNBUFFERED": "1"},
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def left_behind(runtime: Path) -> tuple[list[str], list[str]]:
+    """Return the files below `runtime`, and the commands of processes that still use it."""
+    files = [str(each.relative_to(runtime)) for each in runtime.rglob("*")]
+    processes = []
+    for each in Path("/proc").glob("[0-9]*"):
+        try:
+            environment = (each / "environ").read_bytes()
+            if f"XDG_RUNTIME_DIR={runtime}\0".encode() in environment:
+                processes.append((each / "cmdline").read_text().replace("\0", " "))
+        except OSError:
+            continue
+    return [each for each in files if each != "robotctl"], processes
+
+
+def test_a_run_that_ends_by_itself_leaves_nothing(tmp_path: Path) -> None:
+    with sim(tmp_path, "--max-seconds", "3") as process:
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 3, output
+    assert left_behind(tmp_path) == ([], [])
+
+
+@pytest.mark.parametrize("line", ["starting firmware_sim", "connect: CAN"])
+def test_a_run_that_is_interrupted_leaves_nothing(tmp_path: Path, line: str) -> None:
+    with sim(tmp_path) as process:
+        assert process.stdout is not None
+        assert any(line in each for each in process.stdout)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert "Traceback" not in output
+    assert process.returncode != 0
+    assert left_behind(tmp_path) == ([], [])
+
+
+def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
+    with sim(tmp_path, "--world", "no_such_world") as process:
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2
+    assert "no_such_world" in output
+    assert left_behind(tmp_path) == ([], [])
