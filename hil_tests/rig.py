@@ -47,6 +47,9 @@ NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 NEAR_M = 0.7
 """So near to the middle of the room there is space to drive a circle."""
 
+PATIENT_S = 30.0
+"""So long may starting and recovering take on a busy machine; reactions have their own limits."""
+
 _POLL_S = 0.005
 _ABOVE_CONTROL = 10
 """A real drive has a processor of its own: a host that computes for ever does not hold it up."""
@@ -158,8 +161,7 @@ class Rig:
             assert process.poll() is None, f"firmware_sim ended:\n{log.read_text()}"
             return log.read_bytes().count(b"ready") > already
 
-        if not already:
-            self.wait(ready, 90.0, "firmware_sim is ready")
+        self.wait(ready, 90.0, "firmware_sim is ready")
 
     def inject(self, fault: str) -> float:
         """Let a fault befall the simulated robot; return when it began, in the wall's seconds."""
@@ -250,7 +252,7 @@ class Rig:
     def fresh_truth(self) -> Truth:
         """Return the first truth published from now on."""
         now_ns = time.monotonic_ns()
-        self.wait(lambda: self.truth and self.truth.stamp_ns > now_ns, 5.0, "a fresh truth")
+        self.wait(lambda: self.truth and self.truth.stamp_ns > now_ns, PATIENT_S, "a fresh truth")
         assert self.truth is not None
         return self.truth
 
@@ -309,7 +311,7 @@ class Rig:
         """Send one request to arm."""
         self._requests.send(Arm(time.monotonic_ns(), next(self._ids), arm=True))
 
-    def wait_for(self, ask: Callable[[], Any], state: SafetyState, seconds: float = 10.0) -> None:
+    def wait_for(self, ask: Callable[[], Any], state: SafetyState) -> None:
         """Ask now and each second until the control process is in `state`."""
         asked_s = 0.0
 
@@ -322,7 +324,7 @@ class Rig:
                 ask()
             return False
 
-        self.wait(asked, seconds, state.name)
+        self.wait(asked, PATIENT_S, state.name)
 
     def velocity(self, v_m_s: float, omega_rad_s: float, ttl_s: float = 0.3) -> None:
         """Send one velocity command."""
@@ -364,7 +366,7 @@ class Rig:
                 self._to_navigation.send(SetMode(time.monotonic_ns(), mode))
             return False
 
-        self.wait(asked, 10.0, f"mode {mode.name}")
+        self.wait(asked, PATIENT_S, f"mode {mode.name}")
 
     def at_rest(self) -> None:
         """Wait until the true robot stands for a tenth of a second."""
@@ -377,12 +379,14 @@ class Rig:
                 mark = self.truth
             return self.truth.stamp_ns - mark.stamp_ns > 100_000_000
 
-        self.wait(still, 3.0, "the wheels stand")
+        self.wait(still, 10.0, "the wheels stand")
 
     def emergency_stop(self) -> None:
         """Ask the control process for an emergency stop."""
         stop = EmergencyStop(time.monotonic_ns(), EmergencyStopSource.TEST)
-        self.wait(lambda: self._requests.send(stop), 5.0, "the control process takes requests")
+        self.wait(
+            lambda: self._requests.send(stop), PATIENT_S, "the control process takes requests"
+        )
 
     def rejected_frames(self) -> dict[str, int]:
         """Return how many commands the drive has rejected, by cause."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import can_link
 import pytest
 
-from hil_tests.rig import Rig
+from hil_tests.rig import PATIENT_S, Rig
 from robotctl.runtime.messages import SafetyState
 
 
@@ -57,7 +57,9 @@ def test_without_its_interface_the_robot_stops_and_waits_for_arming_when_it_is_b
     reaction(f"interface {cut.__name__}: host", (state.stamp_ns - cut_ns) / 1e6)
     armed.at_rest()
     mend(own_kernel)
-    armed.wait(lambda: not any(node.problem for node in armed.control.nodes), 10, "nodes are back")
+    armed.wait(
+        lambda: not any(node.problem for node in armed.control.nodes), PATIENT_S, "nodes are back"
+    )
     before = armed.fresh_truth()
     armed.drive(0.5, 0.0, 1.0)
     assert armed.control.state == SafetyState.FAULT

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import can
 import pytest
 
-from hil_tests.rig import COMMAND, EMCY_DRIVE, Rig, enabled
+from hil_tests.rig import COMMAND, EMCY_DRIVE, PATIENT_S, Rig, enabled
 from robotctl.runtime.messages import SafetyState
 
 STATUS = 0x281
@@ -141,7 +141,7 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     assert lasting.control.state == SafetyState.FAULT
     assert any(lasting.control.reason in notice for notice in lasting.notices)
     lasting.wait(
-        lambda: not any(node.problem for node in lasting.control.nodes), 10, "nodes are back"
+        lambda: not any(node.problem for node in lasting.control.nodes), PATIENT_S, "nodes are back"
     )
     time.sleep(max(0.0, began_s + row.duration_s - time.time()))
     lasting.inject("clear")

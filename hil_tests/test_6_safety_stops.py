@@ -9,7 +9,7 @@ import pytest
 
 from hil_tests.emergency_stop import SOURCES, assert_latched
 from hil_tests.ground_station import GroundStation, mavlink
-from hil_tests.rig import COMMAND, EMERGENCY_STOP, Rig, enabled
+from hil_tests.rig import COMMAND, EMERGENCY_STOP, PATIENT_S, Rig, enabled
 from robotctl.app.stack import CONTROL
 from robotctl.runtime.messages import SafetyState
 
@@ -47,7 +47,9 @@ def test_when_the_firmware_dies_the_host_stops_and_waits_to_be_armed_again(armed
     state = armed.wait_for_state(SafetyState.FAULT, 2.0)
     assert "feedback" in state.reason or "bus" in state.reason
     armed.start_firmware()
-    armed.wait(lambda: not any(node.problem for node in armed.control.nodes), 10, "nodes are back")
+    armed.wait(
+        lambda: not any(node.problem for node in armed.control.nodes), PATIENT_S, "nodes are back"
+    )
     before = armed.fresh_truth()
     armed.drive(0.4, 0.0, 1.0)
     assert armed.control.state == SafetyState.FAULT
@@ -91,10 +93,12 @@ def test_an_emergency_stop_by_the_operator_reaches_the_bus_and_only_arming_ends_
 @pytest.mark.parametrize("source", list(SOURCES))
 def test_an_emergency_stop_while_the_robot_starts(rig: Rig, source: str) -> None:
     rig.start()
-    rig.wait(lambda: rig.control is not None, 5.0, "the control process is there")
+    rig.wait(lambda: rig.control is not None, PATIENT_S, "the control process is there")
     SOURCES[source](rig)
     rig.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
-    rig.wait(lambda: not any(node.problem for node in rig.control.nodes), 10, "nodes are ready")
+    rig.wait(
+        lambda: not any(node.problem for node in rig.control.nodes), PATIENT_S, "nodes are ready"
+    )
     assert_latched(rig)
 
 
@@ -118,5 +122,5 @@ def test_an_emergency_stop_by_the_ground_station_latches_and_arming_from_there_e
         rig.heard(0.2)
         return result == mavlink.MAV_RESULT_ACCEPTED
 
-    rig.wait(armed, 5.0, "arming is accepted")
+    rig.wait(armed, PATIENT_S, "arming is accepted")
     rig.wait_for_state(SafetyState.ARMED)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hil_tests.ground_station import GroundStation, mavlink
+from hil_tests.rig import PATIENT_S
 from robotctl.runtime.messages import SafetyState
 
 GUIDED = 15
@@ -30,7 +31,9 @@ def test_the_robots_side_says_who_came(station: GroundStation) -> None:
     station.link.mav.srcSystem = 254
     station.wait("HEARTBEAT")
     wanted = "Ground station 254 is here"
-    station.rig.wait(lambda: wanted in station.rig.notices, 5.0, "the robot's side says so too")
+    station.rig.wait(
+        lambda: wanted in station.rig.notices, PATIENT_S, "the robot's side says so too"
+    )
 
 
 def test_it_arms_drives_to_the_right_and_stops_when_it_falls_silent(

@@ -11,7 +11,7 @@ import pytest
 
 from hil_tests.faulty_control import COLLECT, HANG, SPIN
 from hil_tests.faulty_navigation import LEAK
-from hil_tests.rig import COMMAND, EMCY_COMMAND_TIMEOUT, EMCY_DRIVE, Rig, enabled
+from hil_tests.rig import COMMAND, EMCY_COMMAND_TIMEOUT, EMCY_DRIVE, PATIENT_S, Rig, enabled
 from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.runtime.messages import Mode, SafetyState
 
@@ -103,7 +103,7 @@ def on_mission(rig: Rig, navigation: str = NAVIGATION) -> None:
     rig.start(NAVIGATION, navigation)
     rig.arm()
     rig.set_mode(Mode.AUTO)
-    rig.wait(lambda: rig.control.v_m_s > 0.2, 10.0, "the mission drives")
+    rig.wait(lambda: rig.control.v_m_s > 0.2, PATIENT_S, "the mission drives")
 
 
 @pytest.mark.parametrize("fault", ["killed", "frozen", "out of memory"])
@@ -115,7 +115,7 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
     rig.heard(0.02)
     if fault == "out of memory":
         rig.send_signal(NAVIGATION, LEAK)
-        rig.wait(lambda: not rig.is_running(NAVIGATION), 20.0, "its memory is used up")
+        rig.wait(lambda: not rig.is_running(NAVIGATION), PATIENT_S, "its memory is used up")
     rig.listen()
     stamp_ns = rig.control.stamp_ns
     if fault == "killed":
@@ -132,13 +132,13 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
         rig.send_signal(NAVIGATION, signal.SIGCONT)
     else:
         rig.start(NAVIGATION)
-    rig.wait(lambda: rig.navigation, 10.0, "navigation is back")
+    rig.wait(lambda: rig.navigation, PATIENT_S, "navigation is back")
     rig.heard(1.0)
     rig.listen()
     assert rig.navigation.mode == Mode.HOLD
     assert rig.fresh_truth().distance_m - before.distance_m < 1e-3
     rig.set_mode(Mode.AUTO)
-    rig.wait(lambda: rig.control.v_m_s > 0.2, 10.0, "AUTO, asked for again, drives")
+    rig.wait(lambda: rig.control.v_m_s > 0.2, PATIENT_S, "AUTO, asked for again, drives")
 
 
 def test_without_telemetry_the_robot_drives_on(mission_rig: Rig) -> None:
@@ -156,7 +156,9 @@ def test_a_full_disk_stops_nothing_and_is_said(mission_rig: Rig) -> None:
     rig = mission_rig
     on_mission(rig)
     resource.prlimit(rig.pid(RECORDER), resource.RLIMIT_FSIZE, (4096, 4096))
-    rig.wait(lambda: any("logging stopped" in notice for notice in rig.notices), 10.0, "it is said")
+    rig.wait(
+        lambda: any("logging stopped" in notice for notice in rig.notices), PATIENT_S, "it is said"
+    )
     before = rig.fresh_truth()
     rig.heard(1.0)
     assert rig.fresh_truth().distance_m - before.distance_m > 0.2
