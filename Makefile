@@ -11,7 +11,7 @@ PY := $(BIN)/python
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup sim test check lint types layers format soak endurance mutants bench guest clean
+.PHONY: help setup sim test check lint types layers format soak reactions endurance mutants bench guest clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -58,6 +58,9 @@ format: $(STAMP) ## bring the code into shape
 
 soak: $(STAMP) ## the fault tests over and over, with a table of reaction times; ARGS="--repeats 20"
 	@$(PY) tools/soak.py $(ARGS)
+
+reactions: $(STAMP) ## how soon the wheels are without power after each fault, in lockstep; ARGS="--repeats 100"
+	@$(PY) tools/reactions.py $(ARGS)
 
 endurance: $(STAMP) ## a simulated mission of many hours with random faults; ARGS="--hours 24"
 	@$(PY) tools/endurance.py $(ARGS)

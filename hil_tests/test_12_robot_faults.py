@@ -4,88 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import can
 import pytest
 
+from hil_tests.fault_rows import ROWS, Row
 from hil_tests.rig import COMMAND, EMCY_DRIVE, PATIENT_S, Rig, enabled
 from robotctl.runtime.messages import SafetyState
 
 STATUS = 0x281
 ENABLED = 2
-
-
-@dataclass(frozen=True)
-class Row:
-    """One fault: its line, what the operator reads, and how soon the wheels are without power.
-
-    Where several guards see a fault, it depends on the moment which is first: any of the reasons.
-    """
-
-    fault: str
-    reasons: tuple[str, ...]
-    limit_ms: float
-    omega_rad_s: float = 0.8
-
-    @property
-    def name(self) -> str:
-        """The fault without its duration."""
-        return self.fault.partition(" duration=")[0]
-
-    @property
-    def duration_s(self) -> float:
-        """How long it lasts."""
-        return float(self.fault.partition(" duration=")[2] or 0.0)
-
-
-SILENT = ("wheel feedback is older",)
-STOPPED = ("the motor controller is in stopped",)
-IMPLAUSIBLE = ("encoder", "wheel")
-BUS_GONE = ("bus", *SILENT, *STOPPED)
-DRIVE_BOOTS = ("drive", *SILENT, "under voltage")
-
-ROWS = (
-    Row("node_reset node=drive", ("drive", *SILENT), 100),
-    Row("node_reset node=power", ("power",), 500),
-    Row("node_silent node=drive duration=0.5", SILENT, 80),
-    Row("node_silent node=sonar duration=1", ("sonar",), 600),
-    Row("feedback_lost duration=0.5", SILENT, 80),
-    Row("feedback_frozen duration=0.5", IMPLAUSIBLE, 600),
-    Row("encoder_stuck wheel=right duration=0.5", IMPLAUSIBLE, 600),
-    Row("encoder_reversed wheel=left duration=0.5", IMPLAUSIBLE, 600),
-    Row("encoder_disconnected wheel=left duration=0.5", IMPLAUSIBLE, 600),
-    Row("wheel_blocked wheel=left duration=0.5", ("over current", *IMPLAUSIBLE), 600),
-    Row("over_current amperes=30 duration=0.5", ("over current", *IMPLAUSIBLE), 400),
-    Row("over_temperature kelvin=150 duration=0.5", ("over temperature",), 400),
-    Row("under_voltage volts=6 duration=0.5", ("under voltage", *IMPLAUSIBLE), 400),
-    Row("brown_out volts=4 duration=0.5", DRIVE_BOOTS, 400),
-    Row("brown_out volts=8 duration=0.5", DRIVE_BOOTS, 400),
-    Row("parameter_lost node=drive", DRIVE_BOOTS, 100),
-    Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100),
-    Row("clock_drift node=drive ppm=100000 duration=5", ("the drive's clock runs",), 4500),
-    Row("sonar_silent duration=0.5", ("sonar",), 400),
-    Row("sonar_stuck duration=3", ("is stuck at",), 1500, omega_rad_s=0.0),
-    # Until it is found out each wheel is driven by the other's error: twice the turn rate.
-    Row("wheels_swapped duration=0.5", IMPLAUSIBLE, 600, omega_rad_s=0.5),
-    Row("node_cut node=drive duration=0.5", ("drive", *SILENT), 100),
-    Row("node_bus_off node=drive duration=0.5", ("drive", *SILENT), 100),
-    Row("host_cut duration=0.5", BUS_GONE, 100),
-    Row("host_bus_off duration=0.5", BUS_GONE, 100),
-    Row("no_ack duration=0.5", BUS_GONE, 100),
-    Row("overload priority=high load=1 duration=0.5", BUS_GONE, 100),
-    Row("bus_cut duration=0.5", BUS_GONE, 100),
-    Row("bus_short duration=0.5", BUS_GONE, 100),
-    Row("babble node=sonar duration=0.5", BUS_GONE, 100),
-    Row("frames_destroyed duration=0.5", BUS_GONE, 100),
-    Row("frames_lost id=0x181 duration=0.5", SILENT, 80),
-    Row("frames_lost id=0x201 duration=0.5", STOPPED, 100),
-    Row("frames_stale id=0x181 duration=0.5", SILENT, 80),
-    Row("frames_stale id=0x201 duration=0.5", STOPPED, 100),
-    Row("frames_corrupt id=0x181 duration=0.5", SILENT, 80),
-    Row("frames_corrupt id=0x201 duration=0.5", STOPPED, 100),
-    Row("frames_late id=0x181 delay=0.2 duration=0.5", SILENT, 80),
-)
 
 
 def power_off_s(rig: Rig, since_s: float) -> float:

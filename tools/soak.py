@@ -7,15 +7,13 @@ repeat fails the whole; its output is shown at once. On simcan the tests run sid
 from __future__ import annotations
 
 import argparse
-import json
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
-from collections.abc import Iterable
 from pathlib import Path
+
+from reactions import reaction_table
 
 ROOT = Path(__file__).resolve().parent.parent
 SUITE = sorted(
@@ -23,20 +21,6 @@ SUITE = sorted(
     for pattern in ("test_*_safety_stops.py", "test_*_faults.py")
     for path in (ROOT / "hil_tests").glob(pattern)
 )
-
-
-def reaction_table(lines: Iterable[str]) -> str:
-    """Return a Markdown table: fault, bus, number of repeats, median and greatest time."""
-    taken: dict[tuple[str, str], list[float]] = defaultdict(list)
-    for line in lines:
-        reaction = json.loads(line)
-        taken[reaction["fault"], reaction["bus"]].append(reaction["ms"])
-    rows = ["| fault | bus | repeats | median ms | greatest ms |", "|---|---|---|---|---|"]
-    rows += [
-        f"| {fault} | {bus} | {len(ms)} | {statistics.median(ms):.1f} | {max(ms):.1f} |"
-        for (fault, bus), ms in sorted(taken.items())
-    ]
-    return "\n".join(rows)
 
 
 def repeat(options: argparse.Namespace, reactions: Path) -> str:

@@ -2,7 +2,8 @@
 
 import json
 
-from soak import SUITE, reaction_table
+from reactions import reaction_table
+from soak import SUITE
 
 
 def line(fault, bus, ms):

@@ -1,0 +1,145 @@
+"""How long reactions to faults take: in lockstep, each fault many times, at random moments.
+
+Each fault of `hil_tests/fault_rows.py` befalls the simulated robot under way; a table says how long
+its wheels had power, seen each millisecond. What is measured among processes, on real buses, comes
+from `tools/soak.py`, in the same words. Exit status 1 where a reaction was later than its limit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import sys
+from collections import defaultdict
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from hil_tests.fault_rows import ROWS, Row
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import Bench, make_simulation
+from robotctl.app.options import StackOptions
+from robotctl.runtime.messages import Arm, SafetyState, VelocityCommand
+from robotctl.runtime.safety import POWERED
+
+BUS = "simcan, lockstep"
+V_M_S = 0.4
+MIDDLE = (3.0, 2.0, 0.0)
+MILLISECOND_NS = 1_000_000
+HOLD_NS = 300 * MILLISECOND_NS
+STEP = 10
+"""Ticks between two velocity commands."""
+
+
+def reaction_table(lines: Iterable[str]) -> str:
+    """Return a Markdown table: fault, bus, number of repeats, median and greatest time."""
+    taken: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for line in lines:
+        reaction = json.loads(line)
+        taken[reaction["fault"], reaction["bus"]].append(reaction["ms"])
+    rows = ["| fault | bus | repeats | median ms | greatest ms |", "|---|---|---|---|---|"]
+    rows += [
+        f"| {fault} | {bus} | {len(ms)} | {statistics.median(ms):.1f} | {max(ms):.1f} |"
+        for (fault, bus), ms in sorted(taken.items())
+    ]
+    return "\n".join(rows)
+
+
+class Run:
+    """One robot in the empty room, armed and under way.
+
+    Parameters
+    ----------
+    robot
+        Configuration file.
+    seed
+        Of the simulation.
+    omega_rad_s
+        How it turns.
+    """
+
+    def __init__(self, robot: Path, seed: int, omega_rad_s: float) -> None:
+        x_m, y_m, theta_rad = MIDDLE
+        options = StackOptions(
+            instance="reactions", robot=str(robot), x_m=x_m, y_m=y_m, theta_rad=theta_rad
+        )
+        world = find_file("empty_room", "worlds")
+        self._omega_rad_s = omega_rad_s
+        self.simulation = make_simulation(robot, world, seed, MIDDLE)
+        self._bench = Bench(options.load(), options, self.simulation)
+        self._off_ns: int | None = None
+        while self._bench.snapshot().state != SafetyState.ARMED:
+            now_ns = self._bench.clock.now_ns()
+            ask = self._bench.ticks % 100 == 99
+            self._bench.tick((Arm(now_ns, self._bench.ticks, arm=True),) if ask else ())
+
+    def drive(self, until_ns: int) -> None:
+        """Hold the velocity up to a time, or until the host has stopped."""
+        bench = self._bench
+        while bench.clock.now_ns() < until_ns and bench.snapshot().state in POWERED:
+            now_ns = bench.clock.now_ns()
+            command = VelocityCommand(now_ns, now_ns + HOLD_NS, V_M_S, self._omega_rad_s)
+            bench.tick((command,) if bench.ticks % STEP == 0 else ())
+
+    def now_ns(self) -> int:
+        """Return the simulated time [ns]."""
+        return self._bench.clock.now_ns()
+
+    def _look(self) -> None:
+        if self._off_ns is None and not self.simulation.plant.powered:
+            self._off_ns = self.simulation.bus.now_ns
+
+    def reaction_ms(self, row: Row, offset_ns: int) -> float:
+        """Let the fault begin at an offset from now; return when the wheels were without power."""
+        begin_ns = self.now_ns() + offset_ns
+        simulation = self.simulation
+
+        def begin() -> None:
+            simulation.faults.inject(row.fault)
+            simulation.faults.repeat(self._look)
+
+        simulation.bus.schedule(begin_ns, begin)
+        limit_ns = begin_ns + round(2 * row.limit_ms * 1e6)
+        self.drive(limit_ns)
+        while self._off_ns is None and self.now_ns() < limit_ns:
+            self._bench.tick(())
+        return float("inf") if self._off_ns is None else (self._off_ns - begin_ns) / 1e6
+
+
+def measure(robot: Path, row: Row, seed: int) -> float:
+    """Return one reaction time [ms] to a fault at a random moment."""
+    rng = np.random.default_rng(seed)
+    run = Run(robot, seed, row.omega_rad_s)
+    run.drive(run.now_ns() + round(rng.uniform(0.8, 1.2) * 1e9))
+    return run.reaction_ms(row, int(rng.integers(0, 10 * MILLISECOND_NS)))
+
+
+def main() -> int:
+    """Run the command."""
+    parser = argparse.ArgumentParser(prog="tools/reactions.py", description=__doc__)
+    add = parser.add_argument
+    add("--repeats", type=int, default=20, help="of each fault (%(default)s)")
+    add("--robot", default="diff_drive", help="(%(default)s)")
+    add("--keep", type=Path, metavar="FILE", help="add each reaction to this file, a JSON a line")
+    options = parser.parse_args()
+    robot, lines, late = find_file(options.robot), [], 0
+    for number, row in enumerate(ROWS, 1):
+        for seed in range(options.repeats):
+            taken_ms = measure(robot, row, seed)
+            late += taken_ms > row.limit_ms
+            lines.append(json.dumps({"fault": row.name, "bus": BUS, "ms": round(taken_ms, 3)}))
+        print(f"{number} of {len(ROWS)}: {row.name}", file=sys.stderr, flush=True)
+    if options.keep is not None:
+        with options.keep.open("a", encoding="utf-8") as output:
+            output.write("".join(f"{line}\n" for line in lines))
+    print(reaction_table(lines))
+    print(f"{late} of {len(lines)} reactions later than their limit")
+    return 1 if late else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
