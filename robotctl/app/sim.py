@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -145,10 +145,13 @@ class SimRun:
     ----------
     options
         What to run.
+    stopped
+        Asked all the time whether to end.
     """
 
-    def __init__(self, options: SimOptions) -> None:
+    def __init__(self, options: SimOptions, stopped: Callable[[], bool] = lambda: False) -> None:
         self._options = options
+        self._stopped = stopped
         interface, channel = options.channel
         overrides = (
             PATIENCE,
@@ -197,7 +200,13 @@ class SimRun:
         self.progress = Progress()
 
     def __enter__(self) -> SimRun:
-        """Start firmware_sim, then the stack."""
+        """Start firmware_sim, then the stack.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Where the run was stopped meanwhile.
+        """
         try:
             self._start_firmware()
             self._stack = Stack(self._stack_options)
@@ -252,7 +261,7 @@ class SimRun:
             command += ["--faults", str(options.faults)]
         self._firmware = start_child(command, stdout=subprocess.PIPE, text=True)
         self._said = _lines_of(self._firmware)
-        if not _said_ready(self._said, _READY_S):
+        if not _said_ready(self._said, _READY_S, self._stopped):
             self._firmware.kill()
             status = self._firmware.wait()
             raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
@@ -276,11 +285,12 @@ class SimRun:
             self._listen()
             progress = self.progress
             progress.elapsed_s = now_s - begin_s
+            stopped = self._stopped()
+            if stopped:
+                progress.lines.append("stopped by the user")
             yield progress
-            if progress.elapsed_s > self._options.max_seconds or (
-                until_done
-                and (is_over(progress.control, progress.navigation) or self._control_began_anew)
-            ):
+            over = is_over(progress.control, progress.navigation) or self._control_began_anew
+            if stopped or progress.elapsed_s > self._options.max_seconds or (until_done and over):
                 return
             if now_s - asked_s >= _ASK_S and not self._control_began_anew:
                 asked_s = now_s
@@ -442,14 +452,26 @@ def _lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:
     return lines
 
 
-def _said_ready(lines: queue.Queue[str | None], seconds: float) -> bool:
-    """Wait for the line `ready`."""
+def _said_ready(
+    lines: queue.Queue[str | None], seconds: float, stopped: Callable[[], bool]
+) -> bool:
+    """Wait for the line `ready`.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where the wait was ended.
+    """
     deadline_s = time.monotonic() + seconds
     while True:
+        if stopped():
+            raise KeyboardInterrupt
         try:
-            line = lines.get(timeout=max(0.0, deadline_s - time.monotonic()))
+            line = lines.get(timeout=_POLL_S)
         except queue.Empty:
-            return False
+            if time.monotonic() > deadline_s:
+                return False
+            continue
         if line is None:
             return False
         if line.startswith("ready"):

@@ -1,49 +1,24 @@
-"""The `robotctl` command: subcommands, and errors without tracebacks."""
+"""The `robotctl` command: errors and Ctrl-C without tracebacks."""
 
 from __future__ import annotations
 
 import sys
 
-import typer
-from rich.console import Console
-
-import robotctl
-from robotctl.cli import can, config, doctor, install, record, replay, run, sim, tune
 from robotctl.errors import RobotctlError
 
 BAD_INPUT = 2
-
-app = typer.Typer(
-    name="robotctl",
-    help="Real-time controller for wheeled robots.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
-app.add_typer(config.app, name="config")
-app.add_typer(can.app, name="can")
-app.add_typer(record.app, name="record")
-app.command("sim")(sim.sim)
-app.command("run")(run.run)
-app.command("tune")(tune.tune)
-app.command("doctor")(doctor.doctor)
-app.command("install")(install.install)
-app.command("uninstall")(install.uninstall)
-app.command("replay")(replay.replay)
-
-
-@app.command()
-def version() -> None:
-    """Print the version."""
-    print(robotctl.__version__)
+INTERRUPTED = 130
 
 
 def main() -> None:
     """Run the command line; a known error ends it with its message and status 2."""
     try:
+        # It takes a second or more, in which Ctrl-C may come.
+        from robotctl.cli.commands import app  # noqa: PLC0415
+
         app()
     except RobotctlError as error:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(
-            f"robotctl: {error}", markup=False
-        )
+        print(f"robotctl: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)

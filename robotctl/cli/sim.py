@@ -13,6 +13,7 @@ from rich.console import Console
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.score import Report
+from robotctl.app.signals import StopFlag
 from robotctl.app.sim import SimOptions, SimRun
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.keys import HINT, Keys
@@ -83,19 +84,15 @@ def sim(
 
 def _run(options: SimOptions, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.default_int_handler)
-    run = SimRun(options)
+    stopped = StopFlag()
+    run = SimRun(options, stopped)
     print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
     signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())
     with run, make_view(run, headless=headless) as view, Keys() as keys:
         if keys.usable:
             run.progress.lines.append(HINT)
-        try:
-            for progress in run.steps(until_done=until_done):
-                if keys.emergency():
-                    run.emergency_stop()
-                view.update(progress)
-        except KeyboardInterrupt:
-            run.progress.lines.append("stopped by the user")
+        for progress in run.steps(until_done=until_done):
+            if keys.emergency():
+                run.emergency_stop()
+            view.update(progress)
         return run.report()

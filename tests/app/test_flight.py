@@ -16,7 +16,7 @@ from robotctl.app.options import StackOptions
 from robotctl.app.recorder import Recording
 from robotctl.app.replay import differences, replay_file
 from robotctl.app.robot import make_core, record_header
-from robotctl.cli.main import app
+from robotctl.cli.commands import app
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import ControlCore, Inputs

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -54,14 +55,18 @@ def test_a_run_that_ends_by_itself_leaves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["starting firmware_sim", "connect: CAN"])
-def test_a_run_that_is_interrupted_leaves_nothing(tmp_path: Path, line: str) -> None:
+@pytest.mark.parametrize("times", [1, 20])
+def test_a_run_that_is_interrupted_leaves_nothing(tmp_path: Path, line: str, times: int) -> None:
     with sim(tmp_path) as process:
         assert process.stdout is not None
         assert any(line in each for each in process.stdout)
-        process.send_signal(signal.SIGINT)
+        for _ in range(times):
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.02)
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert "Traceback" not in output
     assert process.returncode != 0
+    assert ("stopped by the user" in output) == (line == "connect: CAN")
     assert left_behind(tmp_path) == ([], [])
 
 
@@ -71,3 +76,18 @@ def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
     assert process.returncode == 2
     assert "no_such_world" in output
     assert left_behind(tmp_path) == ([], [])
+
+
+def test_ctrl_c_while_the_command_is_still_being_read_is_no_error() -> None:
+    program = """
+import importlib.abc, sys
+class Interrupted(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "robotctl.cli.sim":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupted())
+from robotctl.cli.main import main
+main()
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
+    assert (ended.returncode, ended.stderr) == (130, b"")

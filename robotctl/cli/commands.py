@@ -1,0 +1,32 @@
+"""The subcommands of `robotctl`."""
+
+from __future__ import annotations
+
+import typer
+
+import robotctl
+from robotctl.cli import can, config, doctor, install, record, replay, run, sim, tune
+
+app = typer.Typer(
+    name="robotctl",
+    help="Real-time controller for wheeled robots.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+app.add_typer(config.app, name="config")
+app.add_typer(can.app, name="can")
+app.add_typer(record.app, name="record")
+app.command("sim")(sim.sim)
+app.command("run")(run.run)
+app.command("tune")(tune.tune)
+app.command("doctor")(doctor.doctor)
+app.command("install")(install.install)
+app.command("uninstall")(install.uninstall)
+app.command("replay")(replay.replay)
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    print(robotctl.__version__)
