@@ -54,7 +54,8 @@ ROWS = (
     Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100),
     Row("clock_drift node=drive ppm=100000 duration=5", ("the drive's clock runs",), 4500),
     Row("sonar_silent duration=0.5", ("sonar",), 400),
-    Row("sonar_stuck duration=3", ("is stuck at",), 1500, omega_rad_s=0.0),
+    # A comparison takes 0.3 m; the fault may have to wait for the end of the one it began in.
+    Row("sonar_stuck duration=3", ("is stuck at",), 1700, omega_rad_s=0.0),
     # Until it is found out each wheel is driven by the other's error: twice the turn rate.
     Row("wheels_swapped duration=0.5", IMPLAUSIBLE, 600, omega_rad_s=0.5),
     Row("node_cut node=drive duration=0.5", ("drive", *SILENT), 100),
