@@ -36,17 +36,19 @@ STEP = 10
 
 
 def reaction_table(lines: Iterable[str]) -> str:
-    """Return a Markdown table: fault, bus, number of repeats, median and greatest time."""
-    taken: dict[tuple[str, str], list[float]] = defaultdict(list)
+    """Return a Markdown table, fault by bus: median and greatest time [ms], and of how many."""
+    taken: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for line in lines:
         reaction = json.loads(line)
-        taken[reaction["fault"], reaction["bus"]].append(reaction["ms"])
-    rows = ["| fault | bus | repeats | median ms | greatest ms |", "|---|---|---|---|---|"]
-    rows += [
-        f"| {fault} | {bus} | {len(ms)} | {statistics.median(ms):.1f} | {max(ms):.1f} |"
-        for (fault, bus), ms in sorted(taken.items())
-    ]
-    return "\n".join(rows)
+        taken[reaction["fault"]][reaction["bus"]].append(reaction["ms"])
+    buses = sorted({bus for times in taken.values() for bus in times})
+
+    def cell(ms: list[float]) -> str:
+        return f"{statistics.median(ms):.1f} / {max(ms):.1f} ({len(ms)})" if ms else ""
+
+    rows = [["fault", *buses], ["---"] * (1 + len(buses))]
+    rows += [[fault, *(cell(taken[fault][bus]) for bus in buses)] for fault in sorted(taken)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 class Run:

@@ -10,11 +10,14 @@ def line(fault, bus, ms):
     return json.dumps({"fault": fault, "bus": bus, "ms": ms})
 
 
-def test_each_fault_on_each_bus_has_a_row_with_count_median_and_greatest():
+def test_each_fault_has_a_row_and_each_bus_a_column_with_median_greatest_and_count():
     lines = [line("cut", "simcan", ms) for ms in (3.0, 1.0, 2.5)] + [line("cut", "vcan0", 7.0)]
-    assert reaction_table(lines).splitlines()[2:] == [
-        "| cut | simcan | 3 | 2.5 | 3.0 |",
-        "| cut | vcan0 | 1 | 7.0 | 7.0 |",
+    lines.append(line("mute", "vcan0", 4.0))
+    assert reaction_table(lines).splitlines() == [
+        "| fault | simcan | vcan0 |",
+        "| --- | --- | --- |",
+        "| cut | 2.5 / 3.0 (3) | 7.0 / 7.0 (1) |",
+        "| mute |  | 4.0 / 4.0 (1) |",
     ]
 
 
