@@ -11,7 +11,7 @@ INTERRUPTED = 130
 
 
 def main() -> None:
-    """Run the command line; a known error ends it with its message and status 2."""
+    """Run the command line; a known error, or a file that is refused, ends it with status 2."""
     try:
         # It takes a second or more, in which Ctrl-C may come.
         from robotctl.cli.commands import app  # noqa: PLC0415
@@ -19,6 +19,11 @@ def main() -> None:
         app()
     except RobotctlError as error:
         print(f"robotctl: {error}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"robotctl: {error.filename}: {error.strerror}", file=sys.stderr)
         sys.exit(BAD_INPUT)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)

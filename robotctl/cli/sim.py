@@ -76,9 +76,9 @@ def sim(
         result = run_lockstep(options)
     else:
         result = _run(options, headless=headless, until_done=until_done)
+    Console().print(score_table(result))
     if report is not None:
         report.write_bytes(result.json())
-    Console().print(score_table(result))
     sys.exit(0 if result.mission_completed else NOT_COMPLETED)
 
 

@@ -78,6 +78,24 @@ def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
     assert left_behind(tmp_path) == ([], [])
 
 
+def test_a_folder_that_cannot_be_made_is_named_without_a_traceback(tmp_path: Path) -> None:
+    with sim(tmp_path, "--record", "/proc/no_such_folder") as process:
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2
+    assert "robotctl: /proc/no_such_folder: No such file or directory" in output
+    assert "Traceback" not in output
+    assert left_behind(tmp_path) == ([], [])
+
+
+def test_a_report_that_cannot_be_written_does_not_lose_the_score(tmp_path: Path) -> None:
+    target = tmp_path / "no_such_folder" / "report.json"
+    with sim(tmp_path, "--lockstep", "--max-seconds", "1", "--report", str(target)) as process:
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2
+    assert "not completed" in output
+    assert f"robotctl: {target}: No such file or directory" in output
+
+
 def test_ctrl_c_while_the_command_is_still_being_read_is_no_error() -> None:
     program = """
 import importlib.abc, sys
