@@ -7,6 +7,8 @@ Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
 
 from __future__ import annotations
 
+import sys
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
@@ -75,7 +77,7 @@ class LogWriter:
     ValueError
         If the channel's name has spaces.
     OSError
-        If the file cannot be written.
+        If the file cannot be opened. A disk that is full later ends the log, not the bus.
     """
 
     def __init__(
@@ -91,12 +93,24 @@ class LogWriter:
 
     def _write(self, frame: Frame) -> None:
         if not self._file.closed:
-            self._file.write(log_line(frame, self._channel, self._epoch_ns))
+            try:
+                self._file.write(log_line(frame, self._channel, self._epoch_ns))
+            except OSError as error:
+                self._give_up(error)
 
     def flush(self) -> None:
         """Pass on what has been written so far."""
         if not self._file.closed:
-            self._file.flush()
+            try:
+                self._file.flush()
+            except OSError as error:
+                self._give_up(error)
+
+    def _give_up(self, error: OSError) -> None:
+        """Write no more, where the disk is full for example: the bus goes on."""
+        sys.stderr.write(f"{self._file.name}: logging of frames stopped: {error.strerror}\n")
+        with suppress(OSError):
+            self._file.close()
 
     def close(self) -> None:
         """Finish the log; frames to come are not written."""
