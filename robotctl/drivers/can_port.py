@@ -289,6 +289,6 @@ def _explanation(config: CanConfig, error: Exception) -> str:
     if config.interface == "socketcan":
         text += (
             f"; bring it up with `ip link set {config.channel} up type can bitrate "
-            f"{config.bitrate} restart-ms 1000`"
+            f"{config.bitrate} restart-ms 100`"
         )
     return text
