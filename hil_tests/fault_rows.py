@@ -16,6 +16,8 @@ class Row:
     reasons: tuple[str, ...]
     limit_ms: float
     omega_rad_s: float = 0.8
+    cut_off: bool = False
+    """Whether host and drive do not hear each other, so that each must stop by itself."""
 
     @property
     def name(self) -> str:
@@ -58,16 +60,16 @@ ROWS = (
     Row("sonar_stuck duration=3", ("is stuck at",), 1700, omega_rad_s=0.0),
     # Until it is found out each wheel is driven by the other's error: twice the turn rate.
     Row("wheels_swapped duration=0.5", IMPLAUSIBLE, 600, omega_rad_s=0.5),
-    Row("node_cut node=drive duration=0.5", ("drive", *SILENT), 100),
+    Row("node_cut node=drive duration=0.5", ("drive", *SILENT), 100, cut_off=True),
     Row("node_bus_off node=drive duration=0.5", ("drive", *SILENT), 100),
-    Row("host_cut duration=0.5", BUS_GONE, 100),
-    Row("host_bus_off duration=0.5", BUS_GONE, 100),
-    Row("no_ack duration=0.5", BUS_GONE, 100),
-    Row("overload priority=high load=1 duration=0.5", BUS_GONE, 100),
-    Row("bus_cut duration=0.5", BUS_GONE, 100),
-    Row("bus_short duration=0.5", BUS_GONE, 100),
-    Row("babble node=sonar duration=0.5", BUS_GONE, 100),
-    Row("frames_destroyed duration=0.5", BUS_GONE, 100),
+    Row("host_cut duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("host_bus_off duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("no_ack duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("overload priority=high load=1 duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("bus_cut duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("bus_short duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("babble node=sonar duration=0.5", BUS_GONE, 100, cut_off=True),
+    Row("frames_destroyed duration=0.5", BUS_GONE, 100, cut_off=True),
     Row("frames_lost id=0x181 duration=0.5", SILENT, 80),
     Row("frames_lost id=0x201 duration=0.5", STOPPED, 100),
     Row("frames_stale id=0x181 duration=0.5", SILENT, 80),
