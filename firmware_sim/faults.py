@@ -70,6 +70,8 @@ class Faults:
             key, equals, value = word.partition("=")
             if not equals:
                 raise SimulationError(f"fault {name}: {word!r} is not of the form key=value")
+            if key in arguments:
+                raise SimulationError(f"fault {name}: {key} is given twice")
             arguments[key] = value
         self.begin(name, arguments)
         return name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -115,7 +116,8 @@ class Rig:
             record=record,
         )
         self.config = self.options.load()
-        self.endpoints = Endpoints(endpoint_directory(name))
+        self._folder = endpoint_directory(name)
+        self.endpoints = Endpoints(self._folder)
         self._context = zmq.Context()
         self._states = Subscriber[ControlState | NavigationState | Notice](
             self._context, self.endpoints.published, ControlState | NavigationState | Notice
@@ -213,6 +215,7 @@ class Rig:
             if name in self._processes:
                 self.kill(name, signal.SIGTERM)
         self._context.destroy(linger=0)
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     # Looking
 

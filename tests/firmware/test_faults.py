@@ -668,6 +668,7 @@ class TestLines:
         [
             ("encoder_stck", 'fault encoder_stck: unknown; did you mean "encoder_stuck"?'),
             ("encoder_stuck wheel", "fault encoder_stuck: 'wheel' is not of the form key=value"),
+            ("node_cut node=drive node=sonar", "fault node_cut: node is given twice"),
             (
                 "encoder_stuck weel=left",
                 (
