@@ -22,6 +22,10 @@ from robotctl.errors import LinkError
 T = TypeVar("T")
 
 _QUEUE = 256
+_PATH_BYTES = 107
+"""Of the path of a Unix socket: `sun_path` of unix(7) without its end."""
+
+_LONGEST = "navigation.requests"
 _MEMORY = Path("/dev/shm")  # noqa: S108 - a private directory in it
 
 
@@ -31,11 +35,19 @@ def endpoint_directory(instance: str) -> Path:
     Raises
     ------
     LinkError
-        Where the directory belongs to somebody else or is open to others.
+        Where the directory belongs to somebody else or is open to others, or its path is so long
+        that no socket fits into it.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     base = Path(runtime) if runtime else Path(tempfile.gettempdir())
     parent = base / ("robotctl" if runtime else f"robotctl-{os.getuid()}")
+    path = parent / instance
+    excess = len(os.fsencode(path / _LONGEST)) - _PATH_BYTES
+    if excess > 0:
+        raise LinkError(
+            f"{path}: {excess} bytes too long for the path of a socket; set "
+            f"{'XDG_RUNTIME_DIR' if runtime else 'TMPDIR'} to a folder with a shorter path"
+        )
     return _private(_private(parent) / instance)
 
 

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,13 @@ import pytest
 
 DEADLINE_S = 90.0
 ROBOTCTL = [sys.executable, "-c", "from robotctl.cli.main import main; main()"]
+
+
+@pytest.fixture
+def runtime() -> Iterator[Path]:
+    """A folder with a short path: those of sockets may have 107 bytes."""
+    with tempfile.TemporaryDirectory(prefix="run-") as folder:
+        yield Path(folder)
 
 
 @contextmanager
@@ -47,17 +55,17 @@ def left_behind(runtime: Path) -> tuple[list[str], list[str]]:
     return [each for each in files if each != "robotctl"], processes
 
 
-def test_a_run_that_ends_by_itself_leaves_nothing(tmp_path: Path) -> None:
-    with sim(tmp_path, "--max-seconds", "3") as process:
+def test_a_run_that_ends_by_itself_leaves_nothing(runtime: Path) -> None:
+    with sim(runtime, "--max-seconds", "3") as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode in (2, 3), output  # 2: a busy computer did not start in that time
-    assert left_behind(tmp_path) == ([], [])
+    assert left_behind(runtime) == ([], [])
 
 
 @pytest.mark.parametrize("line", ["starting firmware_sim", "connect: CAN"])
 @pytest.mark.parametrize("times", [1, 20])
-def test_a_run_that_is_interrupted_leaves_nothing(tmp_path: Path, line: str, times: int) -> None:
-    with sim(tmp_path) as process:
+def test_a_run_that_is_interrupted_leaves_nothing(runtime: Path, line: str, times: int) -> None:
+    with sim(runtime) as process:
         assert process.stdout is not None
         assert any(line in each for each in process.stdout)
         for _ in range(times):
@@ -67,29 +75,29 @@ def test_a_run_that_is_interrupted_leaves_nothing(tmp_path: Path, line: str, tim
     assert "Traceback" not in output
     assert process.returncode != 0
     assert ("stopped by the user" in output) == (line == "connect: CAN")
-    assert left_behind(tmp_path) == ([], [])
+    assert left_behind(runtime) == ([], [])
 
 
-def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
-    with sim(tmp_path, "--world", "no_such_world") as process:
+def test_a_run_that_is_refused_leaves_nothing(runtime: Path) -> None:
+    with sim(runtime, "--world", "no_such_world") as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
     assert "no_such_world" in output
-    assert left_behind(tmp_path) == ([], [])
+    assert left_behind(runtime) == ([], [])
 
 
-def test_a_folder_that_cannot_be_made_is_named_without_a_traceback(tmp_path: Path) -> None:
-    with sim(tmp_path, "--record", "/proc/no_such_folder") as process:
+def test_a_folder_that_cannot_be_made_is_named_without_a_traceback(runtime: Path) -> None:
+    with sim(runtime, "--record", "/proc/no_such_folder") as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
     assert "robotctl: /proc/no_such_folder: No such file or directory" in output
     assert "Traceback" not in output
-    assert left_behind(tmp_path) == ([], [])
+    assert left_behind(runtime) == ([], [])
 
 
-def test_a_report_that_cannot_be_written_does_not_lose_the_score(tmp_path: Path) -> None:
-    target = tmp_path / "no_such_folder" / "report.json"
-    with sim(tmp_path, "--lockstep", "--max-seconds", "1", "--report", str(target)) as process:
+def test_a_report_that_cannot_be_written_does_not_lose_the_score(runtime: Path) -> None:
+    target = runtime / "no_such_folder" / "report.json"
+    with sim(runtime, "--lockstep", "--max-seconds", "1", "--report", str(target)) as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
     assert "not completed" in output

@@ -1,5 +1,6 @@
 """Messages between processes, over real sockets."""
 
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -144,6 +145,20 @@ def test_a_listener_hears_a_publisher_that_starts_later_and_again(
         until(heard)
         assert got[-1].text == text
         publisher.close()
+
+
+def test_a_folder_too_deep_for_sockets_is_refused_with_what_to_set(
+    context: zmq.Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with tempfile.TemporaryDirectory(dir="/tmp") as short:
+        fits = Path(short, "x" * (107 - len(f"{short}//robotctl/robot/navigation.requests")))
+        fits.mkdir(mode=0o700)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(fits))
+        address = Endpoints(endpoint_directory("robot")).navigation_requests
+        assert len(address) == len("ipc://") + 107
+        RequestReceiver[NavigationRequest](context, address, NavigationRequest)
+        with pytest.raises(LinkError, match=r"1 bytes too long .* XDG_RUNTIME_DIR"):
+            endpoint_directory("robot1")
 
 
 def test_a_directory_open_to_others_is_refused(
