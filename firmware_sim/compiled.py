@@ -14,16 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+import numba
 import numpy as np
-
-from firmware_sim.errors import SimulationError
-
-try:
-    import numba
-except ModuleNotFoundError as missing:
-    raise SimulationError(
-        "the simulator needs numba, which is not installed: pip install 'robotctl[sim]'"
-    ) from missing
 
 P = ParamSpec("P")
 R = TypeVar("R")

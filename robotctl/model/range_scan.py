@@ -1,0 +1,63 @@
+"""A scan of a planar range sensor: lidar, or what a camera makes of the floor's boundary."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeScan:
+    """Ranges of many beams, all taken at one instant from one point of the robot.
+
+    Parameters
+    ----------
+    stamp_ns
+        Time of the scan [ns], monotonic, or of the log's own clock.
+    angles_rad
+        Directions of the beams in `base`, counter-clockwise from forward, (n,) [rad].
+    ranges_m
+        Ranges, (n,) [m]; inf: nothing within `max_range_m`; nan: no valid reading.
+    max_range_m
+        Beyond it nothing is seen [m], > 0.
+    x_m, y_m
+        The sensor in `base` [m].
+
+    Raises
+    ------
+    ValueError
+        If the arrays are not (n,) both, or a number is out of its range.
+    """
+
+    stamp_ns: int
+    angles_rad: NDArray[np.float64]
+    ranges_m: NDArray[np.float64]
+    max_range_m: float
+    x_m: float = 0.0
+    y_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.angles_rad.ndim != 1 or self.angles_rad.shape != self.ranges_m.shape:
+            raise ValueError(
+                f"angles_rad {self.angles_rad.shape} and ranges_m {self.ranges_m.shape} must both "
+                "be (n,)"
+            )
+        if not np.all(np.isfinite(self.angles_rad)):
+            raise ValueError("angles_rad must be finite")
+        if np.any(self.ranges_m < 0.0):
+            raise ValueError("ranges_m must not be negative")
+        if not 0.0 < self.max_range_m < math.inf:
+            raise ValueError(f"max_range_m must be finite and > 0, found {self.max_range_m}")
+        if not (math.isfinite(self.x_m) and math.isfinite(self.y_m)):
+            raise ValueError("x_m and y_m must be finite")
+
+    def points_base(self) -> NDArray[np.float64]:
+        """Return the end points of the beams that hit something, in `base`, (k, 2) [m]."""
+        hit = np.isfinite(self.ranges_m) & (self.ranges_m < self.max_range_m)
+        angles, ranges = self.angles_rad[hit], self.ranges_m[hit]
+        return np.stack(
+            [self.x_m + ranges * np.cos(angles), self.y_m + ranges * np.sin(angles)], axis=1
+        )

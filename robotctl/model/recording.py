@@ -1,0 +1,76 @@
+"""A recorded drive as values, whatever the format of its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.range_scan import RangeScan
+from robotctl.model.se2 import SE2
+from robotctl.model.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedScan:
+    """A scan with what the log says of the robot at its time.
+
+    Parameters
+    ----------
+    scan
+        Ranges.
+    odometry
+        `base` in the frame of the odometry.
+    reference
+        `base` in `world`; None where the log has none.
+    """
+
+    scan: RangeScan
+    odometry: SE2
+    reference: SE2 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """A landmark seen at a range [m] and bearing [rad, from forward to the left] of `base`."""
+
+    stamp_ns: int
+    landmark: int
+    range_m: float
+    bearing_rad: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """A recorded drive; what a format does not carry is empty or None.
+
+    Parameters
+    ----------
+    name
+        Of the log, for messages.
+    scans
+        In the order of their times.
+    odometry
+        Poses in the frame of the odometry; None where the log has velocities only.
+    twist_stamps_ns, twists
+        (m,) and (m, 2): from this time on, v [m/s] and omega [rad/s] of `base`; m may be 0.
+    reference
+        `base` in `world`, from something better than odometry.
+    sightings
+        Of landmarks, in the order of their times.
+    landmarks
+        Position of each known landmark in `world` [m].
+    wheel_ticks
+        (n, 3): time [ns], cumulative counts of the left and of the right wheel; (0, 3) where none.
+    """
+
+    name: str
+    scans: tuple[RecordedScan, ...] = ()
+    odometry: Trajectory | None = None
+    twist_stamps_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    twists: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    reference: Trajectory | None = None
+    sightings: tuple[Sighting, ...] = ()
+    landmarks: dict[int, tuple[float, float]] = field(default_factory=dict)
+    wheel_ticks: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))

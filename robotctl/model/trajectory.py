@@ -1,0 +1,61 @@
+"""Poses over time: of a reference, an odometry or an estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.angles import wrap_angle
+from robotctl.model.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Poses of `base` in a fixed frame, in the order of their times.
+
+    Parameters
+    ----------
+    stamps_ns
+        (n,) int64 [ns], not decreasing, n > 0.
+    poses
+        (n, 3): x [m], y [m], theta [rad].
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, a pose is not finite, or a time goes back.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    poses: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.stamps_ns)
+        if n == 0 or self.stamps_ns.shape != (n,) or self.poses.shape != (n, 3):
+            raise ValueError(
+                f"stamps_ns must be (n,) and poses (n, 3), n > 0, found {self.stamps_ns.shape} "
+                f"and {self.poses.shape}"
+            )
+        if not np.all(np.isfinite(self.poses)):
+            raise ValueError("poses must be finite")
+        if np.any(np.diff(self.stamps_ns) < 0):
+            raise ValueError("stamps_ns must not decrease")
+
+    def at(self, stamp_ns: int) -> SE2 | None:
+        """Return the pose at a time, interpolated; None outside of the trajectory."""
+        if not self.stamps_ns[0] <= stamp_ns <= self.stamps_ns[-1]:
+            return None
+        after = int(np.searchsorted(self.stamps_ns, stamp_ns))
+        x, y, theta = (float(value) for value in self.poses[after])
+        if self.stamps_ns[after] == stamp_ns:
+            return SE2(x, y, wrap_angle(theta))
+        begin_ns, end_ns = int(self.stamps_ns[after - 1]), int(self.stamps_ns[after])
+        x0, y0, theta0 = (float(value) for value in self.poses[after - 1])
+        share = (stamp_ns - begin_ns) / (end_ns - begin_ns)
+        return SE2(
+            x0 + share * (x - x0),
+            y0 + share * (y - y0),
+            wrap_angle(theta0 + share * wrap_angle(theta - theta0)),
+        )
