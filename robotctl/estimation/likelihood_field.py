@@ -1,0 +1,308 @@
+"""The likelihood field: how well the end points of a scan's beams lie on a map's obstacles.
+
+A beam that ends at a distance d from the nearest obstacle of the map has the likelihood
+
+    p(d) = (exp(-d^2 / 2 sigma^2) + K) / (1 + K),
+
+the robust likelihood of notes, section 4.1 (Thrun, Burgard, Fox: Probabilistic Robotics, table 6.3,
+with the uniform part in K). Beams are multiplied: their logs, kept for each cell of the map, are
+added. The sum is then scaled by a power alpha = min(1, `independent_beams` / beams), since beams
+are not independent given the pose: they share the map's errors, people and furniture that stand
+where the map has none, and the robot's motion during the scan. Without that power sixty beams claim
+centimetres that they do not know, and particles near the truth die out.
+
+- A beam without a valid reading, or with nothing in range, is left out: the field does not know how
+  far a beam should have gone.
+- Outside of the map, and where nothing is near, a beam has the least likelihood, K / (1 + K).
+- Unknown cells are no obstacles. A beam that ends a little behind a wall, where no beam ever
+  reached, keeps its likelihood by the distance to the wall.
+- The field cannot see that a beam goes through a wall; the beam model can (`beam_model.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.estimation.compiled import compiled
+from robotctl.estimation.log_likelihood import LogLikelihood
+from robotctl.model.grid_map import GridMap
+from robotctl.model.range_scan import RangeScan
+
+_BLOCK = 128
+"""Particles weighed together: their sums stay in the first-level cache."""
+_JUDGES = 256
+"""Poses that decide which beams are skipped: every so many of all."""
+_CLOSE_M = 0.5
+_CLOSE_RAD = 0.25
+"""Poses that spread more than this cannot say that a beam is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class LikelihoodFieldConfig:
+    """How beams are weighed.
+
+    Parameters
+    ----------
+    beams
+        Beams taken of a scan, evenly chosen of those that hit something, >= 1.
+    sigma_m
+        Standard deviation of the distance of an end point from its obstacle, of sensor and map
+        together [m], > 0.
+    robust_k
+        K: likelihood of a beam that ends anywhere, against that of one on an obstacle, > 0.
+    independent_beams
+        How many independent beams the chosen ones are worth together, > 0.
+    beam_skipping
+        Leave out beams that disagree with nearly all poses, as people in front of the robot make
+        them; only while the poses are close together.
+    skip_sigmas
+        A beam agrees with a pose if it ends within so many `sigma_m` of an obstacle, (0, 4].
+    skip_below
+        A beam is left out if it agrees with less than this share of the poses, (0, 1).
+    skip_at_most
+        If more than this share of the beams would be left out, none is: then not the beams are
+        wrong, but the poses, (0, 1).
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    beams: int = 60
+    sigma_m: float = 0.1
+    robust_k: float = 0.05
+    independent_beams: float = 15.0
+    beam_skipping: bool = False
+    skip_sigmas: float = 3.0
+    skip_below: float = 0.3
+    skip_at_most: float = 0.7
+
+    def __post_init__(self) -> None:
+        if self.beams < 1:
+            raise ValueError(f"beams must be >= 1, found {self.beams}")
+        for key in ("sigma_m", "robust_k", "independent_beams"):
+            value = getattr(self, key)
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{key} must be finite and > 0, found {value}")
+        if not 0.0 < self.skip_sigmas <= 4.0:
+            raise ValueError(f"skip_sigmas must be in (0, 4], found {self.skip_sigmas}")
+        for key in ("skip_below", "skip_at_most"):
+            value = getattr(self, key)
+            if not 0.0 < value < 1.0:
+                raise ValueError(f"{key} must be in (0, 1), found {value}")
+
+
+class LikelihoodField:
+    """Log-likelihoods of scans on an occupancy grid.
+
+    Parameters
+    ----------
+    grid
+        The map; cells with at least 50 percent are obstacles.
+    config
+        How beams are weighed.
+
+    Raises
+    ------
+    ValueError
+        If the map has no obstacle: every pose would be alike.
+    """
+
+    def __init__(self, grid: GridMap, config: LikelihoodFieldConfig | None = None) -> None:
+        self.config = config or LikelihoodFieldConfig()
+        occupied = grid.occupied()
+        if not occupied.any():
+            raise ValueError("the map has no obstacle: no cell is occupied with 50 % or more")
+        distance_m = ndimage.distance_transform_edt(~occupied) * grid.resolution_m
+        rows, columns = occupied.shape
+        # A border of one cell takes all that lies outside.
+        log_field = np.full((rows + 2, columns + 2), self._log(np.array(np.inf)), np.float32)
+        log_field[1:-1, 1:-1] = self._log(distance_m)
+        self._log_field = log_field
+        self._grid = grid
+        origin = grid.origin
+        self._map_from_world = np.array(
+            [
+                origin.x_m,
+                origin.y_m,
+                math.cos(origin.theta_rad),
+                math.sin(origin.theta_rad),
+                1.0 / grid.resolution_m,
+            ]
+        )
+        self._agrees = np.float32(
+            self._log(np.array(self.config.skip_sigmas * self.config.sigma_m))
+        )
+
+    def measurement(self, scan: RangeScan) -> LogLikelihood:
+        """Return the function from poses to the log-likelihood of a scan."""
+        points = self._chosen_points(scan)
+
+        def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self._log_likelihood(poses, points)
+
+        return log_likelihood
+
+    def log_likelihood(self, poses: NDArray[np.float64], scan: RangeScan) -> NDArray[np.float64]:
+        """Return the log-likelihood of a scan at each pose.
+
+        Parameters
+        ----------
+        poses
+            Of `base` in `world`, (n, 3) [m, m, rad].
+        scan
+            The measurement.
+
+        Returns
+        -------
+        NDArray
+            (n,), at most 0: 0 where all chosen beams end in obstacles, and everywhere if no beam
+            hit anything.
+        """
+        return self._log_likelihood(poses, self._chosen_points(scan))
+
+    def _log(self, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return log p(d), at most 0."""
+        k = self.config.robust_k
+        hit = np.exp(-0.5 * (distance_m / self.config.sigma_m) ** 2)
+        result: NDArray[np.float64] = np.log((hit + k) / (1.0 + k))
+        return result
+
+    def _chosen_points(self, scan: RangeScan) -> NDArray[np.float32]:
+        """Return the end points of the chosen beams in `base`, (2, k) [cells]."""
+        points = scan.points_base()
+        valid = len(points)
+        count = min(self.config.beams, valid)
+        chosen = ((np.arange(count) + 0.5) * (valid / max(count, 1))).astype(np.intp)
+        cells: NDArray[np.float32] = (points[chosen].T * self._map_from_world[4]).astype(np.float32)
+        return np.ascontiguousarray(cells)
+
+    def _log_likelihood(
+        self, poses: NDArray[np.float64], points: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
+        count = points.shape[1]
+        if self.config.beam_skipping:
+            points = self._without_skipped(poses, points)
+        summed = self._summed(poses, points)
+        alpha = min(1.0, self.config.independent_beams / max(count, 1))
+        result: NDArray[np.float64] = alpha * summed
+        return result
+
+    def _summed(
+        self, poses: NDArray[np.float64], points: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
+        """Return the sum of the beams' logs at each pose, (n,)."""
+        total = np.empty(len(poses))
+        cos, sin = self._heading(poses)
+        _weigh(poses, cos, sin, points, self._map_from_world, self._log_field, total)
+        return total
+
+    def _heading(
+        self, poses: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return cosine and sine of the headings in the map; numpy's are vectorised."""
+        heading = (poses[:, 2] - self._grid.origin.theta_rad).astype(np.float32)
+        return np.cos(heading), np.sin(heading)
+
+    def _without_skipped(
+        self, poses: NDArray[np.float64], points: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Return the end points of the beams that enough poses agree with."""
+        config = self.config
+        judges = np.ascontiguousarray(poses[:: max(1, len(poses) // _JUDGES)])
+        if points.shape[1] == 0 or not _close_together(judges):
+            return points
+        cos, sin = self._heading(judges)
+        agreeing = np.zeros(points.shape[1], np.int64)
+        _count_agreeing(
+            judges, cos, sin, points, self._map_from_world, self._log_field, self._agrees, agreeing
+        )
+        kept = agreeing >= config.skip_below * len(judges)
+        if np.count_nonzero(~kept) > config.skip_at_most * len(kept):
+            return points
+        return np.ascontiguousarray(points[:, kept])
+
+
+def _close_together(poses: NDArray[np.float64]) -> bool:
+    """Whether the poses' standard deviation is below `_CLOSE_M` and `_CLOSE_RAD`."""
+    if np.hypot(*poses[:, :2].std(axis=0)) > _CLOSE_M:
+        return False
+    resultant = np.hypot(np.cos(poses[:, 2]).mean(), np.sin(poses[:, 2]).mean())
+    return bool(resultant > math.exp(-0.5 * _CLOSE_RAD**2))
+
+
+@compiled
+def _weigh(
+    poses: NDArray[np.float64],
+    cos: NDArray[np.float32],
+    sin: NDArray[np.float32],
+    points: NDArray[np.float32],
+    map_from_world: NDArray[np.float64],
+    log_field: NDArray[np.float32],
+    total: NDArray[np.float64],
+) -> None:
+    """Fill `total` with the sum of the field at all end points, for each pose.
+
+    Beams are the outer loop and a block of poses the inner one: then the inner loops are free of
+    branches and sums, which the compiler turns into vector code, and where poses are close
+    together they look up neighbouring cells.
+    """
+    n, beams = len(poses), points.shape[1]
+    x0, y0, c0, s0, scale = map_from_world
+    flat = log_field.ravel()
+    stride = np.int32(log_field.shape[1])
+    zero = np.float32(0.0)
+    last_u, last_v = np.float32(log_field.shape[1] - 1), np.float32(log_field.shape[0] - 1)
+    u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    cell, summed = np.empty(_BLOCK, np.uint32), np.empty(_BLOCK, np.float32)
+    for start in range(0, n, _BLOCK):
+        size = min(_BLOCK, n - start)
+        c, s = cos[start : start + size], sin[start : start + size]
+        for i in range(size):
+            x, y = poses[start + i, 0] - x0, poses[start + i, 1] - y0
+            u[i] = (c0 * x + s0 * y) * scale + 1.0
+            v[i] = (c0 * y - s0 * x) * scale + 1.0
+            summed[i] = zero
+        for k in range(beams):
+            px, py = points[0, k], points[1, k]
+            for i in range(size):
+                column = u[i] + c[i] * px - s[i] * py
+                row = v[i] + s[i] * px + c[i] * py
+                column = column if column > zero else zero
+                column = column if column < last_u else last_u
+                row = row if row > zero else zero
+                row = row if row < last_v else last_v
+                cell[i] = np.uint32(np.int32(row) * stride + np.int32(column))
+            for i in range(size):
+                summed[i] += flat[cell[i]]
+        for i in range(size):
+            total[start + i] = summed[i]
+
+
+@compiled
+def _count_agreeing(
+    poses: NDArray[np.float64],
+    cos: NDArray[np.float32],
+    sin: NDArray[np.float32],
+    points: NDArray[np.float32],
+    map_from_world: NDArray[np.float64],
+    log_field: NDArray[np.float32],
+    agrees: np.float32,
+    agreeing: NDArray[np.int64],
+) -> None:
+    """Add to `agreeing` for each beam the number of poses that put it near an obstacle."""
+    x0, y0, c0, s0, scale = map_from_world
+    for i in range(len(poses)):
+        x, y = poses[i, 0] - x0, poses[i, 1] - y0
+        u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
+        for k in range(points.shape[1]):
+            column = math.floor(u + cos[i] * points[0, k] - sin[i] * points[1, k]) + 1
+            row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
+            if 0 <= row < log_field.shape[0] and 0 <= column < log_field.shape[1]:
+                agreeing[k] += log_field[row, column] >= agrees

@@ -1,0 +1,224 @@
+"""The likelihood field against a textbook loop, and what it promises of odd scans and maps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robotctl.estimation.likelihood_field import LikelihoodField, LikelihoodFieldConfig
+from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
+from robotctl.model.range_scan import RangeScan
+from robotctl.model.se2 import SE2
+
+HERE = SE2()
+
+
+def room(origin: SE2 = HERE, resolution_m: float = 0.1) -> GridMap:
+    """A room of 6 m by 4 m with a pillar, an unknown corner, and no symmetry."""
+    cells = np.full((40, 60), FREE, np.int8)
+    cells[[0, -1], :] = OCCUPIED
+    cells[:, [0, -1]] = OCCUPIED
+    cells[25:30, 40:46] = OCCUPIED
+    cells[1:6, 1:4] = UNKNOWN
+    return GridMap(cells, resolution_m, origin)
+
+
+def random_scan(rng: np.random.Generator, beams: int = 40, **sensor: float) -> RangeScan:
+    return RangeScan(
+        0,
+        np.sort(rng.uniform(-math.pi, math.pi, beams)),
+        rng.uniform(0.1, 7.0, beams),
+        8.0,
+        **sensor,
+    )
+
+
+def random_poses(rng: np.random.Generator, n: int, world_map: SE2) -> np.ndarray:
+    """Poses in the map, a few outside of it."""
+    poses = np.empty((n, 3))
+    for i in range(n):
+        pose = world_map @ SE2(rng.uniform(-1.0, 7.0), rng.uniform(-1.0, 5.0), rng.uniform(-4, 4))
+        poses[i] = pose.x_m, pose.y_m, pose.theta_rad
+    return poses
+
+
+def textbook(grid: GridMap, config: LikelihoodFieldConfig, poses: np.ndarray, scan: RangeScan):
+    """Probabilistic Robotics, table 6.3, by loops; the nearest obstacle by trying all."""
+    obstacles = np.argwhere(grid.cells >= 50)
+    floor = math.log(config.robust_k / (1 + config.robust_k))
+    result = np.zeros(len(poses))
+    for i, (x, y, theta) in enumerate(poses):
+        for angle, distance in zip(scan.angles_rad, scan.ranges_m, strict=True):
+            if not distance < scan.max_range_m:
+                continue
+            px = scan.x_m + distance * math.cos(angle)
+            py = scan.y_m + distance * math.sin(angle)
+            end = SE2(x, y, theta).apply(px, py)
+            row, column = grid.cell_of(np.array([end]))[0]
+            if not (0 <= row < grid.cells.shape[0] and 0 <= column < grid.cells.shape[1]):
+                result[i] += floor
+                continue
+            steps = np.hypot(obstacles[:, 0] - row, obstacles[:, 1] - column).min()
+            hit = math.exp(-0.5 * (steps * grid.resolution_m / config.sigma_m) ** 2)
+            result[i] += math.log((hit + config.robust_k) / (1 + config.robust_k))
+    return result
+
+
+@pytest.mark.parametrize("origin", [SE2(), SE2(-3.0, 2.0, 0.7), SE2(40.0, -60.0, -2.5)])
+def test_weighing_equals_the_textbook_loop_wherever_the_map_lies_and_however_it_is_turned(origin):
+    rng = np.random.default_rng(1)
+    grid = room(origin)
+    config = LikelihoodFieldConfig(beams=100, independent_beams=100.0, sigma_m=0.15)
+    scan = random_scan(rng, x_m=0.2, y_m=-0.1)
+    poses = random_poses(rng, 300, origin)
+    found = LikelihoodField(grid, config).log_likelihood(poses, scan)
+    wanted = textbook(grid, config, poses, scan)
+    # An end point on the edge of two cells may fall to either: one beam of forty differs.
+    assert np.mean(np.abs(found - wanted) < 1e-3) > 0.97
+    assert np.allclose(found, wanted, atol=2.0)
+
+
+def test_beams_are_multiplied_so_that_a_scan_of_two_halves_adds_their_logs():
+    rng = np.random.default_rng(2)
+    scan = random_scan(rng, 30)
+    field = LikelihoodField(room(), LikelihoodFieldConfig(independent_beams=60.0))
+    poses = random_poses(rng, 200, SE2())
+    parts = [
+        RangeScan(0, scan.angles_rad[half], scan.ranges_m[half], scan.max_range_m)
+        for half in (slice(None, 13), slice(13, None))
+    ]
+    whole = field.log_likelihood(poses, scan)
+    assert np.allclose(whole, sum(field.log_likelihood(poses, part) for part in parts), atol=1e-4)
+
+
+def test_the_power_makes_many_beams_worth_as_many_independent_ones_as_configured():
+    rng = np.random.default_rng(3)
+    scan, poses = random_scan(rng, 60), random_poses(rng, 50, SE2())
+    full = LikelihoodField(room(), LikelihoodFieldConfig(independent_beams=60.0))
+    tempered = LikelihoodField(room(), LikelihoodFieldConfig(independent_beams=15.0))
+    assert np.allclose(
+        tempered.log_likelihood(poses, scan), 0.25 * full.log_likelihood(poses, scan)
+    )
+    few = random_scan(rng, 10)
+    assert np.allclose(tempered.log_likelihood(poses, few), full.log_likelihood(poses, few))
+
+
+def test_beams_without_a_hit_are_left_out():
+    rng = np.random.default_rng(4)
+    scan, poses = random_scan(rng, 40), random_poses(rng, 50, SE2())
+    odd = np.array([np.inf, np.nan, scan.max_range_m, 1e300])
+    longer = RangeScan(
+        0,
+        np.concatenate([scan.angles_rad, np.zeros(4)]),
+        np.concatenate([scan.ranges_m, odd]),
+        scan.max_range_m,
+    )
+    field = LikelihoodField(room())
+    assert np.array_equal(field.log_likelihood(poses, longer), field.log_likelihood(poses, scan))
+    nothing = RangeScan(0, np.zeros(4), odd, scan.max_range_m)
+    assert np.array_equal(field.log_likelihood(poses, nothing), np.zeros(50))
+
+
+def test_the_chosen_beams_are_spread_over_the_valid_ones():
+    grid = room()
+    field = LikelihoodField(grid, LikelihoodFieldConfig(beams=4, independent_beams=4.0))
+    angles = np.linspace(-math.pi, math.pi, 80, endpoint=False)
+    pose = np.array([[3.0, 2.0, 0.0]])
+    floor = math.log(0.05 / 1.05)
+    for wrong in range(0, 80, 20):
+        # Of each quarter of the beams one is taken, so one quarter that ends nowhere costs one.
+        ranges = np.array([_ray(grid, 3.0, 2.0, angle) for angle in angles])
+        ranges[wrong : wrong + 20] = 0.5
+        value = field.log_likelihood(pose, RangeScan(0, angles, ranges, 8.0))[0]
+        assert value == pytest.approx(floor, abs=0.2)
+
+
+def _ray(grid: GridMap, x: float, y: float, angle: float) -> float:
+    """Range to the first obstacle, by small steps."""
+    steps = np.arange(0.0, 8.0, 0.01)
+    points = np.stack([x + steps * math.cos(angle), y + steps * math.sin(angle)], axis=1)
+    rows_columns = np.clip(grid.cell_of(points), 0, np.array(grid.cells.shape) - 1)
+    return float(steps[np.argmax(grid.cells[*rows_columns.T] == OCCUPIED)])
+
+
+def test_the_true_pose_is_likelier_than_any_other():
+    grid = room(SE2(1.0, -2.0, 0.4))
+    truth = grid.origin @ SE2(2.0, 1.5, 0.3)
+    angles = np.linspace(-2.0, 2.0, 60)
+    ranges = np.array(
+        [_ray(grid, truth.x_m, truth.y_m, truth.theta_rad + angle) for angle in angles]
+    )
+    scan = RangeScan(0, angles, ranges, 8.0)
+    rng = np.random.default_rng(5)
+    others = random_poses(rng, 2000, grid.origin)
+    poses = np.concatenate([[[truth.x_m, truth.y_m, truth.theta_rad]], others])
+    values = LikelihoodField(grid).measurement(scan)(poses)
+    assert np.argmax(values) == 0
+    assert values[0] > -1.0
+    far = np.hypot(poses[:, 0] - truth.x_m, poses[:, 1] - truth.y_m) > 0.5
+    assert values[far].max() < values[0] - 3.0
+
+
+def crowded_scan(grid: GridMap) -> RangeScan:
+    """The scan from (2, 2) with people in front of a quarter of the beams."""
+    angles = np.linspace(-math.pi, math.pi, 60, endpoint=False)
+    ranges = np.array([_ray(grid, 2.0, 2.0, angle) for angle in angles])
+    ranges[20:35] = 0.6
+    return RangeScan(0, angles, ranges, 8.0)
+
+
+def test_beam_skipping_leaves_out_what_no_close_pose_agrees_with():
+    grid = room()
+    config = LikelihoodFieldConfig(beam_skipping=True)
+    scan = crowded_scan(grid)
+    rng = np.random.default_rng(6)
+    near = np.array([2.0, 2.0, 0.0]) + rng.normal(size=(500, 3)) * [0.05, 0.05, 0.02]
+    clean = RangeScan(
+        0, np.delete(scan.angles_rad, slice(20, 35)), np.delete(scan.ranges_m, slice(20, 35)), 8.0
+    )
+    skipped = LikelihoodField(grid, config).log_likelihood(near, scan)
+    unharmed = LikelihoodField(
+        grid, LikelihoodFieldConfig(independent_beams=15.0 * 45 / 60)
+    ).log_likelihood(near, clean)
+    assert np.allclose(skipped, unharmed, atol=1e-4)
+    assert np.all(LikelihoodField(grid).log_likelihood(near, scan) < skipped - 5.0)
+
+
+def test_beam_skipping_is_off_while_the_poses_are_spread_or_most_beams_speak_against_them():
+    grid = room()
+    scan = crowded_scan(grid)
+    with_skipping = LikelihoodField(grid, LikelihoodFieldConfig(beam_skipping=True))
+    without = LikelihoodField(grid)
+    rng = np.random.default_rng(7)
+    spread = random_poses(rng, 500, SE2())
+    turned = np.tile([2.0, 2.0, 0.0], (500, 1))
+    turned[:, 2] = rng.uniform(-3.0, 3.0, 500)
+    elsewhere = np.array([4.9, 0.7, 2.0]) + rng.normal(size=(500, 3)) * 0.02
+    for poses in (spread, turned, elsewhere):
+        assert np.array_equal(
+            with_skipping.log_likelihood(poses, scan), without.log_likelihood(poses, scan)
+        )
+
+
+def test_a_map_without_obstacles_is_refused():
+    with pytest.raises(ValueError, match="no obstacle"):
+        LikelihoodField(GridMap(np.zeros((5, 5), np.int8), 0.1))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("beams", 0),
+        ("sigma_m", 0.0),
+        ("robust_k", -1.0),
+        ("independent_beams", math.inf),
+        ("skip_sigmas", 5.0),
+        ("skip_below", 1.0),
+        ("skip_at_most", 0.0),
+    ],
+)
+def test_a_number_out_of_its_range_is_refused_by_name(key, value):
+    with pytest.raises(ValueError, match=key):
+        LikelihoodFieldConfig(**{key: value})
