@@ -27,12 +27,16 @@ closed = with_config(ConfigDict(extra="forbid"))
 @closed
 @dataclass(frozen=True, slots=True)
 class DifferentialDrive:
-    """Two driven wheels on one axle and a castor; base in the middle of the axle."""
+    """Two driven wheels on one axle and a castor; base in the middle of the axle.
+
+    `wheel_radius_m` is the mean of both wheels, `wheel_radius_ratio` right over left.
+    """
 
     kind: Literal["differential"]
     track_width_m: Positive
     wheel_radius_m: Positive
     counts_per_revolution: Annotated[int, Field(strict=True, gt=0)]
+    wheel_radius_ratio: Annotated[float, Field(strict=True, ge=0.5, le=2.0)] = 1.0
 
 
 @closed
@@ -47,6 +51,7 @@ class TricycleDrive:
     steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
     steering_rate_max_rad_s: Positive
     counts_per_revolution: Annotated[int, Field(strict=True, gt=0)]
+    steering_offset_rad: Real = 0.0
 
 
 @closed
@@ -61,6 +66,7 @@ class AckermannDrive:
     steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
     steering_rate_max_rad_s: Positive
     counts_per_revolution: Annotated[int, Field(strict=True, gt=0)]
+    steering_offset_rad: Real = 0.0
 
 
 Drive: TypeAlias = Annotated[

@@ -15,7 +15,7 @@ from firmware_sim.compiled import noise_state
 from firmware_sim.config import RobotConfig
 from firmware_sim.contact import COLUMNS, ROWS
 from firmware_sim.errors import SimulationError
-from firmware_sim.plant_state import BODY, DIFFERENTIAL, DT_S, WHEEL, constants
+from firmware_sim.plant_state import BODY, DIFFERENTIAL, DT_S, WHEEL, constants, nominal_radii
 from firmware_sim.plant_step import run_plant
 from firmware_sim.walls import body_outline, wall_grid
 from firmware_sim.world import World
@@ -89,8 +89,11 @@ class Plant:
         """Set what is not zero at power-on."""
         s = config.simulation
         loads = (self._p["load0"][0], self._p["load1"][0])
-        for wheel, error, load in zip(self._w, s.errors.wheel_radius, loads, strict=True):
-            wheel["radius"] = config.drive.wheel_radius_m * (1.0 + error)
+        radii = nominal_radii(config.drive)
+        for wheel, radius, error, load in zip(
+            self._w, radii, s.errors.wheel_radius, loads, strict=True
+        ):
+            wheel["radius"] = radius * (1.0 + error)
             wheel["rolling"] = s.wheels.rolling_resistance * load * wheel["radius"]
             wheel["winding_c"] = wheel["case_c"] = s.motor.air_c
         self._b["bridge"] = Bridge.COAST

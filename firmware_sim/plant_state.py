@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from firmware_sim.config import RobotConfig
-from firmware_sim.parameters import AckermannDrive, DifferentialDrive, TricycleDrive
+from firmware_sim.parameters import AckermannDrive, DifferentialDrive, Drive, TricycleDrive
 
 GRAVITY_M_S2: Final = 9.80665
 DT_S: Final = 1.0e-3
@@ -183,6 +183,14 @@ def constants(config: RobotConfig) -> np.ndarray:
     return p
 
 
+def nominal_radii(drive: Drive) -> tuple[float, float]:
+    """Radii of the left and right wheel of a differential drive, or twice that of the one [m]."""
+    if not isinstance(drive, DifferentialDrive):
+        return drive.wheel_radius_m, drive.wheel_radius_m
+    left = 2.0 * drive.wheel_radius_m / (1.0 + drive.wheel_radius_ratio)
+    return left, left * drive.wheel_radius_ratio
+
+
 def _geometry(config: RobotConfig) -> dict[str, float]:
     """Return the drive's kind, lengths, loads of the contacts and drag of what is not driven."""
     s, drive = config.simulation, config.drive
@@ -213,7 +221,7 @@ def _geometry(config: RobotConfig) -> dict[str, float]:
         "drag_x": 0.0 if front_driven else wheelbase,
         "steering_max": drive.steering_max_rad,
         "steering_step": drive.steering_rate_max_rad_s * DT_S,
-        "steering_offset": s.errors.steering_offset_rad,
+        "steering_offset": drive.steering_offset_rad + s.errors.steering_offset_rad,
     }
 
 

@@ -15,6 +15,7 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
 from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
 from robotctl.runtime.core import ControlConfig
@@ -62,6 +63,7 @@ class RobotConfig:
     mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
     log: LogConfig = field(default_factory=LogConfig)
+    odometry: MotionNoise = field(default_factory=MotionNoise)
     simulation: dict[str, Any] = field(default_factory=dict)
 
 

@@ -10,6 +10,7 @@ from robotctl.model.twist import Twist
 from robotctl.model.wheels import (
     SidePair,
     WheelReference,
+    require_offset,
     require_positive,
     require_steering,
     steering_angle_rad,
@@ -40,6 +41,9 @@ class AckermannDrive:
         Fastest steering [rad/s], > 0.
     counts_per_revolution
         Quadrature counts per turn of the carrier, > 0.
+    steering_offset_rad
+        Angle of the wheel where the steering servo says 0 [rad, positive left], smaller than
+        steering_max_rad; from calibration.
 
     Raises
     ------
@@ -54,6 +58,7 @@ class AckermannDrive:
     steering_max_rad: float
     steering_rate_max_rad_s: float
     counts_per_revolution: int
+    steering_offset_rad: float = 0.0
 
     degrees_of_freedom: ClassVar[int] = 3
     """Of the pose in the plane: x, y, theta."""
@@ -72,6 +77,7 @@ class AckermannDrive:
             "counts_per_revolution",
         )
         require_steering(self.steering_max_rad)
+        require_offset(self.steering_offset_rad, self.steering_max_rad)
         if self.min_turning_radius_m <= 0.5 * self.track_width_m:
             raise ValueError(
                 "steering_max_rad puts the centre of rotation between the wheels: "
@@ -81,8 +87,14 @@ class AckermannDrive:
 
     @property
     def min_turning_radius_m(self) -> float:
-        """Smallest radius L / tan(s) of the path of `base` [m]."""
-        return self.wheelbase_m / math.tan(self.steering_max_rad)
+        """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
+        reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
+        return self.wheelbase_m / math.tan(reach_rad)
+
+    @property
+    def wheel_radii_m(self) -> tuple[float, ...]:
+        """Radius of the one wheel that is measured [m]."""
+        return (self.wheel_radius_m,)
 
     def inverse(
         self, v_m_s: float, omega_rad_s: float, steering_meas_rad: float = 0.0
@@ -94,7 +106,13 @@ class AckermannDrive:
         """
         if v_m_s == 0.0:
             return WheelReference(0.0, 0.0, steering_meas_rad)
-        steering = steering_angle_rad(v_m_s, omega_rad_s, self.wheelbase_m, self.steering_max_rad)
+        steering = steering_angle_rad(
+            v_m_s,
+            omega_rad_s,
+            self.wheelbase_m,
+            self.steering_max_rad,
+            self.steering_offset_rad,
+        )
         return WheelReference(v_m_s / self.wheel_radius_m, 0.0, steering)
 
     def forward(
@@ -103,9 +121,12 @@ class AckermannDrive:
         omega2_rad_s: float,  # noqa: ARG002 - all drives share one signature
         steering_rad: float,
     ) -> Twist:
-        """Return the velocity of `base`: v and v tan(s) / L; `omega2_rad_s` is not used."""
-        v = omega1_rad_s * self.wheel_radius_m
-        return Twist(v, v * math.tan(steering_rad) / self.wheelbase_m)
+        """Return the velocity of `base`: v and v tan(s) / L; `omega2_rad_s` is not used.
+
+        s is the angle of the virtual wheel, offset included.
+        """
+        v, s = omega1_rad_s * self.wheel_radius_m, steering_rad + self.steering_offset_rad
+        return Twist(v, v * math.tan(s) / self.wheelbase_m)
 
     def turning_radius_m(self, steering_rad: float) -> float:
         """Return the radius L / tan(s) of the path of `base` [m]: positive left, inf at 0."""

@@ -21,9 +21,11 @@ class DifferentialDrive:
     track_width_m
         Distance of the wheels' contact points, W of the notes [m], > 0.
     wheel_radius_m
-        Radius of both wheels [m], > 0.
+        Mean radius of the two wheels [m], > 0.
     counts_per_revolution
         Quadrature counts per turn of a wheel, > 0.
+    wheel_radius_ratio
+        Radius of the right wheel over that of the left, in [0.5, 2]; from calibration.
 
     Raises
     ------
@@ -35,6 +37,7 @@ class DifferentialDrive:
     track_width_m: float
     wheel_radius_m: float
     counts_per_revolution: int
+    wheel_radius_ratio: float = 1.0
 
     degrees_of_freedom: ClassVar[int] = 3
     """Of the pose in the plane: x, y, theta."""
@@ -45,6 +48,14 @@ class DifferentialDrive:
 
     def __post_init__(self) -> None:
         require_positive(self, "track_width_m", "wheel_radius_m", "counts_per_revolution")
+        if not 0.5 <= self.wheel_radius_ratio <= 2.0:
+            raise ValueError("wheel_radius_ratio must be between 0.5 and 2")
+
+    @property
+    def wheel_radii_m(self) -> tuple[float, ...]:
+        """Radius of the left and of the right wheel [m]."""
+        left_m = 2.0 * self.wheel_radius_m / (1.0 + self.wheel_radius_ratio)
+        return left_m, self.wheel_radius_ratio * left_m
 
     @property
     def min_turning_radius_m(self) -> float:
@@ -59,8 +70,8 @@ class DifferentialDrive:
     ) -> WheelReference:
         """Return the wheel speeds for a body velocity; `steering_meas_rad` is not used."""
         difference = 0.5 * self.track_width_m * omega_rad_s
-        radius = self.wheel_radius_m
-        return WheelReference((v_m_s - difference) / radius, (v_m_s + difference) / radius, 0.0)
+        left_m, right_m = self.wheel_radii_m
+        return WheelReference((v_m_s - difference) / left_m, (v_m_s + difference) / right_m, 0.0)
 
     def forward(
         self,
@@ -69,10 +80,10 @@ class DifferentialDrive:
         steering_rad: float = 0.0,  # noqa: ARG002 - all drives share one signature
     ) -> Twist:
         """Return the velocity of `base` for wheel speeds; `steering_rad` is not used."""
-        radius = self.wheel_radius_m
+        left_m, right_m = self.wheel_radii_m
+        v_left_m_s, v_right_m_s = left_m * omega1_rad_s, right_m * omega2_rad_s
         return Twist(
-            0.5 * radius * (omega1_rad_s + omega2_rad_s),
-            radius * (omega2_rad_s - omega1_rad_s) / self.track_width_m,
+            0.5 * (v_left_m_s + v_right_m_s), (v_right_m_s - v_left_m_s) / self.track_width_m
         )
 
     def turning_radius_m(self, v_left_m_s: float, v_right_m_s: float) -> float:

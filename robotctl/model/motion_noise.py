@@ -12,50 +12,22 @@ about 0.3 rad.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.motion import arc
+from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.se2 import SE2
+
+__all__ = ["MotionNoise", "added_covariance", "pose_jacobian", "propagate"]
 
 Matrix: TypeAlias = NDArray[np.float64]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _MAX_PIECE_RAD = 1.0
 """Turn of one quadrature piece: 8 nodes integrate it to rounding."""
-
-
-@dataclass(frozen=True, slots=True)
-class MotionNoise:
-    """Zero-mean noise of motion whose variance grows with distance and angle.
-
-    Parameters
-    ----------
-    e_m_per_sqrt_m
-        Standard deviation of the distance after 1 m [m], >= 0.
-    f_rad_per_sqrt_m
-        Standard deviation of the heading after 1 m of straight motion [rad], >= 0.
-    g_rad_per_sqrt_rad
-        Standard deviation of the heading after turning by 1 rad [rad], >= 0.
-
-    Raises
-    ------
-    ValueError
-        If a value is negative or not finite.
-    """
-
-    e_m_per_sqrt_m: float = 0.01
-    f_rad_per_sqrt_m: float = 0.01
-    g_rad_per_sqrt_rad: float = 0.01
-
-    def __post_init__(self) -> None:
-        for key in self.__slots__:
-            value = getattr(self, key)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{key} must be finite and not negative")
 
 
 def propagate(

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 from robotctl.model.twist import Twist
 from robotctl.model.wheels import (
     WheelReference,
+    require_offset,
     require_positive,
     require_steering,
     steering_angle_rad,
@@ -36,6 +37,9 @@ class TricycleDrive:
         Fastest steering [rad/s], > 0.
     counts_per_revolution
         Quadrature counts per turn of the driven wheel, > 0.
+    steering_offset_rad
+        Angle of the wheel where the steering servo says 0 [rad, positive left], smaller than
+        steering_max_rad; from calibration.
 
     Raises
     ------
@@ -50,6 +54,7 @@ class TricycleDrive:
     steering_max_rad: float
     steering_rate_max_rad_s: float
     counts_per_revolution: int
+    steering_offset_rad: float = 0.0
 
     degrees_of_freedom: ClassVar[int] = 3
     """Of the pose in the plane: x, y, theta."""
@@ -67,11 +72,18 @@ class TricycleDrive:
             "counts_per_revolution",
         )
         require_steering(self.steering_max_rad)
+        require_offset(self.steering_offset_rad, self.steering_max_rad)
 
     @property
     def min_turning_radius_m(self) -> float:
-        """Smallest radius L / tan(s) of the path of `base` [m]."""
-        return self.wheelbase_m / math.tan(self.steering_max_rad)
+        """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
+        reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
+        return self.wheelbase_m / math.tan(reach_rad)
+
+    @property
+    def wheel_radii_m(self) -> tuple[float, ...]:
+        """Radius of the one wheel that is measured [m]."""
+        return (self.wheel_radius_m,)
 
     def inverse(
         self, v_m_s: float, omega_rad_s: float, steering_meas_rad: float = 0.0
@@ -83,8 +95,11 @@ class TricycleDrive:
         """
         if v_m_s == 0.0:
             return WheelReference(0.0, 0.0, steering_meas_rad)
-        steering = steering_angle_rad(v_m_s, omega_rad_s, self.wheelbase_m, self.steering_max_rad)
-        v_wheel = v_m_s / math.cos(steering) if self.driven == "front" else v_m_s
+        offset = self.steering_offset_rad
+        steering = steering_angle_rad(
+            v_m_s, omega_rad_s, self.wheelbase_m, self.steering_max_rad, offset
+        )
+        v_wheel = v_m_s / math.cos(steering + offset) if self.driven == "front" else v_m_s
         return WheelReference(v_wheel / self.wheel_radius_m, 0.0, steering)
 
     def forward(
@@ -96,12 +111,12 @@ class TricycleDrive:
         """Return the velocity of `base`; `omega2_rad_s` is not used.
 
         Front drive: v cos(s) and v sin(s) / L; rear drive: v and v tan(s) / L, with v the speed
-        of the driven wheel (notes 1.2 with errata).
+        of the driven wheel and s its angle, offset included (notes 1.2 with errata).
         """
-        v = omega1_rad_s * self.wheel_radius_m
+        v, s = omega1_rad_s * self.wheel_radius_m, steering_rad + self.steering_offset_rad
         if self.driven == "front":
-            return Twist(v * math.cos(steering_rad), v * math.sin(steering_rad) / self.wheelbase_m)
-        return Twist(v, v * math.tan(steering_rad) / self.wheelbase_m)
+            return Twist(v * math.cos(s), v * math.sin(s) / self.wheelbase_m)
+        return Twist(v, v * math.tan(s) / self.wheelbase_m)
 
     def turning_radius_m(self, steering_rad: float) -> float:
         """Return the radius L / tan(s) of the path of `base` [m]: positive left, inf at 0."""

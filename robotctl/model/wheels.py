@@ -35,14 +35,29 @@ def require_steering(steering_max_rad: float) -> None:
         raise ValueError("steering_max_rad must be between 0 and pi/2, both excluded")
 
 
-def steering_angle_rad(
-    v_m_s: float, omega_rad_s: float, wheelbase_m: float, limit_rad: float
-) -> float:
-    """Return the steering angle that turns a body moving at `v_m_s` != 0 by `omega_rad_s`.
+def require_offset(steering_offset_rad: float, steering_max_rad: float) -> None:
+    """Raise ValueError unless a steering with this offset reaches both sides and is under pi/2."""
+    room_rad = min(steering_max_rad, 0.5 * math.pi - steering_max_rad)
+    if not abs(steering_offset_rad) < room_rad:
+        raise ValueError(
+            f"steering_offset_rad must be between {-room_rad:.3g} and {room_rad:.3g}, which keeps "
+            "the wheel's angle under pi/2 and both sides in reach"
+        )
 
-    tan(s) = L omega / v, clamped to `limit_rad` on both sides [rad].
+
+def steering_angle_rad(
+    v_m_s: float,
+    omega_rad_s: float,
+    wheelbase_m: float,
+    limit_rad: float,
+    offset_rad: float = 0.0,
+) -> float:
+    """Return the servo's angle that turns a body moving at `v_m_s` != 0 by `omega_rad_s`.
+
+    tan(s) = L omega / v for the wheel's angle s; the servo's is s - `offset_rad`, clamped to
+    `limit_rad` on both sides [rad].
     """
-    angle = math.atan(wheelbase_m * omega_rad_s / v_m_s)
+    angle = math.atan(wheelbase_m * omega_rad_s / v_m_s) - offset_rad
     if angle > limit_rad:
         return limit_rad
     return max(angle, -limit_rad)

@@ -445,7 +445,8 @@ class ControlCore:
             wheel_rad_s=tuple(w.estimator.velocity_rad_s for w in wheels),
             wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),
             wheel_distance_m=tuple(
-                w.estimator.position_rad * self._drive.wheel_radius_m for w in wheels
+                w.estimator.position_rad * radius_m
+                for w, radius_m in zip(wheels, self._drive.wheel_radii_m, strict=True)
             ),
             duty=duties[:n],
             current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),

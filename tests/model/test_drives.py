@@ -155,3 +155,60 @@ def test_a_car_whose_centre_of_rotation_lies_between_its_wheels_is_refused():
 def test_nan_goes_through_and_is_not_turned_into_a_valid_command(drive):
     assert any(math.isnan(value) for value in drive.inverse(0.3, math.nan))
     assert any(math.isnan(value) for value in drive.inverse(math.nan, 0.1))
+
+
+# What calibration brings: unequal wheels, a steering that does not stand where it says
+
+
+UNEQUAL = dataclasses.replace(DIFFERENTIAL, wheel_radius_ratio=1.02)
+SKEWED = tuple(dataclasses.replace(drive, steering_offset_rad=0.05) for drive in STEERED)
+
+
+def test_unequal_wheels_have_the_mean_radius_and_the_ratio():
+    left_m, right_m = UNEQUAL.wheel_radii_m
+    assert right_m / left_m == pytest.approx(1.02)
+    assert 0.5 * (left_m + right_m) == pytest.approx(UNEQUAL.wheel_radius_m)
+
+
+def test_with_a_greater_right_wheel_equal_turns_bend_to_the_left():
+    """One turn of both wheels: the right one's rim moves on by 2 pi (R_right - R_left) more."""
+    left_m, right_m = UNEQUAL.wheel_radii_m
+    moved_m, turned_rad = UNEQUAL.forward(math.tau, math.tau)
+    assert moved_m == pytest.approx(math.tau * UNEQUAL.wheel_radius_m)
+    assert turned_rad == pytest.approx(math.tau * (right_m - left_m) / UNEQUAL.track_width_m)
+
+
+@given(st.floats(-2.0, 2.0), rates)
+def test_unequal_wheels_give_back_any_twist(v, omega):
+    twist = UNEQUAL.forward(*UNEQUAL.inverse(v, omega))
+    assert twist.v_m_s == pytest.approx(v, abs=1e-12)
+    assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", SKEWED, ids=lambda d: f"{d.kind}")
+@given(v=speeds, share=st.floats(-1.0, 1.0))
+def test_a_skewed_steering_gives_back_any_twist_within_reach(drive, v, share):
+    omega = share * v / drive.min_turning_radius_m
+    wheels = drive.inverse(v, omega)
+    twist = drive.forward(*wheels)
+    assert abs(wheels.steering_rad) <= drive.steering_max_rad
+    assert twist.v_m_s == pytest.approx(v, rel=1e-12)
+    assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", SKEWED, ids=lambda d: f"{d.kind}")
+def test_a_skewed_steering_at_zero_bends_the_way_by_its_offset(drive):
+    plain = dataclasses.replace(drive, steering_offset_rad=0.0)
+    assert drive.forward(3.0, 0.0, 0.1) == pytest.approx(plain.forward(3.0, 0.0, 0.15))
+
+
+@pytest.mark.parametrize("offset_rad", [1.0, -1.5, math.nan])
+def test_an_offset_that_leaves_no_way_to_one_side_is_refused(offset_rad):
+    with pytest.raises(ValueError, match=r"steering_offset_rad must be between -0.571 and 0.571"):
+        dataclasses.replace(FRONT, steering_offset_rad=offset_rad)
+
+
+@pytest.mark.parametrize("ratio", [0.4, 2.1, math.nan])
+def test_wheels_of_wholly_different_sizes_are_refused(ratio):
+    with pytest.raises(ValueError, match="wheel_radius_ratio must be between"):
+        dataclasses.replace(DIFFERENTIAL, wheel_radius_ratio=ratio)

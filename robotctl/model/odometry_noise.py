@@ -1,0 +1,40 @@
+"""How fast dead reckoning loses its way: the noises e, f, g of notes, section 3, as plain numbers.
+
+Without numpy, since the robot's file holds them and the control process reads it. What they do to
+a covariance stands in `motion_noise.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class MotionNoise:
+    """Zero-mean noise of motion whose variance grows with distance and angle.
+
+    Parameters
+    ----------
+    e_m_per_sqrt_m
+        Standard deviation of the distance after 1 m [m], >= 0.
+    f_rad_per_sqrt_m
+        Standard deviation of the heading after 1 m of straight motion [rad], >= 0.
+    g_rad_per_sqrt_rad
+        Standard deviation of the heading after turning by 1 rad [rad], >= 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is negative or not finite.
+    """
+
+    e_m_per_sqrt_m: float = 0.01
+    f_rad_per_sqrt_m: float = 0.01
+    g_rad_per_sqrt_rad: float = 0.01
+
+    def __post_init__(self) -> None:
+        for key in self.__slots__:
+            value = getattr(self, key)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{key} must be finite and not negative")
