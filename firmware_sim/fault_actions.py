@@ -5,6 +5,7 @@ Each returns what ends the fault, or None where it ends by itself.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -12,6 +13,7 @@ from firmware_sim.bus.bits import INTERMISSION_BITS, frame_bits
 from firmware_sim.bus.errors import PASSIVE_LIMIT, BusError
 from firmware_sim.bus.faults import AckLess, Babble, Delay, Destroy, Drop, FrameFault
 from firmware_sim.bus.faults import Fault as BusFault
+from firmware_sim.errors import SimulationError
 from firmware_sim.fault_kinds import Arguments, Undo
 from firmware_sim.faulty_parts import STUCK
 from firmware_sim.nodes import drive_objects, standard_objects, wire
@@ -31,6 +33,8 @@ RESET_V: Final = 6.0
 """Below this supply the drive's processor is held in reset,"""
 RELEASE_V: Final = 6.5
 """and above this one it starts again."""
+
+PLACES_TRIED: Final = 1000
 
 TEC_LOW, TEC_HIGH = PASSIVE_LIMIT + 8, PASSIVE_LIMIT + 40
 """Between these a transmit error counter is held for error-passive: bus-off begins at 256."""
@@ -135,6 +139,21 @@ def brown_out(faults: Faults, arguments: Arguments) -> Undo:
         set_loss(max(drop_v, 0.0) * min(elapsed_s / number(arguments, "sag"), 1.0))
 
     return _all(faults.repeat(sag), lambda: set_loss(0.0))
+
+
+def carry(faults: Faults, _: Arguments) -> None:
+    """Put the robot down at another place of the room."""
+    simulation = faults.simulation
+    low_x, low_y, high_x, high_y = simulation.world.bounds
+    simulation.run_to(simulation.now_ns)
+    for _attempt in range(PLACES_TRIED):
+        x_m, y_m = faults.rng.uniform((low_x, low_y), (high_x, high_y))
+        try:
+            simulation.plant.place(x_m, y_m, faults.rng.uniform(-math.pi, math.pi))
+        except SimulationError:
+            continue
+        return
+    raise SimulationError(f"no place to put the robot down was found in {simulation.world.name}")
 
 
 def leak(faults: Faults, arguments: Arguments) -> Undo:

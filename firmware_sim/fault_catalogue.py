@@ -61,6 +61,9 @@ DRIVE: Final[dict[str, Kind]] = {
     "feedback_frozen": Kind(
         "the drive's feedback goes on with the counts of long ago", act.freeze, _LASTING
     ),
+    "carried": Kind(
+        "somebody carries the robot to another place of the room, drawn from the seed", act.carry
+    ),
     "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}),
     "over_current": Kind(
         "a motor draws more current than it shows torque", act.draw_current,

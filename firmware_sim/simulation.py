@@ -233,6 +233,7 @@ class Simulation:
             y_m=mount.y_m,
             first_rad=float(angles_rad[0]),
             step_rad=float(angles_rad[1] - angles_rad[0]),
+            max_range_m=mount.max_range_m,
             ranges=ranges_m.astype("<f4").tobytes(),
         )
 

@@ -71,7 +71,7 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     unsafe_reason: str = ""
 
 
-class Scan(msgspec.Struct, frozen=True, gc=False):
+class Scan(msgspec.Struct, frozen=True, gc=False, tag="LidarScan"):
     """One scan of the planar lidar.
 
     Attributes
@@ -82,6 +82,8 @@ class Scan(msgspec.Struct, frozen=True, gc=False):
         Mount of the lidar in base.
     first_rad, step_rad
         Beam i looks at first + i * step from forward in base, counter-clockwise.
+    max_range_m
+        Beyond it nothing comes back.
     ranges
         Ranges [m], float32 little-endian, one a beam; inf: nothing came back.
     """
@@ -91,6 +93,7 @@ class Scan(msgspec.Struct, frozen=True, gc=False):
     y_m: float
     first_rad: float
     step_rad: float
+    max_range_m: float
     ranges: bytes
 
 

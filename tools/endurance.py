@@ -55,8 +55,11 @@ GROWTH_MIB = 8.0
 
 HELD_UP, PRESSED = "host_held_up", "emergency_stop"
 HOST_FAULTS = (HELD_UP, PRESSED)
-FAULTS = {name: kind for name, kind in CATALOGUE.items() if name != "wheels_swapped"}
-"""All that may befall a robot under way; nobody exchanges plugs then."""
+NOT_UNDER_WAY = ("wheels_swapped", "carried")
+"""Nobody exchanges plugs then, and a robot that drives by odometry is lost once it is carried."""
+
+FAULTS = {name: kind for name, kind in CATALOGUE.items() if name not in NOT_UNDER_WAY}
+"""All that may befall a robot under way."""
 
 IDENTIFIERS = (0, 0x181, 0x201)
 """Whose frames suffer: all, the feedback, the command."""
@@ -143,7 +146,7 @@ class Endurance:
                 return self._begin_lap(now_ns)
         wishes, self._wishes = self._wishes, []
         wishes += self._operate(control, now_ns)
-        command, self._navigation = self._pilot.step(control, modes, now_ns)
+        command, self._navigation = self._pilot.step(control, None, modes, now_ns)
         return (command, *wishes)
 
     def _operate(self, control: ControlState, now_ns: int) -> list[ControlRequest]:

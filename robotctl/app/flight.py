@@ -9,7 +9,7 @@ from typing import BinaryIO, Final
 
 from robotctl.app.log_folder import LogFolder
 from robotctl.runtime.flight_ring import Part, RingReader, crashed, dump
-from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.messages import ControlState
 from robotctl.runtime.recorder import RecordError
 from robotctl.runtime.safety import LATCHED
 
@@ -104,9 +104,7 @@ class FlightDumps:
         self._latched = False
         self._due_ns: int | None = None
 
-    def step(
-        self, messages: Sequence[ControlState | NavigationState | Notice], now_ns: int
-    ) -> tuple[str, ...]:
+    def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
         """Take in what was published; return a sentence for each dump or its failure."""
         for message in messages:
             if isinstance(message, ControlState):

@@ -263,7 +263,7 @@ class LockstepRun:
             and self._navigation.mode == Mode.HOLD
         ):
             wishes = (SetMode(now_ns, Mode.AUTO),)
-        command, self._navigation = self._pilot.step(control, wishes, now_ns)
+        command, self._navigation = self._pilot.step(control, None, wishes, now_ns)
         if control.state == SafetyState.STANDBY and now_ns - self._asked_ns >= _ARM_RETRY_NS:
             self._asked_ns = now_ns
             self._request_id += 1

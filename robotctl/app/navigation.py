@@ -64,7 +64,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 for note in notes:
                     publisher.send(Notice(begin_ns, _SEVERITY_WARNING, note))
                 notes = ()
-            command, state = pilot.step(control, requests.receive(), begin_ns)
+            command, state = pilot.step(control, None, requests.receive(), begin_ns)
             to_control.send(command)
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))

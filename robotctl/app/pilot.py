@@ -10,6 +10,7 @@ from typing import Final
 from robotctl import toml_source
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
 from robotctl.planning.mission import Mission
@@ -21,8 +22,11 @@ from robotctl.planning.requests import (
     StickRequest,
     VelocityRequest,
 )
+from robotctl.runtime.located import located
 from robotctl.runtime.messages import (
     ControlState,
+    ExternalPose,
+    LocalisationState,
     ManualControl,
     NavigationRequest,
     NavigationState,
@@ -82,20 +86,35 @@ class Pilot:
         self._navigator.resume(item, item_s_m)
 
     def step(
-        self, control: ControlState | None, requests: Sequence[NavigationRequest], now_ns: int
+        self,
+        control: ControlState | None,
+        localisation: LocalisationState | None,
+        requests: Sequence[NavigationRequest],
+        now_ns: int,
     ) -> tuple[VelocityCommand, NavigationState]:
-        """Return the velocity command of this step and what to publish."""
+        """Return the velocity command of this step and what to publish.
+
+        Without `localisation` the robot goes by its odometry.
+        """
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
         ranges_m: tuple[float, ...]
         if control is None:
             pose, twist, ranges_m = _UNKNOWN, Twist(0.0, 0.0), ()
         else:
+            control = located(control, localisation)
             pose = SE2(control.x_m, control.y_m, control.theta_rad)
             twist = Twist(control.v_m_s, control.omega_rad_s)
             ranges_m = control.sonar_m
         enabled = fresh and control is not None and control.state in POWERED
         inputs = NavigationInputs(
-            pose, twist, ranges_m, enabled, tuple(_request(each) for each in requests)
+            pose=pose,
+            twist=twist,
+            ranges_m=ranges_m,
+            enabled=enabled,
+            localised=localisation is None or localisation.status is LocalisationStatus.LOCALISED,
+            requests=tuple(
+                _request(each) for each in requests if not isinstance(each, ExternalPose)
+            ),
         )
         out = self._navigator.step(inputs, now_ns)
         command = VelocityCommand(
@@ -116,7 +135,7 @@ class Pilot:
         return command, state
 
 
-def _request(message: NavigationRequest) -> Request:
+def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl) -> Request:
     """Translate a message for the planning layer, which knows none."""
     match message:
         case SetMode():

@@ -15,7 +15,7 @@ from typing import Final
 import msgspec
 
 from robotctl.app.options import StackOptions
-from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.messages import ControlState, NavigationState
 from robotctl.runtime.state_file import StateError, StateFile
 
 NAME: Final = "progress.json"
@@ -148,9 +148,7 @@ class ProgressKeeper:
         self._tried_ns = 0
         self._trouble = ""
 
-    def step(
-        self, messages: Sequence[ControlState | NavigationState | Notice], now_ns: int
-    ) -> tuple[str, ...]:
+    def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
         """Take in what was published; return a sentence where saving begins to fail."""
         for message in messages:
             if isinstance(message, ControlState):

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import zmq
 
@@ -23,7 +23,7 @@ from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.flight_ring import crashed, is_written
 from robotctl.runtime.heartbeat import Heartbeat
-from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.messages import Notice
 from robotctl.runtime.ports import Clock
 from robotctl.runtime.topics import (
     Endpoints,
@@ -32,8 +32,7 @@ from robotctl.runtime.topics import (
     endpoint_directory,
     ring_path,
 )
-
-Message: TypeAlias = ControlState | NavigationState | Notice
+from robotctl.telemetry.mcap_log import Published
 
 PERIOD_NS: Final = 100_000_000
 LISTEN_PERIODS: Final = 20
@@ -85,7 +84,7 @@ class Recording:
         """Empty what would overflow before the next `step`."""
         return () if self._logs is None else self._logs.listen(now_ns)
 
-    def step(self, messages: list[Message], now_ns: int) -> tuple[str, ...]:
+    def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
         """Write what is to be written; return what people should know."""
         notes, self._notes = self._notes, ()
         if self._keeper is not None:
@@ -96,7 +95,7 @@ class Recording:
             notes += self._logs.step(messages, now_ns)
         return notes
 
-    def finish(self, receive: Callable[[], list[Message]], clock: Clock) -> None:
+    def finish(self, receive: Callable[[], list[Published]], clock: Clock) -> None:
         """Take in the end of the control process, which removes its ring; then close everything."""
         deadline_ns = clock.now_ns() + _END_NS
         while self._ring.exists() and clock.now_ns() < deadline_ns:
@@ -146,7 +145,7 @@ class Logs:
         except OSError as error:
             return self._refused(error, now_ns)
 
-    def step(self, messages: list[Message], now_ns: int) -> tuple[str, ...]:
+    def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
         """Log states and ticks."""
         if now_ns < self._retry_ns:
             return ()
@@ -181,7 +180,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     with ExitStack() as stack:
         context: zmq.Context[Any] = zmq.Context()
         stack.callback(context.destroy, linger=0)
-        messages = Subscriber[Message](context, endpoints.published, Message)
+        messages = Subscriber[Published](context, endpoints.published, Published)
         publisher = Publisher(context, endpoints.recorder_notices)
         recording = Recording(config, options)
         stack.callback(recording.finish, messages.receive, clock)

@@ -19,10 +19,7 @@ from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import (
     ControlRequest,
-    ControlState,
     EmergencyStop,
-    NavigationState,
-    Notice,
 )
 from robotctl.runtime.topics import (
     Endpoints,
@@ -31,7 +28,7 @@ from robotctl.runtime.topics import (
     Subscriber,
     endpoint_directory,
 )
-from robotctl.telemetry.service import TelemetryRobot
+from robotctl.telemetry.service import State, TelemetryRobot
 from robotctl.telemetry.telemetry import Telemetry
 
 RATE_HZ: Final = 100
@@ -43,10 +40,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     clock = RealClock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
-    states = Subscriber[ControlState | NavigationState | Notice](
-        context,
-        (endpoints.control_state, endpoints.navigation_state),
-        ControlState | NavigationState | Notice,
+    states = Subscriber[State](
+        context, (endpoints.control_state, endpoints.navigation_state), State
     )
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.localisation import LocalisationStatus as LocalisationStatus  # noqa: PLC0414
 from robotctl.model.se2 import SE2
-
-
-class LocalisationStatus(enum.IntEnum):
-    """How far a pose estimate may be trusted."""
-
-    SEARCHING = 0
-    """The belief is spread or has several clusters: the pose is a guess."""
-    LOCALISED = 1
-    """One compact belief that agrees with what is measured."""
-    LOST = 2
-    """The belief contradicts what is measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,6 +22,8 @@ class NavigationConfig:
         Largest speed towards positions from the ground station [m/s], > 0.
     return_speed_m_s
         Largest speed on the way home [m/s], > 0.
+    look_around_speed_m_s
+        Largest speed of a robot that does not know where it is [m/s], > 0.
     pursuit, guard, wall
         Following paths, minding obstacles, following walls.
 
@@ -34,6 +36,7 @@ class NavigationConfig:
     rate_hz: float = 20.0
     guided_speed_m_s: float = 0.4
     return_speed_m_s: float = 0.3
+    look_around_speed_m_s: float = 0.25
     pursuit: PursuitConfig = field(default_factory=PursuitConfig)
     guard: GuardConfig = field(default_factory=GuardConfig)
     wall: WallConfig = field(default_factory=WallConfig)
@@ -41,6 +44,6 @@ class NavigationConfig:
     def __post_init__(self) -> None:
         if not 5.0 <= self.rate_hz <= 100.0:
             raise ValueError(f"rate_hz: {self.rate_hz} found, 5 to 100 allowed")
-        for key in ("guided_speed_m_s", "return_speed_m_s"):
+        for key in ("guided_speed_m_s", "return_speed_m_s", "look_around_speed_m_s"):
             if not 0.0 < getattr(self, key) < math.inf:
                 raise ValueError(f"{key}: {getattr(self, key)} found, a number > 0 allowed")

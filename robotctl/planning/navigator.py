@@ -15,6 +15,7 @@ from robotctl.planning.behaviours import GoTo
 from robotctl.planning.breadcrumbs import Breadcrumbs
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guarded import Guarded, limited
+from robotctl.planning.look_around import LookAround
 from robotctl.planning.mission import Mission
 from robotctl.planning.mission_runner import MissionRunner
 from robotctl.planning.mode import Mode
@@ -51,6 +52,8 @@ class NavigationInputs(NamedTuple):
     """The control core follows commands now: armed and without fault."""
     requests: tuple[Request, ...] = ()
     """What came since the last step, oldest first."""
+    localised: bool = True
+    """The pose is more than a guess."""
 
 
 class NavigationOutputs(NamedTuple):
@@ -80,6 +83,9 @@ class Navigator:
     - AUTO runs the mission from where it was left, also after an item has failed; a completed
       mission is repeated when AUTO is asked for anew.
     - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
+
+    While `localised` is false, AUTO, RTL and positions of GUIDED look around, see `LookAround`: a
+    way through the world needs a place in it.
 
     While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
     whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
@@ -124,7 +130,9 @@ class Navigator:
         self._runner = (
             MissionRunner(mission, config, drive, mounts, self._guard) if mission else None
         )
+        self._look_around = LookAround(drive, self._guard, mounts, config.look_around_speed_m_s)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
+        self._searching = False
         self._mode = Mode.HOLD
         self._velocity: VelocityRequest | None = None
         self._sticks: StickRequest | None = None
@@ -164,7 +172,7 @@ class Navigator:
             ranges = (math.nan,) * self._sonars
         situation = Situation(inputs.pose, inputs.twist, ranges)
         self._guard.observe(ranges)
-        if self._mode is not Mode.RTL:
+        if self._mode is not Mode.RTL and inputs.localised:
             self._crumbs.record(inputs.pose)
         if not inputs.enabled:
             self._pause()
@@ -172,7 +180,21 @@ class Navigator:
         if self._last_ns is not None:
             self._active_ns += max(now_ns - self._last_ns, 0)
         self._last_ns = now_ns
+        if self._searches(inputs.localised):
+            return self._outputs(self._look_around.step(situation))
         return self._outputs(self._decide(situation, now_ns))
+
+    def _searches(self, localised: bool) -> bool:
+        """Say whether the present mode needs a place in the world that is not known."""
+        searching = not localised and (
+            self._mode in {Mode.AUTO, Mode.RTL}
+            or (self._mode is Mode.GUIDED and self._behaviour is not None)
+        )
+        if searching and not self._searching:
+            self._pause_mode()
+            self._look_around.reset()
+        self._searching = searching
+        return searching
 
     def _fall_back(self, enabled: bool, now_ns: int) -> None:
         """Go to HOLD where a robot that was enabled must not drive on by itself."""
@@ -222,6 +244,11 @@ class Navigator:
     def _pause(self) -> None:
         """Stop time for whatever is going on."""
         self._last_ns = None
+        self._look_around.pause()
+        self._pause_mode()
+
+    def _pause_mode(self) -> None:
+        """Tell the present behaviour that somebody else steers for a while."""
         if self._mode is Mode.AUTO and self._runner is not None:
             self._runner.pause()
         if self._behaviour is not None:

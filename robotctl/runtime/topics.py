@@ -98,12 +98,13 @@ class Endpoints:
 
     @property
     def published(self) -> tuple[str, ...]:
-        """Where states and notices of all processes come from."""
+        """Where states, notices and scans of all processes come from."""
         return (
             self.control_state,
             self.navigation_state,
             self.telemetry_notices,
             self.recorder_notices,
+            self.lidar,
         )
 
 

@@ -12,6 +12,7 @@ formula. Scaled integers saturate at the limits of their field, never at its val
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from robotctl.model.angles import wrap_angle
@@ -76,6 +77,51 @@ def velocity_ned(v_m_s: float, theta_rad: float) -> North:
 def quaternion_from_yaw_ned(yaw_rad: float) -> tuple[float, float, float, float]:
     """Return (w, x, y, z) of the rotation by `yaw_rad` about z down."""
     return (math.cos(yaw_rad / 2.0), 0.0, 0.0, math.sin(yaw_rad / 2.0))
+
+
+POSE_ROW = 6
+"""Order of a pose in MAVLink: x, y, z, roll, pitch, yaw."""
+_X, _Y, _YAW = 0, 1, 5
+_PLANAR = ((_Y, 1.0), (_X, 1.0), (_YAW, -1.0))
+"""Place and sign in local NED of our x, y and theta: x is east, and yaw counts the other way."""
+
+
+def _upper(row: int, column: int, size: int) -> int:
+    """Return where an element stands in the upper triangle of a matrix, row by row."""
+    row, column = min(row, column), max(row, column)
+    return row * size - row * (row - 1) // 2 + column - row
+
+
+def pose_covariance_ned(covariance: Sequence[float]) -> list[float]:
+    """Return MAVLink's 21 values of a planar pose's covariance in local NED.
+
+    `covariance` is the upper triangle of (x, y, theta) in `world`, row by row. What the robot's
+    plane does not know of, z, roll and pitch, is nan.
+    """
+    values = [math.nan] * (POSE_ROW * (POSE_ROW + 1) // 2)
+    for i, (row, row_sign) in enumerate(_PLANAR):
+        for j, (column, column_sign) in enumerate(_PLANAR):
+            value = covariance[_upper(i, j, len(_PLANAR))]
+            values[_upper(row, column, POSE_ROW)] = row_sign * column_sign * value
+    return values
+
+
+def pose_covariance_enu(values: Sequence[float]) -> tuple[float, ...]:
+    """Return the upper triangle of (x, y, theta) in `world` from MAVLink's 21; () if unknown.
+
+    Unknown is a variance that is no number or not positive, as MAVLink has it.
+    """
+    if len(values) != POSE_ROW * (POSE_ROW + 1) // 2:
+        return ()
+    if not all(0.0 < values[_upper(place, place, POSE_ROW)] < math.inf for place, _ in _PLANAR):
+        return ()
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    found = []
+    for i, j in pairs:
+        (row, row_sign), (column, column_sign) = _PLANAR[i], _PLANAR[j]
+        value = row_sign * column_sign * values[_upper(row, column, POSE_ROW)]
+        found.append(value if math.isfinite(value) else 0.0)
+    return tuple(found)
 
 
 class SensorRotation(NamedTuple):

@@ -8,10 +8,14 @@ null where it is missing; so are nan and infinity, for which JSON has no word.
 from __future__ import annotations
 
 import enum
+import sys
 import types
+from array import array
 from typing import Any, Final, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import msgspec
+
+from robotctl.runtime.messages import LidarScan
 
 Schema: TypeAlias = dict[str, Any]
 
@@ -22,13 +26,40 @@ _PRIMITIVES: Final[dict[type, str]] = {
     str: "string",
 }
 
+_TIME: Final[Schema] = {
+    "type": "object",
+    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+}
+
+_NUMBER: Final[Schema] = {"type": "number"}
+_NUMBERS: Final[Schema] = {"type": "array", "items": _NUMBER}
+
+
+def _object(**properties: Schema) -> Schema:
+    return {"type": "object", "properties": properties}
+
+
+LASER_SCHEMA: Final[Schema] = _object(
+    timestamp=_TIME,
+    frame_id={"type": "string"},
+    pose=_object(
+        position=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER),
+        orientation=_object(x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
+    ),
+    start_angle=_NUMBER,
+    end_angle=_NUMBER,
+    ranges=_NUMBERS,
+    intensities=_NUMBERS,
+    max_range=_NUMBER,
+)
+"""`foxglove.LaserScan`: https://docs.foxglove.dev/docs/sdk/schemas/laser-scan, and `max_range`.
+
+A beam that nothing came back to is null."""
+
 LOG_SCHEMA: Final[Schema] = {
     "type": "object",
     "properties": {
-        "timestamp": {
-            "type": "object",
-            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-        },
+        "timestamp": _TIME,
         "level": {"type": "integer"},
         "message": {"type": "string"},
         "name": {"type": "string"},
@@ -102,12 +133,36 @@ def log_entry(epoch_ns: int, severity: int, text: str, name: str) -> dict[str, A
         The line, and who says it.
     """
     level = next((level for below, level in _LEVELS if severity < below), 1)
-    seconds, nanoseconds = divmod(epoch_ns, 1_000_000_000)
     return {
-        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "timestamp": _time(epoch_ns),
         "level": level,
         "message": text,
         "name": name,
         "file": "",
         "line": 0,
     }
+
+
+def laser_scan(epoch_ns: int, scan: LidarScan) -> dict[str, Any]:
+    """Return a scan as `foxglove.LaserScan` in the frame `base`, taken at a wall time [ns]."""
+    ranges = array("f", scan.ranges)
+    if sys.byteorder == "big":
+        ranges.byteswap()
+    return {
+        "timestamp": _time(epoch_ns),
+        "frame_id": "base",
+        "pose": {
+            "position": {"x": scan.x_m, "y": scan.y_m, "z": 0.0},
+            "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+        },
+        "start_angle": scan.first_rad,
+        "end_angle": scan.first_rad + scan.step_rad * (len(ranges) - 1),
+        "ranges": [round(range_m, 4) for range_m in ranges],
+        "intensities": [],
+        "max_range": scan.max_range_m,
+    }
+
+
+def _time(epoch_ns: int) -> dict[str, int]:
+    seconds, nanoseconds = divmod(epoch_ns, 1_000_000_000)
+    return {"sec": seconds, "nsec": nanoseconds}

@@ -1,8 +1,8 @@
 """The continuous log: what the processes publish, as MCAP with JSON messages.
 
-Topics are `control`, `navigation` and `notice`; see docs/logs.md. A chunk ends at each `flush`, so
-that a file cut anywhere holds all that came before its last flush. Such a file has no index: strict
-readers want it recovered first.
+Topics are `control`, `navigation`, `localisation`, `lidar` and `notice`; see docs/logs.md. A chunk
+ends at each `flush`, so that a file cut anywhere holds all that came before its last flush. Such a
+file has no index: strict readers want it recovered first.
 """
 
 from __future__ import annotations
@@ -21,10 +21,23 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 import robotctl
 from robotctl.errors import RobotctlError
-from robotctl.runtime.messages import ControlState, NavigationState, Notice
-from robotctl.telemetry.log_schema import LOG_SCHEMA, log_entry, plain, schema_of
+from robotctl.runtime.messages import (
+    ControlState,
+    LidarScan,
+    LocalisationState,
+    NavigationState,
+    Notice,
+)
+from robotctl.telemetry.log_schema import (
+    LASER_SCHEMA,
+    LOG_SCHEMA,
+    laser_scan,
+    log_entry,
+    plain,
+    schema_of,
+)
 
-Published: TypeAlias = ControlState | NavigationState | Notice
+Published: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
 
 _DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, EOFError)
 _RECORD_LIMIT: Final = 1 << 28
@@ -58,6 +71,10 @@ class McapLog:
             NavigationState: self._channel(
                 "navigation", "NavigationState", schema_of(NavigationState)
             ),
+            LocalisationState: self._channel(
+                "localisation", "LocalisationState", schema_of(LocalisationState)
+            ),
+            LidarScan: self._channel("lidar", "foxglove.LaserScan", LASER_SCHEMA),
             Notice: self._channel("notice", "foxglove.Log", LOG_SCHEMA),
         }
 
@@ -73,6 +90,8 @@ class McapLog:
         time_ns = message.stamp_ns + self._epoch_ns
         if isinstance(message, Notice):
             content = log_entry(time_ns, message.severity, message.text, self._name)
+        elif isinstance(message, LidarScan):
+            content = laser_scan(time_ns, message)
         else:
             content = plain(message)
         self._writer.add_message(

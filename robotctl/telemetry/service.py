@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
 from robotctl.model.sonar import SonarMount
+from robotctl.runtime.located import located
 from robotctl.runtime.mavlink_port import MavlinkPort, Message, Peer, Received
 from robotctl.runtime.messages import (
     Ack,
     ControlRequest,
     ControlState,
+    LocalisationState,
     Mode,
     NavigationRequest,
     NavigationState,
@@ -26,6 +28,7 @@ FRESH_NS = 1_000_000_000
 MAX_TEXTS = 64
 
 Request: TypeAlias = ControlRequest | NavigationRequest
+State: TypeAlias = ControlState | NavigationState | LocalisationState | Notice
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,20 +69,24 @@ class Context:
     robot: TelemetryRobot
     links: MavlinkPort
     control: ControlState | None = None
+    """Its pose is in `world`, as the localiser corrects it."""
     navigation: NavigationState | None = None
+    localisation: LocalisationState | None = None
     acks: list[Ack] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
     texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
 
-    def take(self, state: ControlState | NavigationState | Notice) -> None:
+    def take(self, state: State) -> None:
         """Take in one message of another process."""
         if isinstance(state, ControlState):
-            self.control = state
+            self.control = located(state, self.localisation)
             if state.ack is not None:
                 self.acks.append(state.ack)
         elif isinstance(state, NavigationState):
             self.navigation = state
+        elif isinstance(state, LocalisationState):
+            self.localisation = state
         else:
             self.texts.append((state.severity, state.text))
 
@@ -96,6 +103,11 @@ class Context:
     def fresh_navigation(self, now_ns: int) -> NavigationState | None:
         """Return the navigation process's state, None where it is silent."""
         state = self.navigation
+        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def fresh_localisation(self, now_ns: int) -> LocalisationState | None:
+        """Return what the localiser believes, None where it is silent or there is none."""
+        state = self.localisation
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
     def mode(self, now_ns: int) -> Mode:

@@ -7,7 +7,7 @@ import math
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Message
-from robotctl.runtime.messages import ControlState, SafetyState
+from robotctl.runtime.messages import ControlState, LocalisationState, SafetyState
 from robotctl.telemetry import frames
 from robotctl.telemetry.service import TelemetryRobot
 
@@ -61,8 +61,13 @@ def local_position(state: ControlState) -> list[Message]:
     ]
 
 
-def odometry(state: ControlState, reset_counter: int) -> list[Message]:
-    """Return ODOMETRY: pose in local NED, velocity in body FRD; covariances are not known."""
+def odometry(
+    state: ControlState, localisation: LocalisationState | None, reset_counter: int
+) -> list[Message]:
+    """Return ODOMETRY: pose in local NED, velocity in body FRD.
+
+    The covariance of the pose is the localiser's; without one it is not known.
+    """
     if not _fit(state.x_m, state.y_m, state.theta_rad, state.v_m_s, state.omega_rad_s):
         return []
     position = frames.ned_from_enu(state.x_m, state.y_m)
@@ -81,10 +86,14 @@ def odometry(state: ControlState, reset_counter: int) -> list[Message]:
             0.0,
             0.0,
             frames.yaw_rate_frd_from_omega(state.omega_rad_s),
-            _UNKNOWN_COVARIANCE,
+            _UNKNOWN_COVARIANCE
+            if localisation is None
+            else frames.pose_covariance_ned(localisation.covariance),
             _UNKNOWN_COVARIANCE,
             reset_counter & 0xFF,
-            common.MAV_ESTIMATOR_TYPE_NAIVE,
+            common.MAV_ESTIMATOR_TYPE_NAIVE
+            if localisation is None
+            else common.MAV_ESTIMATOR_TYPE_AUTOPILOT,
             0,
         )
     ]

@@ -119,7 +119,10 @@ class Streams:
 
     def _odometry(self, now_ns: int) -> list[Message]:
         control = self._context.fresh_control(now_ns)
-        return [] if control is None else stream_messages.odometry(control, self._resets)
+        if control is None:
+            return []
+        localisation = self._context.fresh_localisation(now_ns)
+        return stream_messages.odometry(control, localisation, self._resets)
 
     def _wheels(self, now_ns: int) -> list[Message]:
         control = self._context.fresh_control(now_ns)

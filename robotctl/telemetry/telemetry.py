@@ -7,17 +7,25 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import MavlinkPort
-from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.messages import Notice
 from robotctl.telemetry.arming import Arming
 from robotctl.telemetry.commands import Commands
 from robotctl.telemetry.config import MavlinkConfig
+from robotctl.telemetry.external_pose import ExternalPoses
 from robotctl.telemetry.ground_stations import GroundStation, GroundStations
 from robotctl.telemetry.heartbeat import Heartbeat
 from robotctl.telemetry.link_watch import LinkWatch
 from robotctl.telemetry.manual_control import ManualControls
 from robotctl.telemetry.message_requests import MessageRequests
 from robotctl.telemetry.modes import Modes
-from robotctl.telemetry.service import Context, Microservice, Request, Router, TelemetryRobot
+from robotctl.telemetry.service import (
+    Context,
+    Microservice,
+    Request,
+    Router,
+    State,
+    TelemetryRobot,
+)
 from robotctl.telemetry.setpoints import Setpoints
 from robotctl.telemetry.status_text import StatusText
 from robotctl.telemetry.streams import Streams
@@ -56,6 +64,7 @@ class Telemetry:
             modes,
             Setpoints(context),
             ManualControls(context),
+            ExternalPoses(context),
             TimeSync(context),
             heartbeat,
             streams,
@@ -65,16 +74,14 @@ class Telemetry:
         self._context = context
         self._router = Router(services, config)
 
-    def step(
-        self, now_ns: int, received: Sequence[ControlState | NavigationState | Notice]
-    ) -> list[Request]:
+    def step(self, now_ns: int, received: Sequence[State]) -> list[Request]:
         """Take in what came, send what is due.
 
         Parameters
         ----------
         now_ns : int
             Monotonic time [ns].
-        received : sequence of ControlState, NavigationState and Notice
+        received : sequence of State
             Messages of the other processes since the last step, oldest first.
 
         Returns

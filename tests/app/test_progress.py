@@ -203,7 +203,7 @@ def test_auto_goes_on_within_the_interrupted_item_and_only_when_it_is_asked_for(
         state = control(
             now_ns, state=SafetyState.ARMED, x_m=6.0, y_m=1.0, theta_rad=0.0, sonar_m=clear
         )
-        command, navigated = pilot.step(state, requests, now_ns)
+        command, navigated = pilot.step(state, None, requests, now_ns)
         return command.v_m_s, navigated
 
     for _ in range(5):

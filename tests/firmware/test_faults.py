@@ -238,6 +238,23 @@ class TestEncoders:
         assert len(driving.of(FEEDBACK)) == 20
 
 
+class TestTheRobotIsCarried:
+    def test_it_stands_free_elsewhere_and_its_encoders_go_on(self, bench):
+        bench.drive(0.5, 0.0, 0.0)
+        plant, before = bench.simulation.plant, bench.counts()[-1]
+        low_x, low_y, high_x, high_y = bench.simulation.world.bounds
+        places = set()
+        for _ in range(20):
+            bench.begin("carried")
+            bench.drive(0.05, 0.0, 0.0)
+            places.add((round(plant.x_m, 3), round(plant.y_m, 3)))
+            assert low_x < plant.x_m < high_x
+            assert low_y < plant.y_m < high_y
+        assert len(places) == 20
+        assert plant.collisions == 0
+        assert bench.counts()[-1] == pytest.approx(before, abs=2)
+
+
 class TestMotors:
     def test_a_blocked_wheel_stands_and_its_motor_stalls(self, driving):
         driving.begin("wheel_blocked wheel=left")

@@ -1,0 +1,16 @@
+"""How far a pose estimate may be trusted; without numpy, for the control process."""
+
+from __future__ import annotations
+
+import enum
+
+
+class LocalisationStatus(enum.IntEnum):
+    """How far a pose estimate may be trusted."""
+
+    SEARCHING = 0
+    """The belief is spread or has several clusters: the pose is a guess."""
+    LOCALISED = 1
+    """One compact belief that agrees with what is measured."""
+    LOST = 2
+    """The belief contradicts what is measured."""

@@ -1,0 +1,139 @@
+"""What a robot does that does not know where it is: it looks around, and runs into nothing."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from robotctl.model.angles import wrap_angle
+from robotctl.model.drives import Drive
+from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
+from robotctl.planning.obstacle_guard import ObstacleGuard
+from robotctl.planning.situation import Situation, Step
+
+_BLOCKED_M_S: Final = 0.1
+"""Where the guard allows less, another way is looked for."""
+_TURN_RAD_S: Final = 0.6
+_LEAST_TURN_RAD: Final = math.radians(50.0)
+_MOST_TURN_RAD: Final = math.radians(200.0)
+_BACK_M: Final = 0.5
+_FAR_M: Final = 4.0
+"""A missing echo counts as this range [m]."""
+
+
+class _Doing(enum.Enum):
+    """What it is at."""
+
+    ROUND = "looking around"
+    FORWARD = "looking for a known place"
+    TURN = "turning to a free side"
+    BACK = "backing up"
+
+
+class LookAround:
+    """Turns once round, then drives on wherever there is room; it never ends by itself.
+
+    A drive-and-steer robot cannot turn on the spot: it begins by driving, and where the way is
+    blocked it backs up with the wheels turned, so that it faces the freer side. Only relative
+    poses are used. A robot without sonars turns on the spot or stands.
+
+    Parameters
+    ----------
+    drive
+        Drive model.
+    guard
+        Shared with the other behaviours; the navigator feeds it.
+    mounts
+        The sonars, in the order of the ranges.
+    speed_m_s
+        Largest speed [m/s].
+    """
+
+    def __init__(
+        self, drive: Drive, guard: ObstacleGuard, mounts: Sequence[SonarMount], speed_m_s: float
+    ) -> None:
+        self._drive = drive
+        self._guard = guard
+        self._sides = tuple(_side(mount) for mount in mounts)
+        self._speed = speed_m_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew."""
+        self._doing = _Doing.FORWARD if self._drive.steered else _Doing.ROUND
+        self._last: SE2 | None = None
+        self._turned_rad = 0.0
+        self._moved_m = 0.0
+        self._direction = 1.0
+
+    def pause(self) -> None:
+        """Somebody else steers for a while."""
+        self._last = None
+
+    def step(self, situation: Situation) -> Step:
+        """Return the next velocity."""
+        self._measure(situation.pose)
+        ahead = self._guard.step(1.0).v_max_m_s
+        if self._doing is _Doing.ROUND and abs(self._turned_rad) >= math.tau:
+            self._begin(_Doing.FORWARD)
+        if self._doing is _Doing.FORWARD and ahead < _BLOCKED_M_S:
+            self._begin(_Doing.BACK if self._drive.steered else _Doing.TURN)
+            self._direction = self._freer_side(situation.ranges_m)
+        if self._doing is _Doing.TURN and self._has_turned(ahead):
+            self._begin(_Doing.FORWARD)
+        if self._doing is _Doing.BACK and self._has_backed():
+            self._begin(_Doing.FORWARD)
+        v, omega = self._velocity(ahead)
+        return Step(v, omega, text=self._doing.value)
+
+    def _begin(self, doing: _Doing) -> None:
+        """Go over to something else."""
+        self._doing = doing
+        self._turned_rad = self._moved_m = 0.0
+
+    def _measure(self, pose: SE2) -> None:
+        """Add up what was turned and moved."""
+        if self._last is not None:
+            self._turned_rad += wrap_angle(pose.theta_rad - self._last.theta_rad)
+            self._moved_m += math.hypot(pose.x_m - self._last.x_m, pose.y_m - self._last.y_m)
+        self._last = pose
+
+    def _has_turned(self, ahead_m_s: float) -> bool:
+        """Say whether the way is free after a real turn; in a niche any turn must do at last."""
+        turned = abs(self._turned_rad)
+        return turned >= _MOST_TURN_RAD or (turned >= _LEAST_TURN_RAD and ahead_m_s >= self._speed)
+
+    def _has_backed(self) -> bool:
+        """Say whether there is room ahead now, or none behind."""
+        return self._moved_m >= _BACK_M or self._guard.step(-1.0).v_max_m_s < _BLOCKED_M_S
+
+    def _velocity(self, ahead_m_s: float) -> tuple[float, float]:
+        """Return the velocity [m/s, rad/s] of what it is at."""
+        if self._doing in {_Doing.ROUND, _Doing.TURN}:
+            return 0.0, self._direction * _TURN_RAD_S
+        if not self._sides:
+            return 0.0, 0.0
+        if self._doing is _Doing.FORWARD:
+            v = min(self._speed, ahead_m_s)
+            # A stuck steered robot has no other way than forwards: in small bends.
+            bend = self._direction / self._drive.min_turning_radius_m if self._drive.steered else 0
+            return v, 0.5 * v * bend
+        v = -min(self._speed, self._guard.step(-1.0).v_max_m_s)
+        return v, -self._direction * v / self._drive.min_turning_radius_m
+
+    def _freer_side(self, ranges_m: Sequence[float]) -> float:
+        """Return 1 where there is more room to the left, else -1."""
+        room = 0.0
+        for side, range_m in zip(self._sides, ranges_m, strict=True):
+            if not math.isnan(range_m):
+                room += side * min(range_m, _FAR_M)
+        return 1.0 if room >= 0.0 else -1.0
+
+
+def _side(mount: SonarMount) -> float:
+    """Return how much a sonar looks to the left of the way ahead, -1 to 1."""
+    heading = wrap_angle(mount.heading_rad)
+    return math.sin(heading) if abs(heading) <= math.radians(100.0) else 0.0
