@@ -31,6 +31,25 @@ class RecordedScan:
     reference: SE2 | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedSonar:
+    """The latest range of every sonar of a ring, with what the log says of the robot at its time.
+
+    Parameters
+    ----------
+    stamp_ns
+        Time [ns].
+    ranges_m
+        (n,) [m], in the order of the robot's configuration; inf: no echo; nan: not known.
+    odometry
+        `base` in the frame of the odometry.
+    """
+
+    stamp_ns: int
+    ranges_m: NDArray[np.float64]
+    odometry: SE2
+
+
 @dataclass(frozen=True, slots=True)
 class Sighting:
     """A landmark seen at a range [m] and bearing [rad, from forward to the left] of `base`."""
@@ -57,12 +76,18 @@ class Recording:
         (m,) and (m, 2): from this time on, v [m/s] and omega [rad/s] of `base`; m may be 0.
     reference
         `base` in `world`, from something better than odometry.
+    reference_has_heading
+        False where the reference is positions only; its theta is 0 then and means nothing.
     sightings
         Of landmarks, in the order of their times.
     landmarks
         Position of each known landmark in `world` [m].
     wheel_ticks
         (n, 3): time [ns], cumulative counts of the left and of the right wheel; (0, 3) where none.
+    sonars
+        In the order of their times.
+    notes
+        Sentences for people: what the reader left out or had to assume.
     """
 
     name: str
@@ -71,6 +96,9 @@ class Recording:
     twist_stamps_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     twists: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     reference: Trajectory | None = None
+    reference_has_heading: bool = True
     sightings: tuple[Sighting, ...] = ()
     landmarks: dict[int, tuple[float, float]] = field(default_factory=dict)
     wheel_ticks: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
+    sonars: tuple[RecordedSonar, ...] = ()
+    notes: tuple[str, ...] = ()

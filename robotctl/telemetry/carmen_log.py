@@ -1,0 +1,212 @@
+"""Logs of CARMEN, the Carnegie Mellon robot navigation toolkit, as public data sets have them.
+
+Whose pose: in FLASER lines `x y theta` is the pose of the *laser* in `world`, the reference, and
+`odom_x odom_y odom_theta` that of the *robot* by odometry (CARMEN's messages). The data agree: a
+map of Freiburg 079, whose laser stands 0.04 m behind the centre, is crispest when the beams start
+in `x y theta` itself. Where both are the same in every line, as in logs that were corrected in
+place, both are the laser's. ROBOTLASER lines hold the pose of the laser, then of the robot.
+
+Mounting: PARAM `robot_frontlaser_offset`, `_side_offset` and `_angular_offset`, likewise
+`robot_rearlaser_...`; RLASER and ROBOTLASER2 look backwards. Without them, ROBOTLASER lines tell it
+themselves where the two poses stand to each other always the same; else the laser is in the centre.
+
+Beams: 180 readings lie at -90, -89, ... 89 deg, 181 at -90 ... 90 deg, 360 and 361 likewise by half
+a degree; 100, 200 and 400 (101, 201, 401) begin at -50 deg: the fields of view of a SICK LMS. Other
+numbers are spread over -90 ... 90 deg. The first reading is the rightmost.
+
+Reach: readings at or above the maximum are inf, those of 0 or less no readings (nan). The maximum
+is the least that is known: PARAM `robot_front_laser_max`, the field of ROBOTLASER, the first error
+code of a SICK where the longest reading is such a code (81.83 to 81.91 m; 8.183 to 8.191 m in
+millimetre mode), and the longest reading where it is far more frequent than others, since a sensor
+or a program cuts there. Where nothing is known it is 81.83 m.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.angles import wrap_angle
+from robotctl.model.range_scan import RangeScan
+from robotctl.model.recording import RecordedScan, Recording
+from robotctl.model.se2 import SE2
+from robotctl.model.trajectory import Trajectory
+from robotctl.telemetry.carmen_lines import CarmenLines, LaserLine, sorted_lines
+from robotctl.telemetry.log_text import LogFormatError, in_order, read_text, stamps
+
+_SICK_CODES_M: Final = ((81.83, 81.91), (8.183, 8.191))
+_UNKNOWN_REACH_M: Final = 81.83
+_TOLERANCE_M: Final = 1e-6
+_CUT_SHARE: Final = 0.01
+_CUT_FACTOR: Final = 10.0
+"""A reach is where a sensor cuts if so large a share of the readings, and so many times more than
+of the average value, are exactly there."""
+
+_SAME: Final = 1e-5
+_STEADY_M, _STEADY_RAD = 0.005, 0.005
+_MAX_MOUNT_M: Final = 1.5
+
+
+def read_carmen(path: Path) -> Recording:
+    """Read a log.
+
+    Times are those of the messages; a clock that goes back is held, see `in_order`.
+
+    Raises
+    ------
+    LogFormatError
+        If a line is damaged, or there is neither a scan nor odometry in the log.
+    OSError
+        If the file cannot be read.
+    """
+    lines = sorted_lines(read_text(path))
+    if not lines.lasers and not lines.odometry:
+        raise LogFormatError(
+            f"{path}: no scan and no odometry in it; needed are lines with FLASER, RLASER, "
+            "ROBOTLASER1 or ODOM"
+        )
+    scans = _all_scans(lines)
+    reference = None
+    if scans:
+        reference = Trajectory(
+            np.array([scan.scan.stamp_ns for scan in scans]),
+            np.array([_row(scan.reference) for scan in scans if scan.reference]),
+        )
+    return Recording(
+        name=path.name,
+        scans=tuple(scans),
+        odometry=_odometry(lines, scans),
+        reference=reference,
+        notes=tuple(lines.notes),
+    )
+
+
+def _row(pose: SE2) -> tuple[float, float, float]:
+    """Return a pose as a row [m, m, rad]."""
+    return pose.x_m, pose.y_m, pose.theta_rad
+
+
+def _all_scans(lines: CarmenLines) -> list[RecordedScan]:
+    """Return the scans of all lasers in the order of the log."""
+    found = [
+        (line, *poses)
+        for word, laser_lines in lines.lasers.items()
+        for line, poses in zip(laser_lines, _placed(lines, word, laser_lines), strict=True)
+    ]
+    found.sort(key=lambda entry: entry[0].number)
+    stamps_ns, held = in_order(stamps(np.array([entry[0].time_s for entry in found])))
+    if held:
+        lines.notes.append(f"{held} of {len(found)} scans: their clock goes back, time held")
+    return [
+        RecordedScan(
+            RangeScan(stamp_ns, angles, ranges, reach_m, mount.x_m, mount.y_m), odometry, reference
+        )
+        for stamp_ns, (_, angles, ranges, reach_m, mount, odometry, reference) in zip(
+            stamps_ns.tolist(), found, strict=True
+        )
+    ]
+
+
+_Placed = tuple[NDArray[np.float64], NDArray[np.float64], float, SE2, SE2, SE2]
+
+
+def _placed(lines: CarmenLines, word: str, scans: Sequence[LaserLine]) -> list[_Placed]:
+    """Return angles, ranges, reach, mounting, odometry and reference of each scan of one laser."""
+    laser = [SE2(*scan.laser.tolist()) for scan in scans]
+    robot = [SE2(*scan.robot.tolist()) for scan in scans]
+    rear = word in {"RLASER", "ROBOTLASER2"}
+    if rear and abs(wrap_angle(laser[0].theta_rad - robot[0].theta_rad)) < 0.5 * math.pi:
+        laser = [pose @ SE2(0.0, 0.0, math.pi) for pose in laser]  # the heading is the robot's
+    mount = _mount(lines, word, rear, [a.inverse() @ b for a, b in zip(robot, laser, strict=True)])
+    reference = [pose @ mount.inverse() for pose in laser]
+    if all(np.all(np.abs(scan.laser - scan.robot) < _SAME) for scan in scans):
+        lines.notes.append(
+            f"{word}: both poses are the same in all lines: a log corrected in place has no "
+            "odometry of its own, an uncorrected one no reference"
+        )
+        robot = reference
+    least_m = _least_reach(scans)
+    fans: dict[tuple[int, float, float], NDArray[np.float64]] = {}
+    placed = []
+    for scan, odometry, world in zip(scans, robot, reference, strict=True):
+        first, step, reach_m = scan.fan or _fan(lines, rear, len(scan.ranges_m))
+        key = len(scan.ranges_m), first, step
+        angles = fans.setdefault(
+            key, mount.theta_rad + first + step * np.arange(key[0], dtype=np.float64)
+        )
+        reach_m = min(least_m, reach_m if reach_m > 0.0 else math.inf)
+        reach_m = reach_m if math.isfinite(reach_m) else _UNKNOWN_REACH_M
+        placed.append((angles, _valid(scan.ranges_m, reach_m), reach_m, mount, odometry, world))
+    return placed
+
+
+def _mount(lines: CarmenLines, word: str, rear: bool, between: Sequence[SE2]) -> SE2:
+    """Return the laser in `base`; `between` is it by the two poses of each line."""
+    side = "robot_rearlaser" if rear else "robot_frontlaser"
+    names = (f"{side}_offset", f"{side}_side_offset", f"{side}_angular_offset")
+    x, y, theta = (lines.parameter(name) for name in names)
+    behind = math.pi if rear else 0.0
+    if x is not None or word in {"FLASER", "RLASER"}:
+        return SE2(x or 0.0, y or 0.0, wrap_angle(behind + (theta or 0.0)))
+    first = between[0]
+    steady = all(
+        math.hypot(pose.x_m - first.x_m, pose.y_m - first.y_m) < _STEADY_M
+        and abs(wrap_angle(pose.theta_rad - first.theta_rad)) < _STEADY_RAD
+        for pose in between
+    )
+    if steady and math.hypot(first.x_m, first.y_m) < _MAX_MOUNT_M:
+        return first
+    return SE2(0.0, 0.0, behind)
+
+
+def _fan(lines: CarmenLines, rear: bool, count: int) -> tuple[float, float, float]:
+    """Return direction of the first of so many beams, step [rad], and reach by PARAM [m]."""
+    reach_m = lines.parameter(f"robot_{'rear' if rear else 'front'}_laser_max") or math.inf
+    for beams, view_deg in ((180, 180.0), (360, 180.0), (100, 100.0), (200, 100.0), (400, 100.0)):
+        if count in {beams, beams + 1}:
+            return math.radians(-0.5 * view_deg), math.radians(view_deg / beams), reach_m
+    return -0.5 * math.pi, math.pi / max(count - 1, 1), reach_m
+
+
+def _least_reach(scans: Sequence[LaserLine]) -> float:
+    """Return the reach that the readings themselves tell [m]; inf where they tell none."""
+    readings = np.concatenate([scan.ranges_m for scan in scans])
+    values, counts = np.unique(readings[np.isfinite(readings)], return_counts=True)
+    if len(values) == 0:
+        return math.inf
+    longest = float(values[-1])
+    for low, high in _SICK_CODES_M:
+        if low - _TOLERANCE_M <= longest <= high + _TOLERANCE_M:
+            return low
+    often = counts[-1] > _CUT_SHARE * counts.sum() and counts[-1] > _CUT_FACTOR * counts.mean()
+    return longest if often else math.inf
+
+
+def _valid(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.float64]:
+    """Return ranges with inf from the reach on and nan for what is none."""
+    ranges = np.where(ranges >= reach_m - _TOLERANCE_M, math.inf, ranges)
+    return np.where(ranges > 0.0, ranges, math.nan)
+
+
+def _odometry(lines: CarmenLines, scans: Sequence[RecordedScan]) -> Trajectory:
+    """Return the odometry of the ODOM lines, or of the scans where there are none.
+
+    Programs that correct logs put in poses at the time 0; those are left out.
+    """
+    timed = [line for line in lines.odometry if line.time_s != 0.0] or lines.odometry
+    if len(timed) != len(lines.odometry):
+        lines.notes.append(f"{len(lines.odometry) - len(timed)} ODOM lines without a time left out")
+    if not timed:
+        return Trajectory(
+            np.array([scan.scan.stamp_ns for scan in scans]),
+            np.array([_row(scan.odometry) for scan in scans]),
+        )
+    stamps_ns, held = in_order(stamps(np.array([line.time_s for line in timed])))
+    if held:
+        lines.notes.append(f"{held} of {len(timed)} ODOM lines: their clock goes back, time held")
+    return Trajectory(stamps_ns, np.array([line.pose for line in timed]))

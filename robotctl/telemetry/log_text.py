@@ -1,0 +1,232 @@
+"""Text of recorded logs: lines with their numbers, from plain or gzip files, whole or cut short.
+
+A log is cut when a disk was full or a computer lost its power. What stands before the cut is good,
+so a cut is a note and not an error: a last line without its end that cannot be read is left out.
+Damage anywhere else is an error that names file and line.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.errors import RobotctlError
+
+_GZIP: Final = b"\x1f\x8b"
+_HEAD_BYTES: Final = 1 << 16
+_SHOWN: Final = 24
+_FINE_BELOW_S: Final = 4e6
+"""Below it a float resolves a nanosecond [s]."""
+
+
+class LogFormatError(RobotctlError):
+    """A recorded log cannot be read; the message names file, line, what was found, what is allowed.
+
+    Lines are counted from 1, in the text, also where the file is compressed.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class LogText:
+    """The text of one file.
+
+    Parameters
+    ----------
+    path
+        Of the file, for messages.
+    lines
+        Without their ends; line i of the file is `lines[i - 1]`.
+    is_cut
+        Whether the compressed data ended early.
+    ends_open
+        Whether the last line has no end: it may be cut.
+    """
+
+    path: Path
+    lines: list[str]
+    is_cut: bool
+    ends_open: bool
+
+    def error(self, line: int, problem: str) -> LogFormatError:
+        """Return the error for a line, counted from 1."""
+        return LogFormatError(f"{self.path}:{line}: {problem}")
+
+    def is_open_end(self, line: int) -> bool:
+        """Return whether this is a last line that may be cut, so that it may be left out."""
+        return self.ends_open and line == len(self.lines)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what people should know of the text as a whole."""
+        if not self.is_cut:
+            return ()
+        return (f"{self.path}: the compressed file is cut short after line {len(self.lines)}",)
+
+
+def read_text(path: Path) -> LogText:
+    """Read a log, plain or gzip by content.
+
+    Raises
+    ------
+    LogFormatError
+        If compressed data are damaged (not merely cut), or the file is no text.
+    OSError
+        If the file cannot be read.
+    """
+    raw = path.read_bytes()
+    data, is_cut = _inflated(path, raw) if raw.startswith(_GZIP) else (raw, False)
+    if b"\0" in data[:_HEAD_BYTES]:
+        raise LogFormatError(f"{path}: is no text; a log is text, plain or gzip")
+    lines = data.decode("utf-8", errors="replace").split("\n")
+    ends_open = lines[-1] != ""
+    if not ends_open:
+        lines.pop()
+    if is_cut and ends_open:
+        lines.pop()
+        ends_open = False
+    return LogText(path, lines, is_cut, ends_open)
+
+
+def first_words(path: Path) -> str:
+    """Return the beginning of the text of a file, to tell its kind; "" where it is no text."""
+    with path.open("rb") as file:
+        raw = file.read(_HEAD_BYTES)
+    if raw.startswith(_GZIP):
+        try:
+            raw = zlib.decompressobj(wbits=31).decompress(raw, _HEAD_BYTES)
+        except zlib.error:
+            return ""
+    return "" if b"\0" in raw else raw.decode("utf-8", errors="replace")
+
+
+def _inflated(path: Path, raw: bytes) -> tuple[bytes, bool]:
+    """Return the content of gzip data, of one or more members, and whether it ended early."""
+    parts = []
+    while raw.startswith(_GZIP):
+        member = zlib.decompressobj(wbits=31)
+        try:
+            parts.append(member.decompress(raw))
+        except zlib.error as error:
+            raise LogFormatError(f"{path}: the gzip data are damaged: {error}") from error
+        if not member.eof:
+            return b"".join(parts), True
+        raw = member.unused_data
+    return b"".join(parts), False
+
+
+def integer(text: LogText, line: int, name: str, word: str) -> int:
+    """Return the whole number that a word of a line holds.
+
+    Raises
+    ------
+    LogFormatError
+        If it is none.
+    """
+    try:
+        return int(word)
+    except ValueError:
+        raise text.error(line, f"{name}: found {_shown(word)}, a whole number is needed") from None
+
+
+def numbers(text: LogText, line: int, words: Sequence[str]) -> NDArray[np.float64]:
+    """Return the numbers that the words of a line hold, (n,); nan and inf are numbers here.
+
+    Raises
+    ------
+    LogFormatError
+        If one of the words is no number.
+    """
+    try:
+        return np.array(list(map(float, words)))
+    except ValueError:
+        bad = next(word for word in words if not _is_number(word))
+        raise text.error(line, f"found {_shown(bad)}, a number is needed") from None
+
+
+def table(text: LogText, columns: Sequence[str], skip: str = "#") -> NDArray[np.float64]:
+    """Return a file of rows of finite numbers, (n, columns); lines that begin with `skip` are none.
+
+    Raises
+    ------
+    LogFormatError
+        If a row has other than so many columns, or a word is no finite number. A last row that
+        may be cut is left out instead.
+    """
+    kept = [
+        (number, words)
+        for number, line in enumerate(text.lines, 1)
+        if (words := line.split()) and not words[0].startswith(skip)
+    ]
+    if kept and text.is_open_end(kept[-1][0]) and not _is_row(kept[-1][1], len(columns)):
+        kept.pop()
+    try:
+        if any(len(words) != len(columns) for _, words in kept):
+            raise ValueError
+        values = np.array(list(map(float, chain.from_iterable(words for _, words in kept))))
+    except ValueError:
+        raise _first_bad_row(text, kept, columns) from None
+    if not np.all(np.isfinite(values)):
+        raise _first_bad_row(text, kept, columns)
+    return values.reshape(len(kept), len(columns))
+
+
+def _first_bad_row(
+    text: LogText, rows: Sequence[tuple[int, list[str]]], columns: Sequence[str]
+) -> LogFormatError:
+    """Return the error of the first row that is none."""
+    number, words = next((n, words) for n, words in rows if not _is_row(words, len(columns)))
+    if len(words) != len(columns):
+        problem = f"found {len(words)} words, needed are {len(columns)}: {', '.join(columns)}"
+    else:
+        column, word = next(
+            (name, word) for name, word in zip(columns, words, strict=True) if not _is_finite(word)
+        )
+        problem = f"{column}: found {_shown(word)}, a finite number is needed"
+    return text.error(number, problem)
+
+
+def _is_row(words: Sequence[str], columns: int) -> bool:
+    """Return whether the words are so many finite numbers."""
+    return len(words) == columns and all(map(_is_finite, words))
+
+
+def _is_number(word: str) -> bool:
+    """Return whether a word is a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_finite(word: str) -> bool:
+    """Return whether a word is a finite number."""
+    return _is_number(word) and bool(np.isfinite(float(word)))
+
+
+def _shown(word: str) -> str:
+    """Return a word as a message shows it."""
+    return repr(word if len(word) <= _SHOWN else f"{word[:_SHOWN]}...")
+
+
+def stamps(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return times [s] as [ns], with the digits that a float has: of wall time, microseconds."""
+    fine = np.abs(seconds) < _FINE_BELOW_S
+    nanoseconds = np.rint(np.where(fine, seconds, 0.0) * 1e9).astype(np.int64)
+    return np.where(fine, nanoseconds, np.rint(seconds * 1e6).astype(np.int64) * 1000)
+
+
+def in_order(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Return times that never go back, in the order of the log, and how many had to be moved on.
+
+    The order of the log is that in which things happened; a clock that is set, or messages of two
+    sources, put single times wrong.
+    """
+    ordered = np.maximum.accumulate(stamps_ns)
+    return ordered, int(np.count_nonzero(ordered != stamps_ns))

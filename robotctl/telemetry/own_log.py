@@ -1,0 +1,182 @@
+"""Our own recordings as drives: the folder of `--record DIR`, or one `robot-0001.mcap` of it.
+
+Odometry and sonar ranges come from the topic `control`, scans from the topic `lidar`, the
+reference from `truth.tum` in the folder, where there is one (its times are those of the log). JSON
+knows no infinity, so a sonar without an echo reads as nan, not known. See docs/logs.md.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import math
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, McapRecord, Message
+from mcap.stream_reader import StreamReader
+from mcap.well_known import MessageEncoding
+from mcap.writer import MCAP0_MAGIC
+
+from robotctl.model.range_scan import RangeScan
+from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
+from robotctl.model.se2 import SE2
+from robotctl.model.trajectory import Trajectory
+from robotctl.telemetry.log_text import LogFormatError, in_order
+from robotctl.telemetry.tum import read_tum
+
+TRUTH: Final = "truth.tum"
+_DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, EOFError)
+_RECORD_LIMIT: Final = 1 << 28
+
+
+class _Control(msgspec.Struct):
+    """What is needed of a `ControlState`."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+    sonar_m: list[float | None] = []
+
+
+class _Lidar(msgspec.Struct):
+    """A `LidarScan`; `ranges` are float32 in base64."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    first_rad: float
+    step_rad: float
+    max_range_m: float
+    ranges: str
+
+
+@dataclass(slots=True)
+class _Content:
+    """What the messages of the files hold, with the times of the log [ns]."""
+
+    control: list[tuple[int, _Control]] = field(default_factory=list)
+    lidar: list[tuple[int, _Lidar]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a file begins as MCAP does."""
+    with path.open("rb") as file:
+        return file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
+
+
+def mcap_files(folder: Path) -> list[Path]:
+    """Return the logs of a folder that we recorded, in their order."""
+    return sorted(folder.glob("robot-*.mcap"))
+
+
+def read_own(path: Path) -> Recording:
+    """Read all logs of a folder, or one log.
+
+    Raises
+    ------
+    LogFormatError
+        If a file is no MCAP file, a message is not as ours are, or no control state is in them.
+    OSError
+        If a file cannot be read.
+    """
+    folder = path if path.is_dir() else path.parent
+    content = _Content()
+    for file in mcap_files(path) if path.is_dir() else [path]:
+        _take_in(file, content)
+    if not content.control:
+        raise LogFormatError(f"{path}: no message of the topic `control` in it")
+    odometry = Trajectory(
+        in_order(np.array([stamp_ns for stamp_ns, _ in content.control]))[0],
+        np.array([(state.x_m, state.y_m, state.theta_rad) for _, state in content.control]),
+    )
+    truth = folder / TRUTH
+    reference = read_tum(truth) if truth.exists() else None
+    return Recording(
+        name=path.name,
+        scans=tuple(_scan(*each, odometry, reference, path) for each in content.lidar),
+        odometry=odometry,
+        reference=reference,
+        sonars=tuple(
+            RecordedSonar(stamp_ns, _ranges(state), SE2(state.x_m, state.y_m, state.theta_rad))
+            for stamp_ns, (_, state) in zip(
+                odometry.stamps_ns.tolist(), content.control, strict=True
+            )
+            if state.sonar_m
+        ),
+        notes=tuple(content.notes),
+    )
+
+
+def _take_in(file: Path, content: _Content) -> None:
+    """Take in the messages of one file."""
+    if not is_mcap(file):
+        raise LogFormatError(f"{file}: not an MCAP file")
+    control, lidar = msgspec.json.Decoder(_Control), msgspec.json.Decoder(_Lidar)
+    for topic, message in _messages(file, content.notes):
+        try:
+            if topic == "control":
+                content.control.append((message.log_time, control.decode(message.data)))
+            elif topic == "lidar":
+                content.lidar.append((message.log_time, lidar.decode(message.data)))
+        except msgspec.DecodeError as error:
+            raise LogFormatError(
+                f"{file}: topic {topic}, message at {message.log_time} ns: {error}"
+            ) from error
+
+
+def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
+    """Yield topics and messages up to the end of a file, or to where it was cut."""
+    topics: dict[int, str] = {}
+    with file.open("rb") as source:
+        records = iter(
+            StreamReader(source, validate_crcs=True, record_size_limit=_RECORD_LIMIT).records
+        )
+        while True:
+            try:
+                record: McapRecord | None = next(records, None)
+            except _DAMAGE:
+                notes.append(f"{file}: was cut, read up to the cut")
+                return
+            if record is None:
+                return
+            if isinstance(record, Channel) and record.message_encoding == MessageEncoding.JSON:
+                topics[record.id] = record.topic
+            elif isinstance(record, Message) and record.channel_id in topics:
+                yield topics[record.channel_id], record
+
+
+def _ranges(state: _Control) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the sonar ranges [m], nan where the log has none."""
+    return np.array([math.nan if value is None else value for value in state.sonar_m])
+
+
+def _scan(
+    stamp_ns: int, lidar: _Lidar, odometry: Trajectory, reference: Trajectory | None, path: Path
+) -> RecordedScan:
+    """Return a scan with the poses at its time; before and after the odometry, its ends."""
+    try:
+        ranges = np.frombuffer(base64.b64decode(lidar.ranges, validate=True), "<f4")
+    except (binascii.Error, ValueError) as error:
+        raise LogFormatError(f"{path}: topic lidar, scan at {stamp_ns} ns: {error}") from error
+    scan = RangeScan(
+        stamp_ns,
+        lidar.first_rad + lidar.step_rad * np.arange(len(ranges), dtype=np.float64),
+        ranges.astype(np.float64),
+        lidar.max_range_m,
+        lidar.x_m,
+        lidar.y_m,
+    )
+    inside_ns = min(max(stamp_ns, int(odometry.stamps_ns[0])), int(odometry.stamps_ns[-1]))
+    return RecordedScan(
+        scan, odometry.at(inside_ns) or SE2(), reference.at(stamp_ns) if reference else None
+    )
