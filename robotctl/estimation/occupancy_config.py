@@ -1,0 +1,76 @@
+"""Settings of the occupancy grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class OccupancyGridConfig:
+    """How much one measurement says of a cell, in log odds (notes, section 5.1).
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    resolution_m: float = 0.05
+    """Side of a cell [m]."""
+    limit: float = 4.0
+    """Log odds stay within this and its negative, so that a changed room is learnt anew."""
+    hit: float = 0.85
+    """Evidence of a lidar's echo from a cell, probability 0.7."""
+    miss: float = 0.4
+    """Evidence of a lidar's beam that passes a cell, probability 0.4; counted negative."""
+    range_limit_m: float = 30.0
+    """A lidar's echo from farther says only that the beam is free up to here [m]."""
+    no_echo_m: float = 5.0
+    """How far a lidar's beam without an echo says free [m]: dark or shining things return none."""
+    fan_deg: float = 1.5
+    """Lidar beams no farther apart are filled between [deg]."""
+    sonar_hit: float = 0.5
+    """Evidence of a sonar's echo, for all cells of the arc that it may have come from."""
+    sonar_miss: float = 0.25
+    """Evidence of a sonar's cone for the cells before the echo; counted negative."""
+    sonar_width_deg: float = 20.0
+    """Full width of a sonar's cone [deg]."""
+    sonar_band_m: float = 0.05
+    """Cells so much nearer or farther than the range count as at it [m]."""
+    sonar_range_m: float = 5.0
+    """A sonar's range from here on is no echo: the cone is free up to here [m]."""
+
+    def __post_init__(self) -> None:
+        for key in ("resolution_m", "limit", "hit", "miss", "range_limit_m", "no_echo_m"):
+            self._check(key, 0.0, math.inf)
+        for key in ("sonar_hit", "sonar_miss", "sonar_band_m", "sonar_range_m"):
+            self._check(key, 0.0, math.inf)
+        self._check("fan_deg", 0.0, 90.0)
+        self._check("sonar_width_deg", 0.0, 180.0)
+        for key in ("hit", "miss", "sonar_hit", "sonar_miss"):
+            if not self.step <= getattr(self, key) <= self.limit:
+                raise ValueError(
+                    f"{key} must lie in [limit / {STEPS}, limit] = [{self.step:g}, "
+                    f"{self.limit:g}], found {getattr(self, key)}"
+                )
+
+    def _check(self, key: str, above: float, below: float) -> None:
+        """Refuse a value that is not strictly between two bounds."""
+        if not above < getattr(self, key) < below:
+            raise ValueError(
+                f"{key} must lie in ({above:g}, {below:g}), found {getattr(self, key)}"
+            )
+
+    @property
+    def step(self) -> float:
+        """Log odds of one stored step."""
+        return self.limit / STEPS
+
+    def steps(self, evidence: float) -> int:
+        """Return evidence in stored steps, rounded, at least 1."""
+        return max(1, round(evidence / self.step))
+
+
+STEPS = 127
+"""Log odds are stored in so many steps up to the limit, as int8."""
