@@ -22,12 +22,13 @@ centimetres that they do not know, and particles near the truth die out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
+from robotctl.estimation.beam_selection import BeamSkipping, evenly_chosen, judges
 from robotctl.estimation.compiled import compiled
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.model.grid_map import GridMap
@@ -35,11 +36,6 @@ from robotctl.model.range_scan import RangeScan
 
 _BLOCK = 128
 """Particles weighed together: their sums stay in the first-level cache."""
-_JUDGES = 256
-"""Poses that decide which beams are skipped: every so many of all."""
-_CLOSE_M = 0.5
-_CLOSE_RAD = 0.25
-"""Poses that spread more than this cannot say that a beam is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +53,8 @@ class LikelihoodFieldConfig:
         K: likelihood of a beam that ends anywhere, against that of one on an obstacle, > 0.
     independent_beams
         How many independent beams the chosen ones are worth together, > 0.
-    beam_skipping
-        Leave out beams that disagree with nearly all poses, as people in front of the robot make
-        them; only while the poses are close together.
-    skip_sigmas
-        A beam agrees with a pose if it ends within so many `sigma_m` of an obstacle, (0, 4].
-    skip_below
-        A beam is left out if it agrees with less than this share of the poses, (0, 1).
-    skip_at_most
-        If more than this share of the beams would be left out, none is: then not the beams are
-        wrong, but the poses, (0, 1).
+    skipping
+        Of beams in a crowd.
 
     Raises
     ------
@@ -78,10 +66,7 @@ class LikelihoodFieldConfig:
     sigma_m: float = 0.1
     robust_k: float = 0.05
     independent_beams: float = 15.0
-    beam_skipping: bool = False
-    skip_sigmas: float = 3.0
-    skip_below: float = 0.3
-    skip_at_most: float = 0.7
+    skipping: BeamSkipping = field(default_factory=BeamSkipping)
 
     def __post_init__(self) -> None:
         if self.beams < 1:
@@ -90,12 +75,6 @@ class LikelihoodFieldConfig:
             value = getattr(self, key)
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{key} must be finite and > 0, found {value}")
-        if not 0.0 < self.skip_sigmas <= 4.0:
-            raise ValueError(f"skip_sigmas must be in (0, 4], found {self.skip_sigmas}")
-        for key in ("skip_below", "skip_at_most"):
-            value = getattr(self, key)
-            if not 0.0 < value < 1.0:
-                raise ValueError(f"{key} must be in (0, 1), found {value}")
 
 
 class LikelihoodField:
@@ -137,7 +116,7 @@ class LikelihoodField:
             ]
         )
         self._agrees = np.float32(
-            self._log(np.array(self.config.skip_sigmas * self.config.sigma_m))
+            self._log(np.array(self.config.skipping.sigmas * self.config.sigma_m))
         )
 
     def measurement(self, scan: RangeScan) -> LogLikelihood:
@@ -176,18 +155,17 @@ class LikelihoodField:
 
     def _chosen_points(self, scan: RangeScan) -> NDArray[np.float32]:
         """Return the end points of the chosen beams in `base`, (2, k) [cells]."""
-        points = scan.points_base()
-        valid = len(points)
-        count = min(self.config.beams, valid)
-        chosen = ((np.arange(count) + 0.5) * (valid / max(count, 1))).astype(np.intp)
-        cells: NDArray[np.float32] = (points[chosen].T * self._map_from_world[4]).astype(np.float32)
-        return np.ascontiguousarray(cells)
+        chosen = evenly_chosen(scan.ranges_m < scan.max_range_m, self.config.beams)
+        angles, ranges = scan.angles_rad[chosen], scan.ranges_m[chosen]
+        points = np.stack([scan.x_m + ranges * np.cos(angles), scan.y_m + ranges * np.sin(angles)])
+        cells: NDArray[np.float32] = (points * self._map_from_world[4]).astype(np.float32)
+        return cells
 
     def _log_likelihood(
         self, poses: NDArray[np.float64], points: NDArray[np.float32]
     ) -> NDArray[np.float64]:
         count = points.shape[1]
-        if self.config.beam_skipping:
+        if self.config.skipping.enabled and count > 0:
             points = self._without_skipped(poses, points)
         summed = self._summed(poses, points)
         alpha = min(1.0, self.config.independent_beams / max(count, 1))
@@ -214,27 +192,16 @@ class LikelihoodField:
         self, poses: NDArray[np.float64], points: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Return the end points of the beams that enough poses agree with."""
-        config = self.config
-        judges = np.ascontiguousarray(poses[:: max(1, len(poses) // _JUDGES)])
-        if points.shape[1] == 0 or not _close_together(judges):
+        few = judges(poses)
+        if few is None:
             return points
-        cos, sin = self._heading(judges)
-        agreeing = np.zeros(points.shape[1], np.int64)
+        cos, sin = self._heading(few)
+        agreeing = np.zeros(points.shape[1])
         _count_agreeing(
-            judges, cos, sin, points, self._map_from_world, self._log_field, self._agrees, agreeing
+            few, cos, sin, points, self._map_from_world, self._log_field, self._agrees, agreeing
         )
-        kept = agreeing >= config.skip_below * len(judges)
-        if np.count_nonzero(~kept) > config.skip_at_most * len(kept):
-            return points
+        kept = self.config.skipping.kept(agreeing / len(few))
         return np.ascontiguousarray(points[:, kept])
-
-
-def _close_together(poses: NDArray[np.float64]) -> bool:
-    """Whether the poses' standard deviation is below `_CLOSE_M` and `_CLOSE_RAD`."""
-    if np.hypot(*poses[:, :2].std(axis=0)) > _CLOSE_M:
-        return False
-    resultant = np.hypot(np.cos(poses[:, 2]).mean(), np.sin(poses[:, 2]).mean())
-    return bool(resultant > math.exp(-0.5 * _CLOSE_RAD**2))
 
 
 @compiled
@@ -294,7 +261,7 @@ def _count_agreeing(
     map_from_world: NDArray[np.float64],
     log_field: NDArray[np.float32],
     agrees: np.float32,
-    agreeing: NDArray[np.int64],
+    agreeing: NDArray[np.float64],
 ) -> None:
     """Add to `agreeing` for each beam the number of poses that put it near an obstacle."""
     x0, y0, c0, s0, scale = map_from_world

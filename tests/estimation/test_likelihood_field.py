@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from robotctl.estimation.beam_selection import BeamSkipping
 from robotctl.estimation.likelihood_field import LikelihoodField, LikelihoodFieldConfig
 from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.range_scan import RangeScan
@@ -171,7 +172,7 @@ def crowded_scan(grid: GridMap) -> RangeScan:
 
 def test_beam_skipping_leaves_out_what_no_close_pose_agrees_with():
     grid = room()
-    config = LikelihoodFieldConfig(beam_skipping=True)
+    config = LikelihoodFieldConfig(skipping=BeamSkipping(enabled=True))
     scan = crowded_scan(grid)
     rng = np.random.default_rng(6)
     near = np.array([2.0, 2.0, 0.0]) + rng.normal(size=(500, 3)) * [0.05, 0.05, 0.02]
@@ -189,7 +190,9 @@ def test_beam_skipping_leaves_out_what_no_close_pose_agrees_with():
 def test_beam_skipping_is_off_while_the_poses_are_spread_or_most_beams_speak_against_them():
     grid = room()
     scan = crowded_scan(grid)
-    with_skipping = LikelihoodField(grid, LikelihoodFieldConfig(beam_skipping=True))
+    with_skipping = LikelihoodField(
+        grid, LikelihoodFieldConfig(skipping=BeamSkipping(enabled=True))
+    )
     without = LikelihoodField(grid)
     rng = np.random.default_rng(7)
     spread = random_poses(rng, 500, SE2())
@@ -214,11 +217,14 @@ def test_a_map_without_obstacles_is_refused():
         ("sigma_m", 0.0),
         ("robust_k", -1.0),
         ("independent_beams", math.inf),
-        ("skip_sigmas", 5.0),
-        ("skip_below", 1.0),
-        ("skip_at_most", 0.0),
     ],
 )
 def test_a_number_out_of_its_range_is_refused_by_name(key, value):
     with pytest.raises(ValueError, match=key):
         LikelihoodFieldConfig(**{key: value})
+
+
+@pytest.mark.parametrize(("key", "value"), [("sigmas", 5.0), ("below", 1.0), ("at_most", 0.0)])
+def test_a_number_of_skipping_out_of_its_range_is_refused_by_name(key, value):
+    with pytest.raises(ValueError, match=key):
+        BeamSkipping(**{key: value})

@@ -1,0 +1,83 @@
+"""Which beams of a scan are weighed: a number evenly chosen, and in a crowd those that see the map.
+
+People around the robot shorten beams of neighbouring directions, for many scans. Where the robot's
+place is known well, such beams stand out: they contradict nearly all poses alike, so they say
+nothing of which pose is right, and are left out (as nav2's AMCL does in its likelihood field).
+This is a heuristic: which beams count is decided by the poses, so it must not hide from the
+localiser that it is wrong. It therefore stays off while the poses are spread, and where it would
+leave out most beams: then not the beams are wrong, but the poses.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_JUDGES: Final = 256
+_CLOSE_M: Final = 0.5
+_CLOSE_RAD: Final = 0.25
+"""Poses that spread more (one standard deviation) cannot say that a beam is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeamSkipping:
+    """When beams are left out.
+
+    Parameters
+    ----------
+    enabled
+        Whether any are.
+    sigmas
+        A beam agrees with a pose if it is off by at most so many standard deviations, (0, 4].
+    below
+        A beam is left out if it agrees with less than this share of the poses, (0, 1).
+    at_most
+        If more than this share of the beams would be left out, none is, (0, 1).
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    enabled: bool = False
+    sigmas: float = 3.0
+    below: float = 0.3
+    at_most: float = 0.7
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.sigmas <= 4.0:
+            raise ValueError(f"sigmas must be in (0, 4], found {self.sigmas}")
+        for key in ("below", "at_most"):
+            value = getattr(self, key)
+            if not 0.0 < value < 1.0:
+                raise ValueError(f"{key} must be in (0, 1), found {value}")
+
+    def kept(self, agreeing_share: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which beams to keep, (k,), from the share of the poses that each agrees with."""
+        kept = agreeing_share >= self.below
+        if np.count_nonzero(~kept) > self.at_most * len(kept):
+            return np.ones_like(kept)
+        return kept
+
+
+def evenly_chosen(valid: NDArray[np.bool_], count: int) -> NDArray[np.intp]:
+    """Return the indices of at most `count` of the valid beams, in equal steps."""
+    indices = np.flatnonzero(valid)
+    n = min(count, len(indices))
+    steps = ((np.arange(n) + 0.5) * (len(indices) / max(n, 1))).astype(np.intp)
+    chosen: NDArray[np.intp] = indices[steps]
+    return chosen
+
+
+def judges(poses: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return a few of the poses (n, 3), evenly chosen; None if they are spread."""
+    few = np.ascontiguousarray(poses[:: max(1, len(poses) // _JUDGES)])
+    resultant = np.hypot(np.cos(few[:, 2]).mean(), np.sin(few[:, 2]).mean())
+    if resultant < math.exp(-0.5 * _CLOSE_RAD**2):
+        return None
+    return few if np.hypot(*few[:, :2].std(axis=0)) <= _CLOSE_M else None
