@@ -134,13 +134,16 @@ def _odometry(text: LogText, number: int, words: list[str]) -> OdometryLine:
 
 
 def _flaser(text: LogText, number: int, words: list[str]) -> LaserLine:
-    """Read `FLASER n ranges x y theta odom_x odom_y odom_theta time host logger_time`."""
+    """Read `FLASER n ranges x y theta odom_x odom_y odom_theta time host logger_time`.
+
+    Some programs leave host and second time away.
+    """
     count = _count(text, number, words, 1)
-    if not count + 9 <= len(words) <= count + 11:
+    if len(words) not in {count + 9, count + 11}:
         raise text.error(
             number,
             f"{words[0]}: found {len(words) - 2} values after the number of readings, needed are "
-            f"{count} ranges, x y theta odom_x odom_y odom_theta, time, host and time",
+            f"{count} ranges, x y theta odom_x odom_y odom_theta time host time",
         )
     ranges = numbers(text, number, words[2 : count + 2])
     tail = _finite(text, number, words[0], words[count + 2 : count + 9])

@@ -94,14 +94,22 @@ def read_text(path: Path) -> LogText:
 
 
 def first_words(path: Path) -> str:
-    """Return the beginning of the text of a file, to tell its kind; "" where it is no text."""
+    """Return the beginning of the text of a file, to tell its kind; "" where it is no text.
+
+    Raises
+    ------
+    LogFormatError
+        If compressed data are damaged.
+    OSError
+        If the file cannot be read.
+    """
     with path.open("rb") as file:
         raw = file.read(_HEAD_BYTES)
     if raw.startswith(_GZIP):
         try:
             raw = zlib.decompressobj(wbits=31).decompress(raw, _HEAD_BYTES)
-        except zlib.error:
-            return ""
+        except zlib.error as error:
+            raise LogFormatError(f"{path}: the gzip data are damaged: {error}") from error
     return "" if b"\0" in raw else raw.decode("utf-8", errors="replace")
 
 

@@ -2,16 +2,15 @@
 
 Odometry and sonar ranges come from the topic `control`, scans from the topic `lidar`, the
 reference from `truth.tum` in the folder, where there is one (its times are those of the log). JSON
-knows no infinity, so a sonar without an echo reads as nan, not known. See docs/logs.md.
+knows no infinity: a beam of the lidar without a range is inf there, but a sonar without an echo is
+nan, not known, since a sonar that is not there looks the same in the log. See docs/logs.md.
 """
 
 from __future__ import annotations
 
-import base64
-import binascii
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -24,6 +23,7 @@ from mcap.records import Channel, McapRecord, Message
 from mcap.stream_reader import StreamReader
 from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
 
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
@@ -47,16 +47,23 @@ class _Control(msgspec.Struct):
     sonar_m: list[float | None] = []
 
 
-class _Lidar(msgspec.Struct):
-    """A `LidarScan`; `ranges` are float32 in base64."""
+class _Position(msgspec.Struct):
+    x: float
+    y: float
 
-    stamp_ns: int
-    x_m: float
-    y_m: float
-    first_rad: float
-    step_rad: float
-    max_range_m: float
-    ranges: str
+
+class _Pose(msgspec.Struct):
+    position: _Position
+
+
+class _Lidar(msgspec.Struct):
+    """What is needed of a `foxglove.LaserScan`; ranges [m], None where nothing came back."""
+
+    pose: _Pose
+    start_angle: float
+    end_angle: float
+    max_range: float
+    ranges: list[float | None]
 
 
 @dataclass(slots=True)
@@ -107,7 +114,11 @@ def read_own(path: Path) -> Recording:
         odometry=odometry,
         reference=reference,
         sonars=tuple(
-            RecordedSonar(stamp_ns, _ranges(state), SE2(state.x_m, state.y_m, state.theta_rad))
+            RecordedSonar(
+                stamp_ns,
+                _ranges(state.sonar_m, math.nan),
+                SE2(state.x_m, state.y_m, state.theta_rad),
+            )
             for stamp_ns, (_, state) in zip(
                 odometry.stamps_ns.tolist(), content.control, strict=True
             )
@@ -155,9 +166,9 @@ def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
                 yield topics[record.channel_id], record
 
 
-def _ranges(state: _Control) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return the sonar ranges [m], nan where the log has none."""
-    return np.array([math.nan if value is None else value for value in state.sonar_m])
+def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:
+    """Return ranges [m], with `missing` where the log has none."""
+    return np.array([missing if value is None else value for value in values], dtype=np.float64)
 
 
 def _scan(
@@ -165,17 +176,16 @@ def _scan(
 ) -> RecordedScan:
     """Return a scan with the poses at its time; before and after the odometry, its ends."""
     try:
-        ranges = np.frombuffer(base64.b64decode(lidar.ranges, validate=True), "<f4")
-    except (binascii.Error, ValueError) as error:
+        scan = RangeScan(
+            stamp_ns,
+            np.linspace(lidar.start_angle, lidar.end_angle, len(lidar.ranges)),
+            _ranges(lidar.ranges, math.inf),
+            lidar.max_range,
+            lidar.pose.position.x,
+            lidar.pose.position.y,
+        )
+    except ValueError as error:
         raise LogFormatError(f"{path}: topic lidar, scan at {stamp_ns} ns: {error}") from error
-    scan = RangeScan(
-        stamp_ns,
-        lidar.first_rad + lidar.step_rad * np.arange(len(ranges), dtype=np.float64),
-        ranges.astype(np.float64),
-        lidar.max_range_m,
-        lidar.x_m,
-        lidar.y_m,
-    )
     inside_ns = min(max(stamp_ns, int(odometry.stamps_ns[0])), int(odometry.stamps_ns[-1]))
     return RecordedScan(
         scan, odometry.at(inside_ns) or SE2(), reference.at(stamp_ns) if reference else None

@@ -1,0 +1,97 @@
+"""Recordings of our own, written by the recorder's log, read as drives."""
+
+import math
+from array import array
+
+import msgspec
+import numpy as np
+import pytest
+
+from robotctl.model.trajectory import Trajectory
+from robotctl.runtime.messages import LidarScan
+from robotctl.telemetry.log_text import LogFormatError
+from robotctl.telemetry.mcap_log import McapLog
+from robotctl.telemetry.recorded_log import read_recording
+from robotctl.telemetry.tum import write_tum
+from tests.telemetry.conftest import CONTROL, NAVIGATION
+
+EPOCH_NS = 1_700_000_000_000_000_000
+LIDAR = LidarScan(
+    1_500_000_000, 0.1, 0.05, -0.5, 0.25, 12.0, array("f", [1.0, math.inf, 2.5]).tobytes()
+)
+
+
+def state(t_s, x_m, sonar_m=(1.0, math.nan)):
+    return msgspec.structs.replace(
+        CONTROL, stamp_ns=t_s * 10**9, x_m=x_m, y_m=0.0, theta_rad=0.0, sonar_m=sonar_m
+    )
+
+
+def write(path, *messages):
+    with path.open("wb") as file:
+        log = McapLog(file, EPOCH_NS, "rover")
+        for message in messages:
+            log.add(message)
+        log.close()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write(tmp_path / "robot-0001.mcap", state(1, 0.0), NAVIGATION, LIDAR)
+    write(tmp_path / "robot-0002.mcap", state(2, 1.0))
+    return tmp_path
+
+
+def test_the_logs_of_a_folder_are_one_drive(folder):
+    recording = read_recording(folder)
+    assert (recording.odometry.stamps_ns - EPOCH_NS).tolist() == [10**9, 2 * 10**9]
+    assert recording.odometry.poses[:, 0].tolist() == [0.0, 1.0]
+    assert recording.reference is None
+
+
+def test_one_log_is_read_alone(folder):
+    assert len(read_recording(folder / "robot-0002.mcap").odometry.poses) == 1
+
+
+def test_sonars_have_ranges_and_the_odometry_of_their_time(folder):
+    first, second = read_recording(folder).sonars
+    np.testing.assert_array_equal(first.ranges_m, [1.0, math.nan])
+    assert second.odometry.x_m == 1.0
+
+
+def test_a_scan_of_the_lidar_comes_back_with_the_odometry_of_its_time(folder):
+    (entry,) = read_recording(folder).scans
+    np.testing.assert_array_equal(entry.scan.ranges_m, [1.0, math.inf, 2.5])
+    assert entry.scan.angles_rad == pytest.approx([-0.5, -0.25, 0.0])
+    assert (entry.scan.x_m, entry.scan.y_m, entry.scan.max_range_m) == (0.1, 0.05, 12.0)
+    assert entry.odometry.x_m == pytest.approx(0.5)
+
+
+def test_the_truth_beside_the_logs_is_the_reference(folder):
+    poses = np.array([[5.0, 0.0, 0.0], [7.0, 0.0, 0.0]])
+    stamps_ns = EPOCH_NS + np.array([1, 3]) * 10**9
+    write_tum(folder / "truth.tum", Trajectory(stamps_ns, poses))
+    recording = read_recording(folder)
+    assert recording.reference.poses == pytest.approx(poses)
+    assert recording.scans[0].reference.x_m == pytest.approx(5.5)
+
+
+def test_a_log_that_a_kill_cut_is_read_up_to_the_cut(tmp_path):
+    path = tmp_path / "robot-0001.mcap"
+    with path.open("wb") as file:
+        log = McapLog(file, EPOCH_NS, "rover")
+        log.add(state(1, 0.0))
+        log.flush()
+        whole = file.tell()
+        log.add(state(2, 1.0))
+        log.close()
+    path.write_bytes(path.read_bytes()[: whole + 10])
+    recording = read_recording(path)
+    assert recording.odometry.poses[:, 0].tolist() == [0.0]
+    assert any("was cut" in note for note in recording.notes)
+
+
+def test_a_log_without_states_is_refused(tmp_path):
+    write(tmp_path / "robot-0001.mcap", NAVIGATION)
+    with pytest.raises(LogFormatError, match="no message of the topic `control`"):
+        read_recording(tmp_path)
