@@ -6,6 +6,7 @@ import typer
 
 import robotctl
 from robotctl.cli import can, config, doctor, install, record, replay, run, sim, tune
+from robotctl.cli import map as map_command
 
 app = typer.Typer(
     name="robotctl",
@@ -24,6 +25,7 @@ app.command("doctor")(doctor.doctor)
 app.command("install")(install.install)
 app.command("uninstall")(install.uninstall)
 app.command("replay")(replay.replay)
+app.command("map")(map_command.map_log)
 
 
 @app.command()

@@ -1,0 +1,67 @@
+"""`robotctl map`: an occupancy grid from a recorded log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from robotctl.app.mapping import MapResult
+
+
+def map_log(
+    log: Annotated[
+        Path, typer.Option(help="CARMEN log, LEGO folder or recording of robotctl, gzip or plain.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="PREFIX", help="Write PREFIX.yaml and PREFIX.pgm.")],
+    scans: Annotated[
+        str, typer.Option(help="all, or every second one: even or odd, counted from 0.")
+    ] = "all",
+    resolution: Annotated[float, typer.Option(metavar="M", help="Side of a cell.")] = 0.05,
+) -> None:
+    """Map the lidar scans of a recorded log, at its reference poses or else at its odometry."""
+    # It loads numba and OpenCV, which other subcommands can do without.
+    from robotctl.app.mapping import MapOptions, make_map  # noqa: PLC0415
+
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ) as bar:
+        task = bar.add_task(f"reading {log.name}", total=None)
+        result = make_map(
+            MapOptions(log, out, scans, resolution),
+            lambda done, of: bar.update(task, description="mapping", completed=done, total=of),
+        )
+    for note in result.notes:
+        console.print(f"{log.name}: {note}", markup=False, highlight=False, soft_wrap=True)
+    print("\n".join(_lines(result)))
+
+
+def _lines(result: MapResult) -> list[str]:
+    """Return what to say of a map."""
+    options, grid, figures = result.options, result.grid, result.figures
+    rows, columns = grid.cells.shape
+    side_m = grid.resolution_m
+    poses = "reference poses" if result.from_reference else "odometry: the log has no reference"
+    occupied, free = int(grid.occupied().sum()), int(grid.free().sum())
+    size = f"{columns * side_m:.2f} m x {rows * side_m:.2f} m"
+    corner = f"({grid.origin.x_m:.2f}, {grid.origin.y_m:.2f}) m"
+    mean = f"{figures.mean_entropy_bits:.3f} bit for a cell that was seen"
+    return [
+        f"{options.log}: {result.used} of {result.of} scans ({options.scans}), at {poses}",
+        f"size: {size}, {columns} x {rows} cells of {side_m:g} m, from {corner}",
+        f"cells: {free} free, {occupied} occupied, {grid.cells.size - free - occupied} unknown",
+        f"coverage: {figures.seen_m2:.1f} m2 seen, {figures.coverage:.1%} of the rectangle",
+        f"entropy: {figures.entropy_bits:.0f} bit, {mean}",
+        f"written: {result.files[0]}, {result.files[1]}",
+    ]
