@@ -14,6 +14,7 @@ from robotctl.app.log_folder import LogConfig
 from robotctl.control.limiter import LimitsConfig
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDrive
 from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.sonar import SonarMount
@@ -62,6 +63,7 @@ class RobotConfig:
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
     navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
     log: LogConfig = field(default_factory=LogConfig)
     odometry: MotionNoise = field(default_factory=MotionNoise)
     simulation: dict[str, Any] = field(default_factory=dict)

@@ -12,6 +12,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.config import parse_override
@@ -19,13 +21,14 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import play
 from firmware_sim.world import load_world
 from robotctl.app.config import RobotConfig, find_file
+from robotctl.app.load_estimators import load_estimators
 from robotctl.app.log_folder import LogFolder
 from robotctl.app.logs import StateLog
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
+from robotctl.app.run_score import RunScore
 from robotctl.app.score import (
-    PoseScore,
     Report,
     StampedPose,
     bus_report,
@@ -34,6 +37,7 @@ from robotctl.app.score import (
     run_message,
 )
 from robotctl.app.sim import SimOptions, SimulatorError, load_faults, simulation_overrides
+from robotctl.app.world import load_walls
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
 from robotctl.runtime.clock import VirtualClock
@@ -43,6 +47,9 @@ from robotctl.runtime.messages import (
     Arm,
     ControlRequest,
     ControlState,
+    LidarScan,
+    LiveMap,
+    LocalisationState,
     LoopStatistics,
     Mode,
     NavigationState,
@@ -172,12 +179,12 @@ class LockstepRun:
     def __init__(self, options: SimOptions) -> None:
         self._options = options
         self._mission = load_mission(options.mission)
-        self._world = find_file(options.world or self._mission.world, "worlds")
+        self._world = find_file(options.world or self._mission.world, "worlds").resolve()
         start = self._mission.start.pose
         stack = StackOptions(
             instance="lockstep",
             robot=str(options.robot),
-            overrides=options.overrides,
+            overrides=options.settings(self._world),
             mission=str(options.mission),
             x_m=start.x_m,
             y_m=start.y_m,
@@ -186,11 +193,14 @@ class LockstepRun:
         self.config = stack.load()
         self._stack = stack
         self._pilot = Pilot(self.config, stack)
-        self._score = PoseScore()
+        self._estimators = load_estimators(self.config, stack)
+        self._score = RunScore(load_walls(self._world))
         self._faults: list[str] = []
         scenario = load_faults(options.faults)
         self._navigation: NavigationState | None = None
+        self._localisation: LocalisationState | None = None
         self._asked_ns = -_ARM_RETRY_NS
+        self._scanned_ns = 0
         self._request_id = 0
         simulation = make_simulation(
             options.robot,
@@ -227,13 +237,16 @@ class LockstepRun:
                 requests = ()
                 if bench.ticks % every == 0:
                     control = bench.snapshot()
+                    seen = self._see(control)
                     navigation, requests = self._navigate(control)
                     if states is not None:
-                        states.step((control, navigation), control.stamp_ns)
+                        states.step((control, *seen, navigation), control.stamp_ns)
                     yield control, navigation
                     if is_over(control, navigation):
                         break
             bench.robot.close()
+            if record is not None:
+                self._score.save(record)
 
     def _open_record(self, files: ExitStack, directory: Path) -> Recorder:
         """Write the CAN log and the control record into `directory`."""
@@ -248,14 +261,39 @@ class LockstepRun:
         files.callback(states.close)
         return states
 
+    def _see(self, control: ControlState) -> list[LidarScan | LocalisationState]:
+        """Let the estimators work, and score them; return what they saw and believe."""
+        now_ns, simulation = control.stamp_ns, self.bench.simulation
+        truth = simulation.truth()
+        self._score.truth(StampedPose(now_ns, truth.x_m, truth.y_m, truth.theta_rad))
+        self._score.control(control)
+        if self._estimators is None:
+            return []
+        seen: list[LidarScan | LocalisationState] = []
+        lidar = simulation.config.simulation.lidar
+        if lidar is not None and now_ns - self._scanned_ns >= 1e9 / lidar.rate_hz:
+            self._scanned_ns = now_ns
+            scan = simulation.scan()
+            seen += [] if scan is None else [LidarScan(**msgspec.structs.asdict(scan))]
+        begin_ns = time.perf_counter_ns()
+        state = self._estimators.step(
+            control, [each for each in seen if isinstance(each, LidarScan)], (), now_ns
+        )
+        if state is not None:
+            step_us = (time.perf_counter_ns() - begin_ns) / 1000
+            self._localisation = msgspec.structs.replace(state, step_us=step_us)
+            self._score.localisation(self._localisation)
+            seen.append(state)
+        for picture in self._estimators.pictures(now_ns):
+            if isinstance(picture, LiveMap):
+                self._score.map(picture)
+        return seen
+
     def _navigate(
         self, control: ControlState
     ) -> tuple[NavigationState, tuple[ControlRequest, ...]]:
         """Do what the navigation process and the operator do, 20 times a second."""
         now_ns = control.stamp_ns
-        truth = self.bench.simulation.truth()
-        self._score.truth(StampedPose(now_ns, truth.x_m, truth.y_m, truth.theta_rad))
-        self._score.estimate(StampedPose(now_ns, control.x_m, control.y_m, control.theta_rad))
         wishes: tuple[SetMode, ...] = ()
         if (
             control.state in POWERED
@@ -263,7 +301,7 @@ class LockstepRun:
             and self._navigation.mode == Mode.HOLD
         ):
             wishes = (SetMode(now_ns, Mode.AUTO),)
-        command, self._navigation = self._pilot.step(control, None, wishes, now_ns)
+        command, self._navigation = self._pilot.step(control, self._localisation, wishes, now_ns)
         if control.state == SafetyState.STANDBY and now_ns - self._asked_ns >= _ARM_RETRY_NS:
             self._asked_ns = now_ns
             self._request_id += 1
@@ -291,11 +329,13 @@ class LockstepRun:
             collisions=truth.collisions,
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
-            pose_error=self._score.result(),
+            pose_error=self._score.pose_error,
             loop=loop_report(self.bench.statistics()),
             bus=bus_report(control.bus),
             real_time_factor=round(duration_s / took_s, 2),
             faults=tuple(self._faults),
+            localisation=self._score.localisation_report,
+            map_quality=self._score.map_quality,
         )
 
 

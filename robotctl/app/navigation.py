@@ -1,15 +1,17 @@
-"""The navigation process: mode, mission and behaviours at 20 Hz."""
+"""The navigation process: the robot's place, mode, mission and behaviours at 20 Hz."""
 
 from __future__ import annotations
 
 import os
 import sys
-from typing import Final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 import zmq
 
 from robotctl.app.config import RobotConfig
+from robotctl.app.load_estimators import load_estimators
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.pilot import Pilot
 from robotctl.app.progress import load_progress
@@ -17,7 +19,15 @@ from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
-from robotctl.runtime.messages import ControlState, NavigationRequest, Notice
+from robotctl.runtime.messages import (
+    ControlState,
+    ExternalPose,
+    LidarScan,
+    LocalisationState,
+    NavigationRequest,
+    Notice,
+)
+from robotctl.runtime.ports import Clock
 from robotctl.runtime.topics import (
     Endpoints,
     Publisher,
@@ -27,7 +37,53 @@ from robotctl.runtime.topics import (
     endpoint_directory,
 )
 
+if TYPE_CHECKING:
+    from robotctl.app.estimators import Estimators
+
 _SEVERITY_WARNING: Final = 4
+_SEVERITY_NOTICE: Final = 5
+
+
+class Place:
+    """Lets the estimators work on messages and publishes what they find.
+
+    Parameters
+    ----------
+    estimators
+        Localiser and mapper.
+    context, endpoints
+        Where scans come from.
+    publisher
+        Of the process.
+    """
+
+    def __init__(
+        self,
+        estimators: Estimators,
+        context: zmq.Context[Any],
+        endpoints: Endpoints,
+        publisher: Publisher,
+    ) -> None:
+        self._estimators = estimators
+        self._scans = Subscriber[LidarScan](context, (endpoints.lidar,), LidarScan)
+        self._publisher = publisher
+
+    def step(
+        self, control: ControlState, asked: Sequence[NavigationRequest], clock: Clock
+    ) -> LocalisationState | None:
+        """Take in what was seen since the last step; return where the robot is."""
+        begin_ns = clock.now_ns()
+        estimators, publisher = self._estimators, self._publisher
+        poses = [each for each in asked if isinstance(each, ExternalPose)]
+        state = estimators.step(control, self._scans.receive(), poses, begin_ns)
+        if state is not None:
+            step_us = (clock.now_ns() - begin_ns) / 1000
+            publisher.send(msgspec.structs.replace(state, step_us=step_us))
+        for picture in estimators.pictures(begin_ns):
+            publisher.send(picture)
+        for news in estimators.news():
+            publisher.send(Notice(begin_ns, _SEVERITY_NOTICE, news))
+        return state
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:
@@ -51,7 +107,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         pilot.resume(saved.item, saved.item_s_m)
         if saved.item:
             notes += (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)
+    estimators = load_estimators(config, options)
+    place = None if estimators is None else Place(estimators, context, endpoints, publisher)
     control: ControlState | None = None
+    localisation: LocalisationState | None = None
     deadline_ns = clock.now_ns()
     try:
         while not stopped():
@@ -64,7 +123,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 for note in notes:
                     publisher.send(Notice(begin_ns, _SEVERITY_WARNING, note))
                 notes = ()
-            command, state = pilot.step(control, None, requests.receive(), begin_ns)
+            asked = requests.receive()
+            if place is not None and control is not None:
+                localisation = place.step(control, asked, clock)
+            command, state = pilot.step(control, localisation, asked, begin_ns)
             to_control.send(command)
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
@@ -13,14 +13,64 @@ from robotctl.model.angles import wrap_angle
 from robotctl.runtime.messages import BusStatus, ControlState, LoopStatistics, NavigationState
 from robotctl.runtime.safety import LATCHED, POWERED
 
+T = TypeVar("T")
+
 
 class PoseError(msgspec.Struct, frozen=True):
-    """Distance between estimated and true position [m], and the final heading error [rad]."""
+    """Distance between estimated and true position [m], and errors of the heading [rad]."""
 
     rmse_m: float
     max_m: float
     final_m: float
     final_rad: float
+    heading_rmse_rad: float
+
+
+class LocalisationReport(msgspec.Struct, frozen=True):
+    """How well the localiser did.
+
+    Attributes
+    ----------
+    method
+        As configured.
+    localised_after_s
+        From the first estimate until it first said that it was localised and was right [s]; None:
+        never. Right is within 0.5 m and 0.5 rad.
+    localised_share
+        Share of the time since then in which it said so.
+    wrong_s
+        Time in which it said so and was wrong [s].
+    error
+        While it said so, since it first was right.
+    nees_inside_95, nis_inside_95
+        Share of the estimates and of the innovations inside the two-sided 95 % bounds of their χ²
+        distribution; None where there are none.
+    odometry_rmse_m
+        What the odometry alone would have had [m].
+    step_ms
+        Its part of a navigation step, median [ms].
+    """
+
+    method: str
+    localised_after_s: float | None
+    localised_share: float
+    wrong_s: float
+    error: PoseError
+    nees_inside_95: float | None
+    nis_inside_95: float | None
+    odometry_rmse_m: float
+    step_ms: float
+
+
+class MapQuality(msgspec.Struct, frozen=True):
+    """Occupied cells of the map against the walls of the world, within one cell.
+
+    `precision` is the share of them that lie on a wall, `recall` the share of the walls seen from
+    inside that are in the map.
+    """
+
+    precision: float
+    recall: float
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -29,6 +79,8 @@ class Report(msgspec.Struct, frozen=True):
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
     `faults` are those of the scenario that have begun, each with the simulator's time.
+    `pose_error` is that of the pose that the robot goes by; `localisation` and `map_quality` are
+    None without a localiser and without mapping.
     """
 
     robot: str
@@ -50,6 +102,8 @@ class Report(msgspec.Struct, frozen=True):
     bus: dict[str, Any]
     real_time_factor: float
     faults: tuple[str, ...] = ()
+    localisation: LocalisationReport | None = None
+    map_quality: MapQuality | None = None
 
     def json(self) -> bytes:
         """Return the report as indented JSON."""
@@ -90,55 +144,86 @@ class StampedPose(NamedTuple):
     y_m: float
     theta_rad: float
 
+    def distance_m(self, other: StampedPose) -> float:
+        """Return the distance between two positions [m]."""
+        return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
 
-class PoseScore:
-    """Compares estimates with the truth interpolated to their time.
 
-    Both streams must come in the order of their stamps, each at its own pace.
+class TruthMatcher(Generic[T]):
+    """Pairs poses with the truth interpolated to their time.
+
+    Both streams must come in the order of their stamps, each at its own pace. A pose carries
+    whatever belongs to it.
     """
 
     def __init__(self) -> None:
         self._truths: deque[StampedPose] = deque()
-        self._estimates: deque[StampedPose] = deque()
+        self._poses: deque[tuple[StampedPose, T]] = deque()
+
+    def truth(self, pose: StampedPose) -> Iterator[tuple[StampedPose, T, StampedPose]]:
+        """Add a true pose; yield the pairs that are complete now."""
+        self._truths.append(pose)
+        return self._matched()
+
+    def pose(self, pose: StampedPose, what: T) -> Iterator[tuple[StampedPose, T, StampedPose]]:
+        """Add a pose with what belongs to it; yield the pairs that are complete now."""
+        self._poses.append((pose, what))
+        return self._matched()
+
+    def _matched(self) -> Iterator[tuple[StampedPose, T, StampedPose]]:
+        """Yield each pose that lies between two truths."""
+        truths, poses = self._truths, self._poses
+        while poses and truths and truths[-1].stamp_ns >= poses[0][0].stamp_ns:
+            pose, what = poses.popleft()
+            while len(truths) > 1 and truths[1].stamp_ns <= pose.stamp_ns:
+                truths.popleft()
+            if truths[0].stamp_ns <= pose.stamp_ns:
+                yield pose, what, _interpolate(truths, pose.stamp_ns)
+
+
+class PoseScore:
+    """Compares estimates with the truth of their time."""
+
+    def __init__(self) -> None:
+        self._matcher: TruthMatcher[None] = TruthMatcher()
         self._squares = 0.0
+        self._heading_squares = 0.0
         self._count = 0
         self._max_m = 0.0
         self._final_m = 0.0
         self._final_rad = 0.0
 
     def truth(self, pose: StampedPose) -> None:
-        """Add a true pose."""
-        self._truths.append(pose)
-        self._match()
+        """Add a true pose; they must come in the order of their stamps."""
+        for estimate, _, truth in self._matcher.truth(pose):
+            self.add(estimate, truth)
 
     def estimate(self, pose: StampedPose) -> None:
-        """Add an estimated pose."""
-        self._estimates.append(pose)
-        self._match()
+        """Add an estimated pose; they must come in the order of their stamps."""
+        for estimate, _, truth in self._matcher.pose(pose, None):
+            self.add(estimate, truth)
 
-    def _match(self) -> None:
-        """Score each estimate that lies between two truths."""
-        truths, estimates = self._truths, self._estimates
-        while estimates and truths and truths[-1].stamp_ns >= estimates[0].stamp_ns:
-            estimate = estimates.popleft()
-            while len(truths) > 1 and truths[1].stamp_ns <= estimate.stamp_ns:
-                truths.popleft()
-            if truths[0].stamp_ns <= estimate.stamp_ns:
-                self._add(estimate, _interpolate(truths, estimate.stamp_ns))
-
-    def _add(self, estimate: StampedPose, truth: StampedPose) -> None:
-        """Score one pair."""
-        distance_m = math.hypot(estimate.x_m - truth.x_m, estimate.y_m - truth.y_m)
+    def add(self, estimate: StampedPose, truth: StampedPose) -> None:
+        """Score a pair of one time."""
+        distance_m = estimate.distance_m(truth)
+        turned_rad = wrap_angle(estimate.theta_rad - truth.theta_rad)
         self._squares += distance_m * distance_m
+        self._heading_squares += turned_rad * turned_rad
         self._count += 1
         self._max_m = max(self._max_m, distance_m)
         self._final_m = distance_m
-        self._final_rad = abs(wrap_angle(estimate.theta_rad - truth.theta_rad))
+        self._final_rad = abs(turned_rad)
 
     def result(self) -> PoseError:
         """Return the errors so far; all 0 where nothing was compared."""
-        rmse_m = math.sqrt(self._squares / self._count) if self._count else 0.0
-        return PoseError(rmse_m, self._max_m, self._final_m, self._final_rad)
+        count = max(1, self._count)
+        return PoseError(
+            rmse_m=math.sqrt(self._squares / count),
+            max_m=self._max_m,
+            final_m=self._final_m,
+            final_rad=self._final_rad,
+            heading_rmse_rad=math.sqrt(self._heading_squares / count),
+        )
 
 
 def _interpolate(truths: Sequence[StampedPose], stamp_ns: int) -> StampedPose:

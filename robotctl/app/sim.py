@@ -14,22 +14,20 @@ import uuid
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeAlias
 
 import msgspec
-import numpy as np
-import numpy.typing as npt
 import zmq
 
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import Scenario, load_scenario
-from firmware_sim.world import load_world
 from robotctl.app.children import start_child
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
+from robotctl.app.run_score import RunScore
 from robotctl.app.score import (
-    PoseScore,
     Report,
     StampedPose,
     bus_report,
@@ -38,13 +36,17 @@ from robotctl.app.score import (
     run_message,
 )
 from robotctl.app.stack import CONTROL, Stack
+from robotctl.app.world import load_walls
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.runtime.messages import (
     Arm,
     ControlState,
+    LiveMap,
+    LocalisationState,
     Mode,
     NavigationState,
     Notice,
+    ParticleCloud,
     SafetyState,
     SetMode,
 )
@@ -87,6 +89,8 @@ class SimOptions:
         Directory of record and logs; None: none.
     faults
         Scenario of the faults that befall the robot; None: none.
+    localisation
+        Settings of the localiser, `key=value`; where they name no map it is the world itself.
     """
 
     robot: Path
@@ -98,6 +102,13 @@ class SimOptions:
     overrides: tuple[str, ...] = ()
     record: Path | None = None
     faults: Path | None = None
+    localisation: tuple[str, ...] = ()
+
+    def settings(self, world: Path) -> tuple[str, ...]:
+        """Return all settings of the robot in a world, the user's own last."""
+        if not self.localisation:
+            return self.overrides
+        return (f'localisation.map="{world}"', *self.localisation, *self.overrides)
 
     @property
     def channel(self) -> tuple[str, str]:
@@ -111,6 +122,11 @@ class SimOptions:
                 "such as vcan0"
             )
         return "socketcan", kind
+
+
+_Heard: TypeAlias = (
+    ControlState | NavigationState | LocalisationState | ParticleCloud | LiveMap | Notice
+)
 
 
 class Truth(msgspec.Struct, frozen=True):
@@ -135,6 +151,9 @@ class Progress:
     control: ControlState | None = None
     navigation: NavigationState | None = None
     truth: Truth | None = None
+    localisation: LocalisationState | None = None
+    cloud: ParticleCloud | None = None
+    map: LiveMap | None = None
     lines: list[str] = field(default_factory=list)
 
 
@@ -153,17 +172,17 @@ class SimRun:
         self._options = options
         self._stopped = stopped
         interface, channel = options.channel
+        self.mission = load_mission(options.mission)
+        self.world = find_file(options.world or self.mission.world, "worlds").resolve()
         overrides = (
             PATIENCE,
             BEST_EFFORT,
-            *options.overrides,
+            *options.settings(self.world),
             f'can.interface="{interface}"',
             f'can.channel="{channel}"',
         )
         robot = options.robot.resolve()
         self.config: RobotConfig = load_robot(robot, overrides)
-        self.mission = load_mission(options.mission)
-        self.world = find_file(options.world or self.mission.world, "worlds")
         self.walls = load_walls(self.world)
         load_faults(options.faults)
         start = self.mission.start
@@ -185,9 +204,7 @@ class SimRun:
         )
         self._endpoints = Endpoints(self._folder)
         self._context = zmq.Context()
-        self._states = Subscriber[ControlState | NavigationState | Notice](
-            self._context, self._endpoints.published, ControlState | NavigationState | Notice
-        )
+        self._states = Subscriber[_Heard](self._context, self._endpoints.published, _Heard)
         self._truths = Subscriber[Truth](self._context, (self._endpoints.truth,), Truth)
         self._to_control = RequestSender(self._context, self._endpoints.control_requests)
         self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
@@ -196,7 +213,7 @@ class SimRun:
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
-        self._score = PoseScore()
+        self._score = RunScore(self.walls)
         self.progress = Progress()
 
     def __enter__(self) -> SimRun:
@@ -336,10 +353,15 @@ class SimRun:
         for message in self._states.receive():
             match message:
                 case ControlState():
-                    progress.control = message
-                    self._score.estimate(
-                        StampedPose(message.stamp_ns, message.x_m, message.y_m, message.theta_rad)
-                    )
+                    progress.control = self._score.control(message)
+                case LocalisationState():
+                    progress.localisation = message
+                    self._score.localisation(message)
+                case ParticleCloud():
+                    progress.cloud = message
+                case LiveMap():
+                    progress.map = message
+                    self._score.map(message)
                 case NavigationState():
                     progress.navigation = message
                 case Notice():
@@ -354,7 +376,9 @@ class SimRun:
                 self.progress.lines.append(line.rstrip())
 
     def report(self) -> Report:
-        """Return the score of the run so far."""
+        """Return the score of the run so far; with a record, write truth and map beside it."""
+        if self._options.record is not None:
+            self._score.save(self._options.record)
         progress = self.progress
         control, navigation, truth = progress.control, progress.navigation, progress.truth
         if control is None or navigation is None or truth is None:
@@ -383,11 +407,13 @@ class SimRun:
             collisions=truth.collisions,
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
-            pose_error=self._score.result(),
+            pose_error=self._score.pose_error,
             loop=loop_report(control.loop),
             bus=bus_report(control.bus),
             real_time_factor=1.0,
             faults=tuple(self._faults),
+            localisation=self._score.localisation_report,
+            map_quality=self._score.map_quality,
         )
 
 
@@ -406,20 +432,6 @@ def check_simulated_robot(robot: Path) -> None:
     """
     try:
         load_simulated_robot(robot)
-    except SimulationError as error:
-        raise SimulatorError(str(error)) from error
-
-
-def load_walls(world: Path) -> npt.NDArray[np.float64]:
-    """Return the wall segments (n, 4) of a world [m].
-
-    Raises
-    ------
-    SimulatorError
-        If the file is wrong.
-    """
-    try:
-        return load_world(world).segments
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
 

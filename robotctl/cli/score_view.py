@@ -57,9 +57,46 @@ def score_table(report: Report) -> Table:
             f"{bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['errors']} errors",
         ),
     )
-    for name, text in (*rows, *_fault_rows(report.faults)):
+    for name, text in (*rows, *_place_rows(report), *_fault_rows(report.faults)):
         table.add_row(name, text)
     return table
+
+
+def _place_rows(report: Report) -> list[tuple[str, str]]:
+    """Return what localiser and mapper did, where there were any."""
+    rows = []
+    place, quality = report.localisation, report.map_quality
+    if place is not None:
+        error = place.error
+        found = (
+            "never"
+            if place.localised_after_s is None
+            else f"after {place.localised_after_s:.1f} s, {100 * place.localised_share:.0f} % since"
+        )
+        wrong = f", wrong for {place.wrong_s:.1f} s" if place.wrong_s else ""
+        rows += [
+            ("localised", f"{place.method}: {found}{wrong}; {place.step_ms:.1f} ms a step"),
+            (
+                "then",
+                (
+                    f"rmse {error.rmse_m:.3f} m, max {error.max_m:.3f} m, "
+                    f"{math.degrees(error.heading_rmse_rad):.2f}° "
+                    f"(odometry alone {place.odometry_rmse_m:.3f} m)"
+                ),
+            ),
+            (
+                "consistency",
+                f"NEES {_share(place.nees_inside_95)}, NIS {_share(place.nis_inside_95)}",
+            ),
+        ]
+    if quality is not None:
+        rows.append(("map", f"precision {quality.precision:.3f}, recall {quality.recall:.3f}"))
+    return rows
+
+
+def _share(inside: float | None) -> str:
+    """Return how much of something lies inside its 95 % bounds."""
+    return "-" if inside is None else f"{100 * inside:.0f} % inside 95 %"
 
 
 def _fault_rows(faults: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -55,6 +55,23 @@ def sim(
     faults: Annotated[
         str, typer.Option(help="Scenario file or name: faults that befall the robot.")
     ] = "",
+    localiser: Annotated[
+        Literal["none", "ekf", "mcl"] | None,
+        typer.Option(help="How the robot finds out where it is; default: as its file says."),
+    ] = None,
+    start: Annotated[
+        Literal["known", "unknown"],
+        typer.Option(help="Whether the localiser is told where the robot starts."),
+    ] = "known",
+    chart: Annotated[
+        str,
+        typer.Option(
+            "--map", help="Map of the localiser: a world, or a ROS map.yaml; default: the world."
+        ),
+    ] = "",
+    mapping: Annotated[
+        bool, typer.Option("--mapping", help="Build a map of what sonars and lidar see.")
+    ] = False,
     overrides: Overrides = None,
 ) -> None:
     """Drive a mission in simulation and score it.
@@ -71,6 +88,7 @@ def sim(
         overrides=tuple(overrides or ()),
         record=record,
         faults=find_file(faults, "scenarios") if faults else None,
+        localisation=_localisation(localiser, start, chart, mapping=mapping),
     )
     if lockstep:
         result = run_lockstep(options)
@@ -80,6 +98,25 @@ def sim(
     if report is not None:
         report.write_bytes(result.json())
     sys.exit(0 if result.mission_completed else NOT_COMPLETED)
+
+
+def _localisation(
+    localiser: str | None, start: str, chart: str, *, mapping: bool
+) -> tuple[str, ...]:
+    """Return the options of the localiser as settings of the robot."""
+    settings = []
+    if localiser is not None:
+        settings.append(f'localisation.method="{localiser}"')
+    if start != "known":
+        settings.append(f'localisation.start="{start}"')
+    if chart:
+        folder, suffix = (
+            ("maps", ".yaml") if chart.endswith((".yaml", ".yml")) else ("worlds", ".toml")
+        )
+        settings.append(f'localisation.map="{find_file(chart, folder, suffix).resolve()}"')
+    if mapping:
+        settings.append("localisation.mapping=true")
+    return tuple(settings)
 
 
 def _run(options: SimOptions, *, headless: bool, until_done: bool) -> Report:

@@ -7,7 +7,6 @@ from collections import deque
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from rich.columns import Columns
 from rich.console import Console, Group
 from rich.live import Live
@@ -16,8 +15,10 @@ from rich.table import Table
 from rich.text import Text
 
 from robotctl.app.config import RobotConfig
+from robotctl.app.run_score import grid_of
 from robotctl.app.sim import Progress, SimRun
 from robotctl.cli.canvas import Canvas
+from robotctl.model.wall_map import WallMap
 from robotctl.runtime.messages import ControlState, SafetyState
 
 _LINE_S = 5.0
@@ -119,7 +120,7 @@ class LiveView:
     config
         The robot.
     walls
-        Segments (n, 4) of the world [m].
+        Of the world.
     connections
         Where others can connect, for the head of the screen.
     """
@@ -128,7 +129,7 @@ class LiveView:
         self,
         console: Console,
         config: RobotConfig,
-        walls: npt.NDArray[np.float64],
+        walls: WallMap,
         connections: tuple[str, ...],
     ) -> None:
         self._console = console
@@ -187,22 +188,27 @@ class LiveView:
         return text
 
     def _map(self, progress: Progress) -> Panel:
-        """Walls, trail, estimate and truth."""
-        walls = self._walls
-        xs, ys = walls[:, (0, 2)], walls[:, (1, 3)]
-        bounds = (xs.min(), ys.min(), xs.max(), ys.max())
-        canvas = Canvas(_MAP_COLUMNS, _MAP_ROWS, bounds)
-        for x1_m, y1_m, x2_m, y2_m in walls:
-            canvas.line(x1_m, y1_m, x2_m, y2_m)
+        """Walls or the growing map, trail, particles, estimate and truth."""
+        canvas = Canvas(_MAP_COLUMNS, _MAP_ROWS, self._walls.bounds)
+        if progress.map is None:
+            for x1_m, y1_m, x2_m, y2_m in self._walls.segments:
+                canvas.line(x1_m, y1_m, x2_m, y2_m)
+        else:
+            grid = grid_of(progress.map)
+            for x_m, y_m in grid.centre_of(np.argwhere(grid.occupied())):
+                canvas.point(x_m, y_m)
         for x_m, y_m in self._trail:
             canvas.point(x_m, y_m)
+        if progress.cloud is not None:
+            for x_m, y_m, _ in np.frombuffer(progress.cloud.poses, "<f4").reshape(-1, 3):
+                canvas.point(x_m, y_m)
         if progress.truth is not None:
             canvas.mark(progress.truth.x_m, progress.truth.y_m, "o")
         if progress.control is not None:
             control = progress.control
             arrow = _ARROWS[round(control.theta_rad / (math.pi / 4)) % 8]
             canvas.mark(control.x_m, control.y_m, arrow)
-        return Panel("\n".join(canvas.lines()), title="map", expand=False)
+        return Panel("\n".join(canvas.lines()), title=_map_title(progress), expand=False)
 
     def _motion(self, control: ControlState) -> Table:
         """Pose, velocity and each wheel."""
@@ -261,3 +267,13 @@ class LiveView:
             f"{bus.received + bus.sent} frames, {bus.error_frames} error frames",
         )
         return table
+
+
+def _map_title(progress: Progress) -> str:
+    """Say what the map shows, and how well the robot knows its place."""
+    state = progress.localisation
+    if state is None:
+        return "map" if progress.map is None else "map as it grows"
+    sigma_m = math.sqrt(max(0.0, state.covariance[0] + state.covariance[3]))
+    particles = f", {state.particles} particles" if state.particles else ""
+    return f"{state.method}: {state.status.name.lower()}, ±{sigma_m:.2f} m{particles}"

@@ -1,0 +1,95 @@
+"""The extended Kalman filter in the navigation process."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.app.localiser import SonarNews, external_covariance, localisation_state
+from robotctl.estimation.ekf import PoseEkf
+from robotctl.estimation.robust_kalman import Innovation
+from robotctl.model.angles import sinc
+from robotctl.model.range_scan import RangeScan
+from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
+from robotctl.model.wall_map import WallMap
+from robotctl.runtime.messages import ControlState, ExternalPose, LocalisationState
+
+
+class EkfLocaliser:
+    """Predicts by the odometry, corrects by sonar ranges to walls and by poses from outside.
+
+    It has no use for lidar scans.
+
+    Parameters
+    ----------
+    ekf
+        The filter, where it starts.
+    mounts
+        The sonars, in the order of the ranges.
+    walls
+        The map; None: poses from outside alone correct.
+    """
+
+    def __init__(self, ekf: PoseEkf, mounts: Sequence[SonarMount], walls: WallMap | None) -> None:
+        self._ekf = ekf
+        self._mounts = tuple(mounts)
+        self._walls = walls
+        self._news = SonarNews()
+        self._odometry: SE2 | None = None
+        self._innovation: Innovation | None = None
+
+    @property
+    def particles(self) -> NDArray[np.float64]:
+        """No particles: (0, 3)."""
+        return np.empty((0, 3))
+
+    def step(
+        self,
+        control: ControlState,
+        scans: Sequence[RangeScan],  # noqa: ARG002 - as all localisers
+        poses: Sequence[ExternalPose],
+        now_ns: int,
+    ) -> LocalisationState:
+        """Take in all that came since the last step; return what is believed now."""
+        ekf, self._innovation = self._ekf, None
+        odometry = SE2(control.x_m, control.y_m, control.theta_rad)
+        if self._odometry is None:
+            ekf.reset(dataclasses.replace(ekf.estimate(), stamp_ns=control.stamp_ns))
+        elif control.stamp_ns > ekf.stamp_ns:
+            distance_m, turn_rad = _arc(self._odometry.inverse() @ odometry)
+            self._keep(*ekf.predict(control.stamp_ns, distance_m, turn_rad))
+        self._odometry = odometry
+        for stamp_ns, ranges_m in self._news.take(control):
+            self._hear(stamp_ns, ranges_m)
+        for pose in poses:
+            where = SE2(pose.x_m, pose.y_m, pose.theta_rad)
+            self._keep(ekf.update_pose(pose.stamp_ns, where, external_covariance(pose)))
+        state = localisation_state("ekf", ekf.estimate(), odometry, now_ns)
+        last = self._innovation
+        if last is None:
+            return state
+        return msgspec.structs.replace(state, nis=last.nis, nis_dof=last.dof)
+
+    def _hear(self, stamp_ns: int, ranges_m: NDArray[np.float64]) -> None:
+        """Correct by one ring of ranges."""
+        if self._walls is None:
+            return
+        for mount, range_m in zip(self._mounts, ranges_m.tolist(), strict=True):
+            self._keep(self._ekf.update_sonar(stamp_ns, mount, range_m, self._walls))
+
+    def _keep(self, *innovations: Innovation | None) -> None:
+        for innovation in innovations:
+            if innovation is not None:
+                self._innovation = innovation
+
+
+def _arc(delta: SE2) -> tuple[float, float]:
+    """Return length [m] and turn [rad] of the arc to the end of a motion of `base`."""
+    chord = math.hypot(delta.x_m, delta.y_m) / sinc(0.5 * delta.theta_rad)
+    return math.copysign(chord, delta.x_m), delta.theta_rad

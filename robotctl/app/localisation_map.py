@@ -1,0 +1,39 @@
+"""The map that a robot localises itself in: a world's walls, or the cells of a ROS map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robotctl.app.config import find_file
+from robotctl.app.map_file import load_map
+from robotctl.app.world import load_walls
+from robotctl.errors import ConfigError
+from robotctl.estimation.wall_raster import grid_of_walls
+from robotctl.model.grid_map import GridMap
+from robotctl.model.wall_map import WallMap
+
+_CELLS = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisationMap:
+    """A map; `walls` is None where it knows cells alone."""
+
+    grid: GridMap
+    walls: WallMap | None
+
+
+def load_localisation_map(name: str) -> LocalisationMap:
+    """Read a map: `.yaml` is a ROS map, anything else the file or name of a world.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or it is wrong.
+    """
+    if not name:
+        raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
+    if name.endswith(_CELLS):
+        return LocalisationMap(load_map(find_file(name, "maps", ".yaml")), None)
+    walls = load_walls(find_file(name, "worlds"))
+    return LocalisationMap(grid_of_walls(walls), walls)

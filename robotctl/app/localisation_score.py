@@ -1,0 +1,124 @@
+"""How well the localiser knew where the robot was."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2  # type: ignore[import-untyped]
+
+from robotctl.app.score import LocalisationReport, PoseScore, StampedPose, TruthMatcher
+from robotctl.model.angles import wrap_angle
+from robotctl.model.localisation import LocalisationStatus
+from robotctl.runtime.messages import LocalisationState
+
+_RIGHT_M: Final = 0.5
+_RIGHT_RAD: Final = 0.5
+_LONGEST_NS: Final = 200_000_000
+"""A longer gap between two estimates is none of the localiser's [ns]."""
+
+
+class _Estimate(NamedTuple):
+    """What belongs to an estimated pose."""
+
+    state: LocalisationState
+    odometry: StampedPose
+
+
+class LocalisationScore:
+    """Compares what the localiser says with the truth of its time."""
+
+    def __init__(self) -> None:
+        self._matcher: TruthMatcher[_Estimate] = TruthMatcher()
+        self._error = PoseScore()
+        self._odometry = PoseScore()
+        self._nees: list[float] = []
+        self._nis: list[tuple[float, int]] = []
+        self._steps_us: list[float] = []
+        self._method = ""
+        self._first_ns: int | None = None
+        self._right_ns: int | None = None
+        self._last_ns = 0
+        self._said_ns = self._since_ns = self._wrong_ns = 0
+
+    def truth(self, pose: StampedPose) -> None:
+        """Add a true pose; they must come in the order of their stamps."""
+        for estimate, what, truth in self._matcher.truth(pose):
+            self._add(estimate, what, truth)
+
+    def estimate(self, pose: StampedPose, state: LocalisationState, odometry: StampedPose) -> None:
+        """Add an estimate: the pose in `world`, what was said of it, and the odometry's pose."""
+        for estimate, what, truth in self._matcher.pose(pose, _Estimate(state, odometry)):
+            self._add(estimate, what, truth)
+
+    def _add(self, estimate: StampedPose, what: _Estimate, truth: StampedPose) -> None:
+        """Score one estimate."""
+        state, now_ns = what.state, estimate.stamp_ns
+        self._method = state.method
+        if self._first_ns is None:
+            self._first_ns = self._last_ns = now_ns
+        passed_ns = min(now_ns - self._last_ns, _LONGEST_NS)
+        self._last_ns = now_ns
+        self._odometry.add(what.odometry, truth)
+        self._steps_us.append(state.step_us)
+        turned_rad = wrap_angle(estimate.theta_rad - truth.theta_rad)
+        right = estimate.distance_m(truth) <= _RIGHT_M and abs(turned_rad) <= _RIGHT_RAD
+        said = state.status is LocalisationStatus.LOCALISED
+        if said and right and self._right_ns is None:
+            self._right_ns = now_ns
+        if said and not right:
+            self._wrong_ns += passed_ns
+        if self._right_ns is None:
+            return
+        self._since_ns += passed_ns
+        if not math.isnan(state.nis):
+            self._nis.append((state.nis, state.nis_dof))
+        if said:
+            self._said_ns += passed_ns
+            self._error.add(estimate, truth)
+            self._nees.append(_nees(estimate, truth, turned_rad, state.covariance))
+
+    def result(self) -> LocalisationReport | None:
+        """Return the score so far; None where there was no localiser."""
+        if self._first_ns is None:
+            return None
+        found = None if self._right_ns is None else (self._right_ns - self._first_ns) * 1e-9
+        return LocalisationReport(
+            method=self._method,
+            localised_after_s=found,
+            localised_share=self._said_ns / self._since_ns if self._since_ns else 0.0,
+            wrong_s=self._wrong_ns * 1e-9,
+            error=self._error.result(),
+            nees_inside_95=_inside([(value, 3) for value in self._nees]),
+            nis_inside_95=_inside(self._nis),
+            odometry_rmse_m=self._odometry.result().rmse_m,
+            step_ms=statistics.median(self._steps_us) / 1000.0,
+        )
+
+
+def _nees(
+    estimate: StampedPose,
+    truth: StampedPose,
+    turned_rad: float,
+    covariance: tuple[float, ...],
+) -> float:
+    """Return the normalised estimation error squared; inf where the covariance is singular."""
+    P = np.zeros((3, 3))
+    P[np.triu_indices(3)] = covariance
+    P += np.triu(P, 1).T
+    error = np.array([estimate.x_m - truth.x_m, estimate.y_m - truth.y_m, turned_rad])
+    try:
+        return float(error @ np.linalg.solve(P, error))
+    except np.linalg.LinAlgError:
+        return math.inf
+
+
+def _inside(values: list[tuple[float, int]]) -> float | None:
+    """Return the share of values inside the two-sided 95 % bounds of χ² with their freedoms."""
+    if not values:
+        return None
+    bounds = {dof: chi2.ppf((0.025, 0.975), dof) for dof in {dof for _, dof in values}}
+    inside = [bounds[dof][0] <= value <= bounds[dof][1] for value, dof in values]
+    return float(sum(inside) / len(inside))

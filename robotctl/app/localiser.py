@@ -1,0 +1,85 @@
+"""What the localisers of the navigation process have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.pose_estimate import PoseEstimate
+from robotctl.model.range_scan import RangeScan
+from robotctl.model.se2 import SE2
+from robotctl.runtime.messages import ControlState, ExternalPose, LocalisationState
+
+_SONAR_MAX_AGE_NS: Final = 500_000_000
+_EXTERNAL_SIGMA_M: Final = 0.1
+_EXTERNAL_SIGMA_RAD: Final = 0.1
+"""Of a pose from outside that comes without covariance."""
+
+
+class Localiser(Protocol):
+    """Estimates where `base` is in `world`."""
+
+    def step(
+        self,
+        control: ControlState,
+        scans: Sequence[RangeScan],
+        poses: Sequence[ExternalPose],
+        now_ns: int,
+    ) -> LocalisationState:
+        """Take in all that came since the last step; return what is believed now."""
+
+    @property
+    def particles(self) -> NDArray[np.float64]:
+        """Particles, (n, 3) [m, m, rad]; (0, 3) where there are none."""
+
+
+class SonarNews:
+    """Picks from control states the sonar readings that are new."""
+
+    def __init__(self) -> None:
+        self._last_ns = 0
+
+    def take(self, control: ControlState) -> list[tuple[int, NDArray[np.float64]]]:
+        """Return the new readings, oldest first: those of one time together, as a whole ring.
+
+        One range for each sonar [m]: inf without echo, nan where it has nothing new to say.
+        """
+        oldest_ns = max(self._last_ns, control.stamp_ns - _SONAR_MAX_AGE_NS)
+        stamps = np.asarray(control.sonar_stamp_ns, np.int64)
+        ranges = np.asarray(control.sonar_m, np.float64)
+        times: list[int] = np.unique(stamps[stamps > oldest_ns]).tolist()
+        if times:
+            self._last_ns = times[-1]
+        return [(time_ns, np.where(stamps == time_ns, ranges, np.nan)) for time_ns in times]
+
+
+def localisation_state(
+    method: str, estimate: PoseEstimate, odometry: SE2, now_ns: int
+) -> LocalisationState:
+    """Return an estimate as a message; `odometry` is where the odometry had `base` at its time."""
+    T_world_odom = estimate.pose @ odometry.inverse()
+    upper: list[float] = estimate.covariance[np.triu_indices(3)].tolist()
+    return LocalisationState(
+        stamp_ns=now_ns,
+        method=method,
+        status=estimate.status,
+        x_m=T_world_odom.x_m,
+        y_m=T_world_odom.y_m,
+        theta_rad=T_world_odom.theta_rad,
+        covariance=tuple(upper),
+    )
+
+
+def external_covariance(pose: ExternalPose) -> NDArray[np.float64]:
+    """Return the covariance (3, 3) of a pose from outside, its diagonal where it is none."""
+    if len(pose.covariance) != 6:
+        return np.diag([_EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_RAD**2])
+    matrix = np.zeros((3, 3))
+    matrix[np.triu_indices(3)] = pose.covariance
+    matrix += np.triu(matrix, 1).T
+    if np.linalg.eigvalsh(matrix)[0] > 0.0:
+        return matrix
+    return np.diag(np.diag(matrix))

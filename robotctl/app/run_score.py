@@ -1,0 +1,100 @@
+"""What a simulated run is scored by, collected while it lasts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from robotctl.app.localisation_score import LocalisationScore
+from robotctl.app.map_file import save_map
+from robotctl.app.score import LocalisationReport, MapQuality, PoseError, PoseScore, StampedPose
+from robotctl.model.grid_map import GridMap
+from robotctl.model.se2 import SE2
+from robotctl.model.trajectory import Trajectory
+from robotctl.model.wall_map import WallMap
+from robotctl.runtime.located import located
+from robotctl.runtime.messages import ControlState, LiveMap, LocalisationState
+from robotctl.telemetry.tum import write_tum
+
+
+class RunScore:
+    """Compares where the robot believes to be, and its map, with the truth.
+
+    Parameters
+    ----------
+    walls
+        Of the world.
+    """
+
+    def __init__(self, walls: WallMap) -> None:
+        self._walls = walls
+        self._pose = PoseScore()
+        self._localisation = LocalisationScore()
+        self._control: ControlState | None = None
+        self._state: LocalisationState | None = None
+        self._map: GridMap | None = None
+        self._truths: list[StampedPose] = []
+
+    def truth(self, pose: StampedPose) -> None:
+        """Take in a true pose."""
+        self._truths.append(pose)
+        self._pose.truth(pose)
+        self._localisation.truth(pose)
+
+    def control(self, control: ControlState) -> ControlState:
+        """Take in a state of the control process; return it with its pose in `world`."""
+        self._control = control
+        in_world = located(control, self._state)
+        self._pose.estimate(_stamped(in_world))
+        return in_world
+
+    def localisation(self, state: LocalisationState) -> None:
+        """Take in what the localiser believes."""
+        self._state = state
+        if self._control is not None:
+            in_world = _stamped(located(self._control, state))
+            self._localisation.estimate(in_world, state, _stamped(self._control))
+
+    def map(self, message: LiveMap) -> None:
+        """Take in the map as it is now."""
+        self._map = grid_of(message)
+
+    @property
+    def pose_error(self) -> PoseError:
+        """Error of the pose that the robot goes by."""
+        return self._pose.result()
+
+    @property
+    def localisation_report(self) -> LocalisationReport | None:
+        """How well the localiser did; None without one."""
+        return self._localisation.result()
+
+    @property
+    def map_quality(self) -> MapQuality | None:
+        """How well the map shows the walls; None without one."""
+        if self._map is None:
+            return None
+        from robotctl.estimation.map_quality import map_quality  # noqa: PLC0415
+
+        quality = map_quality(self._map, self._walls)
+        return MapQuality(precision=quality.precision, recall=quality.recall)
+
+    def save(self, folder: Path) -> None:
+        """Write the true way as `truth.tum`, and the map, where there is one, as `map.yaml`."""
+        if self._truths:
+            stamps = np.array([pose.stamp_ns for pose in self._truths])
+            poses = np.array([pose[1:] for pose in self._truths])
+            write_tum(folder / "truth.tum", Trajectory(stamps, poses))
+        if self._map is not None:
+            save_map(folder / "map", self._map)
+
+
+def grid_of(message: LiveMap) -> GridMap:
+    """Return a message as a map."""
+    cells = np.frombuffer(message.cells, np.int8).reshape(message.rows, message.columns)
+    return GridMap(cells, message.resolution_m, SE2(message.x_m, message.y_m, 0.0))
+
+
+def _stamped(control: ControlState) -> StampedPose:
+    return StampedPose(control.stamp_ns, control.x_m, control.y_m, control.theta_rad)

@@ -1,0 +1,56 @@
+"""How a robot finds out where it is; light enough for every process to read."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class LocalisationConfig:
+    """How the navigation process estimates the pose.
+
+    Parameters
+    ----------
+    method
+        `none`: odometry alone. `ekf`: odometry corrected by sonar ranges to walls and by poses from
+        outside (MAVLink). `mcl`: particles, weighed by sonars and lidar, which also find a robot
+        that was carried away.
+    map
+        A world (`.toml`, walls) or a ROS map (`.yaml`, cells); `ekf` needs walls.
+    start
+        `known`: the robot starts where its options say. `unknown`: anywhere on the map; only
+        `mcl` can do that.
+    start_sigma_m, start_sigma_deg
+        Standard deviations of a known start [m], [deg], > 0.
+    mapping
+        Build a map of what sonars and lidar see, from the estimated poses.
+    seed
+        Of the particles.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or settings contradict each other.
+    """
+
+    method: Literal["none", "ekf", "mcl"] = "none"
+    map: str = ""
+    start: Literal["known", "unknown"] = "known"
+    start_sigma_m: float = 0.1
+    start_sigma_deg: float = 5.0
+    mapping: bool = False
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for key in ("start_sigma_m", "start_sigma_deg"):
+            if not 0.0 < getattr(self, key) < math.inf:
+                raise ValueError(f"{key}: {getattr(self, key)} found, a finite number > 0 allowed")
+        if self.seed < 0:
+            raise ValueError(f"seed: {self.seed} found, 0 or more allowed")
+        if self.start == "unknown" and self.method != "mcl":
+            raise ValueError(
+                f'start: "unknown" needs method "mcl", found "{self.method}": only particles can '
+                "search a map"
+            )
