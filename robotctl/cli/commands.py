@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 import robotctl
-from robotctl.cli import can, config, doctor, install, record, replay, run, sim, tune
+from robotctl.cli import can, config, doctor, install, localize, record, replay, run, sim, tune
 from robotctl.cli import map as map_command
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command("doctor")(doctor.doctor)
 app.command("install")(install.install)
 app.command("uninstall")(install.uninstall)
 app.command("replay")(replay.replay)
+app.command("localize")(localize.localize)
 app.command("map")(map_command.map_log)
 
 

@@ -50,7 +50,7 @@ def tune(
     if plot is not None:
         check_plot(plot)
     for file in (plot, out):
-        _check_folder(file)
+        check_folder(file)
     progress = Console(stderr=True, highlight=False)
     try:
         result = run_tuning(options, lambda line: progress.print(f"{line} …", markup=False))
@@ -95,7 +95,7 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
     return 0
 
 
-def _check_folder(file: Path | None) -> None:
+def check_folder(file: Path | None) -> None:
     """Refuse a file in a folder that is not there, before anything is measured."""
     if file is not None and not file.parent.is_dir():
         raise ConfigError(f"{file}: the folder {file.parent} does not exist")

@@ -1,0 +1,69 @@
+"""`robotctl localize`: a filter of the live robot on a recorded drive, against its reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robotctl.app.localize_ekf import run_ekf
+from robotctl.app.localize_mcl import run_mcl
+from robotctl.app.localize_options import LocalizeOptions, Progress
+from robotctl.app.localize_report import Run, report
+from robotctl.app.map_file import load_map
+from robotctl.model.grid_map import GridMap
+from robotctl.model.recording import Recording
+from robotctl.model.trajectory import Trajectory
+from robotctl.telemetry.recorded_log import read_recording
+
+
+@dataclass(frozen=True, slots=True)
+class Localized:
+    """The outcome.
+
+    Parameters
+    ----------
+    recording
+        What was read.
+    grid
+        The map, where there was one.
+    run
+        What the filter did.
+    report
+        Its figures; the keys stand in docs/localisation.md.
+    """
+
+    recording: Recording
+    grid: GridMap | None
+    run: Run
+    report: dict[str, Any]
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The estimated poses."""
+        poses = [estimate.pose for estimate in self.run.estimates]
+        return Trajectory(
+            np.array([estimate.stamp_ns for estimate in self.run.estimates]),
+            np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]),
+        )
+
+
+def localize(options: LocalizeOptions, progress: Progress) -> Localized:
+    """Run a filter on a log.
+
+    Raises
+    ------
+    RobotctlError
+        If log or map are wrong, or do not go together with each other and the method.
+    OSError
+        If a file cannot be read.
+    """
+    grid = None if options.map is None else load_map(options.map)
+    recording = read_recording(options.log, options.mrclam_robot)
+    rng = np.random.default_rng(options.seed)
+    if options.method == "mcl" and grid is not None:
+        run = run_mcl(recording, options, grid, rng, progress)
+    else:
+        run = run_ekf(recording, options, rng, progress)
+    return Localized(recording, grid, run, report(run, with_nees=options.method == "ekf"))

@@ -1,0 +1,121 @@
+"""What `robotctl localize` is told, and what every method of it needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from robotctl.app.recorded_motion import start_pose
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.model.recording import Recording
+from robotctl.model.se2 import SE2
+from robotctl.toml_source import nearest
+
+METHODS: Final = ("mcl", "ekf")
+START_SIGMA_M: Final = 0.25
+START_SIGMA_RAD: Final = 0.1
+"""How well a known start is known: standard deviations of x and y, and of the heading."""
+
+TRACKING_PARTICLES: Final = 2000
+SEARCHING_PARTICLES: Final = 20_000
+
+Progress: TypeAlias = Callable[[int, int], None]
+"""Told how many measurements of how many are done."""
+
+
+class LocalizeError(RobotctlError):
+    """A log, a map and a method do not go together."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocalizeOptions:
+    """What to run on what.
+
+    Parameters
+    ----------
+    log
+        File or folder of a recording.
+    map
+        A ROS map; None: landmarks are the map.
+    method
+        One of `METHODS`.
+    search
+        Start anywhere on the map instead of near the reference.
+    particles
+        Most particles; None: `TRACKING_PARTICLES`, or `SEARCHING_PARTICLES` for a search.
+    beams
+        Beams weighed of each scan.
+    scans
+        See `mapping.choose_scans`.
+    odometry_noise
+        Noise put on the odometry: of the distance after 1 m [m], and of the heading after 1 m and
+        after 1 rad [rad], standard deviations.
+    seed
+        Of everything random.
+    mrclam_robot
+        Which robot of a MRCLAM folder.
+
+    Raises
+    ------
+    ConfigError
+        If a value is out of its range.
+    """
+
+    log: Path
+    map: Path | None = None
+    method: str = "mcl"
+    search: bool = False
+    particles: int | None = None
+    beams: int = 60
+    scans: str = "all"
+    odometry_noise: tuple[float, float] = (0.0, 0.0)
+    seed: int = 1
+    mrclam_robot: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ConfigError(
+                f"--method {self.method}: must be one of {', '.join(METHODS)}"
+                f"{nearest(self.method, METHODS)}"
+            )
+        if not all(0.0 <= sigma < math.inf for sigma in self.odometry_noise):
+            raise ConfigError(
+                f"--odometry-noise: found {self.odometry_noise}, two finite numbers >= 0 allowed"
+            )
+        if self.method == "mcl" and self.map is None:
+            raise ConfigError("--method mcl needs --map MAP.yaml")
+        if self.search and self.method != "mcl":
+            raise ConfigError(f"--global needs --method mcl, found {self.method}")
+
+    @property
+    def max_particles(self) -> int:
+        """Most particles."""
+        if self.particles is not None:
+            return self.particles
+        return SEARCHING_PARTICLES if self.search else TRACKING_PARTICLES
+
+
+def disturbed_start(recording: Recording, stamp_ns: int, rng: np.random.Generator) -> SE2:
+    """Return where the drive begins, as wrong as a known start may be.
+
+    Raises
+    ------
+    LocalizeError
+        If no reference says where.
+    """
+    pose = start_pose(recording, stamp_ns)
+    if pose is None:
+        raise LocalizeError(
+            f"{recording.name}: no reference says where the drive begins; start with --global"
+        )
+    x, y, theta = rng.standard_normal(3).tolist()
+    return SE2(
+        pose.x_m + START_SIGMA_M * x,
+        pose.y_m + START_SIGMA_M * y,
+        math.remainder(pose.theta_rad + START_SIGMA_RAD * theta, math.tau),
+    )

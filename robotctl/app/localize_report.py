@@ -1,0 +1,157 @@
+"""How far an estimated trajectory is from a reference: the report of `robotctl localize`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.consistency import pose_nees, share_inside
+from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.pose_estimate import PoseEstimate
+from robotctl.model.se2 import SE2
+
+LOST_M: Final = 1.0
+"""Who is further from the reference does not know the place [m]."""
+
+_END_SHARE: Final = 0.1
+
+
+@dataclass(slots=True)
+class Run:
+    """What an estimator did with a recording.
+
+    Parameters
+    ----------
+    estimates
+        At each processed scan, or of a landmark filter at each velocity.
+    references
+        `base` in `world` at the same times; None where it is not known.
+    has_heading
+        Whether the references have a heading.
+    starts_known
+        Whether the place was known at the start, so that errors count from there.
+    update_ms
+        Processor time of each update [ms].
+    particles
+        Their number at each update.
+    """
+
+    estimates: list[PoseEstimate] = field(default_factory=list)
+    references: list[SE2 | None] = field(default_factory=list)
+    has_heading: bool = True
+    starts_known: bool = True
+    update_ms: list[float] = field(default_factory=list)
+    particles: list[int] = field(default_factory=list)
+
+    def add(self, estimate: PoseEstimate, reference: SE2 | None) -> None:
+        """Add an estimate."""
+        self.estimates.append(estimate)
+        self.references.append(reference)
+
+
+def position_errors(run: Run) -> NDArray[np.float64]:
+    """Return the distance of each estimate from the reference, (n,) [m]; nan where unknown."""
+    return np.array(
+        [
+            math.nan
+            if reference is None
+            else math.hypot(estimate.pose.x_m - reference.x_m, estimate.pose.y_m - reference.y_m)
+            for estimate, reference in zip(run.estimates, run.references, strict=True)
+        ]
+    )
+
+
+def report(run: Run, with_nees: bool) -> dict[str, Any]:
+    """Return the report; what cannot be known is None.
+
+    Errors count from the beginning where the start was known, else from the first estimate on that
+    is said to be localised (of a run that never is, from the beginning too). They are differences
+    to the reference as it is, without any alignment.
+    """
+    first = _first_localised(run)
+    begin = 0 if run.starts_known else first or 0
+    errors_m = position_errors(run)[begin:]
+    known_m = errors_m[~np.isnan(errors_m)]
+    result: dict[str, Any] = {
+        "ape": {
+            "rmse_m": math.sqrt(np.mean(known_m**2)) if len(known_m) else None,
+            "mean_m": float(np.mean(known_m)) if len(known_m) else None,
+            "max_m": float(np.max(known_m)) if len(known_m) else None,
+        },
+        "heading_rmse_rad": _heading_rmse(run, begin),
+        "lost": is_lost(run),
+        "updates": len(run.update_ms),
+        "update_ms": dict(zip(("p50", "p99"), _percentiles(run.update_ms), strict=True)),
+        "particles": {"mean": float(np.mean(run.particles)) if run.particles else 0.0},
+        "localised_after_s": None
+        if first is None
+        else 1e-9 * (run.estimates[first].stamp_ns - run.estimates[0].stamp_ns),
+    }
+    if with_nees:
+        result["nees_inside_95"] = _nees_inside(run)
+    return result
+
+
+def is_lost(run: Run) -> bool:
+    """Return whether the run ended without knowing the place.
+
+    That is: its last estimate says so, or none ever said that it is localised, or over the last
+    tenth of the estimates the median distance from the reference is more than `LOST_M`.
+    """
+    if not run.estimates or _first_localised(run) is None:
+        return True
+    if run.estimates[-1].status is LocalisationStatus.LOST:
+        return True
+    errors_m = position_errors(run)
+    end_m = errors_m[-max(1, math.ceil(_END_SHARE * len(errors_m))) :]
+    end_m = end_m[~np.isnan(end_m)]
+    return bool(len(end_m) and np.median(end_m) > LOST_M)
+
+
+def _first_localised(run: Run) -> int | None:
+    """Return the index of the first estimate that says it is localised."""
+    return next(
+        (
+            index
+            for index, estimate in enumerate(run.estimates)
+            if estimate.status is LocalisationStatus.LOCALISED
+        ),
+        None,
+    )
+
+
+def _heading_rmse(run: Run, begin: int) -> float | None:
+    """Return the root mean square of the heading's error from an index on [rad]."""
+    if not run.has_heading:
+        return None
+    off = [
+        math.remainder(estimate.pose.theta_rad - reference.theta_rad, math.tau)
+        for estimate, reference in zip(run.estimates[begin:], run.references[begin:], strict=True)
+        if reference is not None
+    ]
+    return math.sqrt(sum(value * value for value in off) / len(off)) if off else None
+
+
+def _percentiles(values: Sequence[float]) -> tuple[float | None, float | None]:
+    """Return median and 99th percentile."""
+    if not values:
+        return None, None
+    middle, high = np.percentile(np.array(values), (50.0, 99.0)).tolist()
+    return middle, high
+
+
+def _nees_inside(run: Run) -> float | None:
+    """Return the share of estimates with a NEES inside the two-sided 95 % bounds."""
+    if not run.has_heading:
+        return None
+    nees = [
+        pose_nees(estimate, reference)
+        for estimate, reference in zip(run.estimates, run.references, strict=True)
+        if reference is not None
+    ]
+    return share_inside(np.array(nees), dof=3) if nees else None

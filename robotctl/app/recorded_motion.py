@@ -1,0 +1,122 @@
+"""The motion of a recorded drive, noise put on it on purpose, and where it starts."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.odometry_estimate import arc_between
+from robotctl.model.motion_noise import MotionNoise, added_covariance
+from robotctl.model.recording import Recording
+from robotctl.model.se2 import SE2
+from robotctl.model.trajectory import Trajectory
+
+_ALIGNED_M: Final = 1.0
+"""So long a way from the start tells the heading of a reference that has none [m]."""
+
+_NEAR_NS: Final = 1_000_000_000
+
+
+def increments(odometry: Sequence[SE2]) -> list[SE2]:
+    """Return the motion from each pose to the next, in `base` before it; the first is none."""
+    return [SE2()] + [before.inverse() @ after for before, after in itertools.pairwise(odometry)]
+
+
+def noise_of(sigmas: tuple[float, float]) -> MotionNoise:
+    """Return `--odometry-noise` as a noise: of the distance, and of the heading."""
+    sigma_trans, sigma_rot = sigmas
+    return MotionNoise(sigma_trans, sigma_rot, sigma_rot)
+
+
+def with_noise(own: MotionNoise, sigmas: tuple[float, float]) -> MotionNoise:
+    """Return the noise of an odometry on which noise was put: variances add."""
+    put = noise_of(sigmas)
+    return MotionNoise(
+        math.hypot(own.e_m_per_sqrt_m, put.e_m_per_sqrt_m),
+        math.hypot(own.f_rad_per_sqrt_m, put.f_rad_per_sqrt_m),
+        math.hypot(own.g_rad_per_sqrt_rad, put.g_rad_per_sqrt_rad),
+    )
+
+
+def noisy(
+    deltas: Sequence[SE2], sigmas: tuple[float, float], rng: np.random.Generator
+) -> list[SE2]:
+    """Return motions with noise along their arcs: white, so it does not depend on their lengths.
+
+    Parameters
+    ----------
+    deltas
+        Each in `base` before it.
+    sigmas
+        Standard deviations: of the distance after 1 m [m], and of the heading after 1 m and after
+        1 rad [rad].
+    rng
+        Draws three numbers for each motion, also for one without length.
+    """
+    if sigmas == (0.0, 0.0):
+        return list(deltas)
+    noise = noise_of(sigmas)
+    result = []
+    for delta, unit in zip(deltas, rng.standard_normal((len(deltas), 3)), strict=True):
+        variances, axes = np.linalg.eigh(added_covariance(SE2(), *arc_between(delta), noise))
+        x, y, theta = (axes @ (np.sqrt(np.maximum(variances, 0.0)) * unit)).tolist()
+        result.append(SE2(delta.x_m + x, delta.y_m + y, delta.theta_rad + theta))
+    return result
+
+
+def reference_at(recording: Recording, stamp_ns: int) -> SE2 | None:
+    """Return the reference pose at a time; None where there is none."""
+    return None if recording.reference is None else recording.reference.at(stamp_ns)
+
+
+def start_pose(recording: Recording, stamp_ns: int) -> SE2 | None:
+    """Return where the drive begins, at a time: by the reference; None where it does not say.
+
+    Up to one second before and after the reference its ends count. Where it has no heading, that
+    one is taken which makes the odometry of the first metre fit to it best.
+    """
+    reference = recording.reference
+    if reference is None:
+        return None
+    inside_ns = min(max(stamp_ns, int(reference.stamps_ns[0])), int(reference.stamps_ns[-1]))
+    pose = reference.at(inside_ns)
+    if pose is None or abs(inside_ns - stamp_ns) > _NEAR_NS:
+        return None
+    if recording.reference_has_heading:
+        return pose
+    heading = _aligned_heading(recording.odometry, reference, inside_ns)
+    return None if heading is None else SE2(pose.x_m, pose.y_m, heading)
+
+
+def _aligned_heading(
+    odometry: Trajectory | None, reference: Trajectory, begin_ns: int
+) -> float | None:
+    """Return the heading at a time that turns the way of the odometry onto the reference [rad].
+
+    Least squares of the positions (Kabsch 1976, in the plane); None where the robot never moves.
+    """
+    start = None if odometry is None else odometry.at(begin_ns)
+    if odometry is None or start is None:
+        return None
+    pairs = [
+        (odometry.at(stamp_ns), row)
+        for stamp_ns, row in zip(
+            reference.stamps_ns.tolist(), reference.poses.tolist(), strict=True
+        )
+        if stamp_ns >= begin_ns
+    ]
+    moved = [((pose.x_m, pose.y_m), row[:2]) for pose, row in pairs if pose is not None]
+    away = [math.hypot(x - start.x_m, y - start.y_m) for (x, y), _ in moved]
+    end = next((i for i, way_m in enumerate(away) if way_m > _ALIGNED_M), len(away) - 1)
+    if end < 1 or max(away[: end + 1]) == 0.0:
+        return None
+    a = np.array([place for place, _ in moved[: end + 1]])
+    b = np.array([place for _, place in moved[: end + 1]])
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    cross = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+    turn = math.atan2(cross, float(np.sum(a * b)))
+    return math.remainder(start.theta_rad + turn, math.tau)

@@ -1,0 +1,137 @@
+"""`robotctl localize`: where was the robot, by a recorded log and a map."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from robotctl.app.localize_options import LocalizeOptions
+from robotctl.app.localize_options import Progress as Report
+from robotctl.cli.tune import check_folder, write_file
+from robotctl.cli.tune_plot import check_plot
+from robotctl.errors import ConfigError
+
+
+def localize(
+    log: Annotated[
+        Path,
+        typer.Option(
+            help="CARMEN log, MRCLAM folder, LEGO log, or a recording of ours; gzip or plain."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Write the estimated trajectory here, as TUM file.")],
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.yaml", help="ROS map; landmarks need none."),
+    ] = None,
+    method: Annotated[
+        str, typer.Option(help="mcl: particles and scans. ekf: sightings of landmarks.")
+    ] = "mcl",
+    search: Annotated[
+        bool, typer.Option("--global", help="Start anywhere on the map, not near the reference.")
+    ] = False,
+    particles: Annotated[
+        int | None,
+        typer.Option(min=1, help="Most particles: else 2000, with --global 20000."),
+    ] = None,
+    beams: Annotated[int, typer.Option(min=1, help="Beams weighed of each scan.")] = 60,
+    scans: Annotated[
+        str, typer.Option(help="all, even or odd: by their place in the log, from 0.")
+    ] = "all",
+    odometry_noise: Annotated[
+        str,
+        typer.Option(
+            metavar="SIGMA_TRANS,SIGMA_ROT",
+            help="Noise put on the odometry: m after 1 m, rad after 1 m or 1 rad.",
+        ),
+    ] = "0,0",
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 1,
+    report: Annotated[
+        Path | None, typer.Option(help="Write errors against the log's reference here, as JSON.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw it here: .png, .svg or .pdf.")] = None,
+    mrclam_robot: Annotated[
+        int | None, typer.Option(min=1, help="Robot of a MRCLAM folder, else 1.")
+    ] = None,
+) -> None:
+    """Run a filter of the live robot on a recorded log, and compare with the log's reference.
+
+    Status 0: done, be the robot lost or not. 2: bad input.
+    """
+    options = LocalizeOptions(
+        log, map_file, method, search, particles, beams, scans, _sigmas(odometry_noise), seed,
+        mrclam_robot,
+    )  # fmt: skip
+    if plot is not None:
+        check_plot(plot)
+    for file in (out, report, plot):
+        check_folder(file)
+    console = Console(stderr=True, highlight=False)
+    with _bar(console) as tell:
+        # It takes a second or more, in which nothing would be seen.
+        from robotctl.app.localize import localize as run  # noqa: PLC0415
+        from robotctl.telemetry.tum import write_tum  # noqa: PLC0415
+
+        result = run(options, tell)
+    for note in result.recording.notes:
+        console.print(f"note: {note}", markup=False, soft_wrap=True)
+    write_file(out, lambda file: write_tum(file, result.trajectory))
+    if report is not None:
+        text = json.dumps(result.report, indent=2) + "\n"
+        write_file(report, lambda file: file.write_text(text, encoding="utf-8"))
+    if plot is not None:
+        from robotctl.cli.localize_plot import save_plot  # noqa: PLC0415
+
+        write_file(plot, lambda file: save_plot(result, file))
+    print(_sentence(result.report))
+
+
+def _sigmas(text: str) -> tuple[float, float]:
+    """Return the two numbers of --odometry-noise."""
+    try:
+        trans, rot = map(float, text.split(","))
+    except ValueError:
+        raise ConfigError(
+            f"--odometry-noise {text}: two numbers with a comma are needed, e.g. 0.1,0.05"
+        ) from None
+    return trans, rot
+
+
+@contextmanager
+def _bar(console: Console) -> Iterator[Report]:
+    """Show a progress bar; give what moves it on."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("reading, compiling", total=None)
+
+        def tell(done: int, total: int) -> None:
+            bar.update(task, description="localising", completed=done, total=total)
+
+        yield tell
+
+
+def _sentence(report: dict[str, object]) -> str:
+    """Return the outcome for people."""
+    ape = report["ape"]
+    heading = report["heading_rmse_rad"]
+    parts = [f"{report['updates']} updates"]
+    if isinstance(ape, dict) and ape["rmse_m"] is not None:
+        parts.append(f"position error {ape['rmse_m']:.3f} m rms, at most {ape['max_m']:.3f} m")
+    else:
+        parts.append("no reference to compare with")
+    if isinstance(heading, float):
+        parts.append(f"heading {heading:.4f} rad rms")
+    parts.append("lost at the end" if report["lost"] else "place known at the end")
+    return ", ".join(parts)
