@@ -1,0 +1,175 @@
+"""How likely the ranges of a ring of sonars are at a pose, on walls or on an occupancy grid.
+
+What a sonar should measure, m, comes from `wall_echoes.py` or `grid_echoes.py`; inf where nothing
+in range sends an echo. Then
+
+- a range z has the density hit N(z; m, sigma(m)^2) + random / max_range: the robust likelihood
+  of notes, section 4.1, with K the random part. The Gaussian keeps its factor 1 / sigma, since
+  sigma grows with the range and so differs from pose to pose;
+- a range where none was expected has random / max_range: cross-talk, or something the map has not;
+- no echo where one was expected has the probability none: soft, slanted or uneven surfaces;
+- no echo where none was expected has hit + none.
+
+Each of these is a likelihood of sum 1, so ranges and missing echoes weigh against each other as
+they should. Sonars are multiplied, and the product is tempered as in `likelihood_field.py`: walls
+that the map has wrong mislead several sonars at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.grid_echoes import GridEchoes
+from robotctl.estimation.log_likelihood import LogLikelihood
+from robotctl.estimation.wall_echoes import WallEchoes
+from robotctl.model.grid_map import GridMap
+from robotctl.model.sonar import SonarMount
+from robotctl.model.wall_map import WallMap
+
+
+@dataclass(frozen=True, slots=True)
+class SonarModelConfig:
+    """What a sonar hears, and how well.
+
+    Parameters
+    ----------
+    beam_deg
+        Opening of the cone, from edge to edge [deg], in (0, 180).
+    max_incidence_deg
+        Greatest angle between sound and a wall's normal that gives an echo [deg], in (0, 90).
+    max_range_m
+        Walls farther away are not heard [m], > 0.
+    sigma_m, sigma_per_m
+        Standard deviation of a range: sigma_m + sigma_per_m * range, of sensor and map
+        together [m], [1], > 0 and >= 0.
+    random
+        Probability of a range that has nothing to do with the map, > 0.
+    none
+        Probability that an echo is missing, > 0; random + none < 1.
+    independent_readings
+        How many independent sonars those of a ring are worth together, > 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    beam_deg: float = 25.0
+    max_incidence_deg: float = 35.0
+    max_range_m: float = 4.0
+    sigma_m: float = 0.05
+    sigma_per_m: float = 0.01
+    random: float = 0.15
+    none: float = 0.1
+    independent_readings: float = 4.0
+
+    def __post_init__(self) -> None:
+        bounds = {"beam_deg": 180.0, "max_incidence_deg": 90.0, "random": 1.0, "none": 1.0}
+        for key in self.__slots__:
+            value, greatest = getattr(self, key), bounds.get(key, math.inf)
+            low_enough = value < greatest
+            high_enough = value >= 0.0 if key == "sigma_per_m" else value > 0.0
+            if not (low_enough and high_enough):
+                raise ValueError(f"{key}: {value} found, more than 0 and below {greatest} allowed")
+        if self.random + self.none >= 1.0:
+            raise ValueError(f"random + none must be < 1, found {self.random + self.none}")
+
+
+class SonarModel:
+    """Log-likelihoods of the readings of a ring of sonars.
+
+    Parameters
+    ----------
+    room
+        Walls, or an occupancy grid.
+    mounts
+        Where the sonars sit, in the order of their readings.
+    config
+        What they hear.
+    """
+
+    def __init__(
+        self,
+        room: WallMap | GridMap,
+        mounts: Sequence[SonarMount],
+        config: SonarModelConfig | None = None,
+    ) -> None:
+        self.config = config or SonarModelConfig()
+        at = np.array([(m.x_m, m.y_m, m.heading_rad) for m in mounts]).reshape(-1, 3)
+        heard = (
+            math.radians(self.config.beam_deg),
+            math.radians(self.config.max_incidence_deg),
+            self.config.max_range_m,
+        )
+        self._echoes: WallEchoes | GridEchoes
+        if isinstance(room, WallMap):
+            self._echoes = WallEchoes(room, at, *heard)
+        else:
+            self._echoes = GridEchoes(room, at, *heard)
+        self._sonars = len(at)
+
+    def measurement(self, ranges_m: NDArray[np.float64]) -> LogLikelihood:
+        """Return the function from poses to the log-likelihood of readings."""
+
+        def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self.log_likelihood(poses, ranges_m)
+
+        return log_likelihood
+
+    def log_likelihood(
+        self, poses: NDArray[np.float64], ranges_m: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the log-likelihood of readings of one instant at each pose.
+
+        Parameters
+        ----------
+        poses
+            Of `base` in `world`, (n, 3) [m, m, rad].
+        ranges_m
+            One reading for each sonar [m]: inf without an echo, nan where there is no reading.
+
+        Returns
+        -------
+        NDArray
+            (n,); 0 if no sonar has a reading.
+
+        Raises
+        ------
+        ValueError
+            If there is not one reading for each sonar.
+        """
+        if ranges_m.shape != (self._sonars,):
+            raise ValueError(
+                f"ranges_m must have one reading for each of {self._sonars} sonars, "
+                f"found {ranges_m.shape}"
+            )
+        present = np.flatnonzero(~np.isnan(ranges_m))
+        if len(present) == 0:
+            return np.zeros(len(poses))
+        expected = self._echoes.ranges(poses, present)
+        logs = self._log_density(expected, ranges_m[present])
+        alpha = min(1.0, self.config.independent_readings / len(present))
+        result: NDArray[np.float64] = alpha * logs.sum(axis=1)
+        return result
+
+    def _log_density(
+        self, expected: NDArray[np.float64], measured: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return log p(z | m) of m (n, k) and z (k,), (n, k)."""
+        config = self.config
+        hit = 1.0 - config.random - config.none
+        nothing = np.isinf(expected)
+        m = np.where(nothing, 0.0, expected)
+        sigma = config.sigma_m + config.sigma_per_m * m
+        none = measured >= config.max_range_m
+        off = (np.where(none, 0.0, measured) - m) / sigma
+        density = hit / (math.sqrt(math.tau) * sigma) * np.exp(-0.5 * off * off)
+        density[nothing] = 0.0
+        density += config.random / config.max_range_m
+        return np.log(np.where(none, np.where(nothing, hit + config.none, config.none), density))
