@@ -208,7 +208,7 @@ def test_ranges_and_missing_echoes_together_have_probability_1(pose):
 
 def test_the_likelihood_is_the_robust_gaussian_where_an_echo_is_due_and_flat_where_none_is():
     config = SonarModelConfig(beam_deg=10.0, sigma_m=0.02, sigma_per_m=0.01, random=0.2, none=0.1)
-    due, not_due = (1.8, 1.0, 0.0), (1.8, 1.0, math.radians(45))
+    due, not_due = (1.7, 1.0, 0.0), (1.7, 1.0, math.radians(45))
     m, k = 1.2, 0.2 / FAR_M
     sigma = 0.02 + 0.01 * m
     for z in (1.2, 1.25, 0.6, 3.0):
