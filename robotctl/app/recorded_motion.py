@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.estimation.odometry_estimate import arc_between
-from robotctl.model.motion_noise import MotionNoise, added_covariance
+from robotctl.model.motion_noise import MotionNoise
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
@@ -26,26 +26,24 @@ def increments(odometry: Sequence[SE2]) -> list[SE2]:
     return [SE2()] + [before.inverse() @ after for before, after in itertools.pairwise(odometry)]
 
 
-def noise_of(sigmas: tuple[float, float]) -> MotionNoise:
-    """Return `--odometry-noise` as a noise: of the distance, and of the heading."""
-    sigma_trans, sigma_rot = sigmas
-    return MotionNoise(sigma_trans, sigma_rot, sigma_rot)
-
-
 def with_noise(own: MotionNoise, sigmas: tuple[float, float]) -> MotionNoise:
-    """Return the noise of an odometry on which noise was put: variances add."""
-    put = noise_of(sigmas)
+    """Return the noise of an odometry on which `noisy` put some: variances add."""
+    sigma_trans, sigma_rot = sigmas
     return MotionNoise(
-        math.hypot(own.e_m_per_sqrt_m, put.e_m_per_sqrt_m),
-        math.hypot(own.f_rad_per_sqrt_m, put.f_rad_per_sqrt_m),
-        math.hypot(own.g_rad_per_sqrt_rad, put.g_rad_per_sqrt_rad),
+        math.hypot(own.e_m_per_sqrt_m, sigma_trans),
+        math.hypot(own.f_rad_per_sqrt_m, sigma_rot),
+        math.hypot(own.g_rad_per_sqrt_rad, sigma_rot),
     )
 
 
 def noisy(
     deltas: Sequence[SE2], sigmas: tuple[float, float], rng: np.random.Generator
 ) -> list[SE2]:
-    """Return motions with noise along their arcs: white, so it does not depend on their lengths.
+    """Return motions with noise that is white along the way, so it does not matter how it is cut.
+
+    A heading error early on the way moves the robot sideways: integrated over a way of length d,
+    an error of the variance Q has the mean effect d / 2 and another one of the variance d^2 Q / 12
+    beside it (a Wiener process and its integral). Good for turns that are short or on the spot.
 
     Parameters
     ----------
@@ -57,15 +55,20 @@ def noisy(
     rng
         Draws three numbers for each motion, also for one without length.
     """
-    if sigmas == (0.0, 0.0):
+    if sigmas == (0.0, 0.0) or not deltas:
         return list(deltas)
-    noise = noise_of(sigmas)
-    result = []
-    for delta, unit in zip(deltas, rng.standard_normal((len(deltas), 3)), strict=True):
-        variances, axes = np.linalg.eigh(added_covariance(SE2(), *arc_between(delta), noise))
-        x, y, theta = (axes @ (np.sqrt(np.maximum(variances, 0.0)) * unit)).tolist()
-        result.append(SE2(delta.x_m + x, delta.y_m + y, delta.theta_rad + theta))
-    return result
+    distance, turn = np.array([arc_between(delta) for delta in deltas]).T
+    unit = rng.standard_normal((3, len(deltas)))
+    sigma_heading = sigmas[1] * np.sqrt(np.abs(distance) + np.abs(turn))
+    along = sigmas[0] * np.sqrt(np.abs(distance)) * unit[0]
+    heading = sigma_heading * unit[1]
+    aside = distance * (0.5 * heading + sigma_heading * math.sqrt(1.0 / 12.0) * unit[2])
+    c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
+    added = np.stack([c * along - s * aside, s * along + c * aside, heading], axis=1).tolist()
+    return [
+        SE2(delta.x_m + x, delta.y_m + y, delta.theta_rad + theta)
+        for delta, (x, y, theta) in zip(deltas, added, strict=True)
+    ]
 
 
 def reference_at(recording: Recording, stamp_ns: int) -> SE2 | None:

@@ -1,0 +1,166 @@
+"""`robotctl localize` on drives written here."""
+
+import gzip
+import json
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from robotctl.cli.commands import app
+from robotctl.cli.main import main
+from robotctl.errors import ConfigError, RobotctlError
+from tests.app.recorded_room import write_drive, write_map
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    """Folder with room.log and room.yaml, and the true poses."""
+    folder = tmp_path_factory.mktemp("room")
+    truth = write_drive(folder / "room.log")
+    write_map(folder)
+    return folder, truth
+
+
+def run(folder, *arguments, log="room.log", name="a"):
+    """Run the command; return its result, its report and the lines of its trajectory."""
+    words = ["localize", "--log", str(folder / log), "--out", str(folder / f"{name}.tum")]
+    words += ["--report", str(folder / f"{name}.json"), *arguments]
+    result = CliRunner().invoke(app, words)
+    if result.exit_code != 0:
+        return result, None, None
+    report = json.loads((folder / f"{name}.json").read_text())
+    return result, report, np.loadtxt(folder / f"{name}.tum", ndmin=2)
+
+
+def on_map(folder):
+    return "--map", str(folder / "room.yaml")
+
+
+def test_the_report_has_these_keys_and_the_trajectory_a_line_for_each_scan(room):
+    folder, truth = room
+    result, report, rows = run(folder, *on_map(folder))
+    assert result.exit_code == 0, result.output
+    assert set(report) == {
+        "ape", "heading_rmse_rad", "lost", "updates", "update_ms", "particles", "localised_after_s"
+    }  # fmt: skip
+    assert set(report["ape"]) == {"rmse_m", "mean_m", "max_m"}
+    assert set(report["update_ms"]) == {"p50", "p99"}
+    assert report["updates"] == len(rows) == len(truth)
+    assert report["lost"] is False
+    assert "place known at the end" in result.output
+
+
+def test_the_errors_are_those_of_the_trajectory_to_the_logs_reference(room):
+    folder, truth = room
+    _, report, rows = run(folder, *on_map(folder))
+    errors_m = np.hypot(*(rows[:, 1:3] - truth[:, :2]).T)
+    turned = 2.0 * np.arctan2(rows[:, 6], rows[:, 7]) - truth[:, 2]
+    turned = np.arctan2(np.sin(turned), np.cos(turned))
+    assert report["ape"]["rmse_m"] == pytest.approx(np.sqrt(np.mean(errors_m**2)), abs=1e-5)
+    assert report["ape"]["max_m"] == pytest.approx(errors_m.max(), abs=1e-5)
+    assert report["heading_rmse_rad"] == pytest.approx(np.sqrt(np.mean(turned**2)), abs=1e-5)
+    assert errors_m[10:].max() < 0.15
+    assert rows[:, 0] == pytest.approx(100.0 + 0.5 * np.arange(len(truth)))
+
+
+def test_the_same_seed_gives_the_same_file_and_another_seed_another(room):
+    folder, _ = room
+    for name, seed in (("one", 3), ("same", 3), ("other", 4)):
+        run(folder, *on_map(folder), "--seed", str(seed), name=name)
+    texts = [(folder / f"{name}.tum").read_bytes() for name in ("one", "same", "other")]
+    assert texts[0] == texts[1] != texts[2]
+
+
+def test_a_global_start_finds_the_place(room):
+    folder, truth = room
+    _, report, rows = run(folder, *on_map(folder), "--global", "--particles", "5000")
+    assert report["lost"] is False
+    assert report["localised_after_s"] > 0.0
+    assert np.hypot(*(rows[-1, 1:3] - truth[-1, :2])) < 0.15
+    assert report["particles"]["mean"] <= 5000
+
+
+def test_odd_scans_are_those_of_odd_place(room):
+    folder, _ = room
+    _, report, rows = run(folder, *on_map(folder), "--scans", "odd")
+    assert report["updates"] == 30
+    assert rows[:3, 0] == pytest.approx([100.5, 101.5, 102.5])
+
+
+def test_noise_on_the_odometry_is_survived(room):
+    folder, _ = room
+    arguments = ("--odometry-noise", "0.1,0.05")
+    _, report, _ = run(folder, *on_map(folder), *arguments, name="noisy")
+    assert report["lost"] is False
+    assert report["ape"]["rmse_m"] < 0.2
+    assert (folder / "noisy.tum").read_bytes() != (folder / "one.tum").read_bytes()
+
+
+def test_a_cut_log_is_used_up_to_the_cut_and_this_is_said(room):
+    folder, truth = room
+    packed = gzip.compress((folder / "room.log").read_bytes())
+    (folder / "cut.log.gz").write_bytes(packed[: 2 * len(packed) // 3])
+    result, report, _ = run(folder, *on_map(folder), log="cut.log.gz")
+    assert result.exit_code == 0
+    assert 20 < report["updates"] < len(truth)
+    assert "note: " in result.output
+    assert "cut short" in result.output
+
+
+def test_a_plot_is_drawn(room):
+    folder, _ = room
+    result, _, _ = run(folder, *on_map(folder), "--plot", str(folder / "a.png"))
+    assert result.exit_code == 0, result.output
+    assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--method", "mcl"), "--method mcl needs --map MAP.yaml"),
+        (("--method", "ekv"), 'must be one of mcl, ekf; did you mean "ekf"?'),
+        (("--map", "MAP", "--scans", "od"), "--scans od: must be one of all, even, odd"),
+        (("--map", "MAP", "--odometry-noise", "0.1"), "--odometry-noise 0.1: two numbers with a"),
+        (("--map", "MAP", "--odometry-noise", "0.1,-1"), "two finite numbers >= 0 allowed"),
+        (("--method", "ekf", "--global"), "--global needs --method mcl, found ekf"),
+        (("--method", "ekf"), "no sightings of landmarks in it"),
+        (("--map", "MAP", "--report", "/nowhere/r.json"), "the folder /nowhere does not exist"),
+        (("--map", "MAP", "--plot", "a.txt"), "the suffix must be one of .png"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_a_sentence(room, arguments, message):
+    folder, _ = room
+    words = [str(folder / "room.yaml") if word == "MAP" else word for word in arguments]
+    result, _, _ = run(folder, *words)
+    assert isinstance(result.exception, RobotctlError), result.output
+    assert message in str(result.exception)
+
+
+def test_a_map_without_an_obstacle_is_refused(room, tmp_path):
+    folder, _ = room
+    empty = write_map(tmp_path, walls=())
+    result, _, _ = run(folder, "--map", str(empty))
+    assert "the map has no obstacle" in str(result.exception)
+
+
+def test_a_log_that_does_not_say_where_it_begins_wants_a_global_start(tmp_path):
+    (tmp_path / "a.log").write_text("ODOM 1 2 3 0 0 0 1.5 host 1.5\n")
+    result, _, _ = run(tmp_path, "--map", str(write_map(tmp_path)), log="a.log")
+    assert "no scans in it, which --method mcl weighs" in str(result.exception)
+
+
+def test_bad_input_ends_with_status_2_and_one_line(tmp_path, monkeypatch, capsys):
+    out = str(tmp_path / "a.tum")
+    words = ["localize", "--log", str(tmp_path / "none.log"), "--method", "ekf", "--out", out]
+    monkeypatch.setattr(sys, "argv", ["robotctl", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    error = capsys.readouterr().err.splitlines()
+    assert error == [f"robotctl: {tmp_path}/none.log: no such file or folder"]
+
+
+def test_config_errors_are_known_to_main():
+    assert issubclass(ConfigError, RobotctlError)
