@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
@@ -16,6 +17,7 @@ from robotctl.app.mapper import Mapper
 from robotctl.app.mcl_localiser import MclLocaliser
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.errors import ConfigError
+from robotctl.estimation.compiled import cache_is_cold
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
 from robotctl.estimation.free_space import free_poses
@@ -24,10 +26,12 @@ from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.estimation.sonar_model import SonarModel
+from robotctl.estimation.wall_raster import grid_of_walls
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
+from robotctl.model.wall_map import WallMap
 from robotctl.runtime.messages import (
     ControlState,
     ExternalPose,
@@ -140,10 +144,39 @@ def make_estimators(config: RobotConfig, start: SE2) -> Estimators:
     ConfigError
         If the map cannot be read or does not fit the method.
     """
+    _rehearse(config)
     history = OdometryHistory()
     grid = OccupancyGrid()
     mapper = Mapper(grid, config.sonar, history) if config.localisation.mapping else None
     return Estimators(_localiser(config, start, history), mapper, history)
+
+
+def _rehearse(config: RobotConfig) -> None:
+    """Run all kernels once in a room of no meaning: each is compiled, or loaded from the cache."""
+    if cache_is_cold():
+        print("compiling the estimators, once: up to a minute", file=sys.stderr, flush=True)  # noqa: T201
+    walls = WallMap(np.array([[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]], np.float64))
+    here, angles = SE2(2.0, 2.0, 0.0), np.linspace(-1.0, 1.0, 21)
+    scan = RangeScan(0, angles, np.full(21, 2.0), 10.0)
+    chart = grid_of_walls(walls)
+    mcl = MonteCarloLocaliser(MclConfig(), free_poses(chart), np.random.default_rng(0))
+    measurements = [LikelihoodField(chart).measurement(scan)]
+    if config.sonar:
+        ranges_m = np.full(len(config.sonar), 1.5)
+        measurements += [
+            SonarModel(room, config.sonar).measurement(ranges_m) for room in (walls, chart)
+        ]
+    for measurement in measurements:
+        mcl.measure(measurement)
+    mcl.start_at(here, 0.1, 0.1)
+    for measurement in measurements:
+        mcl.move(SE2(0.2, 0.0, 0.1))
+        mcl.measure(measurement)
+    grid = OccupancyGrid()
+    grid.update_scan(here, scan)
+    for mount in config.sonar:
+        grid.update_sonar(here, mount, 1.5)
+    grid.to_map()
 
 
 def _localiser(config: RobotConfig, start: SE2, history: OdometryHistory) -> Localiser | None:

@@ -62,6 +62,7 @@ _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _ASK_S = 0.5
+_SAY_S = 5.0
 _FAULT = "fault at "
 
 
@@ -213,6 +214,7 @@ class SimRun:
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
+        self._said_waiting = False
         self._score = RunScore(self.walls)
         self.progress = Progress()
 
@@ -332,6 +334,9 @@ class SimRun:
         """Ask for what is missing: arming, then mode AUTO."""
         control, navigation = progress.control, progress.navigation
         if control is None or navigation is None:
+            if control is not None and progress.elapsed_s > _SAY_S and not self._said_waiting:
+                self._said_waiting = True
+                progress.lines.append("waiting for navigation, which prepares its estimators")
             return
         now_ns = time.monotonic_ns()
         if control.state == SafetyState.STANDBY:

@@ -24,11 +24,12 @@ RECORDER = "robotctl.app.recorder"
 
 ROLES: Final = (
     Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, vital=True),
-    Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0),
+    Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0),
     Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0),
     Role(RECORDER, RestartPolicy(crashes=5), stall_s=60.0),
 )
-"""In the order of their start. The recorder waits for the disk, which may take its time."""
+"""In the order of their start. Navigation may have to compile its estimators first, which takes a
+minute on a small computer; the recorder waits for the disk, which may take its time."""
 
 _BAD_INPUT = 2
 _END_S = 3.0

@@ -48,7 +48,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     publisher = Publisher(context, endpoints.telemetry_notices)
     mavlink = config.mavlink
     robot = TelemetryRobot(
-        name=config.robot.name, version=robotctl.__version__, sonars=config.sonar
+        name=config.robot.name,
+        version=robotctl.__version__,
+        sonars=config.sonar,
+        has_localiser=config.localisation.method != "none",
     )
     with ExitStack() as stack:
         stack.callback(context.destroy, linger=0)

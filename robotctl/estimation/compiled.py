@@ -47,6 +47,11 @@ def _cache_folder() -> str:
 _FOLDER = _cache_folder()
 
 
+def cache_is_cold() -> bool:
+    """Return whether nothing is compiled yet, which takes up to a minute the first time."""
+    return not _FOLDER or not any(Path(_FOLDER).rglob("*.nbi"))
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function to machine code at its first call; division by zero gives inf or nan."""
     before = _NUMBA.CACHE_DIR

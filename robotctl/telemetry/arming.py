@@ -105,6 +105,9 @@ class Arming:
                 return last.result
             self._context.say(now_ns, WARNING, "Arm: stopped a moment ago, ask again")
             return TEMPORARILY_REJECTED
+        if self._context.robot.has_localiser and self._context.fresh_localisation(now_ns) is None:
+            self._context.say(now_ns, WARNING, "Arm: the localiser is not ready")
+            return TEMPORARILY_REJECTED
         self._ask(command, now_ns, arm=True)
         return None
 

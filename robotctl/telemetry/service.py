@@ -47,6 +47,8 @@ class TelemetryRobot:
         Range within which a sonar measures [m].
     sonar_fov_rad : float
         Full angle of its beam [rad].
+    has_localiser : bool
+        Its navigation has a localiser, which must be ready before the robot is armed.
     """
 
     name: str = "robot"
@@ -55,6 +57,7 @@ class TelemetryRobot:
     sonar_min_m: float = 0.02
     sonar_max_m: float = 4.0
     sonar_fov_rad: float = 0.52
+    has_localiser: bool = False
 
 
 @dataclass
