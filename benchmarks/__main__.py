@@ -12,6 +12,7 @@ from benchmarks import (
     loop_lag,
     machine,
     memory,
+    odometry_calibration,
     start_up,
     tick_cost,
 )
@@ -24,6 +25,7 @@ SUBJECTS = {
     "recorder": flight_recorder.run,
     "control": control_quality.run,
     "startup": start_up.run,
+    "odometry": odometry_calibration.run,
 }
 
 

@@ -17,3 +17,7 @@ class LinkError(RobotctlError):
 
 class MissionError(RobotctlError):
     """A mission file is wrong or cannot be driven by this robot."""
+
+
+class CalibrationError(RobotctlError):
+    """A calibration could not be carried out: too little in the data, or an experiment failed."""
