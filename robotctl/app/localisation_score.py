@@ -67,7 +67,7 @@ class LocalisationScore:
         right = estimate.distance_m(truth) <= _RIGHT_M and abs(turned_rad) <= _RIGHT_RAD
         said = state.status is LocalisationStatus.LOCALISED
         if said and right and self._right_ns is None:
-            self._right_ns = now_ns
+            self._right_ns, passed_ns = now_ns, 0
         if said and not right:
             self._wrong_ns += passed_ns
         if self._right_ns is None:

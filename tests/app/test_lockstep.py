@@ -1,25 +1,15 @@
 """Whole missions under the virtual clock."""
 
 import collections
-import hashlib
 from pathlib import Path
 
-import msgspec
 import pytest
 from mcap.reader import make_reader
 
-from robotctl.app.config import find_file
-from robotctl.app.lockstep import run_lockstep
 from robotctl.app.replay import replay_file
-from robotctl.app.score import Report
-from robotctl.app.sim import SimOptions, SimulatorError
+from robotctl.app.sim import SimulatorError
 from robotctl.runtime.recorder import RecordError
-
-PATROL = find_file("patrol", "missions")
-
-
-def drive(robot: str = "diff_drive", **options: object) -> Report:
-    return run_lockstep(SimOptions(find_file(robot), PATROL, **options))
+from tests.app.missions import drive, fingerprint, without_computing_times
 
 
 @pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
@@ -31,16 +21,6 @@ def test_every_drive_completes_the_patrol_without_collision(robot: str, seed: in
     assert report.items_done == report.items
     assert report.pose_error.max_m < 0.02 * report.distance_m
     assert report.bus["errors"] == 0
-
-
-def fingerprint(folder: Path) -> dict[str, str]:
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
-
-
-def without_computing_times(report: Report) -> dict:
-    plain = msgspec.json.decode(report.json())
-    del plain["real_time_factor"], plain["loop"]["step_us"]
-    return plain
 
 
 def test_the_same_seed_gives_the_same_report_and_logs_to_the_byte(tmp_path: Path) -> None:

@@ -1,0 +1,162 @@
+"""A robot that does not know where it is: what it does, and what it leaves alone."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robotctl.model.se2 import SE2
+from robotctl.model.twist import Twist
+from robotctl.planning.mission import Mission
+from robotctl.planning.mode import Mode
+from robotctl.planning.navigator import NavigationInputs
+from robotctl.planning.requests import (
+    ModeRequest,
+    PositionRequest,
+    StickRequest,
+    VelocityRequest,
+)
+
+PLACES = (SE2(1.0, 1.0, 0.0), SE2(2.5, 3.0, 2.0), SE2(6.5, 3.5, -1.0), SE2(4.0, 2.5, 0.0))
+MISSION = {
+    "name": "there",
+    "world": "flat",
+    "start": {"x_m": 1.0, "y_m": 1.0},
+    "item": [{"kind": "go_to", "x_m": 3.0, "y_m": 1.0}],
+}
+
+
+@pytest.fixture
+def mission(make_mission):
+    """Return a mission of one point."""
+    return make_mission(MISSION)
+
+
+@pytest.fixture
+def make_mission(tmp_path):
+    from robotctl import toml_source
+
+    def make(data):
+        start, item = data["start"], data["item"][0]
+        text = (
+            f'name = "{data["name"]}"\nworld = "{data["world"]}"\n'
+            f"start = {{ x_m = {start['x_m']}, y_m = {start['y_m']} }}\n"
+            f'[[item]]\nkind = "go_to"\nx_m = {item["x_m"]}\ny_m = {item["y_m"]}\n'
+        )
+        return toml_source.parse(text, Mission, "mission")
+
+    return make
+
+
+def lost_step(run, *requests):
+    """Step a navigator that is told nothing of where it is but the odometry, far off."""
+    world = run.world
+    far = SE2(world.odometry.x_m + 50.0, world.odometry.y_m, world.odometry.theta_rad)
+    inputs = NavigationInputs(
+        far, world.twist, world.ranges(), run.enabled, requests, localised=False
+    )
+    out = run.navigator.step(inputs, run.now_ns)
+    for _ in range(5):
+        world.drive(out.v_m_s, out.omega_rad_s, 0.01)
+    world.check_contact()
+    run.trace.append(world.pose)
+    run.now_ns += 50_000_000
+    return out
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_it_moves_through_the_room_without_touching_anything(make_run, robot, place, seed, mission):
+    run = make_run(robot, start=place, mission=mission, seed=seed, range_noise_m=0.01)
+    lost_step(run, ModeRequest(Mode.AUTO))
+    for _ in range(20 * 60):
+        lost_step(run)
+    assert run.world.touched == 0
+    assert run.world.distance_m > 3.0
+    spread = {(round(pose.x_m), round(pose.y_m)) for pose in run.trace}
+    assert len(spread) >= 3
+
+
+def test_a_robot_that_can_turns_once_round_before_it_drives(make_run, differential, mission):
+    run = make_run(differential, start=SE2(2.5, 2.5, 0.3), mission=mission)
+    lost_step(run, ModeRequest(Mode.AUTO))
+    turned, before = 0.0, run.world.pose.theta_rad
+    while run.world.distance_m == 0.0:
+        lost_step(run)
+        turned += math.remainder(run.world.pose.theta_rad - before, math.tau)
+        before = run.world.pose.theta_rad
+        assert turned < 7.0
+    assert turned == pytest.approx(math.tau, abs=0.1)
+
+
+def test_once_it_knows_its_place_it_does_what_it_was_told(make_run, differential, mission):
+    run = make_run(differential, mission=mission)
+    lost_step(run, ModeRequest(Mode.AUTO))
+    for _ in range(100):
+        lost_step(run)
+    out = run.until(lambda out: out.mission_completed, 60.0)
+    assert out.mission_completed
+    assert math.hypot(run.world.pose.x_m - 3.0, run.world.pose.y_m - 1.0) < 0.1
+
+
+def test_no_item_of_the_mission_is_worked_on_meanwhile(make_run, differential, mission):
+    run = make_run(differential, mission=mission)
+    out = lost_step(run, ModeRequest(Mode.AUTO))
+    for _ in range(2000):
+        out = lost_step(run)
+    assert (out.item, out.mission_failed) == (0, False)
+    assert "looking" in out.message or "turning" in out.message
+
+
+def test_a_position_of_the_ground_station_has_to_wait_too(make_run, differential):
+    run = make_run(differential, start=SE2(2.5, 2.5, 0.0))
+    lost_step(run, ModeRequest(Mode.GUIDED))
+    out = lost_step(run, PositionRequest(4.0, 2.5))
+    assert (out.v_m_s, out.message) == (0.0, "looking around")
+    assert out.omega_rad_s != 0.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "request_"),
+    [
+        (Mode.GUIDED, VelocityRequest(10_000_000_000, 0.1, 0.3)),
+        (Mode.MANUAL, StickRequest(10_000_000_000, 0.125, 0.12)),
+    ],
+)
+def test_velocities_and_sticks_need_no_place(make_run, differential, mode, request_):
+    run = make_run(differential, start=SE2(2.5, 2.5, 0.0))
+    lost_step(run, ModeRequest(mode))
+    out = lost_step(run, request_)
+    assert (out.v_m_s, out.omega_rad_s) == pytest.approx((0.1, 0.3))
+
+
+def test_held_it_stands(make_run, differential):
+    run = make_run(differential)
+    for _ in range(10):
+        out = lost_step(run)
+        assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+
+
+def test_no_breadcrumb_is_dropped_at_a_guess(make_run, differential):
+    run = make_run(differential, start=SE2(1.0, 1.0, 0.0))
+    for _ in range(20):
+        lost_step(run)
+    run.step(ModeRequest(Mode.RTL))
+    out = run.step()
+    assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)  # it stands at home
+
+
+def test_blind_sonars_make_it_stand_once_it_has_turned(make_run, differential, mission):
+    run = make_run(differential, start=SE2(2.5, 2.5, 0.0), mission=mission)
+    silent = (math.nan,) * 8
+    requests = (ModeRequest(Mode.AUTO),)
+    for _ in range(20 * 60):
+        inputs = NavigationInputs(
+            run.world.odometry, Twist(0.0, 0.0), silent, True, requests, localised=False
+        )
+        out = run.navigator.step(inputs, run.now_ns)
+        run.now_ns += 50_000_000
+        requests = ()
+        assert out.v_m_s == 0.0
+        run.world.drive(out.v_m_s, out.omega_rad_s, 0.05)
