@@ -4,29 +4,51 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from robotctl.app.replay import replay_file
 
 
-@pytest.mark.timeout(400)
-@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
-def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: Path) -> None:
-    report = tmp_path / "report.json"
+def patrol(bus: str, robot: str, folder: Path, *options: str) -> dict[str, Any]:
+    """Drive the patrol to its end and return the score."""
+    report = folder / "report.json"
     channel = f"simcan:patrol-{robot}" if bus == "simcan" else bus
     command = [
         *(sys.executable, "-c", "from robotctl.cli.main import main; main()", "sim"),
-        *("--headless", "--until-done", "--max-seconds", "240", "--seed", "3"),
+        *("--headless", "--until-done", "--max-seconds", "340", "--seed", "3"),
         *("--robot", robot, "--bus", channel, "--report", str(report)),
-        *("--record", str(tmp_path)),
+        *("--record", str(folder)),
         *("--set", "mavlink.link=[]"),
+        *options,
     ]
     result = subprocess.run(command, capture_output=True, text=True, timeout=390, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
-    score = json.loads(report.read_text())
+    score: dict[str, Any] = json.loads(report.read_text())
     assert score["mission_completed"] is True
     assert score["collisions"] == 0
+    return score
+
+
+@pytest.mark.timeout(400)
+def test_a_robot_that_is_not_told_its_place_finds_it_and_maps_on_its_way(
+    bus: str, tmp_path: Path
+) -> None:
+    options = ("--localiser", "mcl", "--start", "unknown", "--mapping")
+    score = patrol(bus, "diff_drive", tmp_path, *options)
+    place = score["localisation"]
+    assert place["localised_after_s"] < 60.0
+    assert place["localised_share"] > 0.9
+    assert place["error"]["max_m"] < 0.3
+    assert score["map_quality"]["precision"] > 0.9
+    assert (tmp_path / "map.yaml").is_file()
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
+def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: Path) -> None:
+    score = patrol(bus, robot, tmp_path)
     assert score["distance_m"] > 15
     assert score["pose_error"]["max_m"] < 0.02 * score["distance_m"]
     assert score["bus"]["errors"] == 0
