@@ -42,10 +42,11 @@ class OccupancyGridConfig:
     """A sonar's range from here on is no echo: the cone is free up to here [m]."""
 
     def __post_init__(self) -> None:
-        for key in ("resolution_m", "limit", "hit", "miss", "range_limit_m", "no_echo_m"):
+        for key in ("limit", "hit", "miss", "sonar_hit", "sonar_miss"):
             self._check(key, 0.0, math.inf)
-        for key in ("sonar_hit", "sonar_miss", "sonar_band_m", "sonar_range_m"):
-            self._check(key, 0.0, math.inf)
+        for key in ("range_limit_m", "no_echo_m", "sonar_band_m", "sonar_range_m"):
+            self._check(key, 0.0, 1e4)
+        self._check("resolution_m", 1e-4, 1e4)
         self._check("fan_deg", 0.0, 90.0)
         self._check("sonar_width_deg", 0.0, 180.0)
         for key in ("hit", "miss", "sonar_hit", "sonar_miss"):

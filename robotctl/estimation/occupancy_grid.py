@@ -29,8 +29,10 @@ CHUNK = 64
 """The array's sides are multiples of this [cells]."""
 MAX_CELLS = 200_000_000
 """More are refused: a pose far off would ask for all memory."""
-BATCH = 64
-"""Scans that are prepared together: their beams fit into a processor's cache."""
+MAX_AWAY = 1e9
+"""Poses farther from the world's origin are refused [cells]."""
+BATCH = 512
+"""Scans that are prepared together: the more, the less Python each costs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,49 +93,43 @@ class OccupancyGrid:
         ValueError
             If the numbers differ, a pose is not finite or the grid would become too large.
         """
-        if poses.shape != (len(scans), 3) or not np.all(np.isfinite(poses)):
-            raise ValueError(
-                f"poses must be ({len(scans)}, 3) and finite for {len(scans)} scans, found "
-                f"{poses.shape}"
-            )
+        if poses.shape != (len(scans), 3):
+            raise ValueError(f"poses must be ({len(scans)}, 3), found {poses.shape}")
         for begin in range(0, len(scans), BATCH):
             self._add(poses[begin : begin + BATCH], scans[begin : begin + BATCH])
 
     def _add(self, poses: NDArray[np.float64], scans: Sequence[RangeScan]) -> None:
         """Add scans that are prepared together."""
         config = self.config
-        side_m = config.resolution_m
         ends = np.cumsum([len(scan.ranges_m) for scan in scans])
-        heads = np.repeat(poses[:, 2], np.diff(ends, prepend=0))
-        angles = np.concatenate([scan.angles_rad for scan in scans]) + heads
+        starts, pattern = _pattern(scans)
         mounts = np.array([(scan.x_m, scan.y_m) for scan in scans])
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        x = (poses[:, 0] + c * mounts[:, 0] - s * mounts[:, 1]) / side_m
-        y = (poses[:, 1] + s * mounts[:, 0] + c * mounts[:, 1]) / side_m
-        cos, sin = np.cos(angles), np.sin(angles)
-        reaches, echoes, bounds = measure_scans(
+        x = (poses[:, 0] + c * mounts[:, 0] - s * mounts[:, 1]) / config.resolution_m
+        y = (poses[:, 1] + s * mounts[:, 0] + c * mounts[:, 1]) / config.resolution_m
+        sensors = np.stack([x, y, c, s], axis=1)
+        if not np.all(np.abs(sensors) < MAX_AWAY):
+            raise ValueError(f"poses must be finite, and lie less than {MAX_AWAY:g} cells away")
+        beams, bounds = measure_scans(
             np.concatenate([scan.ranges_m for scan in scans]),
             np.array([scan.max_range_m for scan in scans]),
+            starts,
             ends,
-            x,
-            y,
-            cos,
-            sin,
-            side_m,
+            pattern,
+            sensors,
+            config.resolution_m,
             config.range_limit_m,
             config.no_echo_m,
         )
-        self._hold(bounds[:, 0].min(), bounds[:, 1].min(), bounds[:, 2].max(), bounds[:, 3].max())
+        first, end = bounds.min(axis=0), bounds.max(axis=0)
+        self._hold(first[:2], end[2:])
         add_scans(
             self._cells,
+            self._corner,
             ends,
-            x - self._corner[1],
-            y - self._corner[0],
-            cos,
-            sin,
-            reaches,
-            echoes,
-            np.ascontiguousarray(bounds[:, [0, 2]] - self._corner[0]),
+            sensors,
+            beams,
+            bounds,
             math.sin(math.radians(config.fan_deg)),
             config.steps(config.hit),
             config.steps(config.miss),
@@ -153,19 +149,20 @@ class OccupancyGrid:
         if math.isnan(range_m):
             return
         sensor = pose @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
-        if range_m < 0.0 or not math.isfinite(sensor.x_m + sensor.y_m + sensor.theta_rad):
-            raise ValueError(f"range_m must be >= 0 and the pose finite, found {range_m}, {pose}")
         side_m = config.resolution_m
+        if range_m < 0.0:
+            raise ValueError(f"range_m must be >= 0, found {range_m}")
+        if not abs(sensor.x_m) + abs(sensor.y_m) + abs(sensor.theta_rad) < MAX_AWAY * side_m:
+            raise ValueError(
+                f"the pose must be finite, and lie less than {MAX_AWAY:g} cells away, found {pose}"
+            )
         echo = range_m < config.sonar_range_m
         distance = (range_m if echo else config.sonar_range_m) / side_m
         band = max(config.sonar_band_m / side_m, math.sqrt(0.5))
         x, y = sensor.x_m / side_m, sensor.y_m / side_m
-        radius = distance + band + 1.0
+        middle, reach = np.array([y, x]), distance + band + 2.0
         self._hold(
-            math.floor(y - radius),
-            math.floor(x - radius),
-            math.ceil(y + radius),
-            math.ceil(x + radius),
+            np.floor(middle - reach).astype(np.int64), np.ceil(middle + reach).astype(np.int64)
         )
         add_cone(
             self._cells,
@@ -180,8 +177,8 @@ class OccupancyGrid:
             config.steps(config.sonar_miss),
         )
 
-    def _hold(self, first_row: int, first_column: int, end_row: int, end_column: int) -> None:
-        """Let the array hold rows and columns of the world's cells, from the first to the end.
+    def _hold(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> None:
+        """Let the array hold the world's cells from a (row, column) to behind another.
 
         A side that must grow grows by half of what there is, so that the cost of copying stays in
         proportion to the area; whole chunks, and cells stay where they are in the world.
@@ -191,13 +188,10 @@ class OccupancyGrid:
         ValueError
             If the array would have more than `MAX_CELLS`.
         """
-        first, end = np.array([first_row, first_column]), np.array([end_row, end_column])
         shape = np.array(self._cells.shape)
-        if self._cells.size == 0:
-            old_first, old_end = first, first
-        else:
-            old_first, old_end = self._corner, self._corner + shape
-        if np.all(first >= old_first) and np.all(end <= old_end) and self._cells.size:
+        old_first = self._corner if self._cells.size else first
+        old_end = old_first + shape
+        if np.all(first >= old_first) and np.all(end <= old_end):
             return
         spare = shape // 2
         new_first = np.where(first < old_first, np.minimum(first, old_first - spare), old_first)
@@ -266,3 +260,16 @@ class OccupancyGrid:
             return np.zeros((1, 1), np.int8), np.zeros(2, np.int64)
         box = self._cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         return box, self._corner + np.array([rows[0], columns[0]])
+
+
+def _pattern(scans: Sequence[RangeScan]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return where each scan's directions begin, (n,), in cos and sin of directions, (p, 2).
+
+    Scans of one sensor often share one array of angles, which is then needed once.
+    """
+    arrays = {id(scan.angles_rad): scan.angles_rad for scan in scans}
+    begins = np.cumsum([0, *(len(angles) for angles in arrays.values())])
+    place = dict(zip(arrays, begins.tolist(), strict=False))
+    starts = np.array([place[id(scan.angles_rad)] for scan in scans])
+    angles = np.concatenate(list(arrays.values()))
+    return starts, np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -1,107 +1,128 @@
-"""The inner loops of the occupancy grid: what one scan says of which cells.
+"""The inner loops of the occupancy grid: what one scan, or one sonar, says of which cells.
 
-Coordinates are in cells of the array: x along the columns, y along the rows, cell (r, c) covers
-[c, c + 1) x [r, r + 1). Evidence and cells are steps of the stored log odds, in [-127, 127].
-
-A scan's free space is the union of the fans between neighbouring beams. Filling its rows costs
-what its outline is long, with the cells 32 or 64 at a time; walking along each beam costs what the
-beams are long, and visits the cells near the sensor once for each beam.
+Coordinates are in cells: x along the columns, y along the rows, cell (r, c) covers [c, c + 1) x
+[r, r + 1). Evidence and cells are steps of the stored log odds, in [-127, 127].
 
 Within a scan a cell changes once, without any mark in it: cells that are treated singly are
-computed from their old values before the fans are filled and written after, the stronger rule last.
+computed from their old values before the free space is filled and written after, the stronger rule
+last.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.compiled import compiled
 from robotctl.estimation.occupancy_config import STEPS
+from robotctl.estimation.occupancy_fill import (
+    COS,
+    ECHO,
+    FREE,
+    SIN,
+    cross_rows,
+    free_fans,
+    lower_inside,
+    outline_of,
+)
 
-LIMIT = STEPS
 MARGIN = math.sqrt(0.5)
 """Half a cell's diagonal [cells]."""
-GRAZING = 5.67
-"""Neighbouring beams end on one surface that is met at up to atan(5.67) = 80 degrees from square:
-the longer one is longer by at most so many times the distance between them."""
+
+
+class Space(NamedTuple):
+    """Where one scan is worked on.
+
+    `firsts` and `crossings` are the lists of `cross_rows`, the lists empty; `fans` and `corners` as
+    of `free_fans` and `outline_of`; `single` the places of cells that are treated singly, and
+    `became` what they become.
+    """
+
+    firsts: NDArray[np.int32]
+    crossings: NDArray[np.int64]
+    fans: NDArray[np.float64]
+    corners: NDArray[np.float64]
+    single: NDArray[np.int64]
+    became: NDArray[np.int8]
 
 
 @compiled
 def measure_scans(
     ranges_m: NDArray[np.float64],
     max_ranges_m: NDArray[np.float64],
+    starts: NDArray[np.int64],
     ends: NDArray[np.int64],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    cos: NDArray[np.float64],
-    sin: NDArray[np.float64],
+    pattern: NDArray[np.float64],
+    poses: NDArray[np.float64],
     side_m: float,
     range_limit_m: float,
     no_echo_m: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Return how far each beam says free, where it has its echo, and what each scan needs.
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return what each beam says, and which cells each scan reaches.
 
     Free space ends half a cell's diagonal before an echo: nearer than the echo is a cell that lies
     nearer as a whole.
 
     Parameters
     ----------
-    ranges_m, cos, sin
-        (b,) beams of all scans: ranges [m], and directions in the grid's frame.
-    max_ranges_m, x, y
-        (n,) of each scan: range of the sensor [m] and its place [cells].
+    ranges_m
+        (b,) of all scans, one after the other [m].
     ends
         (n,) index behind each scan's last beam.
+    pattern, starts
+        (p, 2) cos and sin of directions in the sensor's frame, and (n,) where each scan's begin.
+    poses, max_ranges_m
+        (n, 4) of each sensor: x and y [cells], cos and sin of its heading; (n,) its reach [m].
     side_m, range_limit_m, no_echo_m
         Side of a cell, and the configuration's limits [m].
 
     Returns
     -------
-    reaches, echoes : (b,) [cells]
-        Negative where there is none.
+    beams : (b, 4)
+        cos and sin of the direction, how far it is free, and where its echo is [cells]; the two
+        are negative where there is none.
     bounds : (n, 4) [cells]
         First row and column, and the rows and columns behind the last, with a cell to spare.
     """
-    reaches, echoes = np.full(len(ranges_m), -1.0), np.full(len(ranges_m), -1.0)
-    bounds = np.empty((len(x), 4), np.int64)
+    beams = np.empty((len(ranges_m), 4))
+    bounds = np.empty((len(ends), 4), np.int64)
     begin = 0
-    for k in range(len(x)):
-        left, right, low, high = x[k], x[k], y[k], y[k]
+    for k in range(len(ends)):
+        x, y, c, s = poses[k]
+        left, right, low, high = x, x, y, y
         for i in range(begin, ends[k]):
             range_m = ranges_m[i]
-            if math.isnan(range_m):
-                continue
-            if range_m >= max_ranges_m[k] or range_m > range_limit_m:
+            away = pattern[starts[k] + i - begin]
+            cos, sin = c * away[0] - s * away[1], s * away[0] + c * away[1]
+            free, echo = -1.0, -1.0
+            if range_m < max_ranges_m[k] and range_m <= range_limit_m:
+                echo = range_m / side_m
+                free = max(0.0, echo - MARGIN)
+            elif not math.isnan(range_m):
                 free_m = no_echo_m if math.isinf(range_m) else range_limit_m
-                length = min(free_m, max_ranges_m[k], range_m) / side_m
-                reaches[i] = length
-            else:
-                length = range_m / side_m
-                reaches[i] = max(0.0, length - MARGIN)
-                echoes[i] = length
-            end_x, end_y = x[k] + length * cos[i], y[k] + length * sin[i]
+                free = min(free_m, max_ranges_m[k]) / side_m
+            beams[i, COS], beams[i, SIN], beams[i, FREE], beams[i, ECHO] = cos, sin, free, echo
+            length = max(0.0, free, echo)
+            end_x, end_y = x + length * cos, y + length * sin
             left, right = min(left, end_x), max(right, end_x)
             low, high = min(low, end_y), max(high, end_y)
         bounds[k, 0], bounds[k, 1] = math.floor(low) - 1, math.floor(left) - 1
         bounds[k, 2], bounds[k, 3] = math.floor(high) + 2, math.floor(right) + 2
         begin = ends[k]
-    return reaches, echoes, bounds
+    return beams, bounds
 
 
 @compiled
 def add_scans(
     cells: NDArray[np.int8],
+    corner: NDArray[np.int64],
     ends: NDArray[np.int64],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    cos: NDArray[np.float64],
-    sin: NDArray[np.float64],
-    reaches: NDArray[np.float64],
-    echoes: NDArray[np.float64],
-    rows: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    beams: NDArray[np.float64],
+    bounds: NDArray[np.int64],
     fan_sin: float,
     hit: int,
     miss: int,
@@ -111,41 +132,57 @@ def add_scans(
     Parameters
     ----------
     cells
-        (rows, columns) log odds [steps]; holds all that the scans reach.
-    ends, x, y, cos, sin, reaches, echoes
-        As of `measure_scans`, with x and y in the array.
-    rows
-        (n, 2): first row of the array that a scan reaches, and the row behind the last.
+        (rows, columns) log odds [steps]; holds all that the scans reach; columns a multiple of 16.
+    corner
+        Row and column of the first of `cells`, in the numbers of poses and bounds.
+    ends, poses, beams, bounds
+        As of `measure_scans`.
     fan_sin
         Sine of the greatest angle between beams that are filled between.
     hit, miss
         Evidence of an echo and of a beam that passes [steps], both > 0.
     """
-    height, beams, begin = 0, 0, 0
-    for k in range(len(x)):
-        height, beams = max(height, rows[k, 1] - rows[k, 0]), max(beams, ends[k] - begin)
-        begin = ends[k]
-    crossings = np.empty((height, 4 * beams + 4), np.int32)
-    counts = np.zeros(height, np.int32)
+    space = _space_for(ends, beams, bounds)
     begin = 0
-    for k in range(len(x)):
-        end = ends[k]
-        _add_scan(
-            cells,
-            x[k],
-            y[k],
-            cos[begin:end],
-            sin[begin:end],
-            reaches[begin:end],
-            echoes[begin:end],
-            rows[k, 0],
-            crossings,
-            counts[: rows[k, 1] - rows[k, 0]],
-            fan_sin,
-            hit,
-            miss,
-        )
-        begin = end
+    for k in range(len(ends)):
+        if ends[k] > begin:
+            _add_scan(
+                cells,
+                poses[k, 0] - corner[1],
+                poses[k, 1] - corner[0],
+                beams[begin : ends[k]],
+                bounds[k, 0] - corner[0],
+                bounds[k, 2] - bounds[k, 0],
+                space,
+                fan_sin,
+                hit,
+                miss,
+            )
+        begin = ends[k]
+
+
+@compiled
+def _space_for(
+    ends: NDArray[np.int64], beams: NDArray[np.float64], bounds: NDArray[np.int64]
+) -> Space:
+    """Return room enough for each of some scans."""
+    rows, most, reach, begin = 0, 0, 0.0, 0
+    for k in range(len(ends)):
+        reached = 0.0
+        for i in range(begin, ends[k]):
+            reached += max(0.0, beams[i, FREE])
+        rows, most = max(rows, bounds[k, 2] - bounds[k, 0]), max(most, ends[k] - begin)
+        reach, begin = max(reach, reached), ends[k]
+    # No side of the outline crosses more rows than its two ends are away from the sensor, and no
+    # beam passes more than 1.5 cells for each cell of its length, and a few.
+    return Space(
+        np.zeros(rows, np.int32),
+        np.empty(int(4.0 * reach) + 4 * most + 1, np.int64),
+        np.empty((most, 2)),
+        np.empty((3 * most + 1, 3)),
+        np.empty(int(1.5 * reach) + 4 * most, np.int64),
+        np.empty(int(1.5 * reach) + 4 * most, np.int8),
+    )
 
 
 @compiled
@@ -153,177 +190,36 @@ def _add_scan(
     cells: NDArray[np.int8],
     x: float,
     y: float,
-    cos: NDArray[np.float64],
-    sin: NDArray[np.float64],
-    reaches: NDArray[np.float64],
-    echoes: NDArray[np.float64],
+    beams: NDArray[np.float64],
     first_row: int,
-    crossings: NDArray[np.int32],
-    counts: NDArray[np.int32],
+    rows: int,
+    space: Space,
     fan_sin: float,
     hit: int,
     miss: int,
 ) -> None:
-    """Add one scan, with a work space for the rows from `first_row` on."""
-    n = len(reaches)
-    if n == 0:
-        return
+    """Add one scan, which reaches no more than `rows` rows from `first_row` on."""
+    n = len(beams)
     flat = cells.reshape(-1)
-    fans = _fans(cos, sin, reaches, fan_sin)
-    passed = 0.0
-    for i in range(n):
-        passed += max(0.0, reaches[i] - max(fans[i, 0], fans[i, 1]))
-    single = np.empty(int(1.5 * passed) + 4 * n, np.int64)
-    became = np.empty(len(single), np.int8)
+    fans, single, became = space.fans, space.single, space.became
+    free_fans(beams, fan_sin, fans[:n])
     count = 0
     for i in range(n):
         begin = max(fans[i, 0], fans[i, 1])
-        if reaches[i] > begin:
-            count = _walk(
-                cells, x, y, cos[i], sin[i], begin, reaches[i], miss, single, became, count
-            )
+        if beams[i, FREE] > begin:
+            count = _walk(cells, x, y, beams[i], begin, miss, single, became, count)
     for i in range(n):
-        if echoes[i] >= 0.0:
-            column, row = int(x + echoes[i] * cos[i]), int(y + echoes[i] * sin[i])
+        echo = beams[i, ECHO]
+        if echo >= 0.0:
+            column, row = int(x + echo * beams[i, COS]), int(y + echo * beams[i, SIN])
             single[count] = row * cells.shape[1] + column
-            became[count] = min(cells[row, column] + hit, LIMIT)
+            became[count] = min(cells[row, column] + hit, STEPS)
             count += 1
-    _outline(x, y - first_row, cos, sin, fans, crossings, counts)
-    _fill(cells, crossings, counts, first_row, miss)
+    corners = outline_of(x, y - first_row, beams, fans, space.corners)
+    cross_rows(space.corners[:corners], space.firsts, space.crossings)
+    lower_inside(cells, space.firsts[:rows], space.crossings, first_row, miss)
     for i in range(count):
         flat[single[i]] = became[i]
-
-
-@compiled
-def _fans(
-    cos: NDArray[np.float64],
-    sin: NDArray[np.float64],
-    reaches: NDArray[np.float64],
-    fan_sin: float,
-) -> NDArray[np.float64]:
-    """Return how far the fans beside each beam reach along it, (n, 2): before and after the beam.
-
-    Two beams that end on one surface have free space up to the line between their ends. Else
-    something hides between them, and only what is nearer than both ends is free. 0 where there is
-    no fan: a beam says nothing, or the angle is wide.
-    """
-    n = len(reaches)
-    fans = np.zeros((n, 2))
-    first_turn = _turn(cos, sin, 0, 1) if n > 2 else 0.0
-    for i in range(n):
-        j = i + 1
-        if j == n:
-            # The beams close a circle where the last turns on to the first as the others turn.
-            if n < 3 or _turn(cos, sin, i, 0) * first_turn <= 0.0:
-                break
-            j = 0
-        near, far = min(reaches[i], reaches[j]), max(reaches[i], reaches[j])
-        dot = cos[i] * cos[j] + sin[i] * sin[j]
-        turn = abs(_turn(cos, sin, i, j))
-        if near > 0.0 and dot > 0.0 and turn <= fan_sin:
-            surface = far - near <= GRAZING * turn * near
-            fans[i, 1] = reaches[i] if surface else near
-            fans[j, 0] = reaches[j] if surface else near
-    return fans
-
-
-@compiled
-def _turn(cos: NDArray[np.float64], sin: NDArray[np.float64], i: int, j: int) -> float:
-    """Return the sine of the angle from beam i to beam j."""
-    return float(cos[i] * sin[j] - sin[i] * cos[j])
-
-
-@compiled
-def _outline(
-    x: float,
-    y: float,
-    cos: NDArray[np.float64],
-    sin: NDArray[np.float64],
-    fans: NDArray[np.float64],
-    crossings: NDArray[np.int32],
-    counts: NDArray[np.int32],
-) -> None:
-    """Note where the outlines of the fans cross the middles of rows.
-
-    Each fan is a triangle with its tip at (x, y). The side that two neighbours share cancels, but
-    for the end of the longer one.
-    """
-    n = len(fans)
-    clockwise = n > 1 and _turn(cos, sin, n - 1, 0) < 0.0
-    px, py = x + fans[0, 0] * cos[0], y + fans[0, 0] * sin[0]
-    p_row = int(py + 0.5)
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        turns_back = (_turn(cos, sin, i, j) < 0.0) != clockwise
-        if turns_back:
-            _cross(px, py, p_row, x, y, int(y + 0.5), clockwise, crossings, counts)
-            clockwise = not clockwise
-            px, py, p_row = x, y, int(y + 0.5)
-        if turns_back or fans[i, 1] != fans[i, 0]:
-            qx, qy = x + fans[i, 1] * cos[i], y + fans[i, 1] * sin[i]
-            q_row = int(qy + 0.5)
-            if q_row != p_row:
-                _cross(px, py, p_row, qx, qy, q_row, clockwise, crossings, counts)
-            px, py, p_row = qx, qy, q_row
-        qx, qy = x + fans[j, 0] * cos[j], y + fans[j, 0] * sin[j]
-        q_row = int(qy + 0.5)
-        if q_row != p_row:
-            _cross(px, py, p_row, qx, qy, q_row, clockwise, crossings, counts)
-        px, py, p_row = qx, qy, q_row
-
-
-@compiled
-def _cross(
-    x0: float,
-    y0: float,
-    row0: int,
-    x1: float,
-    y1: float,
-    row1: int,
-    backwards: bool,
-    crossings: NDArray[np.int32],
-    counts: NDArray[np.int32],
-) -> None:
-    """Put a side's crossings into the rows' sorted lists: twice the column, plus 1 if upwards.
-
-    The side goes from (x0, y0) to (x1, y1); `row0` is the first row whose middle lies above y0.
-    """
-    slope = (x1 - x0) / (y1 - y0)
-    bit = 1 if (row1 > row0) != backwards else 0
-    begin = x0 + (0.5 - y0) * slope + 0.5
-    for row in range(min(row0, row1), max(row0, row1)):
-        key = 2 * int(begin + row * slope) + bit
-        line = crossings[row]
-        place = counts[row]
-        counts[row] = place + 1
-        while place > 0 and line[place - 1] > key:
-            line[place] = line[place - 1]
-            place -= 1
-        line[place] = key
-
-
-@compiled
-def _fill(
-    cells: NDArray[np.int8],
-    crossings: NDArray[np.int32],
-    counts: NDArray[np.int32],
-    first_row: int,
-    miss: int,
-) -> None:
-    """Lower each cell whose centre the outlines go round."""
-    lowest = np.int8(miss - LIMIT)
-    step = np.int8(miss)
-    for row in range(len(counts)):
-        winding = 0
-        for i in range(counts[row]):
-            if winding == 0:
-                begin = crossings[row, i] >> 1
-            winding += 1 if crossings[row, i] & 1 else -1
-            if winding == 0:
-                span = cells[first_row + row, begin : crossings[row, i] >> 1]
-                for c in range(len(span)):
-                    span[c] = np.int8(np.int32(max(span[c], lowest)) - np.int32(step))
-        counts[row] = 0
 
 
 @compiled
@@ -331,19 +227,18 @@ def _walk(
     cells: NDArray[np.int8],
     x: float,
     y: float,
-    dx: float,
-    dy: float,
+    beam: NDArray[np.float64],
     begin: float,
-    end: float,
     miss: int,
     single: NDArray[np.int64],
     became: NDArray[np.int8],
     count: int,
 ) -> int:
-    """Note each cell that a beam passes between two distances; return the new count.
+    """Note each cell that a beam passes from a distance to its end; return the new count.
 
     The exact traversal of Amanatides and Woo, "A fast voxel traversal algorithm" (1987).
     """
+    dx, dy, end = beam[COS], beam[SIN], beam[FREE]
     column, row = math.floor(x + begin * dx), math.floor(y + begin * dy)
     right, up = dx > 0.0, dy > 0.0
     per_column = abs(1.0 / dx)  # inf along an axis
@@ -352,7 +247,7 @@ def _walk(
     at_row = (row + up - y) / dy if dy != 0.0 else math.inf
     while True:
         single[count] = row * cells.shape[1] + column
-        became[count] = max(cells[row, column] - miss, -LIMIT)
+        became[count] = max(cells[row, column] - miss, -STEPS)
         count += 1
         if min(at_column, at_row) >= end:
             return count
@@ -407,6 +302,6 @@ def add_cone(
                 continue
             away = math.hypot(dx, dy)
             if away < distance - band:
-                cells[row, column] = max(cells[row, column] - miss, -LIMIT)
+                cells[row, column] = max(cells[row, column] - miss, -STEPS)
             elif echo and away <= far:
-                cells[row, column] = min(cells[row, column] + hit, LIMIT)
+                cells[row, column] = min(cells[row, column] + hit, STEPS)

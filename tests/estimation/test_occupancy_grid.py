@@ -108,6 +108,22 @@ def test_a_batch_is_the_same_as_one_scan_after_the_other():
     assert np.abs(stored(one)).max() > HIT
 
 
+def test_beams_along_the_middles_of_rows_and_the_edges_of_cells_stay_in_the_grid():
+    n = 720
+    angles = np.arange(n) * math.tau / n
+    ranges = np.where(np.arange(n) % 3 == 0, 3.0, 1.0)
+    scan = RangeScan(0, angles, ranges, 4.0)
+    for heading in (0.0, math.pi / 2, math.pi, -math.pi / 2):
+        for x, y in ((0.125, 0.125), (0.0, 0.0), (0.25, 1e-17), (3.875, 3.875)):
+            grid = OccupancyGrid(CONFIG)
+            grid.update_scan(SE2(x, y, heading), scan)
+            rows, columns = np.nonzero(stored(grid))
+            assert np.abs(columns + 0.5 - 40 - x / SIDE_M).max() < 3.0 / SIDE_M + 1.0
+            assert np.abs(rows + 0.5 - 40 - y / SIDE_M).max() < 3.0 / SIDE_M + 1.0
+            # Half of the circle within the shorter beams, at least, is free.
+            assert np.count_nonzero(stored(grid) < 0) * SIDE_M**2 > 0.5 * math.pi
+
+
 def beam(range_m, angle_rad=0.0, max_range_m=4.0):
     return RangeScan(0, np.array([angle_rad]), np.array([range_m]), max_range_m)
 
@@ -165,8 +181,11 @@ def test_a_pose_far_off_is_refused_and_the_grid_stays():
     before = stored(grid)
     with pytest.raises(ValueError, match=r"cells of 0.25 m would be needed, at most"):
         grid.update_scan(SE2(1e6, 1e6, 0.0), beam(2.0))
-    with pytest.raises(ValueError, match="finite"):
-        grid.update_scan(SE2(math.nan, 0.0, 0.0), beam(2.0))
+    for pose in (SE2(math.nan, 0.0, 0.0), SE2(0.0, math.inf, 0.0), SE2(1e300, 0.0, 0.0)):
+        with pytest.raises(ValueError, match="finite"):
+            grid.update_scan(pose, beam(2.0))
+        with pytest.raises(ValueError, match="finite"):
+            grid.update_sonar(pose, SonarMount("front", 0.0, 0.0, 0.0), 1.0)
     with pytest.raises(ValueError, match=r"\(2, 3\)"):
         grid.update_scans(np.zeros((1, 3)), [beam(2.0), beam(2.0)])
     np.testing.assert_array_equal(stored(grid), before)
