@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.localize_ekf import run_ekf
 from robotctl.app.localize_mcl import run_mcl
 from robotctl.app.localize_options import LocalizeOptions, Progress
 from robotctl.app.localize_report import Run, report
-from robotctl.app.map_file import load_map
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
@@ -59,11 +59,16 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
     OSError
         If a file cannot be read.
     """
-    grid = None if options.map is None else load_map(options.map)
+    chart = load_localisation_map(options.map) if options.map else None
     recording = read_recording(options.log, options.mrclam_robot)
     rng = np.random.default_rng(options.seed)
-    if options.method == "mcl" and grid is not None:
-        run = run_mcl(recording, options, grid, rng, progress)
+    if options.method == "mcl" and chart is not None:
+        run = run_mcl(recording, options, chart, rng, progress)
     else:
         run = run_ekf(recording, options, rng, progress)
-    return Localized(recording, grid, run, report(run, with_nees=options.method == "ekf"))
+    return Localized(
+        recording,
+        chart.grid if chart else None,
+        run,
+        report(run, with_nees=options.method == "ekf"),
+    )

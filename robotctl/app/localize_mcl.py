@@ -1,12 +1,15 @@
-"""Monte Carlo localisation of a recorded drive by its scans."""
+"""Monte Carlo localisation of a recorded drive by its scans and sonars."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
+from robotctl.app.localisation_map import LocalisationMap
 from robotctl.app.localize_options import (
     START_SIGMA_M,
     START_SIGMA_RAD,
@@ -20,78 +23,141 @@ from robotctl.app.mapping import choose_scans
 from robotctl.app.recorded_motion import increments, noisy, reference_at, with_noise
 from robotctl.estimation.free_space import free_poses
 from robotctl.estimation.likelihood_field import LikelihoodField, LikelihoodFieldConfig
+from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
-from robotctl.model.grid_map import GridMap
-from robotctl.model.range_scan import RangeScan
-from robotctl.model.recording import Recording
+from robotctl.estimation.sonar_model import SonarModel
+from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
+from robotctl.model.se2 import SE2
+
+_LIDAR = -1
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """Something that was measured."""
+
+    stamp_ns: int
+    odometry: SE2
+    reference: SE2 | None
+    entry: RecordedScan | RecordedSonar
+
+    @property
+    def sensor(self) -> int:
+        """The lidar, or the first sonar of a group that is heard together."""
+        if isinstance(self.entry, RecordedScan):
+            return _LIDAR
+        return int(np.argmin(np.isnan(self.entry.ranges_m)))
+
+
+class _Sensors:
+    """What scans and sonars say of poses on a map."""
+
+    def __init__(
+        self, chart: LocalisationMap, recording: Recording, options: LocalizeOptions
+    ) -> None:
+        self._field = LikelihoodField(chart.grid, LikelihoodFieldConfig(beams=options.beams))
+        room = chart.grid if chart.walls is None else chart.walls
+        self._sonars = SonarModel(room, recording.sonar_mounts)
+
+    def measurement(self, moment: _Moment) -> LogLikelihood:
+        """Return what was measured as a function of poses."""
+        if isinstance(moment.entry, RecordedScan):
+            return self._field.measurement(moment.entry.scan)
+        return self._sonars.measurement(moment.entry.ranges_m)
 
 
 def run_mcl(
     recording: Recording,
     options: LocalizeOptions,
-    grid: GridMap,
+    chart: LocalisationMap,
     rng: np.random.Generator,
     progress: Progress,
 ) -> Run:
-    """Follow the particles through the scans.
+    """Follow the particles through all that was measured.
 
-    The first update of a throw-away localiser loads or compiles the kernels, so that the times of
-    the others are theirs alone.
+    As in the navigation process, each sensor weighs them once for each piece of way. The first
+    measurements are tried on a throw-away localiser before: that compiles the kernels, so that the
+    times of the updates are theirs alone.
 
     Raises
     ------
     LocalizeError
-        If there are no scans, no start is known, or the map is empty.
+        If nothing was measured, no start is known, or the map is empty.
     """
-    if not recording.scans:
-        raise LocalizeError(
-            f"{options.log}: no scans in it, which --method mcl weighs; a log with sightings of "
-            "landmarks is for --method ekf"
-        )
-    scans = choose_scans(recording, options.scans)
+    moments = _moments(recording, options)
     start_rng, odometry_rng, filter_rng = rng.spawn(3)
-    field, localiser = _made(options, grid, scans[0].scan, filter_rng)
+    sensors, localiser = _made(recording, options, chart, moments, filter_rng)
     if not options.search:
-        start = disturbed_start(recording, scans[0].scan.stamp_ns, start_rng)
+        start = disturbed_start(recording, moments[0].stamp_ns, start_rng)
         localiser.start_at(start, START_SIGMA_M, START_SIGMA_RAD)
-    deltas = increments([entry.odometry for entry in scans])
+    deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
-    for done, (entry, delta) in enumerate(
-        zip(scans, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
+    heard: set[int] = set()
+    for done, (moment, delta) in enumerate(
+        zip(moments, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
     ):
         began_ns = time.process_time_ns()
         localiser.move(delta)
         if localiser.due:
-            localiser.measure(field.measurement(entry.scan))
+            heard.clear()
+        if moment.sensor not in heard:
+            heard.add(moment.sensor)
+            localiser.measure(sensors.measurement(moment))
             run.update_ms.append(1e-6 * (time.process_time_ns() - began_ns))
             run.particles.append(len(localiser.poses))
-        stamp_ns = entry.scan.stamp_ns
-        run.add(localiser.estimate(stamp_ns), entry.reference or reference_at(recording, stamp_ns))
-        progress(done, len(scans))
+        run.add(localiser.estimate(moment.stamp_ns), moment.reference)
+        progress(done, len(moments))
     return run
 
 
+def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
+    """Return all that was measured in the order of its times."""
+    entries: list[RecordedScan | RecordedSonar] = []
+    if recording.scans:
+        entries += choose_scans(recording, options.scans)
+    if recording.sonar_mounts:
+        entries += recording.sonars
+    if not entries:
+        raise LocalizeError(
+            f"{options.log}: no scans in it, which --method mcl weighs; a log with sightings of "
+            "landmarks is for --method ekf"
+        )
+    moments = []
+    for entry in entries:
+        if isinstance(entry, RecordedScan):
+            stamp_ns, known = entry.scan.stamp_ns, entry.reference
+        else:
+            stamp_ns, known = entry.stamp_ns, None
+        reference = known or reference_at(recording, stamp_ns)
+        moments.append(_Moment(stamp_ns, entry.odometry, reference, entry))
+    return sorted(moments, key=attrgetter("stamp_ns"))
+
+
 def _made(
-    options: LocalizeOptions, grid: GridMap, scan: RangeScan, rng: np.random.Generator
-) -> tuple[LikelihoodField, MonteCarloLocaliser]:
-    """Return sensor model and localiser on a map, with compiled kernels."""
-    most = options.max_particles
+    recording: Recording,
+    options: LocalizeOptions,
+    chart: LocalisationMap,
+    moments: Sequence[_Moment],
+    rng: np.random.Generator,
+) -> tuple[_Sensors, MonteCarloLocaliser]:
+    """Return sensor models and localiser on a map, with compiled kernels."""
     config = MclConfig()
-    motion = replace(config.motion, noise=with_noise(config.motion.noise, options.odometry_noise))
+    most, noise = options.max_particles, config.motion.noise
     config = replace(
         config,
-        motion=motion,
+        motion=replace(config.motion, noise=with_noise(noise, options.odometry_noise)),
         max_particles=most,
         min_particles=min(most, config.min_particles),
     )
     try:
-        field = LikelihoodField(grid, LikelihoodFieldConfig(beams=options.beams))
-        free = free_poses(grid)
-        first = MonteCarloLocaliser(
-            replace(config, max_particles=config.min_particles), free, np.random.default_rng(0)
-        )
-        first.measure(field.measurement(scan))
-        return field, MonteCarloLocaliser(config, free, rng)
+        sensors = _Sensors(chart, recording, options)
+        free = free_poses(chart.grid)
+        fewer = replace(config, max_particles=config.min_particles)
+        tried = MonteCarloLocaliser(fewer, free, np.random.default_rng(0))
+        for sensor in {moment.sensor for moment in moments}:
+            first = next(moment for moment in moments if moment.sensor == sensor)
+            tried.measure(sensors.measurement(first))
+        return sensors, MonteCarloLocaliser(config, free, rng)
     except ValueError as error:
         raise LocalizeError(f"{options.map}: {error}") from error

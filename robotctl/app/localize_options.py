@@ -41,7 +41,7 @@ class LocalizeOptions:
     log
         File or folder of a recording.
     map
-        A ROS map; None: landmarks are the map.
+        A ROS map, or a world; "": landmarks are the map.
     method
         One of `METHODS`.
     search
@@ -67,7 +67,7 @@ class LocalizeOptions:
     """
 
     log: Path
-    map: Path | None = None
+    map: str = ""
     method: str = "mcl"
     search: bool = False
     particles: int | None = None
@@ -87,7 +87,7 @@ class LocalizeOptions:
             raise ConfigError(
                 f"--odometry-noise: found {self.odometry_noise}, two finite numbers >= 0 allowed"
             )
-        if self.method == "mcl" and self.map is None:
+        if self.method == "mcl" and not self.map:
             raise ConfigError("--method mcl needs --map MAP.yaml")
         if self.search and self.method != "mcl":
             raise ConfigError(f"--global needs --method mcl, found {self.method}")

@@ -28,9 +28,8 @@ def localize(
     ],
     out: Annotated[Path, typer.Option(help="Write the estimated trajectory here, as TUM file.")],
     map_file: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="MAP.yaml", help="ROS map; landmarks need none."),
-    ] = None,
+        str, typer.Option("--map", metavar="MAP.yaml", help="ROS map, or a world; for mcl.")
+    ] = "",
     method: Annotated[
         str, typer.Option(help="mcl: particles and scans. ekf: sightings of landmarks.")
     ] = "mcl",

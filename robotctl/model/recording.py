@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
 
 
@@ -33,14 +34,15 @@ class RecordedScan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedSonar:
-    """The latest range of every sonar of a ring, with what the log says of the robot at its time.
+    """Ranges that sonars of a ring heard at one time, with what the log says of the robot then.
 
     Parameters
     ----------
     stamp_ns
         Time [ns].
     ranges_m
-        (n,) [m], in the order of the robot's configuration; inf: no echo; nan: not known.
+        (n,) [m], in the order of the robot's configuration; inf: no echo; nan: nothing new, or
+        not known.
     odometry
         `base` in the frame of the odometry.
     """
@@ -86,6 +88,8 @@ class Recording:
         (n, 3): time [ns], cumulative counts of the left and of the right wheel; (0, 3) where none.
     sonars
         In the order of their times.
+    sonar_mounts
+        Where the sonars sit; empty where the log does not say.
     notes
         Sentences for people: what the reader left out or had to assume.
     """
@@ -101,4 +105,5 @@ class Recording:
     landmarks: dict[int, tuple[float, float]] = field(default_factory=dict)
     wheel_ticks: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
     sonars: tuple[RecordedSonar, ...] = ()
+    sonar_mounts: tuple[SonarMount, ...] = ()
     notes: tuple[str, ...] = ()

@@ -1,7 +1,8 @@
 """Our own recordings as drives: the folder of `--record DIR`, or one `robot-0001.mcap` of it.
 
-Odometry and sonar ranges come from the topic `control`, scans from the topic `lidar`, the
-reference from `truth.tum` in the folder, where there is one (its times are those of the log). JSON
+Odometry and sonar ranges come from the topic `control`, scans from the topic `lidar`, where the
+sonars sit from `control-0001.rec` beside it, the reference from `truth.tum` in the folder, where
+there is one (its times are those of the log). All of a folder is taken for one robot. JSON
 knows no infinity: a beam of the lidar without a range is inf there, but a sonar without an echo is
 nan, not known, since a sonar that is not there looks the same in the log. See docs/logs.md.
 """
@@ -28,13 +29,17 @@ from numpy.typing import NDArray
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
+from robotctl.runtime.recorder import RecordError, read_record
 from robotctl.telemetry.log_text import LogFormatError, in_order
 from robotctl.telemetry.tum import read_tum
 
 TRUTH: Final = "truth.tum"
 _DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, EOFError)
 _RECORD_LIMIT: Final = 1 << 28
+_MAX_AGE_NS: Final = 500_000_000
+"""An older sonar reading is no news [ns]."""
 
 
 class _Control(msgspec.Struct):
@@ -45,6 +50,13 @@ class _Control(msgspec.Struct):
     y_m: float
     theta_rad: float
     sonar_m: list[float | None] = []
+    sonar_stamp_ns: list[int] = []
+
+
+class _Robot(msgspec.Struct):
+    """What is needed of a robot's configuration."""
+
+    sonar: tuple[SonarMount, ...] = ()
 
 
 class _Position(msgspec.Struct):
@@ -113,17 +125,8 @@ def read_own(path: Path) -> Recording:
         scans=tuple(_scan(*each, odometry, reference, path) for each in content.lidar),
         odometry=odometry,
         reference=reference,
-        sonars=tuple(
-            RecordedSonar(
-                stamp_ns,
-                _ranges(state.sonar_m, math.nan),
-                SE2(state.x_m, state.y_m, state.theta_rad),
-            )
-            for stamp_ns, (_, state) in zip(
-                odometry.stamps_ns.tolist(), content.control, strict=True
-            )
-            if state.sonar_m
-        ),
+        sonars=tuple(_sonars(content.control, odometry)),
+        sonar_mounts=_mounts(folder, content.notes),
         notes=tuple(content.notes),
     )
 
@@ -164,6 +167,37 @@ def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:
                 yield topics[record.channel_id], record
+
+
+def _mounts(folder: Path, notes: list[str]) -> tuple[SonarMount, ...]:
+    """Return where the sonars sit, by the configuration in a record of the control loop."""
+    for path in sorted(folder.glob("control-*.rec")):
+        try:
+            with path.open("rb") as file:
+                header, _ = read_record(file, str(path))
+            return msgspec.json.decode(header.robot_json, type=_Robot).sonar
+        except (RecordError, msgspec.DecodeError) as error:
+            notes.append(f"where the sonars sit is not read: {error}")
+    return ()
+
+
+def _sonars(
+    control: Sequence[tuple[int, _Control]], odometry: Trajectory
+) -> Iterator[RecordedSonar]:
+    """Yield the readings that are new in each state and known, those of one time together."""
+    begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
+    last_ns = 0
+    for log_ns, state in control:
+        stamps = np.array(state.sonar_stamp_ns, dtype=np.int64)
+        ranges = _ranges(state.sonar_m, math.nan)
+        oldest_ns = max(last_ns, state.stamp_ns - _MAX_AGE_NS)
+        times_ns: list[int] = np.unique(stamps[stamps > oldest_ns]).tolist()
+        for time_ns in times_ns:
+            stamp_ns = min(max(time_ns + log_ns - state.stamp_ns, begin_ns), end_ns)
+            heard = np.where(stamps == time_ns, ranges, math.nan)
+            last_ns = time_ns
+            if not np.all(np.isnan(heard)):
+                yield RecordedSonar(stamp_ns, heard, odometry.at(stamp_ns) or SE2())
 
 
 def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:

@@ -7,8 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.messages import LidarScan
+from robotctl.runtime.recorder import Recorder, RecordHeader
 from robotctl.telemetry.log_text import LogFormatError
 from robotctl.telemetry.mcap_log import McapLog
 from robotctl.telemetry.recorded_log import read_recording
@@ -21,9 +23,15 @@ LIDAR = LidarScan(
 )
 
 
-def state(t_s, x_m, sonar_m=(1.0, math.nan)):
+def state(t_s, x_m, sonar_m=(), heard_s=()):
     return msgspec.structs.replace(
-        CONTROL, stamp_ns=t_s * 10**9, x_m=x_m, y_m=0.0, theta_rad=0.0, sonar_m=sonar_m
+        CONTROL,
+        stamp_ns=t_s * 10**9,
+        x_m=x_m,
+        y_m=0.0,
+        theta_rad=0.0,
+        sonar_m=sonar_m,
+        sonar_stamp_ns=tuple(round(1e9 * each) for each in heard_s),
     )
 
 
@@ -53,10 +61,31 @@ def test_one_log_is_read_alone(folder):
     assert len(read_recording(folder / "robot-0002.mcap").odometry.poses) == 1
 
 
-def test_sonars_have_ranges_and_the_odometry_of_their_time(folder):
-    first, second = read_recording(folder).sonars
-    np.testing.assert_array_equal(first.ranges_m, [1.0, math.nan])
-    assert second.odometry.x_m == 1.0
+def test_sonars_are_read_once_at_their_time_with_the_odometry_of_then(tmp_path):
+    write(
+        tmp_path / "robot-0001.mcap",
+        state(1, 0.0, (1.0, 2.0, math.nan), (0.9, 0.9, 0.0)),
+        state(2, 1.0, (1.5, 2.0, math.inf), (1.75, 0.9, 1.6)),
+    )
+    first, second = read_recording(tmp_path).sonars
+    np.testing.assert_array_equal(first.ranges_m, [1.0, 2.0, math.nan])
+    np.testing.assert_array_equal(second.ranges_m, [1.5, math.nan, math.nan])
+    assert second.stamp_ns - EPOCH_NS == 1_750_000_000
+    assert second.odometry.x_m == pytest.approx(0.75)
+
+
+def test_where_the_sonars_sit_stands_in_the_record_of_the_control_loop(folder):
+    robot = '{"sonar": [{"name": "front", "x_m": 0.1, "y_m": 0.2, "heading_deg": 45.0}], "a": 1}'
+    with (folder / "control-0001.rec").open("wb") as file:
+        Recorder(file.write, RecordHeader("1.0", robot, 0.0, 0.0, 0.0))
+    assert read_recording(folder).sonar_mounts == (SonarMount("front", 0.1, 0.2, 45.0),)
+
+
+def test_a_record_that_cannot_be_read_is_noted(folder):
+    (folder / "control-0001.rec").write_bytes(b"")
+    recording = read_recording(folder)
+    assert recording.sonar_mounts == ()
+    assert "where the sonars sit is not read" in recording.notes[0]
 
 
 def test_a_scan_of_the_lidar_comes_back_with_the_odometry_of_its_time(folder):
