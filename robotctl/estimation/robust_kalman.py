@@ -111,10 +111,20 @@ class RobustKalman:
         Start: state (n,) and covariance (n, n).
     config
         What is done with large innovations.
+    opening_states
+        How many states, from the first on, a run of gross outliers makes less sure of; None: all.
     """
 
-    def __init__(self, x: Array, P: Array, config: RobustConfig | None = None) -> None:
+    def __init__(
+        self,
+        x: Array,
+        P: Array,
+        config: RobustConfig | None = None,
+        opening_states: int | None = None,
+    ) -> None:
         self._config = config or RobustConfig()
+        self._opened = np.ones(len(x))
+        self._opened[:opening_states] = math.sqrt(self._config.opening)
         self._filter = _Filter(dim_x=len(x), dim_z=1)
         self._filter.x, self._filter.P = x, P
         # of each number of dimensions: nis where weights begin to fall, and where they end
@@ -170,7 +180,7 @@ class RobustKalman:
         if nis <= huber:
             return nis, 1.0
         if nis > gross:
-            kalman.x, kalman.P = x, P * self._config.opening
+            kalman.x, kalman.P = x, P * np.outer(self._opened, self._opened)
             return nis, 0.0
         weight = math.sqrt(huber / nis)
         kalman.x, kalman.P = x, P
