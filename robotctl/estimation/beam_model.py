@@ -12,7 +12,7 @@ Probabilistic Robotics, section 6.3):
 Where the map has nothing within the greatest range, a hit is a reading without an echo. Each part
 is a density or a probability of sum 1 (the Gaussian's tails below 0 and beyond the greatest range
 are neglected), so the mixture is a likelihood. Beams are multiplied and tempered as in
-`likelihood_field.py`, and for the same reason. Unlike the field this model knows that beams do not
+`likelihood_field.py`. Unlike the field this model knows that beams do not
 go through walls, at the price of casting them.
 """
 
@@ -25,7 +25,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.beam_selection import BeamSkipping, evenly_chosen, judges
+from robotctl.estimation.beam_selection import BeamSkipping, evenly_chosen, judges, tempering
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.range_casting import RangeCaster
 from robotctl.model.grid_map import GridMap
@@ -89,8 +89,8 @@ class BeamModelConfig:
         Beams taken of a scan, evenly chosen of those with a reading or without an echo, >= 1.
     mixture
         Of the four parts; `learned` finds it.
-    independent_beams
-        How many independent beams the chosen ones are worth together, > 0.
+    beam_correlation
+        Of the log-likelihoods of two beams, [0, 1).
     stop_at_unknown
         Whether unknown cells stop a ray as obstacles do.
     skipping
@@ -104,17 +104,15 @@ class BeamModelConfig:
 
     beams: int = 60
     mixture: BeamMixture = field(default_factory=BeamMixture)
-    independent_beams: float = 15.0
+    beam_correlation: float = 0.05
     stop_at_unknown: bool = True
     skipping: BeamSkipping = field(default_factory=BeamSkipping)
 
     def __post_init__(self) -> None:
         if self.beams < 1:
             raise ValueError(f"beams must be >= 1, found {self.beams}")
-        if not 0.0 < self.independent_beams < math.inf:
-            raise ValueError(
-                f"independent_beams must be finite and > 0, found {self.independent_beams}"
-            )
+        if not 0.0 <= self.beam_correlation < 1.0:
+            raise ValueError(f"beam_correlation must be in [0, 1), found {self.beam_correlation}")
 
 
 class BeamModel:
@@ -164,7 +162,7 @@ class BeamModel:
             kept = self._kept(poses, scan, chosen)
             expected, measured = expected[kept], measured[kept]
         logs = log_density(self.config.mixture, expected, measured, scan.max_range_m)
-        alpha = min(1.0, self.config.independent_beams / len(chosen))
+        alpha = tempering(len(chosen), self.config.beam_correlation)
         result: NDArray[np.float64] = alpha * logs.sum(axis=0, dtype=np.float64)
         return result
 

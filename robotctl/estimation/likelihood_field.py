@@ -6,10 +6,9 @@ A beam that ends at a distance d from the nearest obstacle of the map has the li
 
 the robust likelihood of notes, section 4.1 (Thrun, Burgard, Fox: Probabilistic Robotics, table 6.3,
 with the uniform part in K). Beams are multiplied: their logs, kept for each cell of the map, are
-added. The sum is then scaled by a power alpha = min(1, `independent_beams` / beams), since beams
-are not independent given the pose: they share the map's errors, people and furniture that stand
-where the map has none, and the robot's motion during the scan. Without that power sixty beams claim
-centimetres that they do not know, and particles near the truth die out.
+added. The sum is then scaled by a power below 1, since beams are not independent given the pose
+(`beam_selection.py`). Without it sixty beams claim centimetres that they do not know: particles
+near the truth die out, and a wrong place that fits by chance takes over.
 
 - A beam without a valid reading, or with nothing in range, is left out: the field does not know how
   far a beam should have gone.
@@ -28,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
-from robotctl.estimation.beam_selection import BeamSkipping, evenly_chosen, judges
+from robotctl.estimation.beam_selection import BeamSkipping, evenly_chosen, judges, tempering
 from robotctl.estimation.compiled import compiled
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.model.grid_map import GridMap
@@ -51,8 +50,8 @@ class LikelihoodFieldConfig:
         together [m], > 0.
     robust_k
         K: likelihood of a beam that ends anywhere, against that of one on an obstacle, > 0.
-    independent_beams
-        How many independent beams the chosen ones are worth together, > 0.
+    beam_correlation
+        Of the log-likelihoods of two beams, [0, 1).
     skipping
         Of beams in a crowd.
 
@@ -65,16 +64,18 @@ class LikelihoodFieldConfig:
     beams: int = 60
     sigma_m: float = 0.1
     robust_k: float = 0.05
-    independent_beams: float = 15.0
+    beam_correlation: float = 0.05
     skipping: BeamSkipping = field(default_factory=BeamSkipping)
 
     def __post_init__(self) -> None:
         if self.beams < 1:
             raise ValueError(f"beams must be >= 1, found {self.beams}")
-        for key in ("sigma_m", "robust_k", "independent_beams"):
+        for key in ("sigma_m", "robust_k"):
             value = getattr(self, key)
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{key} must be finite and > 0, found {value}")
+        if not 0.0 <= self.beam_correlation < 1.0:
+            raise ValueError(f"beam_correlation must be in [0, 1), found {self.beam_correlation}")
 
 
 class LikelihoodField:
@@ -168,8 +169,7 @@ class LikelihoodField:
         if self.config.skipping.enabled and count > 0:
             points = self._without_skipped(poses, points)
         summed = self._summed(poses, points)
-        alpha = min(1.0, self.config.independent_beams / max(count, 1))
-        result: NDArray[np.float64] = alpha * summed
+        result: NDArray[np.float64] = tempering(count, self.config.beam_correlation) * summed
         return result
 
     def _summed(

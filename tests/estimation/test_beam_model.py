@@ -150,7 +150,7 @@ def test_the_log_likelihood_is_the_tempered_sum_over_the_beams():
     scan = RangeScan(0, scan.angles_rad, ranges, FAR_M)
     poses = np.array([[1.5, 2.0, 0.3], [1.6, 2.0, 0.2], [5.0, 3.0, -1.0]])
     model = BeamModel(
-        grid, BeamModelConfig(beams=1000, independent_beams=8.9, stop_at_unknown=False)
+        grid, BeamModelConfig(beams=1000, beam_correlation=0.1, stop_at_unknown=False)
     )
     expected = RangeCaster(grid).cast(poses, scan.angles_rad, FAR_M)
     for i, value in enumerate(model.log_likelihood(poses, scan)):
@@ -159,7 +159,7 @@ def test_the_log_likelihood_is_the_tempered_sum_over_the_beams():
             for z_star, z in zip(expected[:, i], ranges, strict=True)
             if not math.isnan(z)
         )
-        assert value == pytest.approx(0.1 * total, rel=1e-4)
+        assert value == pytest.approx(total / (1 + 88 * 0.1), rel=1e-4)
 
 
 def test_a_scan_without_a_reading_says_nothing():
@@ -195,7 +195,7 @@ def test_a_number_of_the_mixture_out_of_its_range_is_refused(key, value):
         BeamMixture(**{key: value})
 
 
-@pytest.mark.parametrize(("key", "value"), [("beams", 0), ("independent_beams", -1.0)])
+@pytest.mark.parametrize(("key", "value"), [("beams", 0), ("beam_correlation", 1.0)])
 def test_a_number_of_the_model_out_of_its_range_is_refused(key, value):
     with pytest.raises(ValueError, match=key):
         BeamModelConfig(**{key: value})

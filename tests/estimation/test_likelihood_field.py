@@ -71,7 +71,7 @@ def textbook(grid: GridMap, config: LikelihoodFieldConfig, poses: np.ndarray, sc
 def test_weighing_equals_the_textbook_loop_wherever_the_map_lies_and_however_it_is_turned(origin):
     rng = np.random.default_rng(1)
     grid = room(origin)
-    config = LikelihoodFieldConfig(beams=100, independent_beams=100.0, sigma_m=0.15)
+    config = LikelihoodFieldConfig(beams=100, beam_correlation=0.0, sigma_m=0.15)
     scan = random_scan(rng, x_m=0.2, y_m=-0.1)
     poses = random_poses(rng, 300, origin)
     found = LikelihoodField(grid, config).log_likelihood(poses, scan)
@@ -84,7 +84,7 @@ def test_weighing_equals_the_textbook_loop_wherever_the_map_lies_and_however_it_
 def test_beams_are_multiplied_so_that_a_scan_of_two_halves_adds_their_logs():
     rng = np.random.default_rng(2)
     scan = random_scan(rng, 30)
-    field = LikelihoodField(room(), LikelihoodFieldConfig(independent_beams=60.0))
+    field = LikelihoodField(room(), LikelihoodFieldConfig(beam_correlation=0.0))
     poses = random_poses(rng, 200, SE2())
     parts = [
         RangeScan(0, scan.angles_rad[half], scan.ranges_m[half], scan.max_range_m)
@@ -94,16 +94,20 @@ def test_beams_are_multiplied_so_that_a_scan_of_two_halves_adds_their_logs():
     assert np.allclose(whole, sum(field.log_likelihood(poses, part) for part in parts), atol=1e-4)
 
 
-def test_the_power_makes_many_beams_worth_as_many_independent_ones_as_configured():
+def test_the_power_makes_correlated_beams_worth_fewer_independent_ones():
+    """Kish's design effect, checked by drawing beams that share a part of their error."""
     rng = np.random.default_rng(3)
+    correlation = 0.05
+    shared = math.sqrt(correlation) * rng.standard_normal((50_000, 1))
+    own = math.sqrt(1 - correlation) * rng.standard_normal((50_000, 60))
+    worth = 60 / ((shared + own).sum(axis=1).var() / 60)
+    full = LikelihoodField(room(), LikelihoodFieldConfig(beam_correlation=0.0))
+    tempered = LikelihoodField(room(), LikelihoodFieldConfig(beam_correlation=correlation))
     scan, poses = random_scan(rng, 60), random_poses(rng, 50, SE2())
-    full = LikelihoodField(room(), LikelihoodFieldConfig(independent_beams=60.0))
-    tempered = LikelihoodField(room(), LikelihoodFieldConfig(independent_beams=15.0))
-    assert np.allclose(
-        tempered.log_likelihood(poses, scan), 0.25 * full.log_likelihood(poses, scan)
-    )
-    few = random_scan(rng, 10)
-    assert np.allclose(tempered.log_likelihood(poses, few), full.log_likelihood(poses, few))
+    whole = full.log_likelihood(poses, scan)
+    assert np.allclose(tempered.log_likelihood(poses, scan), worth / 60 * whole, rtol=0.03)
+    one = random_scan(rng, 1)
+    assert np.allclose(tempered.log_likelihood(poses, one), full.log_likelihood(poses, one))
 
 
 def test_beams_without_a_hit_are_left_out():
@@ -124,7 +128,7 @@ def test_beams_without_a_hit_are_left_out():
 
 def test_the_chosen_beams_are_spread_over_the_valid_ones():
     grid = room()
-    field = LikelihoodField(grid, LikelihoodFieldConfig(beams=4, independent_beams=4.0))
+    field = LikelihoodField(grid, LikelihoodFieldConfig(beams=4, beam_correlation=0.0))
     angles = np.linspace(-math.pi, math.pi, 80, endpoint=False)
     pose = np.array([[3.0, 2.0, 0.0]])
     floor = math.log(0.05 / 1.05)
@@ -180,9 +184,8 @@ def test_beam_skipping_leaves_out_what_no_close_pose_agrees_with():
         0, np.delete(scan.angles_rad, slice(20, 35)), np.delete(scan.ranges_m, slice(20, 35)), 8.0
     )
     skipped = LikelihoodField(grid, config).log_likelihood(near, scan)
-    unharmed = LikelihoodField(
-        grid, LikelihoodFieldConfig(independent_beams=15.0 * 45 / 60)
-    ).log_likelihood(near, clean)
+    untempered = LikelihoodField(grid, LikelihoodFieldConfig(beam_correlation=0.0))
+    unharmed = untempered.log_likelihood(near, clean) / (1 + 59 * config.beam_correlation)
     assert np.allclose(skipped, unharmed, atol=1e-4)
     assert np.all(LikelihoodField(grid).log_likelihood(near, scan) < skipped - 5.0)
 
@@ -216,7 +219,7 @@ def test_a_map_without_obstacles_is_refused():
         ("beams", 0),
         ("sigma_m", 0.0),
         ("robust_k", -1.0),
-        ("independent_beams", math.inf),
+        ("beam_correlation", 1.0),
     ],
 )
 def test_a_number_out_of_its_range_is_refused_by_name(key, value):
