@@ -28,7 +28,7 @@ class Run:
     Parameters
     ----------
     estimates
-        At each processed scan, or of a landmark filter at each velocity.
+        At each processed scan, or at each step of a landmark filter.
     references
         `base` in `world` at the same times; None where it is not known.
     has_heading

@@ -5,11 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from robotctl.estimation.odometry_estimate import arc_between
+from robotctl.model.motion import arc
 from robotctl.model.motion_noise import MotionNoise
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
@@ -69,6 +71,30 @@ def noisy(
         SE2(delta.x_m + x, delta.y_m + y, delta.theta_rad + theta)
         for delta, (x, y, theta) in zip(deltas, added, strict=True)
     ]
+
+
+def with_noisy_motion(
+    recording: Recording, sigmas: tuple[float, float], rng: np.random.Generator
+) -> Recording:
+    """Return a recording with noise on its velocities and its odometry, as `noisy` has it."""
+    if sigmas == (0.0, 0.0):
+        return recording
+    steps_s = 1e-9 * np.diff(recording.twist_stamps_ns)[:, None]
+    if len(steps_s):
+        ways = recording.twists[:-1] * steps_s
+        deltas = noisy([arc(SE2(), *way) for way in ways.tolist()], sigmas, rng)
+        twists = recording.twists.copy()
+        found = np.array([arc_between(delta) for delta in deltas])
+        np.divide(found, steps_s, out=twists[:-1], where=steps_s > 0.0)
+        recording = replace(recording, twists=twists)
+    if recording.odometry is None:
+        return recording
+    poses = [SE2(*row) for row in recording.odometry.poses.tolist()]
+    moved = itertools.accumulate(
+        noisy(increments(poses)[1:], sigmas, rng), SE2.__matmul__, initial=poses[0]
+    )
+    rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in moved])
+    return replace(recording, odometry=Trajectory(recording.odometry.stamps_ns, rows))
 
 
 def reference_at(recording: Recording, stamp_ns: int) -> SE2 | None:

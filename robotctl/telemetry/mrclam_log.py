@@ -127,17 +127,21 @@ def _sightings(
     """Return what the robot saw of landmarks."""
     name = f"Robot{robot}_Measurement"
     rows = _rows(folder, name, _MEASUREMENT, notes)
-    found, robots, strangers = [], 0, 0
+    found, robots, strangers, empty = [], 0, 0, 0
     for stamp_ns, (_, code, range_m, bearing_rad) in zip(
         _times(rows, name, notes).tolist(), rows.tolist(), strict=True
     ):
         subject = subject_of.get(int(code))
-        if subject in landmarks:
+        if range_m <= 0.0:
+            empty += 1
+        elif subject in landmarks:
             found.append(Sighting(stamp_ns, subject, range_m, bearing_rad))
         elif subject is not None and 1 <= subject <= ROBOTS:
             robots += 1
         else:
             strangers += 1
+    if empty:
+        notes.append(f"{name}: {empty} of {len(rows)} sightings have no range, left out")
     if robots:
         notes.append(f"{name}: {robots} of {len(rows)} sightings are of other robots, left out")
     if strangers:

@@ -5,7 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from robotctl.app.recorded_motion import increments, noisy, start_pose, with_noise
+from robotctl.app.recorded_motion import (
+    increments,
+    noisy,
+    start_pose,
+    with_noise,
+    with_noisy_motion,
+)
 from robotctl.model.motion import arc
 from robotctl.model.motion_noise import MotionNoise, added_covariance
 from robotctl.model.recording import Recording
@@ -67,6 +73,24 @@ def test_variances_of_own_and_put_noise_add():
     found = with_noise(MotionNoise(0.3, 0.03, 0.09), (0.4, 0.04))
     values = (found.e_m_per_sqrt_m, found.f_rad_per_sqrt_m, found.g_rad_per_sqrt_rad)
     assert values == pytest.approx((0.5, 0.05, math.sqrt(0.0097)))
+
+
+def test_velocities_get_the_noise_of_the_way_that_they_drive():
+    stamps_ns = 10**8 * np.arange(N + 1)
+    recording = Recording("a", twist_stamps_ns=stamps_ns, twists=np.tile([0.5, 0.0], (N + 1, 1)))
+    found = with_noisy_motion(recording, (0.1, 0.04), np.random.default_rng(1)).twists[:-1]
+    assert found.mean(axis=0) == pytest.approx([0.5, 0.0], abs=3e-2)
+    assert 0.1 * found[:, 0].std() == pytest.approx(0.1 * math.sqrt(0.05), rel=0.03)
+    assert 0.1 * found[:, 1].std() == pytest.approx(0.04 * math.sqrt(0.05), rel=0.03)
+
+
+def test_an_odometry_gets_the_noise_of_each_step_and_keeps_its_start():
+    rows_ = np.stack([0.5 * np.arange(N + 1), np.ones(N + 1), np.zeros(N + 1)], axis=1)
+    recording = Recording("a", odometry=Trajectory(np.arange(N + 1), rows_))
+    found = with_noisy_motion(recording, (0.1, 0.0), np.random.default_rng(1)).odometry.poses
+    assert found[0].tolist() == rows_[0].tolist()
+    assert np.diff(found[:, 0]).std() == pytest.approx(0.1 * math.sqrt(0.5), rel=0.03)
+    assert np.all(found[:, 1:] == rows_[:, 1:])
 
 
 def drive(heading_rad, has_heading, begin_ns=0):

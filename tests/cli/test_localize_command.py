@@ -109,6 +109,49 @@ def test_a_cut_log_is_used_up_to_the_cut_and_this_is_said(room):
     assert "cut short" in result.output
 
 
+def write_mrclam(folder):
+    """A robot on a circle among eight landmarks, in the files of MRCLAM; its velocities are off."""
+    rng = np.random.default_rng(5)
+    angles = np.arange(8) * np.pi / 4.0
+    landmarks = np.stack([3.0 * np.cos(angles), 2.0 * np.sin(angles)], axis=1)
+    t = 500.0 + 0.1 * np.arange(900)
+    theta = 0.3 * (t - 500.0)
+    truth = np.stack([np.sin(theta), 1.0 - np.cos(theta), theta], axis=1)
+    odometry = np.stack([t, np.full(900, 0.31), np.full(900, 0.305)], axis=1)
+    seen = []
+    for i in range(5, 900, 3):
+        for k, (dx, dy) in enumerate(landmarks - truth[i, :2]):
+            bearing = np.arctan2(dy, dx) - truth[i, 2]
+            bearing = np.arctan2(np.sin(bearing), np.cos(bearing))
+            if abs(bearing) < 0.5:
+                off_m, off_rad = rng.standard_normal(2) * (0.03, 0.01)
+                seen.append((t[i], 60 + k, np.hypot(dx, dy) + off_m, bearing + off_rad))
+    subjects = 6 + np.arange(8)
+    still = np.zeros((8, 2))
+    np.savetxt(folder / "Barcodes.dat", np.stack([subjects, subjects + 54], axis=1), "%d")
+    np.savetxt(
+        folder / "Landmark_Groundtruth.dat", np.column_stack([subjects, landmarks, still]), "%.6f"
+    )
+    np.savetxt(folder / "Robot3_Odometry.dat", odometry, "%.4f")
+    np.savetxt(folder / "Robot3_Measurement.dat", np.array(seen), "%.5f")
+    np.savetxt(folder / "Robot3_Groundtruth.dat", np.column_stack([t, truth]), "%.6f")
+
+
+def test_landmarks_tell_the_ekf_where_the_robot_is(tmp_path):
+    write_mrclam(tmp_path)
+    arguments = ("--method", "ekf", "--mrclam-robot", "3")
+    result, report, rows = run(tmp_path, *arguments, log="")
+    assert result.exit_code == 0, result.output
+    assert report["lost"] is False
+    assert report["ape"]["rmse_m"] < 0.1
+    assert 0.0 < report["nees_inside_95"] <= 1.0
+    assert report["particles"]["mean"] == 0
+    assert rows[-1, 0] == pytest.approx(589.9)
+    _, noisy, _ = run(tmp_path, *arguments, "--odometry-noise", "0.1,0.1", log="")
+    assert noisy["lost"] is False
+    assert noisy["ape"]["rmse_m"] > report["ape"]["rmse_m"]
+
+
 def test_a_plot_is_drawn(room):
     folder, _ = room
     result, _, _ = run(folder, *on_map(folder), "--plot", str(folder / "a.png"))

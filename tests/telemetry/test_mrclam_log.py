@@ -43,6 +43,13 @@ def test_sightings_of_robots_and_of_unknown_codes_are_counted(folder):
     assert any("1 of 4 sightings are of bar codes that belong to no" in note for note in notes)
 
 
+def test_sightings_without_a_range_are_counted(folder):
+    (folder / "Robot2_Measurement.dat").write_text("101 72 0.0 0.1\n101 72 1.5 0.1\n")
+    recording = read_recording(folder, mrclam_robot=2)
+    assert len(recording.sightings) == 1
+    assert any("1 of 2 sightings have no range" in note for note in recording.notes)
+
+
 def test_files_may_be_gzip(folder):
     plain = read_recording(folder, mrclam_robot=2)
     for path in list(folder.iterdir()):
