@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.log_likelihood import LogLikelihood, evaluated
-from robotctl.estimation.particles import resample_systematic
+from robotctl.estimation.particles import effective_size, posterior, resample_systematic
 from robotctl.estimation.pose_bins import BinSize
 from robotctl.estimation.tempering import bearable_exponent
 
@@ -29,46 +29,45 @@ _FINEST = 0.2
 
 def anneal(
     poses: NDArray[np.float64],
+    weights: NDArray[np.float64],
     log_likelihood: LogLikelihood,
     trials: BinSize,
     n_eff_floor: float,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return poses and weights after a measurement, from poses of equal weight before it.
+    """Return poses and weights after a measurement, from those before it.
 
     None if the measurement is impossible at all poses.
 
     Parameters
     ----------
-    poses
-        (n, 3) [m, m, rad].
+    poses, weights
+        The belief, (n, 3) [m, m, rad] and (n,) of sum 1.
     log_likelihood
         The measurement.
     trials
         Standard deviation of the widest trials.
     n_eff_floor
-        Share of the particles that stays effective in each step, (0, 1).
+        Share of the effective particles that stay so in each step, (0, 1).
     rng
         Draws trials and their fate.
     """
     n = len(poses)
-    alike = np.full(n, 1.0 / n)
     logs = evaluated(log_likelihood, poses)
     if logs.max() == -math.inf:
         return None
-    reached, weights = 0.0, alike
+    reached = 0.0
     for _ in range(_STEPS):
-        exponent = min(bearable_exponent(alike, logs, n_eff_floor * n), 1.0 - reached)
-        weights = np.exp(exponent * (logs - logs.max()))
-        weights /= weights.sum()
+        least = n_eff_floor * effective_size(weights)
+        exponent = min(bearable_exponent(weights, logs, least), 1.0 - reached)
+        weights, _ = posterior(weights, exponent * logs)
         reached += exponent
         if reached >= 1.0:
             break
         chosen = resample_systematic(weights, n, rng)
-        poses, logs = poses[chosen], logs[chosen]
+        poses, logs, weights = poses[chosen], logs[chosen], np.full(n, 1.0 / n)
         for _ in range(_TRIALS):
             poses, logs = _tried(poses, logs, log_likelihood, reached, trials, rng)
-        weights = alike
     return poses, weights
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 LogLikelihood: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From poses of `base` in `world`, (n, 3) [m, m, rad], to the log-likelihood of one measurement at
-each, (n,), up to a constant that is the same for all poses."""
+each, (n,), up to a constant that is the same for all poses. The constant makes a perfect fit about
+0, so that the localiser can tell from the first measurement on whether one fits badly."""
 
 
 def evaluated(log_likelihood: LogLikelihood, poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,14 +2,14 @@
 
 Notes, section 4; Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
 
-- The belief is a mixture. Between two measurements the robot was carried to any free place with a
-  small probability; random poses, the *scouts*, stand for that. They are weighed by the same
-  measurement as the particles, and Bayes' rule says which of the two it speaks for. So particles
-  are injected in proportion to their likelihood, and only where it beats that of the belief. The
-  averages w_slow and w_fast of augmented MCL (Probabilistic Robotics, table 8.3) serve the same
-  end, but have to be tuned to the sensor: a product of sixty beams jumps by e^20 from one scan to
-  the next. A comparison under one measurement needs no such scale.
-- A likelihood that is too narrow for the particles is tempered (`tempering.py`).
+- While the robot is tracked, random poses, the *scouts*, are weighed by the same measurement. The
+  ratio of the two evidences is Bayes' factor between "as tracked" and "carried away to anywhere";
+  it is accumulated, and `fit_watch.py` compares the evidence with what it used to be.
+- If one of them speaks against the belief, a search begins, as from an unknown start: random poses
+  join in, and each measurement is applied in steps (`annealing.py`), so that particles are found
+  where its likelihood is great instead of being drawn at random. Half of the belief stays, for it
+  may have been right.
+- A likelihood that is too narrow for the tracked particles is tempered (`tempering.py`).
 - The estimate is the mean of the heaviest cluster, from the weights before they are resampled.
 - The number of particles follows the belief (KLD sampling, `pose_bins.py`).
 
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.annealing import anneal
 from robotctl.estimation.belief import Cluster, clusters
+from robotctl.estimation.fit_watch import FitWatch
 from robotctl.estimation.free_space import SampleFree
 from robotctl.estimation.log_likelihood import LogLikelihood, evaluated
 from robotctl.estimation.mcl_config import MclConfig
@@ -72,6 +73,8 @@ class MonteCarloLocaliser:
     def start_at(self, pose: SE2, sigma_m: float, sigma_rad: float) -> None:
         """Believe in a pose, with standard deviations of x and y [m] and of the heading [rad].
 
+        The robot is localised at once, if these are as small as those of a localised robot.
+
         Raises
         ------
         ValueError
@@ -85,6 +88,8 @@ class MonteCarloLocaliser:
         off[:, 2] -= math.tau * np.round(off[:, 2] / math.tau)
         self._searching = False
         self._begin(off)
+        if sigma_m <= self.config.localised_m and sigma_rad <= self.config.localised_rad:
+            self._agreed = self.config.localised_updates
 
     def _begin(self, poses: NDArray[np.float64]) -> None:
         self._poses = poses
@@ -94,6 +99,7 @@ class MonteCarloLocaliser:
         self._lost = False
         self._agreed = 0
         self._elsewhere = -math.inf
+        self._watches: dict[int | str, FitWatch] = {}
         self._clusters = clusters(poses, self._weights, self.config.bins, _CLUSTERS)
 
     @property
@@ -132,8 +138,15 @@ class MonteCarloLocaliser:
             return LocalisationStatus.LOCALISED
         return LocalisationStatus.SEARCHING
 
-    def measure(self, log_likelihood: LogLikelihood) -> None:
+    def measure(self, log_likelihood: LogLikelihood, sensor: int | str = 0) -> None:
         """Weigh the belief by a measurement, made now.
+
+        Parameters
+        ----------
+        log_likelihood
+            What it says of poses.
+        sensor
+            Name or number of the sensor: how well its measurements fit is learnt for each.
 
         Raises
         ------
@@ -144,9 +157,10 @@ class MonteCarloLocaliser:
         self._never_measured = False
         self._lost = False
         if self._searching:
+            self._add_strangers()
             self._search(log_likelihood)
         else:
-            self._track(log_likelihood)
+            self._track(log_likelihood, sensor)
         self._clusters = clusters(self._poses, self._weights, self.config.bins, _CLUSTERS)
         self._agreed = self._agreed + 1 if self._is_compact() and not self._lost else 0
         if self.status is LocalisationStatus.LOCALISED:
@@ -168,17 +182,19 @@ class MonteCarloLocaliser:
 
     def _advance(self) -> None:
         """Resample where the belief calls for it, then move all particles by the odometry."""
-        config = self.config
-        spread = effective_size(self._weights) < config.resample_below * len(self._weights)
-        if self._searching:
-            self._resample(config.max_particles)
-        elif spread:
+        uneven = effective_size(self._weights) < self.config.resample_below * len(self._weights)
+        if uneven or self._searching:
             self._resample(self._wanted_particles())
         self._poses = self._way.moved(self._poses, self._rng)
         self._way.reset()
-        if self._searching:
-            strangers = self._sample_free(self._rng, round(config.strangers * len(self._poses)))
-            self._poses[self._rng.permutation(len(self._poses))[: len(strangers)]] = strangers
+
+    def _add_strangers(self) -> None:
+        """Mix random poses into the belief."""
+        share, count = self.config.strangers, self.config.max_particles
+        strangers = self._sample_free(self._rng, math.ceil(share * count))
+        alike = np.full(len(strangers), share / len(strangers))
+        self._poses = np.concatenate([self._poses, strangers])
+        self._weights = np.concatenate([(1.0 - share) * self._weights, alike])
 
     def _resample(self, count: int) -> None:
         self._poses = self._poses[resample_systematic(self._weights, count, self._rng)]
@@ -202,14 +218,16 @@ class MonteCarloLocaliser:
     def _search(self, log_likelihood: LogLikelihood) -> None:
         """Weigh a belief that is spread wide."""
         config = self.config
-        found = anneal(self._poses, log_likelihood, config.bins, config.search_floor, self._rng)
+        found = anneal(
+            self._poses, self._weights, log_likelihood, config.bins, config.search_floor, self._rng
+        )
         if found is None:
             self._lost = True  # It fits nowhere, and so does not say where the robot is.
         else:
             self._poses, self._weights = found
 
-    def _track(self, log_likelihood: LogLikelihood) -> None:
-        """Weigh a compact belief, and ask scouts whether the robot is elsewhere."""
+    def _track(self, log_likelihood: LogLikelihood, sensor: int | str) -> None:
+        """Weigh a compact belief, and ask whether the robot may be elsewhere."""
         config = self.config
         logs = evaluated(log_likelihood, self._poses)
         scouts = self._sample_free(self._rng, math.ceil(config.scouts * len(self._poses)))
@@ -217,24 +235,29 @@ class MonteCarloLocaliser:
         if max(logs.max(), scout_logs.max()) == -math.inf:
             self._lost = True
             return
-        exponent = 1.0
-        if logs.max() > -math.inf:
-            exponent = bearable_exponent(self._weights, logs, config.n_eff_floor * len(logs))
-        weights, evidence = posterior(self._weights, exponent * logs)
-        _, elsewhere = posterior(np.full(len(scouts), 1.0 / len(scouts)), exponent * scout_logs)
+        weights, evidence = posterior(self._weights, logs)
+        _, elsewhere = posterior(np.full(len(scouts), 1.0 / len(scouts)), scout_logs)
         self._elsewhere = max(self._elsewhere, math.log(config.carried_away))
         self._elsewhere += elsewhere - evidence
+        fits = not self._watches.setdefault(sensor, FitWatch()).is_bad(evidence)
+        if self._elsewhere > 0.0 or not fits:
+            self._set_out()
+            self._search(log_likelihood)
+            self._lost = True
+            return
+        least = config.n_eff_floor * len(logs)
+        if effective_size(weights) < least:
+            exponent = bearable_exponent(self._weights, logs, least)
+            weights, _ = posterior(self._weights, exponent * logs)
         self._weights = weights
-        if self._elsewhere > 0.0:
-            self._set_out(log_likelihood)
 
-    def _set_out(self, log_likelihood: LogLikelihood) -> None:
-        """Begin a search: half of the particles stay, half may be anywhere."""
+    def _set_out(self) -> None:
+        """Begin a search: half of the belief stays, half is that the robot may be anywhere."""
         count = self.config.max_particles
         self._resample(count)
         anywhere = self._sample_free(self._rng, count // 2)
         self._poses[self._rng.permutation(count)[: len(anywhere)]] = anywhere
         self._searching = True
         self._elsewhere = -math.inf
-        self._search(log_likelihood)
-        self._lost = True
+        for watch in self._watches.values():
+            watch.forgive()

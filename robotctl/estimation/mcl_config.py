@@ -31,7 +31,8 @@ class MclConfig:
     Parameters
     ----------
     min_particles, max_particles
-        Bounds of the number of particles; equal: it is fixed. A search uses `max_particles`.
+        Bounds of the number of particles; equal: it is fixed. A search begins with
+        `max_particles`, and adds strangers.
     motion
         Noise of the odometry.
     update_min_m, update_min_rad
@@ -51,11 +52,11 @@ class MclConfig:
     carried_away
         Probability that the robot was carried away between two measurements, (0, 0.5).
     search_floor
-        Share of the particles that stays effective in each step of a search (`annealing.py`),
+        Share of the effective particles that stay so in each step of a search (`annealing.py`),
         (0, 1).
     strangers
-        Share of the particles that a search replaces by random poses before each measurement, for
-        places that it overlooked, (0, 1).
+        Random poses that a search adds before each measurement, for places that it overlooked: as
+        a share of `max_particles`, and of the belief, (0, 1).
     localised_m, localised_rad
         Greatest standard deviations of a localised robot [m], [rad], > 0.
     localised_weight

@@ -115,10 +115,14 @@ class SonarModel:
         self._sonars = len(at)
 
     def measurement(self, ranges_m: NDArray[np.float64]) -> LogLikelihood:
-        """Return the function from poses to the log-likelihood of readings."""
+        """Return the function from poses to the log-likelihood of readings.
+
+        It is about 0 where all readings are as expected, however many sonars heard an echo.
+        """
+        perfect = self._perfect(ranges_m)
 
         def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-            return self.log_likelihood(poses, ranges_m)
+            return self.log_likelihood(poses, ranges_m) - perfect
 
         return log_likelihood
 
@@ -153,9 +157,22 @@ class SonarModel:
         if len(present) == 0:
             return np.zeros(len(poses))
         expected = self._echoes.ranges(poses, present)
-        logs = self._log_density(expected, ranges_m[present])
-        alpha = min(1.0, self.config.independent_readings / len(present))
-        result: NDArray[np.float64] = alpha * logs.sum(axis=1)
+        return self._weighed(expected, ranges_m[present])
+
+    def _perfect(self, ranges_m: NDArray[np.float64]) -> float:
+        """Return the log-likelihood of readings where they are just what is expected."""
+        measured = ranges_m[~np.isnan(ranges_m)]
+        if len(measured) == 0:
+            return 0.0
+        expected = np.where(measured >= self.config.max_range_m, np.inf, measured)
+        return float(self._weighed(expected[np.newaxis], measured)[0])
+
+    def _weighed(
+        self, expected: NDArray[np.float64], measured: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the tempered log-likelihood of z (k,) at each row of m (n, k), (n,)."""
+        alpha = min(1.0, self.config.independent_readings / len(measured))
+        result: NDArray[np.float64] = alpha * self._log_density(expected, measured).sum(axis=1)
         return result
 
     def _log_density(

@@ -204,5 +204,7 @@ def test_an_uncertainty_out_of_range_is_refused(sigma_m, sigma_rad):
 
 
 def test_a_likelihood_of_the_wrong_shape_is_refused():
+    mcl = localiser(max_particles=1000)
+    mcl.start_at(SE2(5.0, 5.0, 0.0), 0.1, 0.05)
     with pytest.raises(ValueError, match=r"log-likelihoods must be \(1000,\)"):
-        localiser(max_particles=1000).measure(lambda poses: np.zeros((len(poses), 1)))
+        mcl.measure(lambda poses: np.zeros((len(poses), 1)))
