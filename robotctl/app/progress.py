@@ -15,7 +15,8 @@ from typing import Final
 import msgspec
 
 from robotctl.app.options import StackOptions
-from robotctl.runtime.messages import ControlState, NavigationState
+from robotctl.runtime.located import Locator
+from robotctl.runtime.messages import ControlState, LocalisationState, NavigationState
 from robotctl.runtime.state_file import StateError, StateFile
 
 NAME: Final = "progress.json"
@@ -142,6 +143,7 @@ class ProgressKeeper:
         self._file = file
         self._run = options.run
         self._mission_crc = mission_crc(options)
+        self._locator = Locator()
         self._control: ControlState | None = None
         self._navigation: NavigationState | None = None
         self._saved = saved if saved is not None and saved.fits(options) else None
@@ -152,7 +154,9 @@ class ProgressKeeper:
         """Take in what was published; return a sentence where saving begins to fail."""
         for message in messages:
             if isinstance(message, ControlState):
-                self._control = message
+                self._control = self._locator.locate(message)
+            elif isinstance(message, LocalisationState):
+                self._locator.localise(message)
             elif isinstance(message, NavigationState):
                 self._navigation = message
         progress = self._present()

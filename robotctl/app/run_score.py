@@ -13,7 +13,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
 from robotctl.model.wall_map import WallMap
-from robotctl.runtime.located import located
+from robotctl.runtime.located import Locator, located
 from robotctl.runtime.messages import ControlState, LiveMap, LocalisationState
 from robotctl.telemetry.tum import write_tum
 
@@ -31,8 +31,8 @@ class RunScore:
         self._walls = walls
         self._pose = PoseScore()
         self._localisation = LocalisationScore()
+        self._locator = Locator()
         self._control: ControlState | None = None
-        self._state: LocalisationState | None = None
         self._map: GridMap | None = None
         self._truths: list[StampedPose] = []
 
@@ -45,13 +45,13 @@ class RunScore:
     def control(self, control: ControlState) -> ControlState:
         """Take in a state of the control process; return it with its pose in `world`."""
         self._control = control
-        in_world = located(control, self._state)
+        in_world = self._locator.locate(control)
         self._pose.estimate(_stamped(in_world))
         return in_world
 
     def localisation(self, state: LocalisationState) -> None:
         """Take in what the localiser believes."""
-        self._state = state
+        self._locator.localise(state)
         if self._control is not None:
             in_world = _stamped(located(self._control, state))
             self._localisation.estimate(in_world, state, _stamped(self._control))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
 from robotctl.model.sonar import SonarMount
-from robotctl.runtime.located import located
+from robotctl.runtime.located import Locator
 from robotctl.runtime.mavlink_port import MavlinkPort, Message, Peer, Received
 from robotctl.runtime.messages import (
     Ack,
@@ -74,7 +74,7 @@ class Context:
     control: ControlState | None = None
     """Its pose is in `world`, as the localiser corrects it."""
     navigation: NavigationState | None = None
-    localisation: LocalisationState | None = None
+    locator: Locator = field(default_factory=Locator)
     acks: list[Ack] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
@@ -83,13 +83,13 @@ class Context:
     def take(self, state: State) -> None:
         """Take in one message of another process."""
         if isinstance(state, ControlState):
-            self.control = located(state, self.localisation)
+            self.control = self.locator.locate(state)
             if state.ack is not None:
                 self.acks.append(state.ack)
         elif isinstance(state, NavigationState):
             self.navigation = state
         elif isinstance(state, LocalisationState):
-            self.localisation = state
+            self.locator.localise(state)
         else:
             self.texts.append((state.severity, state.text))
 
@@ -110,7 +110,7 @@ class Context:
 
     def fresh_localisation(self, now_ns: int) -> LocalisationState | None:
         """Return what the localiser believes, None where it is silent or there is none."""
-        state = self.localisation
+        state = self.locator.localisation
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
     def mode(self, now_ns: int) -> Mode:

@@ -19,8 +19,10 @@ from robotctl.app.progress import (
     state_directory,
 )
 from robotctl.app.robot import make_core
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.runtime.messages import (
     ControlState,
+    LocalisationState,
     LoopStatistics,
     Mode,
     NavigationState,
@@ -165,6 +167,15 @@ def test_the_odometer_goes_on_over_runs_and_the_pose_only_within_one(
     assert "x 3.00 m" in note
     other = msgspec.structs.replace(options, run="second")
     assert continued(other) == (other, 1234.5, ())
+
+
+def test_the_pose_that_is_saved_is_that_in_the_world(options: StackOptions) -> None:
+    there = LocalisationState(
+        0, "mcl", LocalisationStatus.LOCALISED, 10.0, 20.0, math.pi / 2, (0.0,) * 6
+    )
+    keeper(options).step([there, control(0, x_m=1.0, y_m=2.0, theta_rad=0.0)], 0)
+    saved = on_disk(options)
+    assert (saved.x_m, saved.y_m, saved.theta_rad) == pytest.approx((8.0, 21.0, math.pi / 2))
 
 
 def test_the_odometer_is_what_was_saved_and_what_was_driven_since() -> None:
