@@ -16,7 +16,12 @@ from robotctl.app.localize_options import (
     disturbed_start,
 )
 from robotctl.app.localize_report import Run
-from robotctl.app.recorded_motion import reference_at, with_noise, with_noisy_motion
+from robotctl.app.recorded_motion import (
+    known_from_ns,
+    reference_at,
+    with_noise,
+    with_noisy_motion,
+)
 from robotctl.estimation.landmark_config import LandmarkConfig
 from robotctl.estimation.landmark_localisation import CountedOdometry, localise_by_landmarks
 from robotctl.model.pose_estimate import LocalisationStatus, PoseEstimate
@@ -28,7 +33,7 @@ _TOLD = 1000
 def run_ekf(
     recording: Recording, options: LocalizeOptions, rng: np.random.Generator, progress: Progress
 ) -> Run:
-    """Follow the filter through the drive, from the first motion that the reference knows on.
+    """Follow the filter through the drive, from where motion and reference begin.
 
     Raises
     ------
@@ -45,7 +50,7 @@ def run_ekf(
     config = LandmarkConfig()
     config = replace(config, motion=with_noise(config.motion, options.odometry_noise))
     try:
-        begin_ns = CountedOdometry(recording).begin_ns
+        begin_ns = max(CountedOdometry(recording).begin_ns, known_from_ns(recording))
     except ValueError as error:
         raise LocalizeError(str(error)) from error
     pose = disturbed_start(recording, begin_ns, start_rng)

@@ -20,7 +20,7 @@ from robotctl.app.localize_options import (
 )
 from robotctl.app.localize_report import Run
 from robotctl.app.mapping import choose_scans
-from robotctl.app.recorded_motion import increments, noisy, reference_at, with_noise
+from robotctl.app.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.estimation.free_space import free_poses
 from robotctl.estimation.likelihood_field import LikelihoodField, LikelihoodFieldConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
@@ -89,6 +89,8 @@ def run_mcl(
     start_rng, odometry_rng, filter_rng = rng.spawn(3)
     sensors, localiser = _made(recording, options, chart, moments, filter_rng)
     if not options.search:
+        known_ns = known_from_ns(recording)
+        moments = [each for each in moments if each.stamp_ns >= known_ns] or moments
         start = disturbed_start(recording, moments[0].stamp_ns, start_rng)
         localiser.start_at(start, START_SIGMA_M, START_SIGMA_RAD)
     deltas = increments([moment.odometry for moment in moments])

@@ -111,7 +111,8 @@ def disturbed_start(recording: Recording, stamp_ns: int, rng: np.random.Generato
     pose = start_pose(recording, stamp_ns)
     if pose is None:
         raise LocalizeError(
-            f"{recording.name}: no reference says where the drive begins; start with --global"
+            f"{recording.name}: no reference says where the drive begins; --method mcl can "
+            "start anywhere: --global"
         )
     x, y, theta = rng.standard_normal(3).tolist()
     return SE2(

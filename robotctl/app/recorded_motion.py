@@ -102,6 +102,11 @@ def reference_at(recording: Recording, stamp_ns: int) -> SE2 | None:
     return None if recording.reference is None else recording.reference.at(stamp_ns)
 
 
+def known_from_ns(recording: Recording) -> int:
+    """Return since when `start_pose` may know the place [ns]; 0 without a reference."""
+    return 0 if recording.reference is None else int(recording.reference.stamps_ns[0]) - _NEAR_NS
+
+
 def start_pose(recording: Recording, stamp_ns: int) -> SE2 | None:
     """Return where the drive begins, at a time: by the reference; None where it does not say.
 

@@ -7,6 +7,7 @@ import pytest
 
 from robotctl.app.recorded_motion import (
     increments,
+    known_from_ns,
     noisy,
     start_pose,
     with_noise,
@@ -122,6 +123,7 @@ def test_the_start_is_the_reference_with_its_heading_or_that_of_the_fitting_odom
 
 def test_up_to_a_second_before_the_reference_its_first_pose_counts():
     recording = drive(1.0, has_heading=True, begin_ns=2 * 10**9)
+    assert known_from_ns(recording) == 10**9
     assert start_pose(recording, 10**9).theta_rad == pytest.approx(1.0)
     assert start_pose(recording, 10**9 - 1) is None
 

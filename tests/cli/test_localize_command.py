@@ -152,6 +152,15 @@ def test_landmarks_tell_the_ekf_where_the_robot_is(tmp_path):
     assert noisy["ape"]["rmse_m"] > report["ape"]["rmse_m"]
 
 
+def test_a_drive_that_begins_before_its_reference_is_followed_from_there(tmp_path):
+    write_mrclam(tmp_path)
+    truth = (tmp_path / "Robot3_Groundtruth.dat").read_text().splitlines()
+    (tmp_path / "Robot3_Groundtruth.dat").write_text("\n".join(truth[100:]))
+    _, report, rows = run(tmp_path, "--method", "ekf", "--mrclam-robot", "3", log="")
+    assert report["lost"] is False
+    assert rows[0, 0] == pytest.approx(509.0, abs=0.11)
+
+
 def test_a_plot_is_drawn(room):
     folder, _ = room
     result, _, _ = run(folder, *on_map(folder), "--plot", str(folder / "a.png"))
@@ -188,7 +197,14 @@ def test_a_map_without_an_obstacle_is_refused(room, tmp_path):
     assert "the map has no obstacle" in str(result.exception)
 
 
-def test_a_log_that_does_not_say_where_it_begins_wants_a_global_start(tmp_path):
+def test_without_a_reference_only_a_global_start_is_possible(tmp_path):
+    write_mrclam(tmp_path)
+    (tmp_path / "Robot3_Groundtruth.dat").unlink()
+    result, _, _ = run(tmp_path, "--method", "ekf", "--mrclam-robot", "3", log="")
+    assert "no reference says where the drive begins" in str(result.exception)
+
+
+def test_a_log_without_scans_is_none_for_particles(tmp_path):
     (tmp_path / "a.log").write_text("ODOM 1 2 3 0 0 0 1.5 host 1.5\n")
     result, _, _ = run(tmp_path, "--map", str(write_map(tmp_path)), log="a.log")
     assert "no scans in it, which --method mcl weighs" in str(result.exception)
