@@ -5,7 +5,19 @@ from __future__ import annotations
 import typer
 
 import robotctl
-from robotctl.cli import can, config, doctor, install, localize, record, replay, run, sim, tune
+from robotctl.cli import (
+    calibrate,
+    can,
+    config,
+    doctor,
+    install,
+    localize,
+    record,
+    replay,
+    run,
+    sim,
+    tune,
+)
 from robotctl.cli import map as map_command
 
 app = typer.Typer(
@@ -18,6 +30,7 @@ app = typer.Typer(
 app.add_typer(config.app, name="config")
 app.add_typer(can.app, name="can")
 app.add_typer(record.app, name="record")
+app.add_typer(calibrate.app, name="calibrate")
 app.command("sim")(sim.sim)
 app.command("run")(run.run)
 app.command("tune")(tune.tune)

@@ -1,0 +1,111 @@
+"""`robotctl calibrate odometry`: wheels and track as they really are, with the proof."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from robotctl.app.calibrate_odometry import CalibrateOptions, CalibrateResult, calibrate_odometry
+from robotctl.app.calibrate_patch import patch_overrides, patch_text
+from robotctl.app.config import find_file
+from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.calibrate_plot import save_plot
+from robotctl.cli.calibrate_view import check_table, drive_table, reference_lines
+from robotctl.cli.tune import check_folder, write_file
+from robotctl.cli.tune_plot import check_plot
+from robotctl.errors import CalibrationError
+
+ABORTED = 1
+WORSE = 3
+
+app = typer.Typer(no_args_is_help=True, help="Find out how the robot really is.")
+
+
+@app.callback()
+def calibrate() -> None:
+    """Find out how the robot really is."""
+
+
+@app.command()
+def odometry(
+    robot: RobotName = "diff_drive",
+    log: Annotated[
+        Path | None,
+        typer.Option(help="Log with reference poses: CARMEN, MRCLAM, LEGO or our own."),
+    ] = None,
+    mrclam_robot: Annotated[
+        int | None, typer.Option(help="Which robot of a MRCLAM folder.")
+    ] = None,
+    runs: Annotated[
+        Path | None, typer.Option(help="Drives measured by tape, see docs/calibration.md.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drives.")] = 1,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw before and after here: .png, .svg or .pdf.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Find wheel sizes, track width or wheelbase, and noise of odometry, with 95 % intervals.
+
+    Without --log and --runs the simulated robot drives squares both ways. Status 0: found, and
+    dead reckoning is better with it. 1: a drive failed, or the data are too few. 3: it is worse,
+    no patch. 2: bad input.
+    """
+    options = CalibrateOptions(
+        find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs
+    )
+    if plot is not None:
+        check_plot(plot)
+    for file in (plot, out):
+        check_folder(file)
+    progress = Console(stderr=True, highlight=False)
+    try:
+        result = calibrate_odometry(options, lambda line: progress.print(f"{line} …", markup=False))
+    except CalibrationError as error:
+        progress.print(f"robotctl: {error}", markup=False, soft_wrap=True)
+        sys.exit(ABORTED)
+    console = Console()
+    console.print(drive_table(result))
+    for line in reference_lines(result):
+        console.print(line, highlight=False, markup=False)
+    if result.checks:
+        console.print(check_table(result))
+    if plot is not None:
+        write_file(plot, lambda file: save_plot(result, file))
+        print(f"plot: {plot}")
+    sys.exit(_conclude(result, out))
+
+
+def _conclude(result: CalibrateResult, out: Path | None) -> int:
+    """Say whether to use the values, and how; return the exit status."""
+    for sentence in (*result.notes, *result.hidden):
+        print(sentence)
+    if result.objections:
+        print("Odometry is worse with the new values than with the present ones, keep those:")
+        for objection in result.objections:
+            print(f"  {objection}")
+        if out is not None:
+            print(f"{out} was not written.")
+        return WORSE
+    patch = patch_text(result)
+    if out is None:
+        print(f"The patch:\n\n{patch}")
+    else:
+        write_file(out, lambda file: file.write_text(patch, encoding="utf-8"))
+        print(f"patch: {out}")
+    options = result.options
+    command = ["robotctl", "config", "check", str(options.robot)]
+    command += [word for setting in patch_overrides(result) for word in ("--set", setting)]
+    print(
+        f"To keep it, put its keys in place of those in {options.robot}. To see that they are "
+        f"allowed:\n  {shlex.join(command)}"
+    )
+    return 0
