@@ -1,0 +1,232 @@
+"""The estimators of the navigation process on hand-made messages."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.estimators import Estimators, make_estimators
+from robotctl.app.localiser import SonarNews, external_covariance
+from robotctl.app.mapper import Mapper
+from robotctl.app.odometry_history import OdometryHistory
+from robotctl.estimation.occupancy_grid import OccupancyGrid
+from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.se2 import SE2
+from robotctl.model.wall_map import WallMap
+from robotctl.runtime.located import located
+from robotctl.runtime.messages import ControlState, ExternalPose, LidarScan, LocalisationState
+from tests.runtime.test_located import STATE
+
+MS = 1_000_000
+ROOM = np.array(
+    [[0.0, 0.0, 6.0, 0.0], [6.0, 0.0, 6.0, 4.0], [6.0, 4.0, 0.0, 4.0], [0.0, 4.0, 0.0, 0.0],
+     [2.0, 4.0, 2.0, 3.0], [4.5, 0.0, 4.5, 1.0]]
+)  # fmt: skip
+WORLD = """
+[world]
+name = "room"
+start = { x_m = 1.0, y_m = 1.0 }
+"""
+
+
+def control(stamp_ns: int, pose: SE2, **changes: object) -> ControlState:
+    return msgspec.structs.replace(
+        STATE, stamp_ns=stamp_ns, x_m=pose.x_m, y_m=pose.y_m, theta_rad=pose.theta_rad, **changes
+    )
+
+
+def scan(stamp_ns: int, pose: SE2, walls: np.ndarray = ROOM, beams: int = 180) -> LidarScan:
+    """Return what a lidar at `base` sees, by intersecting each ray with each wall."""
+    step = math.tau / beams
+    angles = pose.theta_rad - math.pi + step * np.arange(beams)
+    ux, uy = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
+    dx, dy = walls[:, 0] - pose.x_m, walls[:, 1] - pose.y_m
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (dx * ey - dy * ex) / (ux * ey - uy * ex)
+        share = (dx * uy - dy * ux) / (ux * ey - uy * ex)
+    ranges = np.where((along > 0) & (share >= 0) & (share <= 1), along, np.inf).min(axis=1)
+    return LidarScan(stamp_ns, 0.0, 0.0, -math.pi, step, 12.0, ranges.astype("<f4").tobytes())
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the file of a room of 6 by 4 m with two stubs of walls."""
+    walls = "".join(f"[[wall]]\npoints = [[{ax}, {ay}], [{bx}, {by}]]\n" for ax, ay, bx, by in ROOM)
+    path = tmp_path_factory.mktemp("world") / "room.toml"
+    path.write_text(WORLD + walls)
+    return path
+
+
+def estimators(world: Path, *settings: str) -> Estimators:
+    config = load_robot(
+        find_file("diff_drive"), (f'localisation.map="{world}"', "sonar=[]", *settings)
+    )
+    return make_estimators(config, SE2(1.0, 1.0, 0.0))
+
+
+def way(stamp_ns: int) -> SE2:
+    """Drive 0.4 m/s along x from (1, 1)."""
+    return SE2(1.0 + 0.4 * stamp_ns * 1e-9, 1.0, 0.0)
+
+
+def pose_in_world(state: ControlState, found: LocalisationState) -> SE2:
+    there = located(state, found)
+    return SE2(there.x_m, there.y_m, there.theta_rad)
+
+
+def distance(a: SE2, b: SE2) -> float:
+    return math.hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+
+
+def test_a_scan_counts_where_the_robot_was_when_it_was_taken(world: Path) -> None:
+    late_ns = 400 * MS
+    several = estimators(world, 'localisation.method="mcl"')
+    for step in range(80):
+        now_ns = 50 * MS * step
+        state = control(now_ns, way(now_ns))
+        seen = [scan(now_ns - late_ns, way(now_ns - late_ns))] if now_ns > late_ns else []
+        found = several.step(state, seen, (), now_ns)
+    # 0.4 s late at 0.4 m/s: taken for now, each scan would say that the robot is 0.16 m behind.
+    assert distance(pose_in_world(state, found), way(now_ns)) < 0.04
+    assert found.status is LocalisationStatus.LOCALISED
+
+
+def test_the_odometrys_frame_is_found_wherever_it_lies(world: Path) -> None:
+    several = estimators(
+        world, 'localisation.method="mcl"', 'localisation.start="unknown"', "localisation.seed=3"
+    )
+    T_odom_world = SE2(-7.0, 3.0, 2.0)
+    for step in range(160):
+        now_ns = 50 * MS * step
+        state = control(now_ns, T_odom_world @ way(now_ns))
+        found = several.step(state, [scan(now_ns, way(now_ns))], (), now_ns)
+    assert found.status is LocalisationStatus.LOCALISED
+    assert distance(pose_in_world(state, found), way(now_ns)) < 0.05
+    inverse = T_odom_world.inverse()
+    assert (found.x_m, found.y_m) == pytest.approx((inverse.x_m, inverse.y_m), abs=0.3)
+
+
+@pytest.mark.parametrize("method", ["ekf", "mcl"])
+def test_a_pose_from_outside_corrects(world: Path, method: str) -> None:
+    several = estimators(world, f'localisation.method="{method}"', "localisation.start_sigma_m=0.5")
+    true = SE2(1.5, 1.2, 0.1)
+    for step in range(100):
+        now_ns = 50 * MS * step
+        state = control(now_ns, way(now_ns))
+        there = true @ SE2(1.0, 1.0, 0.0).inverse() @ way(now_ns)
+        there = SE2(there.x_m, there.y_m, there.theta_rad)
+        outside = ExternalPose(now_ns, there.x_m, there.y_m, there.theta_rad)
+        found = several.step(state, (), (outside,), now_ns)
+    assert distance(pose_in_world(state, found), there) < 0.1
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"ranges": b"\x00\x00\x80"},
+        {"ranges": np.array([-1.0, 2.0], "<f4").tobytes()},
+        {"first_rad": math.nan},
+        {"max_range_m": math.inf},
+        {"max_range_m": 0.0},
+        {"x_m": math.nan},
+    ],
+)
+def test_what_is_no_scan_is_left_out_and_said_once(world: Path, bad: dict[str, object]) -> None:
+    several = estimators(world, 'localisation.method="mcl"', "localisation.mapping=true")
+    news = []
+    for step in range(5):
+        now_ns = 50 * MS * step
+        wrong = msgspec.structs.replace(scan(now_ns, way(now_ns)), **bad)
+        several.step(control(now_ns, way(now_ns)), [wrong], (), now_ns)
+        news += several.news()
+    assert several.rejected == 5
+    assert sum("no scan" in line for line in news) == 1
+    assert several.mapper is not None
+    assert several.mapper.live_map(0) is None
+
+
+def test_scans_from_before_the_odometry_is_known_are_left_out(world: Path) -> None:
+    several = estimators(world, 'localisation.method="mcl"')
+    now_ns = 10_000 * MS
+    old = scan(1, SE2(5.0, 3.0, 1.0))
+    for _ in range(10):
+        now_ns += 50 * MS
+        found = several.step(control(now_ns, SE2(1.0, 1.0, 0.0)), [old], (), now_ns)
+    assert (found.x_m, found.y_m) == pytest.approx((0.0, 0.0), abs=0.02)
+
+
+def test_news_are_told_once(world: Path) -> None:
+    several = estimators(world, 'localisation.method="mcl"')
+    said = []
+    for step in range(20):
+        now_ns = 50 * MS * step
+        several.step(control(now_ns, way(now_ns)), [scan(now_ns, way(now_ns))], (), now_ns)
+        said += several.news()
+    assert said == ["the robot knows where it is"]
+
+
+def test_particles_are_shown_twice_a_second_and_not_too_many(world: Path) -> None:
+    several = estimators(world, 'localisation.method="mcl"')
+    shown = [several.pictures(50 * MS * step) for step in range(1, 61)]
+    clouds = [picture for pictures in shown for picture in pictures]
+    assert len(clouds) == 6
+    poses = np.frombuffer(clouds[-1].poses, "<f4").reshape(-1, 3)
+    assert 100 < len(poses) <= 300
+    assert np.median(poses[:, :2], axis=0) == pytest.approx((1.0, 1.0), abs=0.1)
+
+
+def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
+    history = OdometryHistory()
+    mapper = Mapper(OccupancyGrid(), (), history)
+    history.add(0, SE2())
+    state = control(0, SE2())
+    searching = LocalisationState(0, "mcl", LocalisationStatus.SEARCHING, 0.0, 0.0, 0.0, (0.0,) * 6)
+    several = Estimators(None, None, history)
+    seen = [several._range_scan(scan(0, SE2(1.0, 1.0, 0.0)))]
+    mapper.step(state, searching, seen)
+    assert mapper.live_map(0) is None
+    mapper.step(
+        state, msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen
+    )
+    assert mapper.live_map(0) is not None
+
+
+def test_sonar_readings_are_told_once_those_of_one_time_together() -> None:
+    news = SonarNews()
+    state = control(100 * MS, SE2(), sonar_m=(1.0, 2.0, math.inf), sonar_stamp_ns=(50, 50, 90))
+    first, second = news.take(state)
+    assert first[0] == 50
+    assert first[1] == pytest.approx([1.0, 2.0, math.nan], nan_ok=True)
+    assert second[1] == pytest.approx([math.nan, math.nan, math.inf], nan_ok=True)
+    assert news.take(state) == []
+    later = control(100 * MS, SE2(), sonar_m=(1.5, 2.5, 3.0), sonar_stamp_ns=(95, 95, 90))
+    ((stamp_ns, ranges_m),) = news.take(later)
+    assert stamp_ns == 95
+    assert ranges_m == pytest.approx([1.5, 2.5, math.nan], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ((), np.diag([0.01, 0.01, 0.01])),
+        ((4.0, 1.0, 0.0, 9.0, 0.0, 1.0), [[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 1.0]]),
+        ((4.0, 90.0, 0.0, 9.0, 0.0, 1.0), np.diag([4.0, 9.0, 1.0])),
+    ],
+)
+def test_a_covariance_from_outside_is_used_as_far_as_it_is_one(given, expected) -> None:
+    found = external_covariance(ExternalPose(0, 0.0, 0.0, 0.0, given))
+    assert found == pytest.approx(np.array(expected))
+
+
+def test_the_room_of_these_tests_is_the_one_of_the_file(world: Path) -> None:
+    from robotctl.app.world import load_walls
+
+    walls = load_walls(world)
+    assert isinstance(walls, WallMap)
+    assert walls.segments == pytest.approx(ROOM)
