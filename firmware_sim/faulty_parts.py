@@ -29,13 +29,13 @@ class _Encoder:
     """Counts as the firmware reads them: continuous whenever what is broken changes."""
 
     def __init__(self) -> None:
-        self._factors: list[int] = []
+        self._factors = [SOUND]
+        """Of what is broken; the last counts."""
         self._read = self._true = 0
 
     def read(self, true: int) -> int:
-        """Return what is read where the wheel is truly at `true`; the last fault counts."""
-        factor = self._factors[-1] if self._factors else SOUND
-        return self._read + factor * (true - self._true)
+        """Return what is read where the wheel is truly at `true`."""
+        return self._read + self._factors[-1] * (true - self._true)
 
     def anchor(self, read: int, true: int) -> None:
         """Read `read` where the wheel is truly at `true`."""

@@ -1,8 +1,8 @@
 """Looks for motion that nobody allowed, from outside: by the wire, and by the true robot.
 
 The monitor knows nothing of the drive's own guards and states, and nothing of the host. It hears
-every frame that passed the bus and looks at the bridges and the body of the true robot. What it
-holds against a robot:
+each command and stop that passed the bus and looks at the bridges and the body of the true robot.
+What it holds against a robot:
 
 - power at the wheels later than the drive's time-out after the last command that allowed it. A
   command allows power if it is sound, new, and says "enable"; after an emergency stop only once
@@ -40,6 +40,9 @@ KEPT: Final = 100
 """Findings kept; all are counted."""
 
 _EMERGENCY_STOP, _SDO_TO_DRIVE, _DRIVE_BOOT = 0x001, 0x601, 0x701
+HEARD: Final = (wire.MOTOR_COMMAND, _EMERGENCY_STOP, _SDO_TO_DRIVE, _DRIVE_BOOT)
+"""Identifiers that the monitor listens to."""
+
 _CLEAR_FAULTS: Final = bytes((0x2F, 0x10, 0x20, 0x00, 0x01))
 _ENABLE: Final = 0x10
 
@@ -102,7 +105,7 @@ class SafetyMonitor:
         self._armings = (self._armings or 0) + 1
 
     def on_frame(self, frame: Frame) -> None:
-        """Hear one frame of the bus."""
+        """Hear one frame of the bus, of those that are `HEARD`."""
         arbitration_id, data, stamp_ns = frame
         if arbitration_id == wire.MOTOR_COMMAND:
             self._on_command(data, stamp_ns)

@@ -6,6 +6,7 @@ The state is the truth: nothing here is measured but the encoder counts, which a
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from enum import IntEnum
 
 import numpy as np
@@ -23,8 +24,19 @@ from firmware_sim.world import World
 STEP_NS = round(DT_S * 1e9)
 """Length of one step of the plant [ns]."""
 
-_BRIDGE, _STEERING_CMD = (list(BODY.names or ()).index(name) for name in ("bridge", "steering_cmd"))
-_DUTY, _ANGLE = (list(WHEEL.names or ()).index(name) for name in ("duty", "angle"))
+
+def _places(record: np.dtype, *names: str) -> Iterator[int]:
+    """Yield where in a record its fields stand."""
+    return map(list(record.names or ()).index, names)
+
+
+_X, _Y, _THETA, _VX, _VY, _OMEGA, _STEERING, _STEERING_CMD, _BRIDGE = _places(
+    BODY, "x", "y", "theta", "vx", "vy", "omega", "steering", "steering_cmd", "bridge"
+)
+_BUS_V, _BATTERY_A, _CHARGE, _DISTANCE = _places(BODY, "bus_v", "battery_a", "charge", "distance")
+_DUTY, _WHEEL_OMEGA, _ANGLE, _CURRENT, _WINDING_C = _places(
+    WHEEL, "duty", "omega", "angle", "current", "winding_c"
+)
 
 
 class Bridge(IntEnum):
@@ -33,6 +45,9 @@ class Bridge(IntEnum):
     DRIVE = 0
     COAST = 1
     BRAKE = 2
+
+
+_DRIVE = float(Bridge.DRIVE)
 
 
 class Plant:
@@ -78,10 +93,12 @@ class Plant:
         self._wheels = np.zeros(2, WHEEL)
         self._b = self._body[0]
         self._w = (self._wheels[0], self._wheels[1])
-        # What is touched in each control period goes through these, a fifth of a record's cost.
+        # What is touched while the robot drives goes through these, a fifth of a record's cost.
         self._body_numbers = _numbers(self._body)
         self._wheel_numbers = (_numbers(self._wheels[:1]), _numbers(self._wheels[1:]))
         self._steering_max_rad = float(self._p["steering_max"][0])
+        self._com_x_m = float(self._p["com_x"][0])
+        self._com_y_m = float(self._p["com_y"][0])
         self._start(config)
         self.place(*world.start)
 
@@ -186,9 +203,10 @@ class Plant:
     @property
     def powered(self) -> bool:
         """Whether a bridge drives its motor: the only source of torque but braking."""
-        return self._body_numbers[_BRIDGE] == float(Bridge.DRIVE) and (
-            self._wheel_numbers[0][_DUTY] != 0.0 or self._wheel_numbers[1][_DUTY] != 0.0
-        )
+        if self._body_numbers[_BRIDGE] != _DRIVE:
+            return False
+        one, other = self._wheel_numbers
+        return one[_DUTY] != 0.0 or other[_DUTY] != 0.0
 
     def _count(self, k: int) -> int:
         if k >= self._motors:
@@ -208,47 +226,47 @@ class Plant:
     @property
     def current1_a(self) -> float:
         """Current of motor 1 [A], positive with forward torque."""
-        return float(self._w[0]["current"])
+        return self._wheel_numbers[0][_CURRENT]
 
     @property
     def current2_a(self) -> float:
         """Current of motor 2 [A], positive with forward torque; 0 where there is none."""
-        return float(self._w[1]["current"])
+        return self._wheel_numbers[1][_CURRENT]
 
     @property
     def temperature1_c(self) -> float:
         """Winding temperature of motor 1 [°C]."""
-        return float(self._w[0]["winding_c"])
+        return self._wheel_numbers[0][_WINDING_C]
 
     @property
     def temperature2_c(self) -> float:
         """Winding temperature of motor 2 [°C]."""
-        return float(self._w[1]["winding_c"])
+        return self._wheel_numbers[1][_WINDING_C]
 
     @property
     def omega1_rad_s(self) -> float:
         """True speed of wheel 1 [rad/s]."""
-        return float(self._w[0]["omega"])
+        return self._wheel_numbers[0][_WHEEL_OMEGA]
 
     @property
     def omega2_rad_s(self) -> float:
         """True speed of wheel 2 [rad/s]; 0 where there is none."""
-        return float(self._w[1]["omega"])
+        return self._wheel_numbers[1][_WHEEL_OMEGA]
 
     @property
     def bus_voltage_v(self) -> float:
         """Voltage of the rail that feeds all bridges [V]."""
-        return float(self._b["bus_v"])
+        return self._body_numbers[_BUS_V]
 
     @property
     def battery_current_a(self) -> float:
         """Current out of the battery [A]; negative charges."""
-        return float(self._b["battery_a"])
+        return self._body_numbers[_BATTERY_A]
 
     @property
     def charge(self) -> float:
         """State of charge in [0, 1]."""
-        return float(self._b["charge"])
+        return self._body_numbers[_CHARGE]
 
     @charge.setter
     def charge(self, value: float) -> None:
@@ -257,37 +275,39 @@ class Plant:
     @property
     def steering_rad(self) -> float:
         """Angle of the steering servo, or of a car's virtual centre wheel [rad], positive left."""
-        return float(self._b["steering"])
+        return self._body_numbers[_STEERING]
 
     @property
     def x_m(self) -> float:
         """True x of base in world [m]."""
-        return float(self._b["x"])
+        return self._body_numbers[_X]
 
     @property
     def y_m(self) -> float:
         """True y of base in world [m]."""
-        return float(self._b["y"])
+        return self._body_numbers[_Y]
 
     @property
     def theta_rad(self) -> float:
         """True heading [rad], in (-π, π]."""
-        return -math.remainder(-float(self._b["theta"]), 2.0 * math.pi)
+        return -math.remainder(-self._body_numbers[_THETA], 2.0 * math.pi)
 
     @property
     def v_m_s(self) -> float:
         """True forward speed of base [m/s]."""
-        return float(self._b["vx"]) + self.omega_rad_s * float(self._p["com_y"][0])
+        body = self._body_numbers
+        return body[_VX] + body[_OMEGA] * self._com_y_m
 
     @property
     def lateral_m_s(self) -> float:
         """True sideways speed of base [m/s]: tyres slipping."""
-        return float(self._b["vy"]) - self.omega_rad_s * float(self._p["com_x"][0])
+        body = self._body_numbers
+        return body[_VY] - body[_OMEGA] * self._com_x_m
 
     @property
     def omega_rad_s(self) -> float:
         """True yaw rate [rad/s]."""
-        return float(self._b["omega"])
+        return self._body_numbers[_OMEGA]
 
     @property
     def collisions(self) -> int:
@@ -307,7 +327,7 @@ class Plant:
     @property
     def distance_m(self) -> float:
         """Length of the base's path since power-on [m]."""
-        return float(self._b["distance"])
+        return self._body_numbers[_DISTANCE]
 
     @property
     def rear_wheels_rad_s(self) -> tuple[float, float]:

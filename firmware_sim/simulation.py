@@ -24,8 +24,8 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.faults import Faults
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.lidar import Lidar
+from firmware_sim.monitor import HEARD, Allowed, Motion, SafetyMonitor
 from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
-from firmware_sim.monitor import Allowed, Motion, SafetyMonitor
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.nodes.node import Node
@@ -128,7 +128,7 @@ class Simulation:
         limits = config.limits
         allowed = Allowed(limits.v_max_m_s, limits.omega_max_rad_s)
         self.monitor = SafetyMonitor(self._motion, allowed)
-        self.bus.tap(self.monitor.on_frame)
+        self.bus.tap(self.monitor.on_frame, accept=HEARD)
         self._watch()
 
     @property

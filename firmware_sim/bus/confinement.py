@@ -178,7 +178,7 @@ class Confinement:
         self.integrate()
         messages = self.changes(before)
         lost = bus._injector.losses(senders[0], frame)
-        for observe in bus._taps:
+        for observe in bus._observers(frame.arbitration_id):
             observe(frame)
         for port in route.ports:
             if port not in deaf and not lost & {None, port.name}:
@@ -342,7 +342,7 @@ class Confinement:
             classes, data = bus_error_message(error, ErrorCounters(), is_sender=False)
             arbitration_id = ERROR_FLAG | (classes & ~ErrorClass.CNT)
             frame = Frame(arbitration_id, bytes(data), self._bus.now_ns)
-            for observe in self._bus._taps:
+            for observe in self._bus._observers(arbitration_id):
                 observe(frame)
 
     def integrate(self) -> None:

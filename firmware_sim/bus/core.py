@@ -23,7 +23,7 @@ from firmware_sim.bus.disturbance import Disturbance
 from firmware_sim.bus.faults import Fault, FaultPlan
 from firmware_sim.bus.frame import Filter, Frame
 from firmware_sim.bus.injection import Injector
-from firmware_sim.bus.port import DEFAULT_QUEUE_LIMIT, Offer, Port, Receive, Route
+from firmware_sim.bus.port import DEFAULT_QUEUE_LIMIT, Offer, Port, Receive, Route, Tap
 from firmware_sim.bus.recovery import Recovery
 from firmware_sim.bus.statistics import BusStatistics, LoadMeter
 
@@ -78,7 +78,7 @@ class Bus:
         self.statistics = BusStatistics()
         self._intermission_ns = INTERMISSION_BITS * self.bit_ns
         self._ports: dict[str, Port] = {}
-        self._taps: list[Receive] = []
+        self._taps: list[Tap] = []
         self._offers: list[Port] = []
         self._senders: tuple[Port, ...] = ()
         self._offer: Offer = (0, 0, b"")
@@ -167,14 +167,16 @@ class Bus:
         self._rewire()
         return port
 
-    def tap(self, observe: Receive) -> None:
+    def tap(self, observe: Receive, *, accept: Iterable[int] | None = None) -> None:
         """Let an observer see every completed frame and every error on the wire.
+
+        With `accept` it sees only frames of these ids (with flags), and no errors.
 
         It is no node: it neither acknowledges nor has error counters. Errors come as SocketCAN
         error messages of class BUSERROR, as a counter-less receiver would report them; those which
         change no node's counters (a lone error-passive node's) do not.
         """
-        self._taps.append(observe)
+        self._taps.append(Tap(observe, None if accept is None else frozenset(accept)))
         self._rewire()
 
     def inject(self, fault: Fault) -> None:
@@ -284,7 +286,8 @@ class Bus:
         offers = self._offers
         winner = offers[0]
         tie = False
-        if len(offers) > 1:
+        contested = len(offers) > 1
+        if contested:
             key = winner._queue[0][0]
             for port in offers:
                 other = port._queue[0][0]
@@ -296,7 +299,7 @@ class Bus:
         if tie or self._slow or not winner._heard:
             self._confinement.begin(start_ns)
             return
-        if len(offers) > 1:
+        if contested:
             for port in offers:
                 port.statistics.arbitration_lost += 1
             winner.statistics.arbitration_lost -= 1
@@ -323,8 +326,9 @@ class Bus:
         if route is None:
             route = self._route(sender, arbitration_id)
         bits = self._bits + INTERMISSION_BITS
-        route.statistics.frames += 1
-        route.statistics.bits += bits
+        statistics = route.statistics
+        statistics.frames += 1
+        statistics.bits += bits
         meter = self._meter
         meter.busy_bits += bits
         if done_ns >= meter.next_mark_ns:
@@ -346,12 +350,18 @@ class Bus:
             for port in self._ports.values()
             if port is not sender and port._listens and port.accepts(arbitration_id)
         )
-        receivers = (*self._taps, *(port._receive for port in ports))
+        receivers = (*self._observers(arbitration_id), *(port._receive for port in ports))
         route = Route(receivers, ports, self.statistics.of(arbitration_id))
         if len(sender._routes) >= _MAX_ROUTES:
             sender._routes.clear()
         sender._routes[arbitration_id] = route
         return route
+
+    def _observers(self, arbitration_id: int) -> tuple[Receive, ...]:
+        """Return who sees frames or error messages of an id without being a node."""
+        return tuple(
+            tap.observe for tap in self._taps if tap.ids is None or arbitration_id in tap.ids
+        )
 
     def _rewire(self) -> None:
         """Work out anew what depends on who is on the bus and in which state."""

@@ -31,6 +31,13 @@ class Route(NamedTuple):
     statistics: IdStatistics
 
 
+class Tap(NamedTuple):
+    """An observer and the ids that it sees; None: all, and errors."""
+
+    observe: Receive
+    ids: frozenset[int] | None
+
+
 class Port:
     """A node's CAN controller and its driver's transmit queue. Made by `Bus.attach`.
 
@@ -140,15 +147,16 @@ class Port:
         else:
             check_id(arbitration_id)
             key = arbitration_key(arbitration_id)
-        queue = self._queue
+        offer = key, arbitration_id, bytes(data)
         if not self._direct:
-            return self._bus._send_checked(self, (key, arbitration_id, bytes(data)))
-        if len(queue) >= self.queue_limit:
+            return self._bus._send_checked(self, offer)
+        queue = self._queue
+        if not queue:
+            self._bus._offers.append(self)
+        elif len(queue) >= self.queue_limit:
             self.statistics.refused += 1
             return False
-        queue.append((key, arbitration_id, bytes(data)))
-        if len(queue) == 1:
-            self._bus._offers.append(self)
+        queue.append(offer)
         return True
 
     @property

@@ -27,7 +27,8 @@ class LocalClock:
     def read(self, now_ns: int) -> int:
         """Return the time since power-up as the node measures it [ns]."""
         elapsed_ns = now_ns - self._true_ns
-        return self._read_ns + elapsed_ns + round(elapsed_ns * self._ppm * PPM)
+        gained_ns = round(elapsed_ns * self._ppm * PPM) if self._ppm else 0
+        return self._read_ns + elapsed_ns + gained_ns
 
     def span_ns(self, own_ns: int) -> int:
         """Return how long a time lasts that the node measures to be `own_ns` long [ns]."""

@@ -54,6 +54,12 @@ AGE_MAX_MS: Final = 255
 
 _CURRENT, _VOLTAGE, _TEMPERATURE, _COMMUNICATION, _MANUFACTURER = 0x02, 0x04, 0x08, 0x10, 0x80
 
+# An enum's member takes long to look up; these are used with each command.
+_OPERATIONAL: Final = NmtState.OPERATIONAL
+_READY, _ENABLED = DriveState.READY, DriveState.ENABLED
+_DRIVE: Final = Bridge.DRIVE
+_INITIAL: Final = CheckStatus.INITIAL
+
 TROUBLES: Final = {
     DriveFault.OVER_CURRENT: Trouble(0x2310, GENERIC | _CURRENT),
     DriveFault.OVER_TEMPERATURE: Trouble(0x4310, GENERIC | _TEMPERATURE),
@@ -151,7 +157,7 @@ class DriveNode(Node):
         self._timeouts = self._emergency_stops = 0
         self._echo = NO_ECHO
         self._accepted_ns = self._heard_ns = -NEVER_NS
-        self._command_image = 0
+        self._command_image = bytes(8)
         self._syncs = [0, 0]
 
     def _on_power_up(self) -> None:
@@ -173,12 +179,12 @@ class DriveNode(Node):
     # Commands -----------------------------------------------------------------------------------
 
     def _on_motor_command(self, data: bytes, now_ns: int) -> None:
-        if self.state is not NmtState.OPERATIONAL:
+        if self.state is not _OPERATIONAL:
             return
         if now_ns - self._heard_ns >= self.clock.span_ns(self._timeout_ns):
             self._on_silence(now_ns)
         status = self._checker.check(data)
-        if status is CheckStatus.INITIAL:
+        if status is _INITIAL:
             self._heard_ns = now_ns
             return
         if not status.usable:
@@ -193,7 +199,7 @@ class DriveNode(Node):
         self._accepted += 1
         self._accepted_ns = now_ns
         self._echo = data[1] & 0x0F
-        self._command_image = int.from_bytes(data, "little")
+        self._command_image = data
         self._guard(self._run_to(now_ns))
         self._obey(command)
 
@@ -201,14 +207,14 @@ class DriveNode(Node):
         machine = self._machine
         if not command.enable:
             machine.handle(DriveEvent.DISABLE)
-        elif machine.state is not DriveState.ENABLED:
+        elif machine.state is not _ENABLED:
             machine.handle(DriveEvent.ENABLE)
-        if machine.state is DriveState.ENABLED:
-            entered = self._bridge is not Bridge.DRIVE
-            self._apply(command.duty1, command.duty2, command.steering_rad, Bridge.DRIVE)
+        if machine.state is _ENABLED:
+            entered = self._bridge is not _DRIVE
+            self._apply(command.duty1, command.duty2, command.steering_rad, _DRIVE)
             if entered:
                 self._reschedule()
-        elif machine.state is DriveState.READY:
+        elif machine.state is _READY:
             bridge = Bridge.BRAKE if command.brake else Bridge.COAST
             if bridge is not self._bridge:
                 self._apply(0.0, 0.0, self._steering_rad, bridge)
@@ -304,7 +310,7 @@ class DriveNode(Node):
 
     def _on_sync(self, _data: bytes, now_ns: int) -> None:
         stage_ns = self._run_to(now_ns)
-        if self.state is not NmtState.OPERATIONAL:
+        if self.state is not _OPERATIONAL:
             return
         self._guard(stage_ns)
         payload = self._feedback_payload(stage_ns)
@@ -336,7 +342,7 @@ class DriveNode(Node):
             stage.current2_a,
             stage.temperature1_c,
             stage.temperature2_c,
-            faults=self.faults,
+            faults=int(self.faults),
         )
 
     def _drive_status_payload(self, now_ns: int) -> int:
@@ -384,7 +390,9 @@ class DriveNode(Node):
             start=1,
         ):
             dictionary.on_read(objects.DIAGNOSTICS, sub_index, reader)
-        dictionary.on_read(objects.COMMAND_IMAGE, 0, lambda: self._command_image)
+        dictionary.on_read(
+            objects.COMMAND_IMAGE, 0, lambda: int.from_bytes(self._command_image, "little")
+        )
         dictionary.on_read(
             objects.FEEDBACK_IMAGE, 0, lambda: self._feedback_payload(self._run_to(self._now_ns))
         )

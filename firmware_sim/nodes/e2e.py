@@ -22,14 +22,14 @@ _LENGTH = 8
 _NO_REFERENCE = -1
 
 
-def _table() -> bytes:
-    table = bytearray(256)
+def _table() -> tuple[int, ...]:
+    table = []
     for value in range(256):
         crc = value
         for _ in range(8):
             crc = ((crc << 1) ^ POLYNOMIAL if crc & 0x80 else crc << 1) & 0xFF
-        table[value] = crc
-    return bytes(table)
+        table.append(crc)
+    return tuple(table)
 
 
 _TABLE = _table()

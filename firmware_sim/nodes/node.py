@@ -157,8 +157,8 @@ class Node:
         """Take one frame from the bus."""
         handler = self._handlers.get(frame.arbitration_id)
         if handler is not None:
-            self._now_ns = frame.stamp_ns
-            handler(frame.data, frame.stamp_ns)
+            self._now_ns = now_ns = frame.stamp_ns
+            handler(frame.data, now_ns)
 
     def wake(self, now_ns: int) -> None:
         """Take an alarm at `now_ns` [ns]; one that has been overtaken does nothing."""

@@ -81,7 +81,8 @@ class PwmMap:
         """
         if not 0.0 < bus_voltage_v < math.inf:
             return 0.0
-        return self._max_effective * max(bus_voltage_v, self._floor_v)
+        floor_v = self._floor_v
+        return self._max_effective * (bus_voltage_v if bus_voltage_v > floor_v else floor_v)
 
     def step(self, voltage_v: float, bus_voltage_v: float, dt_s: float) -> float:
         """Return the duty [-max_duty, max_duty] for a wanted mean motor voltage.

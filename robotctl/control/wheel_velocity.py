@@ -62,6 +62,7 @@ class WheelVelocityEstimator:
         "_times_us",
         "_total",
         "_window_us",
+        "delay_s",
         "jumps",
         "velocity_rad_s",
     )
@@ -103,6 +104,12 @@ class WheelVelocityEstimator:
         self._started = True
         self._count = count_u16
         self._time_us = timestamp_us_u20
+        self.delay_s = 0.0
+        """How old the velocity is at the latch [s]: half the window in use.
+
+        A loop that follows a ramp compares like with like when it takes the reference of that
+        time: reference minus acceleration times (this and the loop's own dead time).
+        """
         # The window's samples, oldest first, in unwrapped counts and microseconds.
         self._counts = [self._total]
         self._times_us = [timestamp_us_u20]
@@ -111,15 +118,6 @@ class WheelVelocityEstimator:
     def position_rad(self) -> float:
         """Angle turned since `reset` [rad], unwrapped."""
         return self._total * self._rad_per_count
-
-    @property
-    def delay_s(self) -> float:
-        """How old the velocity is at the latch [s]: half the window in use.
-
-        A loop that follows a ramp compares like with like when it takes the reference of that
-        time: reference minus acceleration times (this and the loop's own dead time).
-        """
-        return 0.5e-6 * (self._times_us[-1] - self._times_us[0])
 
     def update(self, count_u16: int, timestamp_us_u20: int) -> float:
         """Take one latched sample and return the velocity [rad/s].
@@ -160,7 +158,9 @@ class WheelVelocityEstimator:
             # An eighth at a time: an abrupt change at a high rate would else cost a long loop.
             drop = len(times) >> 3 or 1
             del times[:drop], counts[:drop]
-        self.velocity_rad_s = (total - counts[0]) * self._rad_s_per_count_us / (now - times[0])
+        window_us = now - times[0]
+        self.delay_s = 0.5e-6 * window_us
+        self.velocity_rad_s = (total - counts[0]) * self._rad_s_per_count_us / window_us
         return self.velocity_rad_s
 
     def _straight(self) -> bool:

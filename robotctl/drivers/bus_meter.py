@@ -61,5 +61,8 @@ class BusMeter:
             self.sent,
             self.send_failures,
             self.error_frames,
-            load=self._load,
+            0,
+            0,
+            0,
+            self._load,
         )

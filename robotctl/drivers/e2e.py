@@ -28,6 +28,9 @@ class E2eStatus(enum.Enum):
     WRONG_LENGTH = "wrong length"
 
 
+_OK: Final = E2eStatus.OK
+
+
 class E2eCounters:
     """Sums over all receivers of a bus since the start. A wrong length counts as a CRC reject."""
 
@@ -118,7 +121,7 @@ class E2eReceiver:
             return False
         delta = (counter - reference) % COUNTER_MODULUS
         if delta == 1:
-            self.status = E2eStatus.OK
+            self.status = _OK
             return True
         return self._judge_jump(delta)
 

@@ -49,6 +49,7 @@ class MemoryPort:
         """
         if arbitration_id in self._wanted and self._open:
             self._inbox.append(Frame(arbitration_id, data, stamp_ns))
+            self._meter.bits += FRAME_BITS[len(data)]
         elif arbitration_id & CAN_ERR_FLAG:
             meter = self._meter
             meter.error_frames += 1
@@ -70,8 +71,6 @@ class MemoryPort:
         self._inbox = []
         meter = self._meter
         meter.received += len(frames)
-        for frame in frames:
-            meter.bits += FRAME_BITS[len(frame.data)]
         meter.roll(self._clock.now_ns())
         return frames
 

@@ -101,7 +101,7 @@ class Node:
 
     def check(self, now_ns: int) -> bool:
         """Return whether the node is lost since the last call: its heartbeat is too old."""
-        if self.phase is Phase.SILENT or now_ns - self._heartbeat_ns <= self._timeout_ns:
+        if now_ns - self._heartbeat_ns <= self._timeout_ns or self.phase is Phase.SILENT:
             return False
         self._stop_script()
         self.phase = Phase.SILENT

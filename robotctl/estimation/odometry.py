@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robotctl.model.drives import Drive
-from robotctl.model.motion import integrate
+from robotctl.model.motion import arc
 from robotctl.model.se2 import SE2
 
 
@@ -43,5 +43,5 @@ class Odometry:
         self._angle2_rad = angle2_rad
         # forward() is linear in the wheel speeds, so increments give the increment of the pose.
         moved_m, turned_rad = self._drive.forward(turn1_rad, turn2_rad, steering_rad)
-        self.pose_world_base = integrate(self.pose_world_base, moved_m, turned_rad, 1.0)
+        self.pose_world_base = arc(self.pose_world_base, moved_m, turned_rad)
         self.distance_m += abs(moved_m)

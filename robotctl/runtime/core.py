@@ -33,6 +33,7 @@ from robotctl.runtime.messages import (
     LoopStatistics,
     NodeStatus,
     Notice,
+    SafetyState,
     VelocityCommand,
     WheelCommand,
 )
@@ -180,7 +181,9 @@ class ControlCore:
         self._notices = []
         self._ticks += 1
         self._take_feedback(inputs.feedback, now_ns)
-        stop = self._take_requests(inputs, now_ns)
+        stop = None
+        if inputs.requests or inputs.feedback.emergency_stop is not None:
+            stop = self._take_requests(inputs, now_ns)
         self._supervise(now_ns)
         clear = self._pending is not None and self._try_to_arm(now_ns)
         self._command_before = self._command
@@ -230,7 +233,7 @@ class ControlCore:
                 command,
                 self._health.drive.bus_voltage_v,
                 self._speeds_rad_s(),
-                sum(wheel.estimator.jumps for wheel in self._wheels),
+                sum([wheel.estimator.jumps for wheel in self._wheels]),
             )
         for sonar in feedback.sonars:
             pose = self.odometry.pose_world_base
@@ -239,7 +242,7 @@ class ControlCore:
 
     def _speeds_rad_s(self) -> tuple[float, ...]:
         """Return the speed of each driven wheel by its encoder [rad/s]."""
-        return tuple(wheel.estimator.velocity_rad_s for wheel in self._wheels)
+        return tuple([wheel.estimator.velocity_rad_s for wheel in self._wheels])
 
     def _take_boot(self, node_id: int, boots: int, name: str, now_ns: int) -> None:
         """Stop where a node has restarted; its counts begin anew."""
@@ -359,25 +362,27 @@ class ControlCore:
 
     def _drive_wheels(self, now_ns: int) -> WheelCommand:
         """Return the command for the present state and velocity set-point."""
-        if self.machine.state not in POWERED:
+        state = self.machine.state
+        if state not in POWERED:
             return self._stopped()
         wanted_v, wanted_omega = self._setpoint(now_ns)
         self._twist_ref = reference = self._limiter.step(wanted_v, wanted_omega, self._period_s)
         if wanted_v != 0.0 or wanted_omega != 0.0:
-            self._on(Event.MOVE, "", now_ns)
+            if state is SafetyState.ARMED:
+                self._on(Event.MOVE, "", now_ns)
         elif reference == (0.0, 0.0) and abs(self._twist_meas.v_m_s) < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
         return self._wheel_command(reference, now_ns)
 
-    def _setpoint(self, now_ns: int) -> Twist:
+    def _setpoint(self, now_ns: int) -> tuple[float, float]:
         """Return the velocity wanted now; rest where the set-point is missing or void."""
         velocity = self._velocity
         if velocity is None or now_ns > velocity.expires_ns:
-            return Twist(0.0, 0.0)
+            return 0.0, 0.0
         age_ns = now_ns - velocity.stamp_ns
         if not -_SETPOINT_AHEAD_NS <= age_ns <= self._setpoint_limit_ns:
-            return Twist(0.0, 0.0)
-        return Twist(velocity.v_m_s, velocity.omega_rad_s)
+            return 0.0, 0.0
+        return velocity.v_m_s, velocity.omega_rad_s
 
     def _wheel_command(self, reference: Twist, now_ns: int) -> WheelCommand:
         """Close the wheel loops on a body velocity."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Final
 
 from robotctl.runtime.messages import (
@@ -24,8 +24,10 @@ BUS_LOAD_MAX: Final = 0.8
 """A fuller bus [1] delays what is least urgent, the node services, without bound."""
 
 _NEVER_NS: Final = -(1 << 62)
-_LATCHED_DRIVE_STATES = (DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP)
-_DEAD_BUS_STATES = (BusState.BUS_OFF, BusState.DOWN)
+_LATCHED_DRIVE_STATES: Final = frozenset(
+    {DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP}
+)
+_DEAD_BUS_STATES: Final = frozenset({BusState.BUS_OFF, BusState.DOWN})
 
 
 class Health:
@@ -46,11 +48,15 @@ class Health:
         self.drive: DriveStatus | None = None
         self.battery: BatteryFeedback | None = None
         self.nodes: tuple[NodeStatus, ...] = ()
+        self._heartbeats_ns = span_ns(())
+        self._in_service = False
+        """Whether there are nodes, and none has a problem but perhaps its age."""
         self.bus = BusStatus()
         self.sonar_m = [math.nan] * len(sonars)
         self.sonar_ns = [_NEVER_NS] * len(sonars)
         """Time of the last range that was one [ns]; a sonar's own fault does not count."""
         self._sonar_names = sonars
+        self._sonars_ns = span_ns(self.sonar_ns)
         self._wheels_ns = _NEVER_NS
         self._latch_us = -1
         self._wheels_limit_ns = safety.feedback_timeout_periods * period_ns
@@ -71,9 +77,12 @@ class Health:
             self.drive = feedback.drive
         if feedback.battery is not None:
             self.battery = feedback.battery
-        for sonar in feedback.sonars:
-            self._take_sonar(sonar)
-        self.nodes = feedback.nodes
+        if feedback.sonars:
+            for sonar in feedback.sonars:
+                self._take_sonar(sonar)
+            self._sonars_ns = span_ns(self.sonar_ns)
+        if feedback.nodes is not self.nodes:
+            self._take_nodes(feedback.nodes)
         self.bus = feedback.bus
 
     def _take_sonar(self, sonar: SonarFeedback) -> None:
@@ -83,6 +92,12 @@ class Health:
                 self.sonar_m[index] = range_m
                 if not math.isnan(range_m):
                     self.sonar_ns[index] = sonar.stamp_ns
+
+    def _take_nodes(self, nodes: tuple[NodeStatus, ...]) -> None:
+        """Keep what is known of the nodes, which changes with their heartbeats only."""
+        self.nodes = nodes
+        self._heartbeats_ns = span_ns([node.heartbeat_ns for node in nodes])
+        self._in_service = bool(nodes) and not any(node.problem for node in nodes)
 
     def fresh_sonar_m(self, now_ns: int) -> tuple[float, ...]:
         """Return the range of each sonar [m]; inf: no echo; nan: too old, or none at all."""
@@ -112,15 +127,17 @@ class Health:
 
     def node_problem(self, now_ns: int) -> str | None:
         """Return what keeps a node from service, or None when all are in service."""
-        return next(self._node_problems(now_ns), None)
+        problems = self._node_problems(now_ns)
+        return problems[0] if problems else None
 
     def fault(self, now_ns: int) -> str | None:
         """Return why a powered robot must stop now, or None."""
-        return next(self._faults(now_ns), None)
+        reasons = self._faults(now_ns)
+        return reasons[0] if reasons else None
 
     def refusals(self, now_ns: int) -> tuple[str, ...]:
         """Return all reasons against arming at this moment, in the operator's words."""
-        reasons = list(self._faults(now_ns))
+        reasons = self._faults(now_ns)
         battery, bus = self.battery, self.bus
         if battery is not None and battery.low and not battery.critical:
             reasons.append(f"the battery is low ({battery.voltage_v:.1f} V)")
@@ -130,46 +147,61 @@ class Health:
             reasons.append(f"the CAN bus is {bus.load:.0%} full, {BUS_LOAD_MAX:.0%} allowed")
         return tuple(reasons)
 
-    def _faults(self, now_ns: int) -> Iterator[str]:
-        """Yield each reason to stop, the most telling first."""
+    def _faults(self, now_ns: int) -> list[str]:
+        """Return all reasons to stop, the most telling first."""
+        reasons = []
         if self.bus.state in _DEAD_BUS_STATES:
-            yield f"the CAN bus is {_words(self.bus.state)}"
+            reasons.append(f"the CAN bus is {_words(self.bus.state)}")
         if not is_fresh(self._wheels_ns, now_ns, self._wheels_limit_ns):
-            yield f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms"
+            reasons.append(f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms")
         motor, limit_ns = self.fresh_motor(now_ns), self._status_limit_ns
         if motor is None:
-            yield f"motor status is older than {limit_ns / 1e6:g} ms"
+            reasons.append(f"motor status is older than {limit_ns / 1e6:g} ms")
         elif motor.state in _LATCHED_DRIVE_STATES:
-            yield f"the motor controller is in {_words(motor.state)}{fault_words(motor.faults)}"
+            words = f"{_words(motor.state)}{fault_words(motor.faults)}"
+            reasons.append(f"the motor controller is in {words}")
         if self.fresh_drive(now_ns) is None:
-            yield f"drive status is older than {limit_ns / 1e6:g} ms"
-        yield from self._battery_faults(now_ns)
+            reasons.append(f"drive status is older than {limit_ns / 1e6:g} ms")
+        reasons += self._battery_faults(now_ns)
+        reasons += self._sonar_faults(now_ns)
+        reasons += self._node_problems(now_ns)
+        return reasons
+
+    def _battery_faults(self, now_ns: int) -> list[str]:
+        """Return what is wrong with the battery."""
+        battery = self.battery
+        if battery is None:
+            return ["the battery has not reported yet"]
+        if not is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns):
+            return [f"the battery's report is older than {self._battery_limit_ns / 1e6:g} ms"]
+        if battery.critical:
+            return [f"the battery is critical ({battery.voltage_v:.1f} V)"]
+        return []
+
+    def _sonar_faults(self, now_ns: int) -> list[str]:
+        """Return which sonars have been silent for too long."""
         limit_ns = self._sonar_limit_ns
-        for name, stamp_ns in zip(self._sonar_names, self.sonar_ns, strict=True):
-            if not is_fresh(stamp_ns, now_ns, limit_ns):
-                yield f"sonar {name} has given no range for {limit_ns / 1e6:g} ms"
-        yield from self._node_problems(now_ns)
+        if are_fresh(self._sonars_ns, now_ns, limit_ns):
+            return []
+        return [
+            f"sonar {name} has given no range for {limit_ns / 1e6:g} ms"
+            for name, stamp_ns in zip(self._sonar_names, self.sonar_ns, strict=True)
+            if not is_fresh(stamp_ns, now_ns, limit_ns)
+        ]
 
-    def _battery_faults(self, now_ns: int) -> Iterator[str]:
-        """Yield what is wrong with the battery."""
-        battery = self.fresh_battery(now_ns)
-        if self.battery is None:
-            yield "the battery has not reported yet"
-        elif battery is None:
-            yield f"the battery's report is older than {self._battery_limit_ns / 1e6:g} ms"
-        elif battery.critical:
-            yield f"the battery is critical ({battery.voltage_v:.1f} V)"
-
-    def _node_problems(self, now_ns: int) -> Iterator[str]:
-        """Yield what keeps each node from service."""
-        if not self.nodes:
-            yield "no node has been heard on the bus"
+    def _node_problems(self, now_ns: int) -> list[str]:
+        """Return what keeps each node from service."""
         limit_ns = self._heartbeat_limit_ns
+        if self._in_service and are_fresh(self._heartbeats_ns, now_ns, limit_ns):
+            return []
+        problems = [] if self.nodes else ["no node has been heard on the bus"]
         for node in self.nodes:
             if node.problem:
-                yield node.problem
+                problems.append(node.problem)
             elif not is_fresh(node.heartbeat_ns, now_ns, limit_ns):
-                yield f"{node.name} (node {node.node_id}): no heartbeat for {limit_ns / 1e6:g} ms"
+                silence = f"no heartbeat for {limit_ns / 1e6:g} ms"
+                problems.append(f"{node.name} (node {node.node_id}): {silence}")
+        return problems
 
     @property
     def drive_latched(self) -> bool:
@@ -183,6 +215,17 @@ def is_fresh(stamp_ns: int, now_ns: int, limit_ns: int) -> bool:
     A stamp from the future by more than that would never grow old, so it is not fresh either.
     """
     return -limit_ns <= now_ns - stamp_ns <= limit_ns
+
+
+def span_ns(stamps_ns: Sequence[int]) -> tuple[int, int]:
+    """Return the oldest and the newest stamp [ns]; of none, what is fresh at any time."""
+    return min(stamps_ns, default=-_NEVER_NS), max(stamps_ns, default=_NEVER_NS)
+
+
+def are_fresh(span: tuple[int, int], now_ns: int, limit_ns: int) -> bool:
+    """Return whether all stamps of a `span_ns` are fresh: the oldest and the newest are [ns]."""
+    oldest_ns, newest_ns = span
+    return newest_ns - limit_ns <= now_ns <= oldest_ns + limit_ns
 
 
 def fault_words(faults: int) -> str:

@@ -8,6 +8,7 @@ from itertools import accumulate
 _SUB_BITS = 5
 _SUB = 1 << _SUB_BITS
 _OCTAVES = 24
+_TOO_GREAT = 1 << (_SUB_BITS + _OCTAVES - 1)
 
 
 class Histogram:
@@ -27,9 +28,11 @@ class Histogram:
         """Count `value`; negative values count as 0."""
         if value < _SUB:
             index = max(value, 0)
-        else:
+        elif value < _TOO_GREAT:
             shift = value.bit_length() - 1 - _SUB_BITS
-            index = min(((shift + 1) << _SUB_BITS) + (value >> shift) - _SUB, _SUB * _OCTAVES - 1)
+            index = ((shift + 1) << _SUB_BITS) + (value >> shift) - _SUB
+        else:
+            index = _SUB * _OCTAVES - 1
         self._counts[index] += 1
         self.total += 1
         self.maximum = max(self.maximum, value)

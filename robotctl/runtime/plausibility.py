@@ -173,6 +173,8 @@ class WheelMonitor:
     def __init__(self, name: str, config: PlausibilityConfig) -> None:
         self.name = name
         self._config = config
+        self._speed_ns = config.speed_ms * 1_000_000
+        self._push_ns = config.push_ms * 1_000_000
         self.reset()
 
     def reset(self) -> None:
@@ -227,7 +229,7 @@ class WheelMonitor:
         self.counted_rad_s = counted_rad_s
         self.electrical_rad_s = (voltage_v - self._drop_v) / config.back_emf_v_s_rad
         off = abs(self.electrical_rad_s - counted_rad_s) > self.tolerance_rad_s
-        self.is_off = self._off.lasts_ns(off, stamp_ns) > config.speed_ms * 1_000_000
+        self.is_off = self._off.lasts_ns(off, stamp_ns) > self._speed_ns
 
     def encoder_fault(self) -> str:
         """Return what is wrong with the encoder; empty where nothing."""
@@ -251,7 +253,7 @@ class WheelMonitor:
         lasts_ns = self._pushing.lasts_ns(abs(self._drop_v) > config.push_v, now_ns)
         if lasts_ns == 0:
             self._before_rad_s = counted
-        if lasts_ns <= config.push_ms * 1_000_000:
+        if lasts_ns <= self._push_ns:
             return ""
         if abs(counted - self._before_rad_s) > GAIN_RAD_S:
             # The current does its work: it changes the speed.
