@@ -33,6 +33,8 @@ class LandmarkConfig:
         Of bearing offset, bearing scale, and optical axis [rad], > 0.
     wander_sigma_rad, wander_time_s
         Of what moves in the mount [rad], and how fast [s], > 0.
+    calibration_holds_s
+        After which time a calibration is as uncertain as at the start, if nothing is seen [s], > 0.
     sighting_range_sigma_m, sighting_range_sigma_m_per_m, sighting_bearing_sigma_rad
         First guess of the noise of a sighting [m], [rad], > 0; adapted to what is seen.
     guess_sightings
@@ -68,6 +70,7 @@ class LandmarkConfig:
     bearing_sigma_rad: float = 0.03
     wander_sigma_rad: float = 0.02
     wander_time_s: float = 10.0
+    calibration_holds_s: float = 3600.0
     sighting_range_sigma_m: float = 0.01
     sighting_range_sigma_m_per_m: float = 0.01
     sighting_bearing_sigma_rad: float = 0.01

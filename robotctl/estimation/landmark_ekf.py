@@ -48,6 +48,8 @@ class LandmarkEkf:
         P = np.diag(sigma**2)
         mean[:3] = start.pose.x_m, start.pose.y_m, start.pose.theta_rad
         P[:3, :3] = start.covariance
+        self._walk = sigma**2 / config.calibration_holds_s
+        self._walk[[S.X, S.Y, S.THETA, S.WANDER]] = 0.0
         self._kalman = RobustKalman(mean, P, config.robust, opening_states=3)
         self._window = InnovationWindow(config.window)
         self._variances = tuple(
@@ -113,7 +115,7 @@ class LandmarkEkf:
         turning = noise.f_rad_per_sqrt_m**2 * abs(distance_m)
         turning += noise.g_rad_per_sqrt_rad**2 * abs(turn_rad)
         turning += c.standing_rad_per_sqrt_s**2 * dt_s
-        Q = np.zeros_like(F)
+        Q = np.diag(self._walk * dt_s)
         Q[:3, :3] = (G * (along, turning)) @ G.T
         Q[S.WANDER, S.WANDER] = c.wander_sigma_rad**2 * (1.0 - kept**2)
         kalman.predict(after, F, Q)
