@@ -7,6 +7,7 @@ import sys
 
 from benchmarks import (
     control_quality,
+    ekf_cost,
     flight_recorder,
     lockstep_speed,
     loop_lag,
@@ -26,6 +27,7 @@ SUBJECTS = {
     "control": control_quality.run,
     "startup": start_up.run,
     "odometry": odometry_calibration.run,
+    "ekf": ekf_cost.run,
 }
 
 

@@ -118,28 +118,27 @@ def _candidates(
     along = b - a
     length = np.hypot(along[:, 0], along[:, 1])
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / length[:, None]
-    height = np.sum((a - sensor) * normal, axis=1)
+    height = ((a - sensor) * normal).sum(axis=1)
     normal *= np.where(height < 0.0, -1.0, 1.0)[:, None]  # away from the sensor; walls have 2 sides
     height = np.abs(height)
-    at_foot = np.sum((sensor - a) * along, axis=1) / length**2
+    at_foot = ((sensor - a) * along).sum(axis=1) / length**2
     off_axis = np.arctan2(normal[:, 1], normal[:, 0]) - axis_rad
     off_axis = np.abs(np.remainder(off_axis + math.pi, math.tau) - math.pi)
     seen = (at_foot >= 0.0) & (at_foot <= 1.0) & (off_axis <= half_width_rad) & (height > 0.0)
-    ranges = [np.where(seen, height, np.inf)]
-    incidences = [np.zeros(len(segments))]
-    gradients = [np.concatenate([-normal, np.zeros((len(segments), 1))], axis=1)]
-    for offset in (-half_width_rad, 0.0, half_width_rad) if half_width_rad else (0.0,):
-        u = np.array([math.cos(axis_rad + offset), math.sin(axis_rad + offset)])
-        cosine = normal @ u
-        with np.errstate(divide="ignore", invalid="ignore"):
-            m = height / cosine
-            hit = sensor + m[:, None] * u
-            share = np.sum((hit - a) * along, axis=1) / length**2
-            met = (cosine > 0.0) & (height > 0.0) & (share >= 0.0) & (share <= 1.0)
-            sideways = normal @ np.array([-u[1], u[0]])
-            gradient = np.concatenate([-normal, -(m * sideways)[:, None]], axis=1)
-            gradient = gradient / cosine[:, None]
-        ranges.append(np.where(met, m, np.inf))
-        incidences.append(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        gradients.append(gradient)
-    return np.concatenate(ranges), np.concatenate(incidences), np.concatenate(gradients)
+    # rays along the axis and the edges, (rays, walls)
+    offsets = np.array([-half_width_rad, 0.0, half_width_rad] if half_width_rad else [0.0])
+    c, s = np.cos(axis_rad + offsets)[:, None], np.sin(axis_rad + offsets)[:, None]
+    cosine = normal[:, 0] * c + normal[:, 1] * s
+    with np.errstate(divide="ignore", invalid="ignore"):
+        m = height / cosine
+        share = at_foot + m * (along[:, 0] * c + along[:, 1] * s) / length**2
+        by_axis = -m * (normal[:, 1] * c - normal[:, 0] * s) / cosine
+        by_place = -normal.T[:, None, :] / cosine
+    met = (cosine > 0.0) & (height > 0.0) & (share >= 0.0) & (share <= 1.0)
+    rays = np.stack([by_place[0], by_place[1], by_axis], axis=2).reshape(-1, 3)
+    foot = np.stack([-normal[:, 0], -normal[:, 1], np.zeros(len(a))], axis=1)
+    return (
+        np.concatenate([np.where(seen, height, np.inf), np.where(met, m, np.inf).ravel()]),
+        np.concatenate([np.zeros(len(a)), np.arccos(np.clip(cosine, -1.0, 1.0)).ravel()]),
+        np.concatenate([foot, rays]),
+    )
