@@ -22,11 +22,12 @@ class OccupancyGridConfig:
     """Log odds stay within this and its negative, so that a changed room is learnt anew."""
     hit: float = 0.85
     """Evidence of a lidar's echo from a cell, probability 0.7."""
-    miss: float = 0.4
-    """Evidence of a lidar's beam that passes a cell, probability 0.4; counted negative."""
+    miss: float = 0.2
+    """Evidence of a lidar's beam that passes a cell, probability 0.45; counted negative. Less than
+    a hit: poses and ranges err, and what grazes a wall would wipe it out."""
     range_limit_m: float = 30.0
     """A lidar's echo from farther says only that the beam is free up to here [m]."""
-    no_echo_m: float = 5.0
+    no_echo_m: float = 2.0
     """How far a lidar's beam without an echo says free [m]: dark or shining things return none."""
     fan_deg: float = 1.5
     """Lidar beams no farther apart are filled between [deg]."""

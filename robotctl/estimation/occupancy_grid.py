@@ -212,7 +212,7 @@ class OccupancyGrid:
         """Return the log odds of the cells of `to_map`, (rows, columns)."""
         return np.asarray(self._known()[0] * self.config.step, np.float64)
 
-    def to_map(self, occupied_above: float = 0.65, free_below: float = 0.25) -> GridMap:
+    def to_map(self, occupied_above: float = 0.65, free_below: float = 0.4) -> GridMap:
         """Return which cells are occupied, free or unknown, by the probability of being occupied.
 
         The map is the smallest rectangle around all evidence; without any, one unknown cell.
