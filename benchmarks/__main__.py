@@ -9,6 +9,7 @@ from benchmarks import (
     control_quality,
     ekf_cost,
     flight_recorder,
+    grid_mapping,
     lockstep_speed,
     loop_lag,
     machine,
@@ -26,6 +27,7 @@ SUBJECTS = {
     "recorder": flight_recorder.run,
     "control": control_quality.run,
     "startup": start_up.run,
+    "grid": grid_mapping.run,
     "odometry": odometry_calibration.run,
     "ekf": ekf_cost.run,
 }
