@@ -64,7 +64,7 @@ class LikelihoodFieldConfig:
     beams: int = 60
     sigma_m: float = 0.1
     robust_k: float = 0.05
-    beam_correlation: float = 0.05
+    beam_correlation: float = 0.045
     skipping: BeamSkipping = field(default_factory=BeamSkipping)
 
     def __post_init__(self) -> None:

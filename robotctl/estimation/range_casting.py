@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.compiled import compiled
-from robotctl.model.grid_map import UNKNOWN, GridMap
+from robotctl.model.grid_map import GridMap
 
 _BLOCK: Final = 256
 _PARALLEL: Final = 1.0e30
@@ -39,16 +39,12 @@ class RangeCaster:
     Parameters
     ----------
     grid
-        The map; cells with at least 50 percent stop a ray, and so does nothing outside of it.
-    stop_at_unknown
-        Whether unknown cells stop a ray, too. In maps made from scans walls have gaps that no beam
-        hit, with unknown cells behind.
+        The map; cells with at least 50 percent stop a ray. Unknown cells and what is outside of the
+        map do not.
     """
 
-    def __init__(self, grid: GridMap, stop_at_unknown: bool = False) -> None:
+    def __init__(self, grid: GridMap) -> None:
         stops = grid.occupied()
-        if stop_at_unknown:
-            stops |= grid.cells == UNKNOWN
         # A border of one cell ends the rays that leave the map.
         padded = np.ones((stops.shape[0] + 2, stops.shape[1] + 2), np.bool_)
         padded[1:-1, 1:-1] = stops

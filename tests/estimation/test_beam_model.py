@@ -79,13 +79,14 @@ def drawn(mixture: BeamMixture, z_star: np.ndarray, rng: np.random.Generator) ->
     cut = -np.expm1(-mixture.short_per_m * np.minimum(z_star, FAR_M))
     short = -np.log1p(-rng.random(n) * cut) / mixture.short_per_m
     z = np.choose(part, [hit, short, np.full(n, np.inf), FAR_M * rng.random(n)])
-    return np.where(z < FAR_M, z, np.inf)
+    return np.where(z < FAR_M, np.maximum(z, 0.0), np.inf)
 
 
 def test_learning_finds_the_mixture_that_drew_the_ranges():
     rng = np.random.default_rng(2)
     z_star = rng.uniform(0.5, 8.0, 40_000)
     z_star[:2000] = np.inf
+    z_star[2000:2010] = 0.0
     z = drawn(MIXTURE, z_star, rng)
     z[5000:5100] = np.nan
     found = learned(BeamMixture(), z_star, z, FAR_M, iterations=200)
@@ -138,6 +139,7 @@ def test_the_true_pose_is_likelier_than_any_other_also_for_a_sensor_off_the_midd
     poses[1:] += rng.uniform(-1.0, 1.0, (999, 3)) * [2.0, 2.0, 3.0]
     values = BeamModel(grid).measurement(scan)(poses)
     assert np.argmax(values) == 0
+    assert values[0] == pytest.approx(0.0, abs=2.0)
     far = np.hypot(*(poses[:, :2] - poses[0, :2]).T) > 0.5
     assert values[far].max() < values[0] - 3.0
 
@@ -149,9 +151,7 @@ def test_the_log_likelihood_is_the_tempered_sum_over_the_beams():
     ranges[5], ranges[17] = np.nan, np.inf
     scan = RangeScan(0, scan.angles_rad, ranges, FAR_M)
     poses = np.array([[1.5, 2.0, 0.3], [1.6, 2.0, 0.2], [5.0, 3.0, -1.0]])
-    model = BeamModel(
-        grid, BeamModelConfig(beams=1000, beam_correlation=0.1, stop_at_unknown=False)
-    )
+    model = BeamModel(grid, BeamModelConfig(beams=1000, beam_correlation=0.1))
     expected = RangeCaster(grid).cast(poses, scan.angles_rad, FAR_M)
     for i, value in enumerate(model.log_likelihood(poses, scan)):
         total = sum(

@@ -94,15 +94,13 @@ def test_a_ray_that_starts_in_an_occupied_cell_has_range_0():
     assert found.item() == 0.0
 
 
-def test_unknown_cells_stop_rays_only_if_asked_to():
+def test_rays_pass_through_unknown_cells():
     cells = np.full((10, 40), FREE, np.int8)
     cells[:, 20:] = UNKNOWN
     cells[:, 30] = OCCUPIED
-    grid = GridMap(cells, 0.1)
     pose = np.array([[0.55, 0.55, 0.0]])
-    assert RangeCaster(grid).cast(pose, np.zeros(1), 9.0).item() == pytest.approx(3.0 - 0.55)
-    caster = RangeCaster(grid, stop_at_unknown=True)
-    assert caster.cast(pose, np.zeros(1), 9.0).item() == pytest.approx(2.0 - 0.55)
+    found = RangeCaster(GridMap(cells, 0.1)).cast(pose, np.zeros(1), 9.0)
+    assert found.item() == pytest.approx(3.0 - 0.55)
 
 
 @pytest.mark.recordings("maps")
