@@ -22,12 +22,16 @@ from robotctl.app.recorded_motion import (
     with_noise,
     with_noisy_motion,
 )
+from robotctl.estimation.cylinders import CylinderConfig, cylinders
 from robotctl.estimation.landmark_config import LandmarkConfig
 from robotctl.estimation.landmark_localisation import CountedOdometry, localise_by_landmarks
 from robotctl.model.pose_estimate import LocalisationStatus, PoseEstimate
-from robotctl.model.recording import Recording
+from robotctl.model.recording import UNKNOWN_LANDMARK, Recording, Sighting
 
 _TOLD = 1000
+_ARM_SIGMA_M = 0.01
+_BEARING_SIGMA_RAD = 0.01
+"""How well it is known where a lidar sits and looks: better than a camera."""
 
 
 def run_ekf(
@@ -40,6 +44,10 @@ def run_ekf(
     LocalizeError
         If there are no sightings, no motion, or no start is known.
     """
+    config = LandmarkConfig()
+    if recording.landmarks and not recording.sightings:
+        recording = replace(recording, sightings=_cylinders(recording))
+        config = replace(config, arm_sigma_m=_ARM_SIGMA_M, bearing_sigma_rad=_BEARING_SIGMA_RAD)
     if not recording.sightings:
         raise LocalizeError(
             f"{options.log}: no sightings of landmarks in it, which --method ekf needs; a log "
@@ -47,7 +55,6 @@ def run_ekf(
         )
     start_rng, odometry_rng = rng.spawn(2)
     recording = with_noisy_motion(recording, options.odometry_noise, odometry_rng)
-    config = LandmarkConfig()
     config = replace(config, motion=with_noise(config.motion, options.odometry_noise))
     try:
         begin_ns = max(CountedOdometry(recording).begin_ns, known_from_ns(recording))
@@ -66,3 +73,13 @@ def run_ekf(
         progress(round(_TOLD * step.share), _TOLD)
         began_ns = time.process_time_ns()
     return run
+
+
+def _cylinders(recording: Recording) -> tuple[Sighting, ...]:
+    """Return the cylinders in the scans as sightings of unknown landmarks."""
+    config = CylinderConfig()
+    return tuple(
+        Sighting(entry.scan.stamp_ns, UNKNOWN_LANDMARK, range_m, bearing_rad)
+        for entry in recording.scans
+        for range_m, bearing_rad in cylinders(entry.scan, config).tolist()
+    )

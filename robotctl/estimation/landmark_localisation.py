@@ -10,6 +10,7 @@ between one step and the next, so who calls can take the time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,13 +20,15 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.landmark_config import LandmarkConfig
 from robotctl.estimation.landmark_ekf import LandmarkEkf
-from robotctl.estimation.landmark_models import OdometryReading
+from robotctl.estimation.landmark_models import OdometryReading, sighting
 from robotctl.estimation.robust_kalman import Innovation
 from robotctl.model.pose_estimate import PoseEstimate
-from robotctl.model.recording import Recording, Sighting
+from robotctl.model.recording import UNKNOWN_LANDMARK, Recording, Sighting
 
 _VELOCITY_SPAN_S = 0.1
 """Over which velocities are averaged."""
+_SAME_M = 0.3
+"""A sighting without a name that is further from every landmark is of none [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,11 +121,33 @@ def localise_by_landmarks(
         delay_s = ekf.delay_s
         ekf.predict(stamp_ns, odometry.at(previous_ns, delay_s), odometry.at(stamp_ns, delay_s))
         innovations = tuple(
-            ekf.update(recording.landmarks[each.landmark], each.range_m, each.bearing_rad)
+            ekf.update(landmark, each.range_m, each.bearing_rad)
             for each in seen.get(stamp_ns, ())
+            if (landmark := _landmark_of(each, recording.landmarks, ekf)) is not None
         )
         share = (stamp_ns - begin_ns) / max(1, end_ns - begin_ns)
         yield LandmarkStep(ekf.estimate(), innovations, share, ekf)
+
+
+def _landmark_of(
+    each: Sighting, landmarks: dict[int, tuple[float, float]], ekf: LandmarkEkf
+) -> tuple[float, float] | None:
+    """Return where the landmark is that was seen [m].
+
+    A sighting without a name is of the landmark that should be seen nearest to it; None if that is
+    not within `_SAME_M`. Good while the pose is known to about half of the landmarks' distances.
+    """
+    if each.landmark != UNKNOWN_LANDMARK:
+        return landmarks[each.landmark]
+    x = ekf.x
+
+    def apart_m(place: tuple[float, float]) -> float:
+        expected, _, _ = sighting(x, place)
+        turned = math.remainder(each.bearing_rad - float(expected[1]), math.tau)
+        return math.hypot(each.range_m - float(expected[0]), each.range_m * turned)
+
+    nearest = min(landmarks.values(), key=apart_m)
+    return nearest if apart_m(nearest) <= _SAME_M else None
 
 
 def _arcs(poses: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
+
+UNKNOWN_LANDMARK: Final = -1
+"""Of a sighting that does not say which landmark was seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

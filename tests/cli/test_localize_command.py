@@ -168,6 +168,29 @@ def test_a_plot_is_drawn(room):
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.recordings("mrclam/MRCLAM_Dataset7")
+def test_the_ekf_follows_a_real_robot_among_landmarks(recordings, tmp_path):
+    folder = recordings / "mrclam" / "MRCLAM_Dataset7"
+    out = ("--out", str(tmp_path / "a.tum"), "--report", str(tmp_path / "a.json"))
+    words = ["localize", "--log", str(folder), "--mrclam-robot", "2", "--method", "ekf", *out]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    report = json.loads((tmp_path / "a.json").read_text())
+    assert report["lost"] is False
+    assert report["ape"]["rmse_m"] < 0.15
+    assert report["nees_inside_95"] > 0.9
+
+
+@pytest.mark.recordings("lego/robot4_motors.txt")
+def test_the_ekf_follows_a_real_robot_among_nameless_cylinders(recordings, tmp_path):
+    out = ("--out", str(tmp_path / "a.tum"), "--report", str(tmp_path / "a.json"))
+    words = ["localize", "--log", str(recordings / "lego"), "--method", "ekf", *out]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    report = json.loads((tmp_path / "a.json").read_text())
+    assert report["lost"] is False
+    assert report["ape"]["rmse_m"] < 0.15
+    assert report["heading_rmse_rad"] is None
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
