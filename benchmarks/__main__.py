@@ -10,6 +10,9 @@ from benchmarks import (
     ekf_cost,
     flight_recorder,
     grid_mapping,
+    landmark_accuracy,
+    localisation_accuracy,
+    localisation_sonar,
     lockstep_speed,
     loop_lag,
     machine,
@@ -30,6 +33,9 @@ SUBJECTS = {
     "grid": grid_mapping.run,
     "odometry": odometry_calibration.run,
     "ekf": ekf_cost.run,
+    "landmarks": landmark_accuracy.run,
+    "mcl": localisation_accuracy.run,
+    "mcl-sonar": localisation_sonar.run,
 }
 
 

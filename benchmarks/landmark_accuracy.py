@@ -1,0 +1,151 @@
+"""Localisation by landmarks on the MRCLAM logs of ROBOTCTL_DATA, beside simpler estimators."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import machine
+from robotctl.estimation.consistency import pose_nees, share_inside
+from robotctl.estimation.ekf import PoseEkf
+from robotctl.estimation.ekf_config import EkfConfig
+from robotctl.estimation.landmark_config import LandmarkConfig
+from robotctl.estimation.landmark_localisation import CountedOdometry, localise_by_landmarks
+from robotctl.model.pose_estimate import LocalisationStatus, PoseEstimate
+from robotctl.model.recording import Recording
+from robotctl.telemetry.mrclam_log import ROBOTS, read_mrclam
+
+GOAL_M, GOAL_INSIDE = 0.15, 0.90
+START_SIGMA = np.array([0.25, 0.25, 0.1])
+DISTURBED = 3
+STEP_NS = 100_000_000
+
+Estimator = Callable[[Recording, PoseEstimate], Iterator[PoseEstimate]]
+
+
+def self_calibrating(recording: Recording, start: PoseEstimate) -> Iterator[PoseEstimate]:
+    """The filter of `robotctl localize --method ekf`."""
+    for step in localise_by_landmarks(recording, LandmarkConfig(), start):
+        yield step.estimate
+
+
+def textbook(recording: Recording, start: PoseEstimate) -> Iterator[PoseEstimate]:
+    """Pose and velocities alone, with the noises that the data set's readers report."""
+    config = EkfConfig(
+        motion=LandmarkConfig().motion,
+        landmark_range_sigma_m=0.1,
+        landmark_range_sigma_m_per_m=0.0,
+        landmark_bearing_sigma_rad=0.02,
+    )
+    odometry, ekf = CountedOdometry(recording), PoseEkf(config, start)
+    sightings = [each for each in recording.sightings if each.stamp_ns >= start.stamp_ns]
+    before, seen = odometry.at(start.stamp_ns, 0.0), 0
+    for stamp_ns in range(start.stamp_ns + STEP_NS, odometry.end_ns, STEP_NS):
+        while seen < len(sightings) and sightings[seen].stamp_ns <= stamp_ns:
+            each = sightings[seen]
+            place = recording.landmarks[each.landmark]
+            ekf.update_landmark(each.stamp_ns, place, each.range_m, each.bearing_rad)
+            seen += 1
+        now = odometry.at(stamp_ns, 0.0)
+        ekf.predict(stamp_ns, now.distance_m - before.distance_m, now.turn_rad - before.turn_rad)
+        before = now
+        yield ekf.estimate()
+
+
+def dead_reckoning(recording: Recording, start: PoseEstimate) -> Iterator[PoseEstimate]:
+    """The same without sightings."""
+    blind = Recording(
+        recording.name, twist_stamps_ns=recording.twist_stamps_ns, twists=recording.twists
+    )
+    return textbook(blind, start)
+
+
+ESTIMATORS: dict[str, Estimator] = {
+    "LandmarkEkf": self_calibrating,
+    "PoseEkf": textbook,
+    "dead reckoning": dead_reckoning,
+}
+
+
+def recordings() -> Iterator[Recording]:
+    """Each robot of each MRCLAM folder under ROBOTCTL_DATA that has a reference."""
+    folder = Path(os.environ.get("ROBOTCTL_DATA", "../shared/data"), "mrclam")
+    for data_set in sorted(folder.glob("MRCLAM_Dataset*")):
+        for robot in range(1, ROBOTS + 1):
+            if any(data_set.glob(f"Robot{robot}_Groundtruth.dat*")):
+                yield read_mrclam(data_set, robot)
+
+
+def start_of(recording: Recording, seed: int | None) -> PoseEstimate:
+    """The reference's pose where motion begins; with a seed, as far off as START_SIGMA says."""
+    reference = recording.reference
+    assert reference is not None
+    begin_ns = max(int(recording.twist_stamps_ns[0]), int(reference.stamps_ns[0]))
+    pose = reference.at(begin_ns)
+    assert pose is not None
+    sigma = START_SIGMA if seed is not None else np.full(3, 0.05)
+    off = (
+        sigma * np.random.default_rng(seed).standard_normal(3) if seed is not None else 0.0 * sigma
+    )
+    x, y, theta = (np.array([pose.x_m, pose.y_m, pose.theta_rad]) + off).tolist()
+    return PoseEstimate(
+        begin_ns, type(pose)(x, y, theta), np.diag(sigma**2), LocalisationStatus.LOCALISED
+    )
+
+
+def figures(recording: Recording, estimates: Iterator[PoseEstimate]) -> tuple[float, ...]:
+    """Return rmse [m], greatest error [m], heading rmse [rad], NEES inside, share said lost."""
+    errors, headings, nees, lost = [], [], [], []
+    for estimate in estimates:
+        truth = recording.reference.at(estimate.stamp_ns)
+        if truth is None:
+            continue
+        pose = estimate.pose
+        errors.append(math.hypot(pose.x_m - truth.x_m, pose.y_m - truth.y_m))
+        headings.append(math.remainder(pose.theta_rad - truth.theta_rad, math.tau))
+        nees.append(pose_nees(estimate, truth))
+        lost.append(estimate.status is LocalisationStatus.LOST)
+    return (
+        float(np.sqrt(np.mean(np.square(errors)))),
+        max(errors),
+        float(np.sqrt(np.mean(np.square(headings)))),
+        share_inside(np.array(nees), 3),
+        float(np.mean(lost)),
+    )
+
+
+def run(rounds: int, seconds: float) -> None:
+    """Follow each robot from the reference's start, and from starts that are off."""
+    rows, all_met = [], True
+    for recording in recordings():
+        starts = [None, *range(DISTURBED)]
+        for name, estimator in ESTIMATORS.items():
+            for seed in starts if name == "LandmarkEkf" else [None]:
+                rmse, most, heading, inside, lost = figures(
+                    recording, estimator(recording, start_of(recording, seed))
+                )
+                if name == "LandmarkEkf":
+                    all_met &= rmse <= GOAL_M and inside >= GOAL_INSIDE and lost == 0.0
+                start = "reference" if seed is None else f"off, seed {seed}"
+                rows.append(
+                    (
+                        recording.name,
+                        name,
+                        start,
+                        f"{rmse:.3f}",
+                        f"{most:.2f}",
+                        f"{heading:.3f}",
+                        f"{inside:.3f}",
+                        f"{lost:.3f}",
+                    )
+                )
+    heads = ("log", "estimator", "start", "rmse m", "max m", "heading rad", "NEES in 95 %", "lost")
+    machine.table("Localisation by landmarks", heads, rows)
+    machine.note(
+        f"goal of LandmarkEkf: rmse <= {GOAL_M:g} m, NEES inside >= {GOAL_INSIDE:g}, never lost: "
+        f"{'met' if all_met and rows else 'not met' if rows else 'no recordings in ROBOTCTL_DATA'}"
+    )
