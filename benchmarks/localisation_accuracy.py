@@ -220,8 +220,7 @@ def _track_row(log: Log, runs: list[Errors]) -> tuple[str, ...]:
 
 def _found_row(name: str, runs: list[Errors]) -> tuple[str, ...]:
     found = [run for run in runs if run.right[-STABLE:].all()]
-    # The scan after the last wrong estimate.
-    after = [FIRST - int(np.argmin(np.append(run.right, False)[::-1][1:])) for run in found]
+    after = [int(np.max(np.flatnonzero(~run.right), initial=-1)) + 1 for run in found]
     return (
         name,
         f"{len(found)} of {len(runs)}",

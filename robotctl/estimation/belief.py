@@ -58,14 +58,13 @@ def clusters(
     """
     labels = connected_bins(poses, size)
     masses = np.bincount(labels, weights)
+    if len(masses) == 1:
+        return [_cluster(poses, weights)]
     heaviest = np.argsort(-masses, kind="stable")[:most]
-    return [_cluster(poses, weights, labels == label) for label in heaviest if masses[label] > 0.0]
+    inside = (labels == label for label in heaviest if masses[label] > 0.0)
+    return [_cluster(poses[its], weights[its]) for its in inside]
 
 
-def _cluster(
-    poses: NDArray[np.float64], weights: NDArray[np.float64], inside: NDArray[np.bool_]
-) -> Cluster:
-    its_poses, its_weights = poses[inside], weights[inside]
-    mean = weighted_mean(its_poses, its_weights)
-    covariance = weighted_covariance(its_poses, its_weights, mean)
-    return Cluster(float(its_weights.sum()), mean, covariance)
+def _cluster(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Cluster:
+    mean = weighted_mean(poses, weights)
+    return Cluster(float(weights.sum()), mean, weighted_covariance(poses, weights, mean))

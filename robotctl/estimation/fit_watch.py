@@ -1,11 +1,13 @@
 """Whether measurements fit a belief worse than they used to.
 
-The evidence of a measurement, log p(z | belief), has for a tracked robot a level and a scatter that
-depend on sensor and map, and are learnt while it is localised. A robot that was carried away falls
-below them. That is the idea of w_slow and w_fast in augmented MCL (Probabilistic Robotics, table
-8.3); here on logarithms, so that one product of sixty beams does not outweigh all others, and with
-Page's cumulated sum as the test (Page 1954, "Continuous inspection schemes"), so that one bad scan
-is no alarm and several in a row are.
+For a tracked robot two figures of a measurement have a level and a scatter that depend on sensor
+and map: its evidence, log p(z | belief), and how far that exceeds the evidence of poses drawn
+anywhere. Both are learnt while the robot is localised. A robot that was carried away falls below
+both; a crowd or a strange corner below the first alone, an empty place that resembles many others
+below the second. That is the idea of w_slow and w_fast in augmented MCL (Probabilistic Robotics,
+table 8.3); here on logarithms, so that one product of sixty beams does not outweigh all others, and
+with Page's cumulated sum as the test (Page 1954, "Continuous inspection schemes"), so that one bad
+scan is no alarm and several in a row are.
 """
 
 from __future__ import annotations
@@ -15,13 +17,10 @@ from typing import Final
 
 _MEMORY: Final = 100
 """Measurements over which level and scatter are averaged."""
-_LEVEL: Final = -2.0
-_SCATTER: Final = 2.0
 _WORTH: Final = 20
-"""Level and scatter [nat] that are assumed before anything is learnt, worth so many measurements: a
-perfect fit has about 0 (`log_likelihood.py`)."""
+"""What is assumed of them at first is worth so many measurements."""
 _LEAST_SCATTER: Final = 0.5
-"""Of the evidence [nat]."""
+"""[nat]."""
 _SLACK: Final = 1.0
 """Standard deviations below the level that are still nothing."""
 _GREATEST: Final = 4.0
@@ -33,28 +32,51 @@ _ALARM: Final = 10.0
 
 
 class FitWatch:
-    """Level, scatter and cumulated fall of the evidence of one sensor."""
+    """Watches the fit of one sensor's measurements.
+
+    At first a perfect fit is taken to have an evidence of about 0 (`log_likelihood.py`).
+    """
 
     def __init__(self) -> None:
-        self._count = _WORTH
-        self._level = _LEVEL
-        self._variance = _SCATTER**2
-        self._fallen = 0.0
+        self._evidence = _Watched(level=-2.0, scatter=2.0)
+        self._advantage = _Watched(level=10.0, scatter=4.0)
+
+    def is_bad(self, evidence: float, elsewhere: float) -> bool:
+        """Take in a measurement; return whether the fit has become bad.
+
+        Parameters
+        ----------
+        evidence, elsewhere
+            Log-evidence of the belief, and of poses anywhere; not both -inf.
+        """
+        fallen = self._evidence.fallen(evidence)
+        return min(fallen, self._advantage.fallen(evidence - elsewhere)) > _ALARM
 
     def forgive(self) -> None:
-        """Begin a new sum; level and scatter stay."""
-        self._fallen = 0.0
+        """Begin new sums; levels and scatters stay."""
+        self._evidence.sum = 0.0
+        self._advantage.sum = 0.0
 
-    def is_bad(self, evidence: float) -> bool:
-        """Take in the evidence [nat] of a measurement; return whether the fit has become bad."""
+
+class _Watched:
+    """Level and scatter of a figure [nat], and the sum of its falls [standard deviations]."""
+
+    def __init__(self, level: float, scatter: float) -> None:
+        self._count = _WORTH
+        self._level = level
+        self._variance = scatter**2
+        self.sum = 0.0
+
+    def fallen(self, figure: float) -> float:
+        """Take in a figure and return the sum."""
         scatter = max(math.sqrt(self._variance), _LEAST_SCATTER)
-        off = min(max((evidence - self._level) / scatter, -_GREATEST), _GREATEST)
-        self._fallen = max(0.0, self._fallen - off - _SLACK)
+        off = (figure - self._level) / scatter
+        self.sum = max(0.0, self.sum - min(max(off, -_GREATEST), _GREATEST) - _SLACK)
         self._learn(min(max(off, -_LEARNT_FROM), _LEARNT_FROM) * scatter)
-        return self._fallen > _ALARM
+        return self.sum
 
     def _learn(self, off: float) -> None:
-        """Move level and variance by a measurement that was so far off [nat]."""
+        """Move level and variance by a figure that was so far off [nat]."""
         self._count += 1
         gain = max(1.0 / self._count, 1.0 / _MEMORY)
         self._level += gain * off

@@ -239,7 +239,7 @@ class MonteCarloLocaliser:
         _, elsewhere = posterior(np.full(len(scouts), 1.0 / len(scouts)), scout_logs)
         self._elsewhere = max(self._elsewhere, math.log(config.carried_away))
         self._elsewhere += elsewhere - evidence
-        fits = not self._watches.setdefault(sensor, FitWatch()).is_bad(evidence)
+        fits = not self._watches.setdefault(sensor, FitWatch()).is_bad(evidence, elsewhere)
         if self._elsewhere > 0.0 or not fits:
             self._set_out()
             self._search(log_likelihood)

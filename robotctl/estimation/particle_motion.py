@@ -117,12 +117,12 @@ class OdometryWay:
         NDArray
             (n, 3), headings in [-pi, pi].
         """
-        floor = np.array([self._config.floor_m, self._config.floor_m, self._config.floor_rad])
-        root = np.linalg.cholesky(self.covariance + np.diag(floor**2)).astype(np.float64)
+        floor_m, floor_rad = self._config.floor_m, self._config.floor_rad
+        covariance = self.covariance + np.diag([floor_m**2, floor_m**2, floor_rad**2])
         noise = rng.standard_normal(poses.shape)
         motion = np.array([self.motion.x_m, self.motion.y_m, self.motion.theta_rad])
         result = np.empty_like(poses)
-        _move(poses, motion, root, noise, result)
+        _move(poses, motion, covariance, noise, result)
         return result
 
 
@@ -130,18 +130,23 @@ class OdometryWay:
 def _move(
     poses: NDArray[np.float64],
     motion: NDArray[np.float64],
-    root: NDArray[np.float64],
+    covariance: NDArray[np.float64],
     noise: NDArray[np.float64],
     result: NDArray[np.float64],
 ) -> None:
-    """Fill `result` with pose @ (motion + root noise) for each pose."""
+    """Fill `result` with pose @ (motion + root noise), root root^T = covariance (Cholesky)."""
     turn = 2.0 * math.pi
+    xx = math.sqrt(covariance[0, 0])
+    yx, tx = covariance[1, 0] / xx, covariance[2, 0] / xx
+    yy = math.sqrt(covariance[1, 1] - yx * yx)
+    ty = (covariance[2, 1] - tx * yx) / yy
+    tt = math.sqrt(covariance[2, 2] - tx * tx - ty * ty)
     for i in range(len(poses)):
         a, b, c = noise[i, 0], noise[i, 1], noise[i, 2]
-        dx = motion[0] + root[0, 0] * a
-        dy = motion[1] + root[1, 0] * a + root[1, 1] * b
+        dx = motion[0] + xx * a
+        dy = motion[1] + yx * a + yy * b
         cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         result[i, 0] = poses[i, 0] + cos * dx - sin * dy
         result[i, 1] = poses[i, 1] + sin * dx + cos * dy
-        theta = poses[i, 2] + motion[2] + root[2, 0] * a + root[2, 1] * b + root[2, 2] * c
+        theta = poses[i, 2] + motion[2] + tx * a + ty * b + tt * c
         result[i, 2] = theta - turn * np.rint(theta / turn)

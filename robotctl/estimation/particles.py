@@ -118,16 +118,59 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> S
     poses, weights
         (n, 3) and (n,), weights of any sum > 0.
     """
-    x, y = (weights @ poses[:, :2]) / weights.sum()
-    theta = math.atan2(float(weights @ np.sin(poses[:, 2])), float(weights @ np.cos(poses[:, 2])))
-    return SE2(float(x), float(y), theta)
+    total, x, y, cos, sin = _sums(poses, weights)
+    return SE2(x / total, y / total, math.atan2(sin, cos))
+
+
+@compiled
+def _sums(
+    poses: NDArray[np.float64], weights: NDArray[np.float64]
+) -> tuple[float, float, float, float, float]:
+    """Return the sums of w, w x, w y, w cos(theta) and w sin(theta)."""
+    total, x, y, cos, sin = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(poses)):
+        w = weights[i]
+        total += w
+        x += w * poses[i, 0]
+        y += w * poses[i, 1]
+        cos += w * math.cos(poses[i, 2])
+        sin += w * math.sin(poses[i, 2])
+    return total, x, y, cos, sin
 
 
 def weighted_covariance(
     poses: NDArray[np.float64], weights: NDArray[np.float64], mean: SE2
 ) -> NDArray[np.float64]:
     """Return the covariance of (x, y, theta) about a mean, (3, 3), headings by the shorter way."""
-    off = poses - (mean.x_m, mean.y_m, mean.theta_rad)
-    off[:, 2] -= math.tau * np.round(off[:, 2] / math.tau)
-    covariance: NDArray[np.float64] = (off.T * weights) @ off / weights.sum()
+    covariance = np.empty((3, 3))
+    _spread(poses, weights, mean.x_m, mean.y_m, mean.theta_rad, covariance)
     return covariance
+
+
+@compiled
+def _spread(
+    poses: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    x: float,
+    y: float,
+    theta: float,
+    covariance: NDArray[np.float64],
+) -> None:
+    """Fill `covariance` with the second moments about a mean."""
+    turn = 2.0 * math.pi
+    total, xx, xy, yy, xt, yt, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(poses)):
+        w, dx, dy = weights[i], poses[i, 0] - x, poses[i, 1] - y
+        dt = poses[i, 2] - theta
+        dt -= turn * np.rint(dt / turn)
+        total += w
+        xx += w * dx * dx
+        xy += w * dx * dy
+        yy += w * dy * dy
+        xt += w * dx * dt
+        yt += w * dy * dt
+        tt += w * dt * dt
+    covariance[0, 0], covariance[1, 1], covariance[2, 2] = xx / total, yy / total, tt / total
+    covariance[0, 1] = covariance[1, 0] = xy / total
+    covariance[0, 2] = covariance[2, 0] = xt / total
+    covariance[1, 2] = covariance[2, 1] = yt / total

@@ -17,6 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.angles import sinc
 from robotctl.model.motion import arc
 from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.se2 import SE2
@@ -26,6 +27,8 @@ __all__ = ["MotionNoise", "added_covariance", "pose_jacobian", "propagate"]
 Matrix: TypeAlias = NDArray[np.float64]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_QUADRATURE = tuple(zip((0.5 * (_NODES + 1.0)).tolist(), _WEIGHTS.tolist(), strict=True))
+"""Where along a piece, and with which weight of 2 in all."""
 _MAX_PIECE_RAD = 1.0
 """Turn of one quadrature piece: 8 nodes integrate it to rounding."""
 
@@ -69,25 +72,34 @@ def added_covariance(pose: SE2, distance_m: float, angle_rad: float, noise: Moti
     """
     pieces = max(1, math.ceil(abs(angle_rad) / _MAX_PIECE_RAD))
     d, alpha = distance_m / pieces, angle_rad / pieces
-    Q = np.zeros((3, 3))
-    for _ in range(pieces):
+    Q = _piece_covariance(pose, d, alpha, noise)
+    for _ in range(1, pieces):
+        pose = arc(pose, d, alpha)
         F = pose_jacobian(pose, d, alpha)
         Q = F @ Q @ F.T + _piece_covariance(pose, d, alpha, noise)
-        pose = arc(pose, d, alpha)
     return Q
 
 
 def _piece_covariance(pose: SE2, d: float, alpha: float, noise: MotionNoise) -> Matrix:
-    """Return Q of an arc of at most `_MAX_PIECE_RAD`, (3, 3)."""
-    share = 0.5 * (_NODES + 1.0)
-    theta = pose.theta_rad + alpha * share
-    u = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)])
-    # from the point at s to the end: a chord of the rest of the arc
-    half = 0.5 * alpha * (1.0 - share)
-    chord = d * (1.0 - share) * np.sinc(half / math.pi)
-    b = np.stack([-chord * np.sin(theta + half), chord * np.cos(theta + half), np.ones_like(half)])
-    along = noise.e_m_per_sqrt_m**2 * abs(d)
-    turning = noise.f_rad_per_sqrt_m**2 * abs(d) + noise.g_rad_per_sqrt_rad**2 * abs(alpha)
-    weights = 0.5 * _WEIGHTS
-    Q: Matrix = along * (u * weights) @ u.T + turning * (b * weights) @ b.T
-    return Q
+    """Return Q of an arc of at most `_MAX_PIECE_RAD`, (3, 3).
+
+    In plain floats: sums over eight nodes cost less so than calls of numpy.
+    """
+    along = 0.5 * noise.e_m_per_sqrt_m**2 * abs(d)
+    turning = 0.5 * (noise.f_rad_per_sqrt_m**2 * abs(d) + noise.g_rad_per_sqrt_rad**2 * abs(alpha))
+    xx = xy = yy = xt = yt = tt = 0.0
+    for share, weight in _QUADRATURE:
+        theta = pose.theta_rad + alpha * share
+        ux, uy = math.cos(theta), math.sin(theta)
+        # from the point at s to the end: a chord of the rest of the arc
+        half = 0.5 * alpha * (1.0 - share)
+        chord = d * (1.0 - share) * sinc(half)
+        bx, by = -chord * math.sin(theta + half), chord * math.cos(theta + half)
+        a, b = along * weight, turning * weight
+        xx += a * ux * ux + b * bx * bx
+        xy += a * ux * uy + b * bx * by
+        yy += a * uy * uy + b * by * by
+        xt += b * bx
+        yt += b * by
+        tt += b
+    return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])

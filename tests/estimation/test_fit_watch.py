@@ -7,11 +7,13 @@ import pytest
 
 from robotctl.estimation.fit_watch import FitWatch
 
+ADVANTAGE = 12.0
 
-def alarms(watch: FitWatch, evidences: np.ndarray) -> int | None:
+
+def alarms(watch: FitWatch, evidences: np.ndarray, elsewhere: float = -ADVANTAGE) -> int | None:
     """Return at which measurement the alarm came; None if never."""
     for i, evidence in enumerate(evidences):
-        if watch.is_bad(float(evidence)):
+        if watch.is_bad(float(evidence), elsewhere):
             return i
     return None
 
@@ -20,17 +22,32 @@ def alarms(watch: FitWatch, evidences: np.ndarray) -> int | None:
 @pytest.mark.parametrize("scatter", [0.01, 1.0, 5.0])
 def test_scatter_about_a_level_is_no_alarm(level, scatter):
     evidences = level + scatter * np.random.default_rng(1).normal(size=5000)
-    assert alarms(FitWatch(), evidences) is None
+    assert alarms(FitWatch(), evidences, level - ADVANTAGE) is None
 
 
 @pytest.mark.parametrize("level", [0.0, -4.0, 10.0])
-def test_a_lasting_fall_by_four_scatters_is_an_alarm_within_six_measurements(level):
+def test_a_lasting_fall_by_four_scatters_is_an_alarm_within_eight_measurements(level):
     rng = np.random.default_rng(2)
     watch = FitWatch()
-    assert alarms(watch, level + rng.normal(size=1000)) is None
-    at = alarms(watch, level - 4.0 + rng.normal(size=20))
+    elsewhere = level - ADVANTAGE
+    assert alarms(watch, level + rng.normal(size=1000), elsewhere) is None
+    at = alarms(watch, level - 4.0 + rng.normal(size=20), elsewhere)
     assert at is not None
-    assert at < 6
+    assert at < 8
+
+
+def test_a_crowd_that_makes_all_poses_worse_is_no_alarm():
+    rng = np.random.default_rng(2)
+    watch = FitWatch()
+    assert alarms(watch, rng.normal(size=500)) is None
+    assert alarms(watch, rng.normal(size=20) - 6.0, -6.0 - ADVANTAGE) is None
+
+
+def test_a_place_that_resembles_many_others_is_no_alarm():
+    rng = np.random.default_rng(2)
+    watch = FitWatch()
+    assert alarms(watch, rng.normal(size=500)) is None
+    assert alarms(watch, rng.normal(size=20), -1.0) is None
 
 
 def test_single_bad_measurements_are_no_alarm():
@@ -40,7 +57,7 @@ def test_single_bad_measurements_are_no_alarm():
 
 
 def test_a_fit_that_is_bad_from_the_start_is_an_alarm_before_it_is_learnt():
-    assert alarms(FitWatch(), np.full(20, -10.0)) is not None
+    assert alarms(FitWatch(), np.full(20, -14.0), -10.0) is not None
 
 
 def test_an_impossible_measurement_counts_like_a_very_bad_one():
@@ -52,9 +69,9 @@ def test_forgiven_is_what_has_fallen_and_not_what_is_learnt():
     watch = FitWatch()
     rng = np.random.default_rng(4)
     assert alarms(watch, rng.normal(size=300)) is None
-    first = alarms(watch, np.full(30, -5.0))
+    first = alarms(watch, np.full(30, -6.0))
     watch.forgive()
-    again = alarms(watch, np.full(30, -5.0))
+    again = alarms(watch, np.full(30, -6.0))
     assert first is not None
     assert again is not None
     assert first <= again <= first + 2
