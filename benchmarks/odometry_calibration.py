@@ -4,7 +4,8 @@ The robot drives Borenstein's square of 2 m both ways five times and a straight 
 steered by its own odometry. What its wheels really do is drawn: radii wrong by up to 3 % each,
 track or wheelbase by 5 %, a steering that stands up to 0.03 rad beside its zero; rolling noise as
 floor_noise and floor_length_m of the robot's file make it; a robot placed and a tape read with
-errors. Kinematics alone: `robotctl calibrate odometry` drives the simulated robot in full.
+errors. First kinematics alone, for 100 seeds; then the whole simulated robot in lockstep, with
+motors, slip and controller, for a few.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import machine
+from robotctl.app.calibrate_squares import Campaign
 from robotctl.app.config import find_file, load_robot
 from robotctl.estimation.odometry_calibration import Calibration, calibrate
 from robotctl.estimation.odometry_fit import Reference
@@ -26,7 +28,7 @@ from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.se2 import SE2
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")
-SEEDS = 100
+SEEDS, FULL_SEEDS = 100, 5
 SIDE_M, RADIUS_M, STRAIGHT_M = 2.0, 0.6, 4.0
 SQUARES, STRAIGHTS = 5, 3
 TAPE_M, PLACED_RAD = 0.002, math.radians(0.5)
@@ -87,6 +89,33 @@ def calibrated(nominal: Drive, seed: int) -> tuple[NDArray[np.float64], Calibrat
     return change, calibrate(nominal, runs, tape, MotionNoise())
 
 
+def calibrated_in_full(robot: str, seed: int) -> tuple[NDArray[np.float64], Calibration]:
+    """Return the same for the simulated robot, as `robotctl calibrate odometry` drives it."""
+    path = find_file(robot)
+    nominal = load_robot(path).drive
+    model = OdometryModel(nominal)
+    change = true_change(model, np.random.default_rng(seed))
+    campaign = Campaign(path, _disturbed(nominal, model.drive(change)), seed)
+    runs = list(campaign.drives(model, lambda _line: None))
+    tape = Reference(TAPE_M, PLACED_RAD, fixed=True, follows_base=True)
+    return change, calibrate(nominal, runs, tape, MotionNoise())
+
+
+def _disturbed(nominal: Drive, true: Drive) -> tuple[str, ...]:
+    """Return the settings that make the simulated robot the true one."""
+    pairs = zip(true.wheel_radii_m, nominal.wheel_radii_m, strict=True)
+    radii = [is_m / should_m - 1.0 for is_m, should_m in pairs]
+    errors = [f"wheel_radius=[{radii[0]}, {radii[-1]}]"]
+    if isinstance(true, DifferentialDrive) and isinstance(nominal, DifferentialDrive):
+        errors.append(f"track_width={true.track_width_m / nominal.track_width_m - 1.0}")
+    elif not (isinstance(true, DifferentialDrive) or isinstance(nominal, DifferentialDrive)):
+        errors.append(f"wheelbase={true.wheelbase_m / nominal.wheelbase_m - 1.0}")
+        errors.append(
+            f"steering_offset_rad={true.steering_offset_rad - nominal.steering_offset_rad}"
+        )
+    return tuple(f"simulation.errors.{error}" for error in errors)
+
+
 def held(change: NDArray[np.float64], found: Calibration) -> NDArray[np.bool_]:
     """Return which intervals hold the truth: three keys of the drive, then the two diameters."""
     hits = (np.abs(found.change - change) <= found.change_half_width).tolist()
@@ -102,17 +131,23 @@ def run(_rounds: int, _seconds: float) -> None:
     """Print how many of the seeds' intervals hold the truth, for each robot and key."""
     for robot in ROBOTS:
         nominal = load_robot(find_file(robot)).drive
-        model = OdometryModel(nominal)
-        hits, widths = [], []
-        for seed in range(SEEDS):
-            change, found = calibrated(nominal, seed)
-            hits.append(held(change, found))
-            widths.append(found.change_half_width)
-        diameters = isinstance(nominal, DifferentialDrive)
-        names = [*model.keys, *(("left diameter", "right diameter") if diameters else ())]
-        counts = np.sum(hits, axis=0).tolist()
-        machine.note(f"\n{robot}: seeds of {SEEDS} whose 95 % interval holds the truth")
-        for name, count in zip(names, counts, strict=True):
-            machine.note(f"  {name:<22}{count}")
-        middle = ", ".join(f"{width:.5f}" for width in np.median(widths, axis=0))
-        machine.note(f"  median half width of the changes: {middle}")
+        _count(f"{robot}, kinematics", [calibrated(nominal, seed) for seed in range(SEEDS)])
+    for robot in ROBOTS:
+        _count(f"{robot}, in full", [calibrated_in_full(robot, seed) for seed in range(FULL_SEEDS)])
+
+
+def _count(title: str, results: list[tuple[NDArray[np.float64], Calibration]]) -> None:
+    """Print one table."""
+    model = results[0][1].model
+    diameters = ("left diameter", "right diameter")
+    names = [*model.keys, *(diameters if len(model.nominal.wheel_radii_m) == 2 else ())]
+    counts = np.sum([held(*result) for result in results], axis=0).tolist()
+    machine.note(f"\n{title}: seeds of {len(results)} whose 95 % interval holds the truth")
+    for name, count in zip(names, counts, strict=True):
+        machine.note(f"  {name:<22}{count}")
+    for what, rows in (
+        ("half width, median", [found.change_half_width for _, found in results]),
+        ("error, greatest", [np.abs(found.change - change) for change, found in results]),
+    ):
+        middle = np.median(rows, axis=0) if "median" in what else np.max(rows, axis=0)
+        machine.note(f"  {what:<22}{', '.join(f'{value:.5f}' for value in middle)}")
