@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -136,8 +137,10 @@ class Estimators:
         return found
 
 
-def make_estimators(config: RobotConfig, start: SE2) -> Estimators:
+def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators:
     """Return the estimators of a robot that starts at a pose, compiled and ready.
+
+    `beside` is the folder of the robot's file, where its map may lie.
 
     Raises
     ------
@@ -148,7 +151,7 @@ def make_estimators(config: RobotConfig, start: SE2) -> Estimators:
     history = OdometryHistory()
     grid = OccupancyGrid()
     mapper = Mapper(grid, config.sonar, history) if config.localisation.mapping else None
-    return Estimators(_localiser(config, start, history), mapper, history)
+    return Estimators(_localiser(config, start, beside, history), mapper, history)
 
 
 def _rehearse(config: RobotConfig) -> None:
@@ -179,12 +182,14 @@ def _rehearse(config: RobotConfig) -> None:
     grid.to_map()
 
 
-def _localiser(config: RobotConfig, start: SE2, history: OdometryHistory) -> Localiser | None:
+def _localiser(
+    config: RobotConfig, start: SE2, beside: Path, history: OdometryHistory
+) -> Localiser | None:
     """Return the localiser of a robot; None where odometry is enough."""
     settings = config.localisation
     if settings.method == "none":
         return None
-    chart = load_localisation_map(settings.map)
+    chart = load_localisation_map(settings.map, beside)
     sigma_rad = math.radians(settings.start_sigma_deg)
     if settings.method == "ekf":
         if chart.walls is None:

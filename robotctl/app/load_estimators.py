@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotctl.app.config import RobotConfig
@@ -25,4 +26,5 @@ def load_estimators(config: RobotConfig, options: StackOptions) -> Estimators | 
     # numba, scipy and filterpy take a second to load and 100 MB of memory.
     from robotctl.app.estimators import make_estimators  # noqa: PLC0415
 
-    return make_estimators(config, SE2(options.x_m, options.y_m, options.theta_rad))
+    start = SE2(options.x_m, options.y_m, options.theta_rad)
+    return make_estimators(config, start, Path(options.robot).resolve().parent)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from robotctl.app.config import find_file
 from robotctl.app.map_file import load_map
@@ -23,8 +24,11 @@ class LocalisationMap:
     walls: WallMap | None
 
 
-def load_localisation_map(name: str) -> LocalisationMap:
+def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     """Read a map: `.yaml` is a ROS map, anything else the file or name of a world.
+
+    A relative path counts from the folder `beside`, that of the robot's file, then from the working
+    directory.
 
     Raises
     ------
@@ -33,7 +37,9 @@ def load_localisation_map(name: str) -> LocalisationMap:
     """
     if not name:
         raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
+    here = beside / name
     if name.endswith(_CELLS):
-        return LocalisationMap(load_map(find_file(name, "maps", ".yaml")), None)
-    walls = load_walls(find_file(name, "worlds"))
+        path = here if here.is_file() else find_file(name, "maps", ".yaml")
+        return LocalisationMap(load_map(path), None)
+    walls = load_walls(here if here.is_file() else find_file(name, "worlds"))
     return LocalisationMap(grid_of_walls(walls), walls)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from robotctl.app.localize_ekf import run_ekf
 from robotctl.app.localize_mcl import run_mcl
 from robotctl.app.localize_options import LocalizeOptions, Progress
 from robotctl.app.localize_report import Run, report
+from robotctl.app.localize_walls import run_wall_ekf
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
@@ -59,11 +61,13 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
     OSError
         If a file cannot be read.
     """
-    chart = load_localisation_map(options.map) if options.map else None
+    chart = load_localisation_map(options.map, Path()) if options.map else None
     recording = read_recording(options.log, options.mrclam_robot)
     rng = np.random.default_rng(options.seed)
     if options.method == "mcl" and chart is not None:
         run = run_mcl(recording, options, chart, rng, progress)
+    elif chart is not None and chart.walls is not None and recording.sonar_mounts:
+        run = run_wall_ekf(recording, options, chart.walls, rng, progress)
     else:
         run = run_ekf(recording, options, rng, progress)
     return Localized(

@@ -14,6 +14,7 @@ from robotctl.app.estimators import Estimators, make_estimators
 from robotctl.app.localiser import SonarNews, external_covariance
 from robotctl.app.mapper import Mapper
 from robotctl.app.odometry_history import OdometryHistory
+from robotctl.errors import ConfigError
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
@@ -67,7 +68,7 @@ def estimators(world: Path, *settings: str) -> Estimators:
     config = load_robot(
         find_file("diff_drive"), (f'localisation.map="{world}"', "sonar=[]", *settings)
     )
-    return make_estimators(config, SE2(1.0, 1.0, 0.0))
+    return make_estimators(config, SE2(1.0, 1.0, 0.0), world.parent)
 
 
 def way(stamp_ns: int) -> SE2:
@@ -222,6 +223,17 @@ def test_sonar_readings_are_told_once_those_of_one_time_together() -> None:
 def test_a_covariance_from_outside_is_used_as_far_as_it_is_one(given, expected) -> None:
     found = external_covariance(ExternalPose(0, 0.0, 0.0, 0.0, given))
     assert found == pytest.approx(np.array(expected))
+
+
+def test_a_map_may_lie_beside_the_robots_file(world: Path, monkeypatch) -> None:
+    monkeypatch.chdir("/")
+    config = load_robot(
+        find_file("diff_drive"), ('localisation.method="mcl"', 'localisation.map="room.toml"')
+    )
+    several = make_estimators(config, SE2(1.0, 1.0, 0.0), world.parent)
+    assert several.localiser is not None
+    with pytest.raises(ConfigError, match=r"room\.toml"):
+        make_estimators(config, SE2(1.0, 1.0, 0.0), Path("/"))
 
 
 def test_the_room_of_these_tests_is_the_one_of_the_file(world: Path) -> None:
