@@ -39,13 +39,22 @@ class OccupancyGridConfig:
     """Full width of a sonar's cone [deg]."""
     sonar_band_m: float = 0.05
     """Cells so much nearer or farther than the range count as at it [m]."""
-    sonar_range_m: float = 5.0
-    """A sonar's range from here on is no echo: the cone is free up to here [m]."""
+    sonar_range_m: float = 2.5
+    """A sonar's echo from farther says only that the cone is free up to here [m]: its arc is too
+    wide to say where."""
+    sonar_no_echo_m: float = 1.0
+    """How far a sonar without an echo says free [m]: smooth walls at an angle return none."""
 
     def __post_init__(self) -> None:
         for key in ("limit", "hit", "miss", "sonar_hit", "sonar_miss"):
             self._check(key, 0.0, math.inf)
-        for key in ("range_limit_m", "no_echo_m", "sonar_band_m", "sonar_range_m"):
+        for key in (
+            "range_limit_m",
+            "no_echo_m",
+            "sonar_band_m",
+            "sonar_range_m",
+            "sonar_no_echo_m",
+        ):
             self._check(key, 0.0, 1e4)
         self._check("resolution_m", 1e-4, 1e4)
         self._check("fan_deg", 0.0, 90.0)

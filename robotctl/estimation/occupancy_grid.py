@@ -138,7 +138,7 @@ class OccupancyGrid:
     def update_sonar(self, pose: SE2, mount: SonarMount, range_m: float) -> None:
         """Add one sonar's range [m], heard at a pose of `base` in `world`.
 
-        inf, or a range from `sonar_range_m` on, is no echo: the cone is free. nan says nothing.
+        inf is no echo, after which the cone is free up to `sonar_no_echo_m`; nan says nothing.
 
         Raises
         ------
@@ -157,7 +157,8 @@ class OccupancyGrid:
                 f"the pose must be finite, and lie less than {MAX_AWAY:g} cells away, found {pose}"
             )
         echo = range_m < config.sonar_range_m
-        distance = (range_m if echo else config.sonar_range_m) / side_m
+        free_m = config.sonar_no_echo_m if math.isinf(range_m) else config.sonar_range_m
+        distance = (range_m if echo else free_m) / side_m
         band = max(config.sonar_band_m / side_m, math.sqrt(0.5))
         x, y = sensor.x_m / side_m, sensor.y_m / side_m
         middle, reach = np.array([y, x]), distance + band + 2.0

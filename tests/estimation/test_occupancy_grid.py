@@ -14,7 +14,13 @@ from tests.estimation.textbook_grid import classify, cone
 
 SIDE_M = 0.25
 CONFIG = OccupancyGridConfig(
-    resolution_m=SIDE_M, range_limit_m=3.5, no_echo_m=2.5, fan_deg=20.0, sonar_width_deg=40.0
+    resolution_m=SIDE_M,
+    range_limit_m=3.5,
+    no_echo_m=2.5,
+    fan_deg=20.0,
+    sonar_width_deg=40.0,
+    sonar_range_m=3.5,
+    sonar_no_echo_m=2.0,
 )
 HIT, MISS = CONFIG.steps(CONFIG.hit), CONFIG.steps(CONFIG.miss)
 
@@ -191,12 +197,12 @@ def test_a_pose_far_off_is_refused_and_the_grid_stays():
     np.testing.assert_array_equal(stored(grid), before)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(5))
 def test_a_sonar_says_of_each_cell_what_the_textbook_loop_says(seed):
     rng = np.random.default_rng(seed)
     pose = SE2(*rng.uniform(-1.0, 1.0, 2), rng.uniform(-3.0, 3.0))
     mount = SonarMount("left", 0.1, 0.2, 77.0)
-    range_m = (0.02, 1.3, 3.1, math.inf)[seed]
+    range_m, said_m = ((0.02, 0.02), (1.3, 1.3), (3.1, 3.1), (4.0, 3.5), (math.inf, 2.0))[seed]
     grid = OccupancyGrid(CONFIG)
     grid.update_sonar(pose, mount, range_m)
     sensor = pose @ SE2(0.1, 0.2, math.radians(77.0))
@@ -205,9 +211,9 @@ def test_a_sonar_says_of_each_cell_what_the_textbook_loop_says(seed):
         (sensor.x_m / SIDE_M + 40, sensor.y_m / SIDE_M + 40),
         sensor.theta_rad,
         math.radians(20.0),
-        min(range_m, CONFIG.sonar_range_m) / SIDE_M,
+        said_m / SIDE_M,
         math.sqrt(0.5),
-        math.isfinite(range_m),
+        range_m < CONFIG.sonar_range_m,
     )
     miss, hit = CONFIG.steps(CONFIG.sonar_miss), CONFIG.steps(CONFIG.sonar_hit)
     np.testing.assert_array_equal(stored(grid), np.select([said < 0, said > 0], [-miss, hit], 0))
