@@ -124,7 +124,7 @@ class MclLocaliser:
             self._heard.clear()
         if sensor not in self._heard:
             self._heard.add(sensor)
-            self._mcl.measure(measurement())
+            self._mcl.measure(measurement(), sensor)
 
 
 def pose_measurement(pose: ExternalPose) -> LogLikelihood:

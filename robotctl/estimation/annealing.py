@@ -65,7 +65,7 @@ def anneal(
         if reached >= 1.0:
             break
         chosen = resample_systematic(weights, n, rng)
-        poses, logs, weights = poses[chosen], logs[chosen], np.full(n, 1.0 / n)
+        poses, logs, weights = poses.take(chosen, axis=0), logs[chosen], np.full(n, 1.0 / n)
         for _ in range(_TRIALS):
             poses, logs = _tried(poses, logs, log_likelihood, reached, trials, rng)
     return poses, weights

@@ -197,7 +197,8 @@ class MonteCarloLocaliser:
         self._weights = np.concatenate([(1.0 - share) * self._weights, alike])
 
     def _resample(self, count: int) -> None:
-        self._poses = self._poses[resample_systematic(self._weights, count, self._rng)]
+        chosen = resample_systematic(self._weights, count, self._rng)
+        self._poses = self._poses.take(chosen, axis=0)
         self._weights = np.full(count, 1.0 / count)
 
     def _wanted_particles(self) -> int:
