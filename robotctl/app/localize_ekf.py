@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from robotctl.app.localize_options import (
-    START_SIGMA_M,
-    START_SIGMA_RAD,
     LocalizeError,
     LocalizeOptions,
     Progress,
-    disturbed_start,
+    known_start,
 )
 from robotctl.app.localize_report import Run
 from robotctl.app.recorded_motion import (
@@ -25,7 +23,6 @@ from robotctl.app.recorded_motion import (
 from robotctl.estimation.cylinders import CylinderConfig, cylinders
 from robotctl.estimation.landmark_config import LandmarkConfig
 from robotctl.estimation.landmark_localisation import CountedOdometry, localise_by_landmarks
-from robotctl.model.pose_estimate import LocalisationStatus, PoseEstimate
 from robotctl.model.recording import UNKNOWN_LANDMARK, Recording, Sighting
 
 _TOLD = 1000
@@ -50,8 +47,8 @@ def run_ekf(
         config = replace(config, arm_sigma_m=_ARM_SIGMA_M, bearing_sigma_rad=_BEARING_SIGMA_RAD)
     if not recording.sightings:
         raise LocalizeError(
-            f"{options.log}: no sightings of landmarks in it, which --method ekf needs; a log "
-            "with scans is for --method mcl"
+            f"{options.log}: no sightings of landmarks in it, and no sonars with a map of walls, "
+            "which --method ekf needs; a log with scans is for --method mcl"
         )
     start_rng, odometry_rng = rng.spawn(2)
     recording = with_noisy_motion(recording, options.odometry_noise, odometry_rng)
@@ -60,9 +57,7 @@ def run_ekf(
         begin_ns = max(CountedOdometry(recording).begin_ns, known_from_ns(recording))
     except ValueError as error:
         raise LocalizeError(str(error)) from error
-    pose = disturbed_start(recording, begin_ns, start_rng)
-    covariance = np.diag(np.square([START_SIGMA_M, START_SIGMA_M, START_SIGMA_RAD]))
-    start = PoseEstimate(begin_ns, pose, covariance, LocalisationStatus.LOCALISED)
+    start = known_start(recording, begin_ns, start_rng)
     run = Run(has_heading=recording.reference_has_heading)
     began_ns = time.process_time_ns()
     for step in localise_by_landmarks(recording, config, start):

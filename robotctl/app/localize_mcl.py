@@ -16,7 +16,7 @@ from robotctl.app.localize_options import (
     LocalizeError,
     LocalizeOptions,
     Progress,
-    disturbed_start,
+    known_start,
 )
 from robotctl.app.localize_report import Run
 from robotctl.app.mapping import choose_scans
@@ -91,8 +91,8 @@ def run_mcl(
     if not options.search:
         known_ns = known_from_ns(recording)
         moments = [each for each in moments if each.stamp_ns >= known_ns] or moments
-        start = disturbed_start(recording, moments[0].stamp_ns, start_rng)
-        localiser.start_at(start, START_SIGMA_M, START_SIGMA_RAD)
+        start = known_start(recording, moments[0].stamp_ns, start_rng)
+        localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
     heard: set[int] = set()

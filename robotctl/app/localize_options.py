@@ -12,6 +12,8 @@ import numpy as np
 
 from robotctl.app.recorded_motion import start_pose
 from robotctl.errors import ConfigError, RobotctlError
+from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.toml_source import nearest
@@ -100,8 +102,8 @@ class LocalizeOptions:
         return SEARCHING_PARTICLES if self.search else TRACKING_PARTICLES
 
 
-def disturbed_start(recording: Recording, stamp_ns: int, rng: np.random.Generator) -> SE2:
-    """Return where the drive begins, as wrong as a known start may be.
+def known_start(recording: Recording, stamp_ns: int, rng: np.random.Generator) -> PoseEstimate:
+    """Return where the drive begins, as wrong as a known start may be, and how well it is known.
 
     Raises
     ------
@@ -115,8 +117,10 @@ def disturbed_start(recording: Recording, stamp_ns: int, rng: np.random.Generato
             "start anywhere: --global"
         )
     x, y, theta = rng.standard_normal(3).tolist()
-    return SE2(
+    wrong = SE2(
         pose.x_m + START_SIGMA_M * x,
         pose.y_m + START_SIGMA_M * y,
         math.remainder(pose.theta_rad + START_SIGMA_RAD * theta, math.tau),
     )
+    covariance = np.diag(np.square([START_SIGMA_M, START_SIGMA_M, START_SIGMA_RAD]))
+    return PoseEstimate(stamp_ns, wrong, covariance, LocalisationStatus.LOCALISED)

@@ -4,6 +4,7 @@ import gzip
 import json
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -11,7 +12,12 @@ from typer.testing import CliRunner
 from robotctl.cli.commands import app
 from robotctl.cli.main import main
 from robotctl.errors import ConfigError, RobotctlError
-from tests.app.recorded_room import write_drive, write_map
+from robotctl.model.trajectory import Trajectory
+from robotctl.runtime.recorder import Recorder, RecordHeader
+from robotctl.telemetry.mcap_log import McapLog
+from robotctl.telemetry.tum import read_tum, write_tum
+from tests.app.recorded_room import WALLS, seen, write_drive, write_map
+from tests.telemetry.conftest import CONTROL
 
 
 @pytest.fixture(scope="module")
@@ -168,16 +174,52 @@ def test_a_plot_is_drawn(room):
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.recordings("mrclam/MRCLAM_Dataset7")
-def test_the_ekf_follows_a_real_robot_among_landmarks(recordings, tmp_path):
-    folder = recordings / "mrclam" / "MRCLAM_Dataset7"
-    out = ("--out", str(tmp_path / "a.tum"), "--report", str(tmp_path / "a.json"))
-    words = ["localize", "--log", str(folder), "--mrclam-robot", "2", "--method", "ekf", *out]
-    assert CliRunner().invoke(app, words).exit_code == 0
-    report = json.loads((tmp_path / "a.json").read_text())
+SONARS_DEG = (0, 45, 90, -45, -90)
+
+
+def write_own(folder):
+    """A recording of ours: control states with sonars, the robot's sonars, the truth, a world."""
+    stamps_ns = 10**9 + 100_000_000 * np.arange(150)
+    theta = 0.125 * np.arange(150)
+    poses = np.stack([3.0 + 0.8 * np.sin(theta), 1.8 - 0.8 * np.cos(theta), theta], axis=1)
+    write_tum(folder / "truth.tum", Trajectory(stamps_ns, poses))
+    mounts = [{"name": f"s{deg}", "x_m": 0.0, "y_m": 0.0, "heading_deg": deg} for deg in SONARS_DEG]
+    with (folder / "control-0001.rec").open("wb") as file:
+        Recorder(file.write, RecordHeader("1", json.dumps({"sonar": mounts}), 0.0, 0.0, 0.0))
+    with (folder / "robot-0001.mcap").open("wb") as file:
+        log = McapLog(file, 0, "rover")
+        for stamp_ns, (x, y, heading) in zip(stamps_ns.tolist(), poses.tolist(), strict=True):
+            around = [seen(x, y, heading + np.radians(deg))[78:103] for deg in SONARS_DEG]
+            log.add(
+                msgspec.structs.replace(
+                    CONTROL,
+                    stamp_ns=stamp_ns,
+                    x_m=x - 3.0,
+                    y_m=y - 1.0,
+                    theta_rad=heading,
+                    sonar_m=tuple(float(min(cone)) for cone in around),
+                    sonar_stamp_ns=(stamp_ns,) * len(SONARS_DEG),
+                )
+            )
+        log.close()
+    walls = [
+        f'[[wall]]\nname = "w{i}"\npoints = [[{x1}, {y1}], [{x2}, {y2}]]\n'
+        for i, (x1, y1, x2, y2) in enumerate(WALLS.tolist())
+    ]
+    head = '[world]\nname = "room"\nstart = { x_m = 3.0, y_m = 1.0, heading_deg = 0.0 }\n'
+    (folder / "room.toml").write_text(head + "".join(walls))
+
+
+@pytest.mark.parametrize("method", ["mcl", "ekf"])
+def test_our_own_recording_is_localised_by_its_sonars_between_walls(tmp_path, method):
+    write_own(tmp_path)
+    world = str(tmp_path / "room.toml")
+    result, report, rows = run(tmp_path, "--map", world, "--method", method, log="")
+    assert result.exit_code == 0, result.output
     assert report["lost"] is False
-    assert report["ape"]["rmse_m"] < 0.15
-    assert report["nees_inside_95"] > 0.9
+    assert report["updates"] > 100
+    truth = read_tum(tmp_path / "truth.tum").poses
+    assert np.hypot(*(rows[-1, 1:3] - truth[-1, :2])) < 0.15
 
 
 @pytest.mark.recordings("lego/robot4_motors.txt")
