@@ -198,7 +198,8 @@ def _localiser(
             )
         covariance = np.diag([settings.start_sigma_m**2, settings.start_sigma_m**2, sigma_rad**2])
         known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
-        return EkfLocaliser(PoseEkf(EkfConfig(), known), config.sonar, chart.walls)
+        ekf = PoseEkf(EkfConfig(motion=config.odometry), known)
+        return EkfLocaliser(ekf, config.sonar, chart.walls)
     rng = np.random.default_rng(settings.seed)
     mcl = MonteCarloLocaliser(MclConfig(), free_poses(chart.grid), rng)
     if settings.start == "known":
