@@ -73,11 +73,14 @@ def localize(
     for file in (out, report, plot):
         check_folder(file)
     console = Console(stderr=True, highlight=False)
-    with _bar(console) as tell:
+    with _bar(console, log.name) as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.app.localize import localize as run  # noqa: PLC0415
+        from robotctl.estimation.compiled import cache_is_cold  # noqa: PLC0415
         from robotctl.telemetry.tum import write_tum  # noqa: PLC0415
 
+        if method == "mcl" and cache_is_cold():
+            console.print("compiling the estimators, once: up to a minute", soft_wrap=True)
         result = run(options, tell)
     for note in result.recording.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
@@ -104,7 +107,7 @@ def _sigmas(text: str) -> tuple[float, float]:
 
 
 @contextmanager
-def _bar(console: Console) -> Iterator[Report]:
+def _bar(console: Console, name: str) -> Iterator[Report]:
     """Show a progress bar; give what moves it on."""
     columns = (
         TextColumn("{task.description}"),
@@ -114,7 +117,7 @@ def _bar(console: Console) -> Iterator[Report]:
     )
     quiet = not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
-        task = bar.add_task("reading, compiling", total=None)
+        task = bar.add_task(f"reading {name}", total=None)
 
         def tell(done: int, total: int) -> None:
             bar.update(task, description="localising", completed=done, total=total)
