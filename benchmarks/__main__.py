@@ -18,6 +18,7 @@ from benchmarks import (
     machine,
     memory,
     odometry_calibration,
+    sensor_models,
     start_up,
     tick_cost,
 )
@@ -34,6 +35,7 @@ SUBJECTS = {
     "odometry": odometry_calibration.run,
     "ekf": ekf_cost.run,
     "landmarks": landmark_accuracy.run,
+    "sensors": sensor_models.run,
     "mcl": localisation_accuracy.run,
     "mcl-sonar": localisation_sonar.run,
 }

@@ -4,8 +4,8 @@ A number is evenly chosen. Given the pose they are not independent: they share t
 people and furniture that stand where the map has none, and the robot's motion during the scan. If
 any two have the correlation rho, the sum of n log-likelihoods varies as that of n / (1 + (n - 1)
 rho) independent beams (Kish's design effect); by its inverse, as the power alpha, the product is
-tempered. On the logs of docs/results.md, at the reference poses, rho is 0.04 to 0.11, for 30, 60
-and 180 beams alike, so n beams are never worth more than about 20.
+tempered. On three lidar logs, at the reference poses, rho is 0.02 to 0.05, for 30, 60 and 180
+beams alike (`python -m benchmarks sensors`), so n beams are never worth more than about 25.
 
 People around the robot shorten beams of neighbouring directions, for many scans. Where the robot's
 place is known well, such beams stand out: they contradict nearly all poses alike, so they say

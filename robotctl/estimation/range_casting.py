@@ -135,8 +135,8 @@ def _cast(
     real = np.empty((7, _BLOCK))
     whole = np.empty((4, _BLOCK), np.int32)
     plane = np.empty(_BLOCK, np.int64)
-    for k in range(len(beam_cos)):
-        for start in range(0, len(u), _BLOCK):
+    for start in range(0, len(u), _BLOCK):
+        for k in range(len(beam_cos)):
             n = min(_BLOCK, len(u) - start)
             for i in range(n):
                 c, s = pose_cos[start + i], pose_sin[start + i]
