@@ -19,6 +19,8 @@ from robotctl.runtime.messages import ControlState, LiveMap, LocalisationState
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
 """A robot that stands sees the same again, which is no new evidence."""
+_OCCUPIED_ABOVE: Final = 0.85
+"""Live, walls are seen many times: one or two echoes are not yet one."""
 
 
 class Mapper:
@@ -87,7 +89,7 @@ class Mapper:
 
     def live_map(self, now_ns: int) -> LiveMap | None:
         """Return the map for people and for the score; None where nothing was seen yet."""
-        return None if self._nothing else live_map(self.grid.to_map(), now_ns)
+        return None if self._nothing else live_map(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
 
     @property
     def _nothing(self) -> bool:
