@@ -21,6 +21,9 @@ class LandmarkConfig:
     ----------
     motion
         Noise of the odometry: of velocities that were commanded, more than of counted wheels.
+    motion_guess_sigma
+        How uncertain that is: standard deviation of the logarithm of a factor on its variances,
+        which is learned, > 0.
     standing_rad_per_sqrt_s
         Walk of the heading whatever odometry says [rad after 1 s], > 0.
     odometry_sigma
@@ -61,6 +64,7 @@ class LandmarkConfig:
     """
 
     motion: MotionNoise = field(default_factory=lambda: MotionNoise(0.04, 0.06, 0.1))
+    motion_guess_sigma: float = 0.7
     standing_rad_per_sqrt_s: float = 1e-3
     odometry_sigma: float = 0.1
     delay_sigma_s: float = 0.2

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.adaptive_noise import AdaptiveVariance
+from robotctl.estimation.adaptive_noise import AdaptiveVariance, MotionNoiseFactor
 from robotctl.estimation.consistency import InnovationWindow
 from robotctl.estimation.ekf_models import bearing_residual
 from robotctl.estimation.landmark_config import LandmarkConfig
@@ -55,6 +55,8 @@ class LandmarkEkf:
         self._variances = tuple(
             AdaptiveVariance(config.guess_sightings, config.forgetting_s) for _ in range(2)
         )
+        self._motion_factor = MotionNoiseFactor(config.motion_guess_sigma, config.forgetting_s)
+        self._since = np.zeros_like(P)  # what the motion's noise added since the last sighting
         self._seen: deque[Seen] = deque()
         self._trusted = deque([(mean, P)], maxlen=config.window)
         self._stamp_ns = start.stamp_ns
@@ -81,6 +83,16 @@ class LandmarkEkf:
         """Learned standard deviations of range and bearing, over the configured ones."""
         ranges, bearings = self._variances
         return math.sqrt(ranges.factor), math.sqrt(bearings.factor)
+
+    @property
+    def motion_noise_factor(self) -> float:
+        """Standard deviations that the motion is taken to have, over the configured ones, >= 1.
+
+        What is learned between sightings close to each other misses that errors of the motion last,
+        and so add up faster than white noise where nothing is seen. So it counts `correlation`
+        times, and never for less than the guess.
+        """
+        return math.sqrt(max(1.0, self._config.correlation * self._motion_factor.factor))
 
     def estimate(self) -> PoseEstimate:
         """Return what is believed of the pose, with what map and reference leave uncertain."""
@@ -111,14 +123,18 @@ class LandmarkEkf:
         after[S.WANDER] *= kept
         F[S.WANDER, S.WANDER] = kept
         noise = c.motion
+        factor = self.motion_noise_factor**2
         along = noise.e_m_per_sqrt_m**2 * abs(distance_m)
         turning = noise.f_rad_per_sqrt_m**2 * abs(distance_m)
         turning += noise.g_rad_per_sqrt_rad**2 * abs(turn_rad)
         turning += c.standing_rad_per_sqrt_s**2 * dt_s
         Q = np.diag(self._walk * dt_s)
-        Q[:3, :3] = (G * (along, turning)) @ G.T
+        Q[:3, :3] = (G * (factor * along, factor * turning)) @ G.T
         Q[S.WANDER, S.WANDER] = c.wander_sigma_rad**2 * (1.0 - kept**2)
         kalman.predict(after, F, Q)
+        self._since = F @ self._since @ F.T
+        self._since[:3, :3] += Q[:3, :3]
+        self._motion_factor.fade(dt_s)
         self._stamp_ns = stamp_ns
         for variance in self._variances:
             variance.fade(dt_s)
@@ -156,7 +172,10 @@ class LandmarkEkf:
             off = bearing_residual(z, expected)
             nis, weight = float(off @ np.linalg.solve(H @ kalman.P @ H.T + R, off)), 0.0
         else:
+            P_before = kalman.P
             nis, weight = kalman.update(z, expected, H, R, bearing_residual)
+            if weight > 0.0:
+                self._learn_motion(weight * bearing_residual(z, expected), H, P_before, R)
             self._trusted.append((kalman.x, kalman.P))
         if weight > 0.0:
             self._learn(z, landmark_world, guess, weight)
@@ -177,6 +196,14 @@ class LandmarkEkf:
         squares = (weight * residual**2 + uncertain) / guess**2
         for variance, square in zip(self._variances, squares.tolist(), strict=True):
             variance.add(square)
+
+    def _learn_motion(self, innovation: Array, H: Array, P: Array, R: Array) -> None:
+        """Learn the noise of the motion since the last sighting."""
+        taken = H @ self._since @ H.T
+        learned = taken * self._motion_factor.factor / self.motion_noise_factor**2
+        S = H @ P @ H.T + R / self._config.correlation - taken + learned
+        self._motion_factor.add(innovation, S, learned)
+        self._since = np.zeros_like(self._since)
 
     def _restart(self) -> None:
         """Start anew from what was just seen, if it tells a pose.

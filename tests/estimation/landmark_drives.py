@@ -31,6 +31,7 @@ def simulated_drive(
     range_scale=0.03,
     carried=None,
     outliers=0.0,
+    motion_noise=1.0,
 ):
     """A robot in a ring of landmarks, seen within half a radian at 2 Hz; see `Recording`.
 
@@ -51,9 +52,9 @@ def simulated_drive(
         v, omega = told[k - late] if k >= late else (0.0, 0.0)
         d = v * TICK_S * (1.0 + distance_scale)
         a = omega * TICK_S * (1.0 + turn_scale)
-        d += 0.04 * math.sqrt(abs(d)) * rng.standard_normal()
+        d += motion_noise * 0.04 * math.sqrt(abs(d)) * rng.standard_normal()
         heading = math.hypot(0.06 * math.sqrt(abs(d)), 0.1 * math.sqrt(abs(a)))
-        pose = arc(poses[-1], d, a + heading * rng.standard_normal())
+        pose = arc(poses[-1], d, a + motion_noise * heading * rng.standard_normal())
         if carried is not None and k == round(carried[0] / TICK_S):
             pose = carried[1]
         poses.append(pose)

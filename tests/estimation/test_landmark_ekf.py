@@ -206,6 +206,15 @@ def test_the_noise_of_the_sightings_is_learned():
     assert step.ekf.noise_factors[0] * guess == pytest.approx(0.15, rel=0.4)
 
 
+def test_the_noise_of_a_motion_that_is_rougher_than_guessed_is_learned():
+    recording = simulated_drive(2, motion_noise=4.0)
+    _, nees, step = followed(recording, EXACT, start_near(recording, 2))
+    assert step.ekf.motion_noise_factor == pytest.approx(4.0, rel=0.3)
+    assert share_inside(nees[-1000:], 3) > 0.8
+    _, _, step = followed(simulated_drive(2), EXACT, start_near(recording, 2))
+    assert step.ekf.motion_noise_factor < 1.3
+
+
 def test_outliers_do_not_spoil_the_calibration():
     recording = simulated_drive(3, outliers=0.1)
     errors, _, step = followed(recording, LandmarkConfig(), start_near(recording, 3))
