@@ -184,6 +184,12 @@ class Simulation:
         """Whether a node has its supply."""
         return node.name in self._ports
 
+    def pose(self) -> tuple[float, float, float]:
+        """Return the true pose of base in world at the present time: x, y [m], heading [rad]."""
+        self.run_to(self.bus.now_ns)
+        plant = self.plant
+        return plant.x_m, plant.y_m, plant.theta_rad
+
     def truth(self, *, origin_ns: int = 0, late: int = 0) -> Truth:
         """Return what really is, at the present time.
 

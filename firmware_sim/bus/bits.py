@@ -142,7 +142,8 @@ _CRC8_HIGH = [((crc << 8) & 0x7FFF) ^ _CRC8[crc >> 7] for crc in _CRC8]
 _CRC16 = array("H", (high ^ low for high in _CRC8_HIGH for low in _CRC8))
 
 _UNPACK_WORDS = struct.Struct(">4H").unpack
-_headers: dict[tuple[int, int], tuple[int, int, int]] = {}
+_headers: dict[int, tuple[int, int, int]] = {}
+"""By the id, shifted by four bits, and the length."""
 
 
 def _header(arbitration_id: int, length: int) -> tuple[int, int, int]:
@@ -154,7 +155,7 @@ def _header(arbitration_id: int, length: int) -> tuple[int, int, int]:
         count += stuffed
     known = (crc15(bits), state, count)
     if len(_headers) < 0x10000:
-        _headers[arbitration_id, length] = known
+        _headers[arbitration_id << 4 | length] = known
     return known
 
 
@@ -171,7 +172,7 @@ def frame_bits(arbitration_id: int, data: bytes) -> int:
         0 to 8 bytes; of a remote request only the length counts.
     """
     length = len(data)
-    known = _headers.get((arbitration_id, length))
+    known = _headers.get(arbitration_id << 4 | length)
     crc, state, bits = known if known is not None else _header(arbitration_id, length)
     if length == MAX_DATA_LENGTH and not arbitration_id & REMOTE_FLAG:
         stuff, table = _STUFF16, _CRC16

@@ -264,8 +264,7 @@ class LockstepRun:
     def _see(self, control: ControlState) -> list[LidarScan | LocalisationState]:
         """Let the estimators work, and score them; return what they saw and believe."""
         now_ns, simulation = control.stamp_ns, self.bench.simulation
-        truth = simulation.truth()
-        self._score.truth(StampedPose(now_ns, truth.x_m, truth.y_m, truth.theta_rad))
+        self._score.truth(StampedPose(now_ns, *simulation.pose()))
         self._score.control(control)
         if self._estimators is None:
             return []

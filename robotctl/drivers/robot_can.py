@@ -138,6 +138,8 @@ class CanRobot:
     def _bus_status(self) -> BusStatus:
         """Return the port's counters together with those of end-to-end protection."""
         port, e2e = self._port.status(), self._counters
+        if not (self._refused_commands or e2e.crc_rejects or e2e.counter_rejects or e2e.lost):
+            return port
         return BusStatus(
             port.state,
             port.received,

@@ -118,7 +118,8 @@ class MissionRunner:
             if step.status is Status.FAILED:
                 self.failure = f"{title}: {step.text}"
             elif step.status is Status.RUNNING:
-                return step._replace(text=f"{title}: {step.text}")
+                text = f"{title}: {step.text}"
+                return Step(step.v_m_s, step.omega_rad_s, step.status, text)
             else:
                 self.index += 1
         if self.failure:

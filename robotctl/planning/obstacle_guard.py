@@ -156,7 +156,7 @@ def _views(mounts: Sequence[SonarMount], sign: int, config: GuardConfig) -> list
 
 def _median(readings: list[float]) -> float:
     """Return the median of at most three readings; nan where most are nan or there is none."""
-    valid = sorted(reading for reading in readings if not math.isnan(reading))
+    valid = sorted([reading for reading in readings if not math.isnan(reading)])
     if 2 * len(valid) <= len(readings):
         return math.nan
     return valid[(len(valid) - 1) // 2]
