@@ -6,27 +6,29 @@ with reference poses; see `docs/calibration.md`.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
+from robotctl.app.calibrate_checks import (
+    Check,
+    check_way,
+    held_out_checks,
+    mean_gap_m,
+    tape_check,
+)
 from robotctl.app.calibrate_sources import run_of_recording, runs_of_file
 from robotctl.app.calibrate_squares import LEFT, RIGHT, Campaign, Progress, systematic_error_m
 from robotctl.app.config import RobotConfig, load_robot
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.odometry_calibration import Calibration, calibrate, widened
 from robotctl.estimation.odometry_fit import Reference
-from robotctl.estimation.odometry_model import Array, OdometryModel
-from robotctl.estimation.odometry_runs import OdometryRun, dead_reckoning_error_m, end_of
+from robotctl.estimation.odometry_model import OdometryModel
+from robotctl.estimation.odometry_runs import OdometryRun
 from robotctl.telemetry.recorded_log import read_recording
-
-PIECE_M: Final = 10.0
-"""Dead reckoning along a log is judged in pieces of this length [m]."""
 
 _HALF_LEAST = 12
 
@@ -57,15 +59,6 @@ class CalibrateOptions:
     log: Path | None = None
     mrclam_robot: int | None = None
     runs: Path | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """An error of odometry as configured and as calibrated [m]."""
-
-    what: str
-    before_m: float
-    after_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,12 +157,12 @@ def _from_simulation(
     check = Check(
         "squares: E_max,syst (greatest mean gap at the end)",
         systematic_error_m(
-            {shape: _mean_gap(model, np.zeros(3), runs, shape) for shape in (LEFT, RIGHT)}
+            {shape: mean_gap_m(model, np.zeros(3), runs, shape) for shape in (LEFT, RIGHT)}
         ),
         systematic_error_m(again.gaps_m(progress)),
     )
     notes = ("E_max,syst after: driven again with the new values, on other floors.",)
-    checks = (check, _tape_check(found, runs))
+    checks = (check, tape_check(found, runs))
     return CalibrateResult(options, config, runs, found, (), checks, notes)
 
 
@@ -180,7 +173,7 @@ def _from_tape(
     _, runs = runs_of_file(file, OdometryModel(config.drive))
     found = _fit(config, runs, _tape(runs), progress)
     notes = ("Before and after are computed for the same runs; drive again to prove it.",)
-    return CalibrateResult(options, config, runs, found, (), (_tape_check(found, runs),), notes)
+    return CalibrateResult(options, config, runs, found, (), (tape_check(found, runs),), notes)
 
 
 def _from_log(
@@ -191,6 +184,7 @@ def _from_log(
     model = OdometryModel(config.drive)
     recording = read_recording(log, options.mrclam_robot)
     full, run = run_of_recording(recording, model)
+    check_way(run, model)
     reference = Reference()
     found = _fit(config, (run,), reference, progress)
     middle_s = _middle_s(run, model)
@@ -205,7 +199,7 @@ def _from_log(
     checks: tuple[Check, ...] = ()
     if len(halves) == 2 and held_out is not None:
         found = widened(found, halves)
-        checks = _held_out_checks(halves[0], held_out)
+        checks = held_out_checks(halves[0], held_out)
     notes = (*recording.notes, "Errors after: of the second half, with what the first half says.")
     return CalibrateResult(options, config, (run,), found, halves, checks, notes)
 
@@ -227,61 +221,7 @@ def _tape(runs: Sequence[OdometryRun]) -> Reference:
     return Reference(sigma_m, sigma_rad, fixed=True, follows_base=True)
 
 
-def _mean_gap(
-    model: OdometryModel, change: Array, runs: Sequence[OdometryRun], shape: str
-) -> tuple[float, float]:
-    """Return the mean gap between odometry and reference at the ends of drives of a shape [m]."""
-    gaps = [_gap(model, change, run) for run in runs if run.name.startswith(shape)]
-    x_m, y_m = np.mean(gaps, axis=0).tolist()
-    return x_m, y_m
-
-
-def _gap(model: OdometryModel, change: Array, run: OdometryRun) -> Array:
-    """Return end by reference less end by odometry, (2,) [m]."""
-    said = end_of(run, model.arcs(change, run.wheels))
-    return np.asarray(run.reference[-1, :2] - [said.x_m, said.y_m])
-
-
-def _tape_check(found: Calibration, runs: Sequence[OdometryRun]) -> Check:
-    """Return the gaps at the ends of all runs before and after."""
-    rms_m = [
-        math.sqrt(np.mean([np.sum(_gap(found.model, change, run) ** 2) for run in runs]))
-        for change in (np.zeros(3), found.change)
-    ]
-    return Check("these drives: gap at the end, rms", *rms_m)
-
-
 def _middle_s(run: OdometryRun, model: OdometryModel) -> float:
     """Return when half of the way was driven [s]."""
     way_m = np.cumsum(model.travel_m(run.wheels))
     return float(run.stamps_s[1:][np.searchsorted(way_m, 0.5 * way_m[-1])])
-
-
-def _held_out_checks(half: Calibration, held_out: OdometryRun) -> tuple[Check, ...]:
-    """Return errors on data that the fit of `half` has not seen."""
-    zero, nothing = np.zeros(2), np.zeros(3)
-    plain_m = _piecewise_rms_m(half.model, nothing, held_out, zero, 0.0)
-    same_m = _piecewise_rms_m(half.model, nothing, held_out, half.lever_m, half.delay_s)
-    after_m = _piecewise_rms_m(half.model, half.change, held_out, half.lever_m, half.delay_s)
-    what = f"second half, in pieces of {PIECE_M:g} m, rms"
-    return (
-        Check(what, plain_m, after_m),
-        Check("the same, lever arm and delay known before too", same_m, after_m),
-    )
-
-
-def _piecewise_rms_m(
-    model: OdometryModel, change: Array, run: OdometryRun, lever_m: Array, delay_s: float
-) -> float:
-    """Return the error of dead reckoning in pieces, each laid onto its reference, rms [m]."""
-    way_m = np.cumsum(model.travel_m(run.wheels))
-    pieces = max(1, round(float(way_m[-1]) / PIECE_M))
-    cuts = np.searchsorted(way_m, np.linspace(0.0, way_m[-1], pieces + 1)[1:-1])
-    times_s = [run.stamps_s[0], *run.stamps_s[1:][cuts], run.stamps_s[-1]]
-    errors = []
-    for begin_s, end_s in itertools.pairwise(times_s):
-        part = run.part(float(begin_s), float(end_s))
-        if part is not None:
-            arcs = model.arcs(change, part.wheels)
-            errors.append(dead_reckoning_error_m(part, arcs, lever_m, delay_s))
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))

@@ -169,7 +169,8 @@ def calibrate(
     Raises
     ------
     ValueError
-        If there are too few references for what is to be found.
+        If there are too few references for what is to be found, the drive is farther off than is
+        looked for, or the data show none of its keys.
     """
     fit = OdometryFit(OdometryModel(nominal), runs, reference)
     known = 3 if any(np.isfinite(run.reference[:, 2]).any() for run in runs) else 2
@@ -184,9 +185,27 @@ def calibrate(
         sigma = np.sqrt(np.diag(covariance))[:3]
         hidden = fit.free[:3] & ~(quantile * sigma < NOT_SEEN)
         if not np.any(hidden):
+            _check(fit, found)
             return _result(fit, found, noises, noise)
         worst = int(np.argmax(np.where(hidden, sigma, 0.0)))
         fit.free[worst] = False
+
+
+def _check(fit: OdometryFit, values: Array) -> None:
+    """Refuse what a search found at the end of its reach, or a search that found nothing."""
+    keys, reach = fit.model.keys, fit.model.reach
+    if not np.any(fit.free[:3]):
+        raise ValueError(
+            f"these data show none of {', '.join(keys)}: the robot drives too little, or [drive] "
+            "is far from the robot that made them"
+        )
+    for key, change, most in zip(keys, values[:3], reach, strict=True):
+        if abs(change) > 0.99 * most:
+            present = getattr(fit.model.nominal, key)
+            raise ValueError(
+                f"{key}: the true value is beyond what is looked for around {present:g}; set it in "
+                "[drive] to about what it is"
+            )
 
 
 def _alternate(fit: OdometryFit, noise: MotionNoise) -> tuple[Array, Array]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from robotctl.app import calibrate_sources, calibrate_squares
-from robotctl.app.calibrate_odometry import CalibrateOptions, Check, calibrate_odometry
+from robotctl.app.calibrate_checks import Check
+from robotctl.app.calibrate_odometry import CalibrateOptions, calibrate_odometry
 from robotctl.app.calibrate_patch import patch_overrides, patch_text
 from robotctl.app.calibrate_sources import run_of_recording, wheels_of
 from robotctl.app.calibrate_squares import Campaign
@@ -204,6 +205,12 @@ def test_counts_are_turns_of_the_wheels():
 def test_a_recording_that_says_too_little_is_refused(parts, drive, what):
     with pytest.raises(CalibrationError, match=what):
         run_of_recording(recording(**parts), OdometryModel(drive))
+
+
+def test_a_log_of_quite_another_robot_is_refused(tmp_path):
+    log = write_lego(tmp_path / "made_up.txt", 1.0, 1.0, metres=12.0)
+    with pytest.raises(CalibrationError, match=r"moves 1\d\.\d m where odometry says 4\.\d m"):
+        calibrate_odometry(CalibrateOptions(find_file("diff_drive"), log=log))
 
 
 def test_a_log_and_runs_at_once_are_refused(tmp_path):

@@ -6,7 +6,8 @@ import tomllib
 
 import pytest
 
-from robotctl.app.calibrate_odometry import Check, calibrate_odometry
+from robotctl.app.calibrate_checks import Check
+from robotctl.app.calibrate_odometry import calibrate_odometry
 from robotctl.cli import calibrate
 from robotctl.cli import main as command_line
 from tests.app.lego_drive import NOMINAL, write_lego
