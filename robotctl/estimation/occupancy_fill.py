@@ -22,6 +22,9 @@ GRAZING = 5.67
 """Neighbouring beams end on one surface that is met at up to atan(5.67) = 80 degrees from square:
 the longer one is longer by at most so many times the distance between them."""
 
+MIRROR = (1 << 31) - 1
+"""Odd, and greater than twice any column."""
+
 _NEXT = (1 << 32) - 1
 _ALL = np.full((16, 16), 255, np.uint8)
 _FROM = np.triu(_ALL).view(np.uint64)
@@ -111,12 +114,17 @@ def _corner(
 
 @compiled
 def cross_rows(
-    corners: NDArray[np.float64], firsts: NDArray[np.int32], crossings: NDArray[np.int64]
+    corners: NDArray[np.float64],
+    middle_row: int,
+    firsts: NDArray[np.int32],
+    crossings: NDArray[np.int64],
 ) -> None:
     """Put where the outline crosses the middles of rows into the rows' sorted lists.
 
     `firsts` holds the place of each row's first crossing in `crossings`, 0 for none. A crossing is
     twice its column, plus 1 if upwards, in the upper 32 bits, and the place of the next below.
+    Below the sensor, in rows before `middle_row`, it is `MIRROR` minus that: beams that follow each
+    other to the left then put their crossings first in every list, which saves the search.
     """
     new = 0
     px, py = corners[0, 0], corners[0, 1]
@@ -131,7 +139,8 @@ def cross_rows(
             bit = 1 if (q_row > p_row) == (corners[k, 2] > 0.0) else 0
             for row in range(min(p_row, q_row), max(p_row, q_row)):
                 x = min(max(px + (row + 0.5 - py) * slope, left), right)
-                key = (2 * int(x + 0.5) + bit) << 32
+                key = 2 * int(x + 0.5) + bit
+                key = (MIRROR - key if row < middle_row else key) << 32
                 new += 1
                 before, after = 0, int(firsts[row])
                 while after > 0 and crossings[after] < key:
@@ -150,6 +159,7 @@ def lower_inside(
     firsts: NDArray[np.int32],
     crossings: NDArray[np.int64],
     first_row: int,
+    middle_row: int,
     miss: int,
 ) -> None:
     """Lower each cell whose centre the outlines go round; empty the lists.
@@ -173,6 +183,8 @@ def lower_inside(
             end = key >> 1
             if winding != 0 or end == begin:
                 continue
+            if row < middle_row:
+                begin, end = (MIRROR >> 1) - end, (MIRROR >> 1) - begin
             first, last = begin >> 4 << 1, (end - 1) >> 4 << 1
             first0, first1, last0, last1 = kept[first], kept[first + 1], kept[last], kept[last + 1]
             span = line[8 * first : 8 * last + 16]

@@ -216,8 +216,9 @@ def _add_scan(
             became[count] = min(cells[row, column] + hit, STEPS)
             count += 1
     corners = outline_of(x, y - first_row, beams, fans, space.corners)
-    cross_rows(space.corners[:corners], space.firsts, space.crossings)
-    lower_inside(cells, space.firsts[:rows], space.crossings, first_row, miss)
+    middle = int(y - first_row)
+    cross_rows(space.corners[:corners], middle, space.firsts, space.crossings)
+    lower_inside(cells, space.firsts[:rows], space.crossings, first_row, middle, miss)
     for i in range(count):
         flat[single[i]] = became[i]
 
