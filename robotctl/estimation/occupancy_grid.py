@@ -91,10 +91,11 @@ class OccupancyGrid:
         Raises
         ------
         ValueError
-            If the numbers differ, a pose is not finite or the grid would become too large.
+            If the numbers differ, a pose is not finite or the grid would become too large; of more
+            than `BATCH` scans the first may be in the grid then.
         """
-        if poses.shape != (len(scans), 3):
-            raise ValueError(f"poses must be ({len(scans)}, 3), found {poses.shape}")
+        if poses.shape != (len(scans), 3) or not np.all(np.isfinite(poses)):
+            raise ValueError(f"poses must be ({len(scans)}, 3) and finite, found {poses.shape}")
         for begin in range(0, len(scans), BATCH):
             self._add(poses[begin : begin + BATCH], scans[begin : begin + BATCH])
 
@@ -109,7 +110,7 @@ class OccupancyGrid:
         y = (poses[:, 1] + s * mounts[:, 0] + c * mounts[:, 1]) / config.resolution_m
         sensors = np.stack([x, y, c, s], axis=1)
         if not np.all(np.abs(sensors) < MAX_AWAY):
-            raise ValueError(f"poses must be finite, and lie less than {MAX_AWAY:g} cells away")
+            raise ValueError(f"poses must lie less than {MAX_AWAY:g} cells away")
         beams, bounds = measure_scans(
             np.concatenate([scan.ranges_m for scan in scans]),
             np.array([scan.max_range_m for scan in scans]),
@@ -148,14 +149,14 @@ class OccupancyGrid:
         config = self.config
         if math.isnan(range_m):
             return
+        if not math.isfinite(pose.x_m + pose.y_m + pose.theta_rad):
+            raise ValueError(f"the pose must be finite, found {pose}")
         sensor = pose @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
         side_m = config.resolution_m
         if range_m < 0.0:
             raise ValueError(f"range_m must be >= 0, found {range_m}")
-        if not abs(sensor.x_m) + abs(sensor.y_m) + abs(sensor.theta_rad) < MAX_AWAY * side_m:
-            raise ValueError(
-                f"the pose must be finite, and lie less than {MAX_AWAY:g} cells away, found {pose}"
-            )
+        if max(abs(sensor.x_m), abs(sensor.y_m)) >= MAX_AWAY * side_m:
+            raise ValueError(f"the pose must lie less than {MAX_AWAY:g} cells away, found {pose}")
         echo = range_m < config.sonar_range_m
         free_m = config.sonar_no_echo_m if math.isinf(range_m) else config.sonar_range_m
         distance = (range_m if echo else free_m) / side_m

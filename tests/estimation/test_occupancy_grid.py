@@ -187,10 +187,10 @@ def test_a_pose_far_off_is_refused_and_the_grid_stays():
     before = stored(grid)
     with pytest.raises(ValueError, match=r"cells of 0.25 m would be needed, at most"):
         grid.update_scan(SE2(1e6, 1e6, 0.0), beam(2.0))
-    for pose in (SE2(math.nan, 0.0, 0.0), SE2(0.0, math.inf, 0.0), SE2(1e300, 0.0, 0.0)):
-        with pytest.raises(ValueError, match="finite"):
+    for pose in (SE2(math.nan), SE2(0.0, math.inf), SE2(0.0, 0.0, math.inf), SE2(1e300)):
+        with pytest.raises(ValueError, match=r"finite|less than 1e"):
             grid.update_scan(pose, beam(2.0))
-        with pytest.raises(ValueError, match="finite"):
+        with pytest.raises(ValueError, match=r"finite|less than 1e"):
             grid.update_sonar(pose, SonarMount("front", 0.0, 0.0, 0.0), 1.0)
     with pytest.raises(ValueError, match=r"\(2, 3\)"):
         grid.update_scans(np.zeros((1, 3)), [beam(2.0), beam(2.0)])
