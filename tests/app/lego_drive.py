@@ -17,7 +17,7 @@ NOMINAL = (
 """Settings that make `diff_drive` this robot."""
 
 
-def write_lego(path: Path, scale: float, width: float, seed: int = 1, metres: float = 20.0) -> Path:
+def write_lego(path: Path, scale: float, width: float, seed: int = 1, metres: float = 12.0) -> Path:
     """Write a drive whose wheels are larger by `scale`, and the track wider by `width`."""
     rng = np.random.default_rng(seed)
     pose, lines, counts = SE2(0.5, 0.5, 0.3), [], np.array([1000.0, 5000.0])

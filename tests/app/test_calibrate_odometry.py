@@ -36,8 +36,11 @@ WRONG = (
 
 @pytest.fixture(scope="module")
 def squares():
-    """A robot whose wheels and track are wrong, after its squares."""
-    return calibrate_odometry(CalibrateOptions(find_file("diff_drive"), WRONG))
+    """A robot whose wheels and track are wrong, after two squares each way."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibrate_squares, "SQUARES", 2)
+        patch.setattr(calibrate_squares, "STRAIGHTS", 2)
+        return calibrate_odometry(CalibrateOptions(find_file("diff_drive"), WRONG))
 
 
 @pytest.fixture(scope="module")
@@ -98,8 +101,8 @@ def test_a_drive_that_does_not_end_is_said(monkeypatch, tmp_path):
 
 def test_a_log_with_a_reference_brings_the_robot_that_made_it(lego):
     radius, track = (lego.found.interval(key) for key in ("wheel_radius_m", "track_width_m"))
-    assert radius.low <= 1.04 * lego.config.drive.wheel_radius_m <= radius.high
-    assert track.low <= 1.03 * 0.173 <= track.high
+    assert radius.value == pytest.approx(1.04 * lego.config.drive.wheel_radius_m, rel=3e-3)
+    assert track.value == pytest.approx(1.03 * 0.173, rel=1e-2)
     assert radius.high / radius.low < 1.03
     assert len(lego.halves) == 2
 
