@@ -4,10 +4,13 @@ For a tracked robot two figures of a measurement have a level and a scatter that
 and map: its evidence, log p(z | belief), and how far that exceeds the evidence of poses drawn
 anywhere. Both are learnt while the robot is localised. A robot that was carried away falls below
 both; a crowd or a strange corner below the first alone, an empty place that resembles many others
-below the second. That is the idea of w_slow and w_fast in augmented MCL (Probabilistic Robotics,
-table 8.3); here on logarithms, so that one product of sixty beams does not outweigh all others, and
-with Page's cumulated sum as the test (Page 1954, "Continuous inspection schemes"), so that one bad
-scan is no alarm and several in a row are.
+below the second. A wrong place that resembles the right one can keep its advantage: a long fall of
+the evidence is enough.
+
+That is the idea of w_slow and w_fast in augmented MCL (Probabilistic Robotics, table 8.3); here on
+logarithms, so that one product of sixty beams does not outweigh all others, and with Page's
+cumulated sum as the test (Page 1954, "Continuous inspection schemes"), so that one bad scan is no
+alarm and several in a row are.
 """
 
 from __future__ import annotations
@@ -28,7 +31,9 @@ _GREATEST: Final = 4.0
 _LEARNT_FROM: Final = 2.0
 """Level and scatter are moved by at most so many, lest a bad fit be learnt before it is noticed."""
 _ALARM: Final = 10.0
-"""Sum of standard deviations, less the slack, at which the fit is called bad."""
+"""Sum of standard deviations, less the slack, at which the fit is called bad if both fell."""
+_ALARM_ALONE: Final = 40.0
+"""The same for the evidence alone. On public lidar logs the sum of a tracked robot reaches 22."""
 
 
 class FitWatch:
@@ -50,7 +55,8 @@ class FitWatch:
             Log-evidence of the belief, and of poses anywhere; not both -inf.
         """
         fallen = self._evidence.fallen(evidence)
-        return min(fallen, self._advantage.fallen(evidence - elsewhere)) > _ALARM
+        both = min(fallen, self._advantage.fallen(evidence - elsewhere))
+        return both > _ALARM or fallen > _ALARM_ALONE
 
     def forgive(self) -> None:
         """Begin new sums; levels and scatters stay."""

@@ -36,11 +36,13 @@ def test_a_lasting_fall_by_four_scatters_is_an_alarm_within_eight_measurements(l
     assert at < 8
 
 
-def test_a_crowd_that_makes_all_poses_worse_is_no_alarm():
+@pytest.mark.parametrize(("measurements", "is_alarm"), [(10, False), (30, True)])
+def test_what_makes_all_poses_worse_is_an_alarm_only_if_it_lasts(measurements, is_alarm):
     rng = np.random.default_rng(2)
     watch = FitWatch()
     assert alarms(watch, rng.normal(size=500)) is None
-    assert alarms(watch, rng.normal(size=20) - 6.0, -6.0 - ADVANTAGE) is None
+    crowd = rng.normal(size=measurements) - 6.0
+    assert (alarms(watch, crowd, -6.0 - ADVANTAGE) is not None) == is_alarm
 
 
 def test_a_place_that_resembles_many_others_is_no_alarm():
