@@ -9,8 +9,8 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize
-from scipy.stats import t as student
+from scipy.optimize import least_squares, minimize  # type: ignore[import-untyped]
+from scipy.stats import t as student  # type: ignore[import-untyped]
 
 from robotctl.estimation.odometry_innovations import OUTLIER, whitened_innovations
 from robotctl.estimation.odometry_model import OdometryModel

@@ -79,7 +79,7 @@ class OdometryModel:
     def travel_m(self, wheels: Array) -> Array:
         """Return how far the rims of the driven wheels travelled in the mean, (n,) [m]."""
         radii_m = np.array(self.nominal.wheel_radii_m)
-        return np.mean(np.abs(wheels[:, : len(radii_m)]) * radii_m, axis=1)
+        return np.asarray(np.mean(np.abs(wheels[:, : len(radii_m)]) * radii_m, axis=1))
 
     def wheels(self, arcs: Array) -> Array:
         """Return how the wheels turned where the nominal odometry moved by `arcs`, (n, 3).
