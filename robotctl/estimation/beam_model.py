@@ -136,12 +136,19 @@ class BeamModel:
     def measurement(self, scan: RangeScan) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of a scan.
 
-        It is about 0 where all ranges are as expected.
+        It is about 0 where all ranges are as expected. Which beams are skipped is decided by the
+        first poses that it is asked for, as in `LikelihoodField.measurement`.
         """
         perfect = self._perfect(scan)
+        chosen = evenly_chosen(~np.isnan(scan.ranges_m), self.config.beams)
+        alpha = tempering(len(chosen), self.config.beam_correlation)
+        undecided = self.config.skipping.enabled
 
         def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-            return self.log_likelihood(poses, scan) - perfect
+            nonlocal chosen, undecided
+            if undecided:
+                chosen, undecided = self._without_skipped(poses, scan, chosen), False
+            return alpha * self._summed(poses, scan, chosen) - perfect
 
         return log_likelihood
 
@@ -169,18 +176,16 @@ class BeamModel:
         NDArray
             (n,); of densities, so it may be positive. 0 if no beam has a reading.
         """
-        chosen = evenly_chosen(~np.isnan(scan.ranges_m), self.config.beams)
-        if len(chosen) == 0:
-            return np.zeros(len(poses))
+        return self.measurement(scan)(poses) + self._perfect(scan)
+
+    def _summed(
+        self, poses: NDArray[np.float64], scan: RangeScan, chosen: NDArray[np.intp]
+    ) -> NDArray[np.float64]:
+        """Return the sum of the chosen beams' logs at each pose, (n,)."""
         expected = self.expected_ranges(poses, scan, chosen)
-        measured = scan.ranges_m[chosen]
-        if self.config.skipping.enabled:
-            kept = self._kept(poses, scan, chosen)
-            expected, measured = expected[kept], measured[kept]
-        logs = log_density(self.config.mixture, expected, measured, scan.max_range_m)
-        alpha = tempering(len(chosen), self.config.beam_correlation)
-        result: NDArray[np.float64] = alpha * logs.sum(axis=0, dtype=np.float64)
-        return result
+        logs = log_density(self.config.mixture, expected, scan.ranges_m[chosen], scan.max_range_m)
+        summed: NDArray[np.float64] = logs.sum(axis=0, dtype=np.float64)
+        return summed
 
     def expected_ranges(
         self, poses: NDArray[np.float64], scan: RangeScan, chosen: NDArray[np.intp]
@@ -197,25 +202,21 @@ class BeamModel:
         )
         return self._caster.cast(sensor, scan.angles_rad[chosen], scan.max_range_m)
 
-    def _kept(
+    def _without_skipped(
         self, poses: NDArray[np.float64], scan: RangeScan, chosen: NDArray[np.intp]
-    ) -> NDArray[np.bool_]:
-        """Return which of the chosen beams agree with enough poses, (k,)."""
+    ) -> NDArray[np.intp]:
+        """Return those of the chosen beams that enough poses agree with."""
         few = judges(poses)
-        if few is None:
-            return np.ones(len(chosen), np.bool_)
+        if few is None or len(chosen) == 0:
+            return chosen
         mixture = self.config.mixture
         expected = self.expected_ranges(few, scan, chosen) + mixture.offset_m
-        measured = _or_none(scan.ranges_m[chosen], scan.max_range_m)[:, np.newaxis]
+        measured = scan.ranges_m[chosen][:, np.newaxis]
+        measured = np.where(measured < scan.max_range_m, measured, np.inf)
         with np.errstate(invalid="ignore"):  # inf - inf
             near = np.abs(measured - expected) <= self.config.skipping.sigmas * mixture.sigma_m
         agrees = near | (measured == expected)
-        return self.config.skipping.kept(agrees.mean(axis=1))
-
-
-def _or_none(measured_m: NDArray[np.float64], max_range_m: float) -> NDArray[np.float64]:
-    """Return ranges with inf for those without an echo."""
-    return np.where(measured_m < max_range_m, measured_m, np.inf)
+        return chosen[self.config.skipping.kept(agrees.mean(axis=1))]
 
 
 def log_density(

@@ -12,7 +12,9 @@ place is known well, such beams stand out: they contradict nearly all poses alik
 nothing of which pose is right, and are left out (as nav2's AMCL does in its likelihood field).
 This is a heuristic: which beams count is decided by the poses, so it must not hide from the
 localiser that it is wrong. It therefore stays off while the poses are spread, and where it would
-leave out most beams: then not the beams are wrong, but the poses.
+leave out most beams: then not the beams are wrong, but the poses. It is not on by default: beams
+that few poses agree with are often those that say most, and the models forgive a share of wrong
+beams by themselves (benchmarks/RESULTS.md).
 """
 
 from __future__ import annotations

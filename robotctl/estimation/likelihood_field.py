@@ -121,11 +121,20 @@ class LikelihoodField:
         )
 
     def measurement(self, scan: RangeScan) -> LogLikelihood:
-        """Return the function from poses to the log-likelihood of a scan."""
+        """Return the function from poses to the log-likelihood of a scan.
+
+        Which beams are skipped is decided by the first poses that it is asked for, the belief; the
+        same beams then weigh all others, so that belief and other places compare.
+        """
         points = self._chosen_points(scan)
+        alpha = tempering(points.shape[1], self.config.beam_correlation)
+        undecided = self.config.skipping.enabled and points.shape[1] > 0
 
         def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-            return self._log_likelihood(poses, points)
+            nonlocal points, undecided
+            if undecided:
+                points, undecided = self._without_skipped(poses, points), False
+            return alpha * self._summed(poses, points)
 
         return log_likelihood
 
@@ -145,7 +154,7 @@ class LikelihoodField:
             (n,), at most 0: 0 where all chosen beams end in obstacles, and everywhere if no beam
             hit anything.
         """
-        return self._log_likelihood(poses, self._chosen_points(scan))
+        return self.measurement(scan)(poses)
 
     def _log(self, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return log p(d), at most 0."""
@@ -161,16 +170,6 @@ class LikelihoodField:
         points = np.stack([scan.x_m + ranges * np.cos(angles), scan.y_m + ranges * np.sin(angles)])
         cells: NDArray[np.float32] = (points * self._map_from_world[4]).astype(np.float32)
         return cells
-
-    def _log_likelihood(
-        self, poses: NDArray[np.float64], points: NDArray[np.float32]
-    ) -> NDArray[np.float64]:
-        count = points.shape[1]
-        if self.config.skipping.enabled and count > 0:
-            points = self._without_skipped(poses, points)
-        summed = self._summed(poses, points)
-        result: NDArray[np.float64] = tempering(count, self.config.beam_correlation) * summed
-        return result
 
     def _summed(
         self, poses: NDArray[np.float64], points: NDArray[np.float32]

@@ -211,6 +211,19 @@ def test_beam_skipping_is_off_while_the_poses_are_spread_or_most_beams_speak_aga
         )
 
 
+def test_the_beams_skipped_for_the_belief_are_skipped_for_all_other_places():
+    grid = room()
+    skipping = LikelihoodField(grid, LikelihoodFieldConfig(skipping=BeamSkipping(enabled=True)))
+    scan = crowded_scan(grid)
+    rng = np.random.default_rng(8)
+    near = np.array([2.0, 2.0, 0.0]) + rng.normal(size=(500, 3)) * [0.05, 0.05, 0.02]
+    elsewhere = random_poses(rng, 500, SE2())
+    measurement = skipping.measurement(scan)
+    measurement(near)
+    assert np.all(measurement(elsewhere) >= LikelihoodField(grid).log_likelihood(elsewhere, scan))
+    assert np.any(measurement(elsewhere) > skipping.log_likelihood(elsewhere, scan) + 1.0)
+
+
 @pytest.mark.recordings("carmen/intel-odometry.log.gz")
 def test_on_a_real_log_the_reference_is_likelier_than_places_a_little_off(recordings: Path):
     """The map of the even scans, weighed by the odd ones: 0.3 m or 10 degrees off is worse."""
