@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks import machine
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.lockstep import LockstepRun
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 from robotctl.app.tune_track import Track, speed_step
 from robotctl.control.step_metrics import step_metrics
 

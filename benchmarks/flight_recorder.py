@@ -13,7 +13,7 @@ from robotctl.app.lockstep import LockstepRun
 from robotctl.app.options import StackOptions
 from robotctl.app.replay import replay_file
 from robotctl.app.robot import record_header
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.flight_ring import FlightRing, dump
 

@@ -8,7 +8,7 @@ from benchmarks import machine
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import LockstepRun
 from robotctl.app.score import Report
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 
 TARGET = 50.0
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import LockstepRun
-from robotctl.app.sim import SimOptions, load_walls
+from robotctl.app.sim_options import SimOptions
+from robotctl.app.world import load_walls
 
 TARGET = Path(__file__).parents[1] / "docs" / "patrol.png"
 
@@ -32,7 +33,7 @@ def main() -> None:
     figure, (plan, wheels) = plt.subplots(
         1, 2, figsize=(12, 4.2), width_ratios=(1.25, 1), layout="constrained"
     )
-    for x1, y1, x2, y2 in load_walls(find_file("flat", "worlds")):
+    for x1, y1, x2, y2 in load_walls(find_file("flat", "worlds")).segments:
         plan.plot((x1, x2), (y1, y2), color="black", linewidth=2)
     plan.plot(*np.array(truths).T, color="tab:orange", linewidth=4, alpha=0.5, label="true path")
     plan.plot(x_m, y_m, color="tab:blue", linewidth=1, label="odometry")

@@ -18,7 +18,7 @@ import numpy as np
 from robotctl.app.calibrate_sources import MeasuredRun, MeasuredRuns, measured_run, wheels_of
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import LockstepRun
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 from robotctl.errors import CalibrationError
 from robotctl.estimation.odometry_model import OdometryModel
 from robotctl.estimation.odometry_runs import OdometryRun

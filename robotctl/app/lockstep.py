@@ -36,7 +36,7 @@ from robotctl.app.score import (
     loop_report,
     run_message,
 )
-from robotctl.app.sim import SimOptions, SimulatorError, load_faults, simulation_overrides
+from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulation_overrides
 from robotctl.app.world import load_walls
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot

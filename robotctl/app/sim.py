@@ -11,17 +11,13 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TypeAlias
 
 import msgspec
 import zmq
 
-from firmware_sim.config import load_robot as load_simulated_robot
-from firmware_sim.errors import SimulationError
-from firmware_sim.scenario import Scenario, load_scenario
 from robotctl.app.children import start_child
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
@@ -35,9 +31,9 @@ from robotctl.app.score import (
     loop_report,
     run_message,
 )
+from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulation_overrides
 from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.world import load_walls
-from robotctl.errors import ConfigError, RobotctlError
 from robotctl.runtime.messages import (
     Arm,
     ControlState,
@@ -64,65 +60,6 @@ _POLL_S = 0.05
 _ASK_S = 0.5
 _SAY_S = 5.0
 _FAULT = "fault at "
-
-
-class SimulatorError(RobotctlError):
-    """The simulated firmware could not start or has ended."""
-
-
-@dataclass(frozen=True, slots=True)
-class SimOptions:
-    """What the user asked for.
-
-    Parameters
-    ----------
-    robot, mission, world
-        Files; an empty world means the mission's own.
-    bus
-        `simcan[:CHANNEL]`, or the name of a SocketCAN interface.
-    seed
-        Seed of the simulated world.
-    max_seconds
-        The run ends there as not completed.
-    overrides
-        `key=value` settings of the robot.
-    record
-        Directory of record and logs; None: none.
-    faults
-        Scenario of the faults that befall the robot; None: none.
-    localisation
-        Settings of the localiser, `key=value`; where they name no map it is the world itself.
-    """
-
-    robot: Path
-    mission: Path
-    world: str = ""
-    bus: str = "simcan"
-    seed: int = 1
-    max_seconds: float = 300.0
-    overrides: tuple[str, ...] = ()
-    record: Path | None = None
-    faults: Path | None = None
-    localisation: tuple[str, ...] = ()
-
-    def settings(self, world: Path) -> tuple[str, ...]:
-        """Return all settings of the robot in a world, the user's own last."""
-        if not self.localisation:
-            return self.overrides
-        return (f'localisation.map="{world}"', *self.localisation, *self.overrides)
-
-    @property
-    def channel(self) -> tuple[str, str]:
-        """python-can interface and channel of the host."""
-        kind, _, channel = self.bus.partition(":")
-        if kind == "simcan":
-            return "simcan", channel or "simcan0"
-        if channel:
-            raise ConfigError(
-                f"--bus {self.bus}: allowed are simcan, simcan:CHANNEL or a SocketCAN interface "
-                "such as vcan0"
-            )
-        return "socketcan", kind
 
 
 _Heard: TypeAlias = (
@@ -420,39 +357,6 @@ class SimRun:
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
         )
-
-
-def simulation_overrides(overrides: Sequence[str]) -> list[str]:
-    """Return those settings of the user that are firmware_sim's."""
-    return [override for override in overrides if override.startswith("simulation.")]
-
-
-def check_simulated_robot(robot: Path) -> None:
-    """Check the part of a robot's file that firmware_sim reads.
-
-    Raises
-    ------
-    SimulatorError
-        With one line for each error.
-    """
-    try:
-        load_simulated_robot(robot)
-    except SimulationError as error:
-        raise SimulatorError(str(error)) from error
-
-
-def load_faults(path: Path | None) -> Scenario:
-    """Return a scenario of faults; None: one without any.
-
-    Raises
-    ------
-    SimulatorError
-        If the file is wrong.
-    """
-    try:
-        return Scenario() if path is None else load_scenario(path)
-    except SimulationError as error:
-        raise SimulatorError(str(error)) from error
 
 
 def _lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:

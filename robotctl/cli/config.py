@@ -10,7 +10,7 @@ import pydantic
 import typer
 
 from robotctl.app.config import RobotConfig, find_file, load_robot
-from robotctl.app.sim import check_simulated_robot
+from robotctl.app.sim_options import check_simulated_robot
 from robotctl.cli.arguments import Overrides, RobotName
 
 app = typer.Typer(help="Check and show robot configurations.", no_args_is_help=True)

@@ -14,7 +14,8 @@ from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.score import Report
 from robotctl.app.signals import StopFlag
-from robotctl.app.sim import SimOptions, SimRun
+from robotctl.app.sim import SimRun
+from robotctl.app.sim_options import SimOptions
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.keys import HINT, Keys
 from robotctl.cli.score_view import score_table

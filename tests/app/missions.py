@@ -10,7 +10,7 @@ import msgspec
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.score import Report
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 
 PATROL = find_file("patrol", "missions")
 

@@ -15,7 +15,7 @@ from robotctl.app.calibrate_sources import run_of_recording, wheels_of
 from robotctl.app.calibrate_squares import Campaign
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.lockstep import LockstepRun
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.odometry_model import OdometryModel
 from robotctl.model.drives import DifferentialDrive, TricycleDrive

@@ -9,7 +9,7 @@ import pytest
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.lockstep import LockstepRun
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 from robotctl.app.tune_track import Track, speed_step
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")

@@ -9,7 +9,8 @@ import pytest
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.score import Report
-from robotctl.app.sim import SimOptions, SimRun, SimulatorError
+from robotctl.app.sim import SimRun
+from robotctl.app.sim_options import SimOptions, SimulatorError
 from robotctl.errors import ConfigError
 
 PATROL = find_file("patrol", "missions")

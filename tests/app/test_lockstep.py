@@ -7,7 +7,7 @@ import pytest
 from mcap.reader import make_reader
 
 from robotctl.app.replay import replay_file
-from robotctl.app.sim import SimulatorError
+from robotctl.app.sim_options import SimulatorError
 from robotctl.runtime.recorder import RecordError
 from tests.app.missions import drive, fingerprint, without_computing_times
 

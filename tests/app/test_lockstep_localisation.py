@@ -10,7 +10,7 @@ import pytest
 
 from robotctl.app.config import find_file
 from robotctl.app.map_file import load_map
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 from robotctl.app.world import load_walls
 from robotctl.errors import ConfigError
 from robotctl.telemetry.recorded_log import read_recording

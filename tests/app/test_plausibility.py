@@ -7,7 +7,7 @@ import pytest
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.lockstep import run_lockstep
-from robotctl.app.sim import SimOptions
+from robotctl.app.sim_options import SimOptions
 from robotctl.runtime.messages import Feedback, SafetyState, WheelFeedback
 from tests.app.tampered import Bend, Trial, replace
 
