@@ -7,8 +7,8 @@ Notes, section 4; Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
   it is accumulated, and `fit_watch.py` compares the evidence with what it used to be.
 - If one of them speaks against the belief, a search begins, as from an unknown start: random poses
   join in, and each measurement is applied in steps (`annealing.py`), so that particles are found
-  where its likelihood is great instead of being drawn at random. Half of the belief stays, for it
-  may have been right.
+  where its likelihood is great instead of being drawn at random. A part of the belief stays, for
+  it may have been right.
 - A likelihood that is too narrow for the tracked particles is tempered (`tempering.py`).
 - The estimate is the mean of the heaviest cluster, from the weights before they are resampled.
 - The number of particles follows the belief (KLD sampling, `pose_bins.py`).
@@ -39,6 +39,9 @@ from robotctl.model.se2 import SE2
 
 _CLUSTERS = 8
 """Clusters kept for display."""
+_KEPT = 0.1
+"""Share of the old belief in a new search. With more of it a wrong place that fits so so hides the
+right one, which at first has few particles."""
 
 
 class MonteCarloLocaliser:
@@ -253,10 +256,10 @@ class MonteCarloLocaliser:
         self._weights = weights
 
     def _set_out(self) -> None:
-        """Begin a search: half of the belief stays, half is that the robot may be anywhere."""
+        """Begin a search: a tenth of the belief stays, the rest is that the robot is anywhere."""
         count = self.config.max_particles
         self._resample(count)
-        anywhere = self._sample_free(self._rng, count // 2)
+        anywhere = self._sample_free(self._rng, round((1.0 - _KEPT) * count))
         self._poses[self._rng.permutation(count)[: len(anywhere)]] = anywhere
         self._searching = True
         self._elsewhere = -math.inf
