@@ -168,11 +168,9 @@ class TwistLimiter:
         if not 0.0 < dt_s < math.inf:
             return Twist(self._v, self._omega)
         limits = self._config
-        v_ref, omega_ref = v_ref_m_s, omega_ref_rad_s
-        v_max, omega_max = limits.v_max_m_s, limits.omega_max_rad_s
-        # False for nan as well.
-        if not (-v_max <= v_ref <= v_max and -omega_max <= omega_ref <= omega_max):
-            v_ref, omega_ref = scale_to_limits(v_ref, omega_ref, v_max, omega_max)
+        v_ref, omega_ref = scale_to_limits(
+            v_ref_m_s, omega_ref_rad_s, limits.v_max_m_s, limits.omega_max_rad_s
+        )
         self._a = next_acceleration(
             v_ref - self._v, self._a, limits.a_max_m_s2, limits.jerk_max_m_s3, dt_s
         )

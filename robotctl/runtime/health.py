@@ -47,10 +47,7 @@ class Health:
         self.motor: MotorStatus | None = None
         self.drive: DriveStatus | None = None
         self.battery: BatteryFeedback | None = None
-        self.nodes: tuple[NodeStatus, ...] = ()
-        self._heartbeats_ns = span_ns(())
-        self._in_service = False
-        """Whether there are nodes, and none has a problem but perhaps its age."""
+        self._take_nodes(())
         self.bus = BusStatus()
         self.sonar_m = [math.nan] * len(sonars)
         self.sonar_ns = [_NEVER_NS] * len(sonars)
@@ -97,6 +94,7 @@ class Health:
         """Keep what is known of the nodes, which changes with their heartbeats only."""
         self.nodes = nodes
         self._heartbeats_ns = span_ns([node.heartbeat_ns for node in nodes])
+        # There are some, and none has a problem but perhaps its age.
         self._in_service = bool(nodes) and not any(node.problem for node in nodes)
 
     def fresh_sonar_m(self, now_ns: int) -> tuple[float, ...]:

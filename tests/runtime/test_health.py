@@ -4,8 +4,10 @@ import math
 
 import msgspec
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from robotctl.runtime.health import Health, fault_words
+from robotctl.runtime.health import Health, are_fresh, fault_words, is_fresh, span_ns
 from robotctl.runtime.messages import (
     BatteryFeedback,
     BusState,
@@ -294,3 +296,15 @@ def test_the_drive_is_latched_in_its_three_stopped_states_however_old(state: Dri
 )
 def test_fault_bits_are_told_in_words(faults: int, words: str) -> None:
     assert fault_words(faults) == words
+
+
+@given(
+    stamps_ns=st.lists(st.integers(0, 12), max_size=4),
+    now_ns=st.integers(0, 12),
+    limit_ns=st.integers(0, 6),
+)
+def test_stamps_are_fresh_together_if_each_of_them_is(
+    stamps_ns: list[int], now_ns: int, limit_ns: int
+) -> None:
+    each = all(is_fresh(stamp_ns, now_ns, limit_ns) for stamp_ns in stamps_ns)
+    assert are_fresh(span_ns(stamps_ns), now_ns, limit_ns) == each
