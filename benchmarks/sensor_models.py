@@ -26,7 +26,8 @@ from robotctl.app.config import find_file, load_robot
 from robotctl.app.map_file import load_map
 from robotctl.estimation.beam_model import BeamMixture, BeamModel, learned
 from robotctl.estimation.beam_selection import evenly_chosen
-from robotctl.estimation.likelihood_field import LikelihoodField, LikelihoodFieldConfig
+from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
+from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.range_casting import RangeCaster
 from robotctl.estimation.sonar_model import SonarModel
 from robotctl.estimation.wall_raster import grid_of_walls

@@ -33,14 +33,18 @@ class EkfLocaliser:
     mounts
         The sonars, in the order of the ranges.
     walls
-        The map; None: poses from outside alone correct.
+        The map.
+    max_range_m
+        For so far the sonars listen [m].
     """
 
-    def __init__(self, ekf: PoseEkf, mounts: Sequence[SonarMount], walls: WallMap | None) -> None:
+    def __init__(
+        self, ekf: PoseEkf, mounts: Sequence[SonarMount], walls: WallMap, max_range_m: float
+    ) -> None:
         self._ekf = ekf
         self._mounts = tuple(mounts)
         self._walls = walls
-        self._news = SonarNews()
+        self._news = SonarNews(max_range_m)
         self._odometry: SE2 | None = None
         self._innovation: Innovation | None = None
 
@@ -78,8 +82,6 @@ class EkfLocaliser:
 
     def _hear(self, stamp_ns: int, ranges_m: NDArray[np.float64]) -> None:
         """Correct by one ring of ranges."""
-        if self._walls is None:
-            return
         for mount, range_m in zip(self._mounts, ranges_m.tolist(), strict=True):
             self._keep(self._ekf.update_sonar(stamp_ns, mount, range_m, self._walls))
 

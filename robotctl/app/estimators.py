@@ -21,6 +21,7 @@ from robotctl.errors import ConfigError
 from robotctl.estimation.compiled import cache_is_cold
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
+from robotctl.estimation.ekf_models import SonarBeam
 from robotctl.estimation.free_space import free_poses
 from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.mcl import MonteCarloLocaliser
@@ -149,7 +150,7 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     """
     _rehearse(config)
     history = OdometryHistory()
-    grid = OccupancyGrid()
+    grid = OccupancyGrid(config.localisation.grid)
     mapper = Mapper(grid, config.sonar, history) if config.localisation.mapping else None
     return Estimators(_localiser(config, start, beside, history), mapper, history)
 
@@ -198,12 +199,22 @@ def _localiser(
             )
         covariance = np.diag([settings.start_sigma_m**2, settings.start_sigma_m**2, sigma_rad**2])
         known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
-        ekf = PoseEkf(EkfConfig(motion=config.odometry), known)
-        return EkfLocaliser(ekf, config.sonar, chart.walls)
+        sonar = settings.sonar
+        ekf_config = EkfConfig(
+            motion=config.odometry,
+            sonar_sigma_m=sonar.sigma_m,
+            sonar_sigma_m_per_m=sonar.sigma_per_m,
+            sonar_beam=SonarBeam(
+                math.radians(0.5 * sonar.beam_deg), math.radians(sonar.max_incidence_deg)
+            ),
+        )
+        ekf = PoseEkf(ekf_config, known)
+        return EkfLocaliser(ekf, config.sonar, chart.walls, settings.sonar.max_range_m)
     rng = np.random.default_rng(settings.seed)
-    mcl = MonteCarloLocaliser(MclConfig(), free_poses(chart.grid), rng)
+    bounds = MclConfig(max_particles=settings.particles_max)
+    mcl = MonteCarloLocaliser(bounds, free_poses(chart.grid), rng)
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, sigma_rad)
     room = chart.grid if chart.walls is None else chart.walls
-    sonars = SonarModel(room, config.sonar) if config.sonar else None
-    return MclLocaliser(mcl, LikelihoodField(chart.grid), sonars, history)
+    sonars = SonarModel(room, config.sonar, settings.sonar) if config.sonar else None
+    return MclLocaliser(mcl, LikelihoodField(chart.grid, settings.lidar), sonars, history)

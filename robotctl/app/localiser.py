@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import listening_ns
 from robotctl.runtime.messages import ControlState, ExternalPose, LocalisationState
 
 _SONAR_MAX_AGE_NS: Final = 500_000_000
@@ -37,15 +38,23 @@ class Localiser(Protocol):
 
 
 class SonarNews:
-    """Picks from control states the sonar readings that are new."""
+    """Picks from control states the sonar readings that are new.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    max_range_m
+        For so far the sonars listen [m].
+    """
+
+    def __init__(self, max_range_m: float) -> None:
+        self._max_range_m = max_range_m
         self._last_ns = 0
 
     def take(self, control: ControlState) -> list[tuple[int, NDArray[np.float64]]]:
         """Return the new readings, oldest first: those of one time together, as a whole ring.
 
-        One range for each sonar [m]: inf without echo, nan where it has nothing new to say.
+        The time is that of the sound: when the ranges are known, the robot has driven on. One range
+        for each sonar [m]: inf without echo, nan where it has nothing new to say.
         """
         oldest_ns = max(self._last_ns, control.stamp_ns - _SONAR_MAX_AGE_NS)
         stamps = np.asarray(control.sonar_stamp_ns, np.int64)
@@ -53,7 +62,13 @@ class SonarNews:
         times: list[int] = np.unique(stamps[stamps > oldest_ns]).tolist()
         if times:
             self._last_ns = times[-1]
-        return [(time_ns, np.where(stamps == time_ns, ranges, np.nan)) for time_ns in times]
+        return [
+            (
+                time_ns - listening_ns(ranges[stamps == time_ns].tolist(), self._max_range_m),
+                np.where(stamps == time_ns, ranges, np.nan),
+            )
+            for time_ns in times
+        ]
 
 
 def localisation_state(

@@ -22,7 +22,8 @@ from robotctl.app.localize_report import Run
 from robotctl.app.mapping import choose_scans
 from robotctl.app.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.estimation.free_space import free_poses
-from robotctl.estimation.likelihood_field import LikelihoodField, LikelihoodFieldConfig
+from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
+from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig

@@ -53,7 +53,7 @@ class MclLocaliser:
         self._field = field
         self._sonars = sonars
         self._history = history
-        self._news = SonarNews()
+        self._news = SonarNews(sonars.config.max_range_m if sonars is not None else 0.0)
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
         self._heard: set[int] = set()

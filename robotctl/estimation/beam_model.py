@@ -31,7 +31,8 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.beam_selection import BeamSkipping, evenly_chosen, judges, tempering
+from robotctl.estimation.beam_selection import evenly_chosen, judges, tempering
+from robotctl.estimation.likelihood_config import BeamSkipping
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.range_casting import RangeCaster
 from robotctl.model.grid_map import GridMap

@@ -20,7 +20,6 @@ beams by themselves (benchmarks/RESULTS.md).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -30,48 +29,6 @@ _JUDGES: Final = 256
 _CLOSE_M: Final = 0.5
 _CLOSE_RAD: Final = 0.25
 """Poses that spread more (one standard deviation) cannot say that a beam is wrong."""
-
-
-@dataclass(frozen=True, slots=True)
-class BeamSkipping:
-    """When beams are left out.
-
-    Parameters
-    ----------
-    enabled
-        Whether any are.
-    sigmas
-        A beam agrees with a pose if it is off by at most so many standard deviations, (0, 4].
-    below
-        A beam is left out if it agrees with less than this share of the poses, (0, 1).
-    at_most
-        If more than this share of the beams would be left out, none is, (0, 1).
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    enabled: bool = False
-    sigmas: float = 3.0
-    below: float = 0.3
-    at_most: float = 0.7
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.sigmas <= 4.0:
-            raise ValueError(f"sigmas must be in (0, 4], found {self.sigmas}")
-        for key in ("below", "at_most"):
-            value = getattr(self, key)
-            if not 0.0 < value < 1.0:
-                raise ValueError(f"{key} must be in (0, 1), found {value}")
-
-    def kept(self, agreeing_share: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which beams to keep, (k,), from the share of the poses that each agrees with."""
-        kept = agreeing_share >= self.below
-        if np.count_nonzero(~kept) > self.at_most * len(kept):
-            return np.ones_like(kept)
-        return kept
 
 
 def evenly_chosen(valid: NDArray[np.bool_], count: int) -> NDArray[np.intp]:

@@ -21,61 +21,20 @@ near the truth die out, and a wrong place that fits by chance takes over.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
-from robotctl.estimation.beam_selection import BeamSkipping, evenly_chosen, judges, tempering
+from robotctl.estimation.beam_selection import evenly_chosen, judges, tempering
 from robotctl.estimation.compiled import compiled
+from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.model.grid_map import GridMap
 from robotctl.model.range_scan import RangeScan
 
 _BLOCK = 128
 """Particles weighed together: their sums stay in the first-level cache."""
-
-
-@dataclass(frozen=True, slots=True)
-class LikelihoodFieldConfig:
-    """How beams are weighed.
-
-    Parameters
-    ----------
-    beams
-        Beams taken of a scan, evenly chosen of those that hit something, >= 1.
-    sigma_m
-        Standard deviation of the distance of an end point from its obstacle, of sensor and map
-        together [m], > 0.
-    robust_k
-        K: likelihood of a beam that ends anywhere, against that of one on an obstacle, > 0.
-    beam_correlation
-        Of the log-likelihoods of two beams, [0, 1).
-    skipping
-        Of beams in a crowd.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    beams: int = 60
-    sigma_m: float = 0.1
-    robust_k: float = 0.05
-    beam_correlation: float = 0.045
-    skipping: BeamSkipping = field(default_factory=BeamSkipping)
-
-    def __post_init__(self) -> None:
-        if self.beams < 1:
-            raise ValueError(f"beams must be >= 1, found {self.beams}")
-        for key in ("sigma_m", "robust_k"):
-            value = getattr(self, key)
-            if not 0.0 < value < math.inf:
-                raise ValueError(f"{key} must be finite and > 0, found {value}")
-        if not 0.0 <= self.beam_correlation < 1.0:
-            raise ValueError(f"beam_correlation must be in [0, 1), found {self.beam_correlation}")
 
 
 class LikelihoodField:

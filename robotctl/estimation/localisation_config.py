@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
+from robotctl.estimation.occupancy_config import OccupancyGridConfig
+from robotctl.estimation.sonar_config import SonarModelConfig
+
+_FEWEST: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +34,10 @@ class LocalisationConfig:
         Build a map of what sonars and lidar see, from the estimated poses.
     seed
         Of the particles.
+    particles_max
+        Most particles; a tracked robot needs far fewer, >= 1000.
+    lidar, sonar, grid
+        What is known of the sensors, for the particles and for the map.
 
     Raises
     ------
@@ -42,6 +52,10 @@ class LocalisationConfig:
     start_sigma_deg: float = 5.0
     mapping: bool = False
     seed: int = 1
+    particles_max: int = 20_000
+    lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
+    sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
+    grid: OccupancyGridConfig = field(default_factory=OccupancyGridConfig)
 
     def __post_init__(self) -> None:
         for key in ("start_sigma_m", "start_sigma_deg"):
@@ -49,6 +63,10 @@ class LocalisationConfig:
                 raise ValueError(f"{key}: {getattr(self, key)} found, a finite number > 0 allowed")
         if self.seed < 0:
             raise ValueError(f"seed: {self.seed} found, 0 or more allowed")
+        if self.particles_max < _FEWEST:
+            raise ValueError(
+                f"particles_max: {self.particles_max} found, {_FEWEST} or more allowed"
+            )
         if self.start == "unknown" and self.method != "mcl":
             raise ValueError(
                 f'start: "unknown" needs method "mcl", found "{self.method}": only particles can '

@@ -1,9 +1,24 @@
-"""Where a sonar sits on the robot."""
+"""Where a sonar sits on the robot, and how long sound takes."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Final
+
+SPEED_OF_SOUND_M_S: Final = 343.0
+"""In air at 20 degC."""
+
+
+def listening_ns(ranges_m: Iterable[float], max_range_m: float) -> int:
+    """Return how long sonars that fired together have listened when their ranges are sent [ns].
+
+    Up to the last echo, or for the whole of `max_range_m` where one is missing (inf). So much
+    earlier the robot stood where they measured.
+    """
+    farthest_m = max((r for r in ranges_m if not math.isnan(r)), default=0.0)
+    return round(2e9 * min(farthest_m, max_range_m) / SPEED_OF_SOUND_M_S)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
+from robotctl.model.sonar import SonarMount, listening_ns
 from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.recorder import RecordError, read_record
 from robotctl.telemetry.log_text import LogFormatError, in_order
@@ -40,6 +40,8 @@ _DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyE
 _RECORD_LIMIT: Final = 1 << 28
 _MAX_AGE_NS: Final = 500_000_000
 """An older sonar reading is no news [ns]."""
+_REACH_M: Final = 4.0
+"""So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
 
 
 class _Control(msgspec.Struct):
@@ -193,11 +195,18 @@ def _sonars(
         oldest_ns = max(last_ns, state.stamp_ns - _MAX_AGE_NS)
         times_ns: list[int] = np.unique(stamps[stamps > oldest_ns]).tolist()
         for time_ns in times_ns:
-            stamp_ns = min(max(time_ns + log_ns - state.stamp_ns, begin_ns), end_ns)
             heard = np.where(stamps == time_ns, ranges, math.nan)
+            sent_ns = time_ns - listening_ns(_with_silence(ranges[stamps == time_ns]), _REACH_M)
+            stamp_ns = min(max(sent_ns + log_ns - state.stamp_ns, begin_ns), end_ns)
             last_ns = time_ns
             if not np.all(np.isnan(heard)):
                 yield RecordedSonar(stamp_ns, heard, odometry.at(stamp_ns) or SE2())
+
+
+def _with_silence(ranges_m: NDArray[np.float64]) -> list[float]:
+    """Return the ranges of sonars that fired, inf where the log has none."""
+    heard: list[float] = np.where(np.isnan(ranges_m), math.inf, ranges_m).tolist()
+    return heard
 
 
 def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:

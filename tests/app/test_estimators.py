@@ -199,7 +199,7 @@ def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
 
 
 def test_sonar_readings_are_told_once_those_of_one_time_together() -> None:
-    news = SonarNews()
+    news = SonarNews(0.0)
     state = control(100 * MS, SE2(), sonar_m=(1.0, 2.0, math.inf), sonar_stamp_ns=(50, 50, 90))
     first, second = news.take(state)
     assert first[0] == 50
@@ -210,6 +210,15 @@ def test_sonar_readings_are_told_once_those_of_one_time_together() -> None:
     ((stamp_ns, ranges_m),) = news.take(later)
     assert stamp_ns == 95
     assert ranges_m == pytest.approx([1.5, 2.5, math.nan], nan_ok=True)
+
+
+def test_ranges_count_when_the_sound_was_sent() -> None:
+    # 3.43 m there and back take sound 20 ms; without an echo the ring listens for all of its 4 m.
+    stamps = (80 * MS, 80 * MS, 90 * MS)
+    state = control(100 * MS, SE2(), sonar_m=(1.0, 3.43, math.inf), sonar_stamp_ns=stamps)
+    first, second = SonarNews(4.0).take(state)
+    assert first[0] == pytest.approx(60 * MS, abs=2)
+    assert second[0] == pytest.approx((90 - 8000 / 343) * MS, abs=2)
 
 
 @pytest.mark.parametrize(

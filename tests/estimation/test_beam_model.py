@@ -14,7 +14,7 @@ from robotctl.estimation.beam_model import (
     learned,
     log_density,
 )
-from robotctl.estimation.beam_selection import BeamSkipping
+from robotctl.estimation.likelihood_config import BeamSkipping
 from robotctl.estimation.range_casting import RangeCaster
 from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
 from robotctl.model.range_scan import RangeScan

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotctl.estimation.beam_selection import BeamSkipping
-from robotctl.estimation.likelihood_field import LikelihoodField, LikelihoodFieldConfig
+from robotctl.estimation.likelihood_config import BeamSkipping, LikelihoodFieldConfig
+from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.range_scan import RangeScan

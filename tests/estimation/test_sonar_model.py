@@ -13,7 +13,8 @@ from firmware_sim.config import load_robot
 from firmware_sim.sonar import SonarRing
 from firmware_sim.world import load_world
 from robotctl.estimation.grid_echoes import GridEchoes, surface_normals
-from robotctl.estimation.sonar_model import SonarModel, SonarModelConfig
+from robotctl.estimation.sonar_config import SonarModelConfig
+from robotctl.estimation.sonar_model import SonarModel
 from robotctl.estimation.wall_echoes import WallEchoes
 from robotctl.estimation.wall_raster import grid_of_walls
 from robotctl.model.sonar import SonarMount

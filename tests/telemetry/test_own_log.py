@@ -70,8 +70,10 @@ def test_sonars_are_read_once_at_their_time_with_the_odometry_of_then(tmp_path):
     first, second = read_recording(tmp_path).sonars
     np.testing.assert_array_equal(first.ranges_m, [1.0, 2.0, math.nan])
     np.testing.assert_array_equal(second.ranges_m, [1.5, math.nan, math.nan])
-    assert second.stamp_ns - EPOCH_NS == 1_750_000_000
-    assert second.odometry.x_m == pytest.approx(0.75)
+    # The sound of 1.5 m there and back took 8.7 ms.
+    sent_s = 1.75 - 2.0 * 1.5 / 343.0
+    assert second.stamp_ns - EPOCH_NS == pytest.approx(sent_s * 1e9, abs=2)
+    assert second.odometry.x_m == pytest.approx(sent_s - 1.0)
 
 
 def test_where_the_sonars_sit_stands_in_the_record_of_the_control_loop(folder):
