@@ -27,6 +27,11 @@ def until(condition, timeout_s=30.0):
     raise AssertionError(f"{condition} did not come true within {timeout_s} s")
 
 
+def take_interrupts():
+    """Let a program end by SIGINT, also where the tests run in the background of a shell."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.fixture
 def start():
     """Start a program of this Python; killed at the end if it still runs."""
@@ -36,7 +41,13 @@ def start():
         options.setdefault("stdout", subprocess.PIPE)
         options.setdefault("stderr", subprocess.STDOUT)
         options.setdefault("env", {**os.environ, "PYTHONUNBUFFERED": "1"})
-        process = subprocess.Popen([sys.executable, *arguments], cwd=ROOT, text=True, **options)
+        process = subprocess.Popen(
+            [sys.executable, *arguments],
+            cwd=ROOT,
+            text=True,
+            preexec_fn=take_interrupts,  # noqa: PLW1509 - one system call
+            **options,
+        )
         running.append(process)
         return process
 

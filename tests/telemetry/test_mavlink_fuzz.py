@@ -8,7 +8,7 @@ from robotctl.drivers.mavlink_link_frames import STALE_NS, FrameReader
 from robotctl.runtime.mavlink_port import Peer, Received
 from robotctl.runtime.messages import EmergencyStop
 
-HANDLED = [0, 11, 66, 69, 75, 76, 84, 111]
+HANDLED = [0, 11, 66, 69, 75, 76, 84, 102, 111, 331]
 
 ACTING = [
     common.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0),
@@ -16,6 +16,7 @@ ACTING = [
     common.MAVLink_command_int_message(1, 1, 0, 176, 0, 0, 1, 15, 0, 0, 0, 0, 0),
     common.MAVLink_set_mode_message(1, 1, 10),
     common.MAVLink_manual_control_message(1, 500, 0, 0, 0, 0),
+    common.MAVLink_vision_position_estimate_message(1, 2.0, 3.0, 0, 0, 0, 0.5),
     common.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, 8, 0x5C7, 0, 0, 0, 0.5, 0, 0, 0, 0, 0, 0, 0.1
     ),
