@@ -14,6 +14,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
 
 _CELLS = (".yaml", ".yml")
+_IMAGES = (".pgm", ".png", ".bmp", ".jpg")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +38,8 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     """
     if not name:
         raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
+    if name.endswith(_IMAGES):
+        raise ConfigError(f"{name}: an image; needed is the map's .yaml that names it")
     here = beside / name
     if name.endswith(_CELLS):
         path = here if here.is_file() else find_file(name, "maps", ".yaml")

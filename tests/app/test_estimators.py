@@ -11,6 +11,7 @@ import pytest
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.estimators import Estimators, make_estimators
+from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.localiser import SonarNews, external_covariance
 from robotctl.app.mapper import Mapper
 from robotctl.app.odometry_history import OdometryHistory
@@ -243,6 +244,11 @@ def test_a_map_may_lie_beside_the_robots_file(world: Path, monkeypatch) -> None:
     assert several.localiser is not None
     with pytest.raises(ConfigError, match=r"room\.toml"):
         make_estimators(config, SE2(1.0, 1.0, 0.0), Path("/"))
+
+
+def test_an_image_alone_is_no_map() -> None:
+    with pytest.raises(ConfigError, match=r"office\.pgm: an image; .* \.yaml"):
+        load_localisation_map("office.pgm", Path())
 
 
 def test_the_room_of_these_tests_is_the_one_of_the_file(world: Path) -> None:
