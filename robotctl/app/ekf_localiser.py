@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import msgspec
@@ -12,8 +11,8 @@ from numpy.typing import NDArray
 
 from robotctl.app.localiser import SonarNews, external_covariance, localisation_state
 from robotctl.estimation.ekf import PoseEkf
+from robotctl.estimation.odometry_estimate import arc_between
 from robotctl.estimation.robust_kalman import Innovation
-from robotctl.model.angles import sinc
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
@@ -66,8 +65,8 @@ class EkfLocaliser:
         if self._odometry is None:
             ekf.reset(dataclasses.replace(ekf.estimate(), stamp_ns=control.stamp_ns))
         elif control.stamp_ns > ekf.stamp_ns:
-            distance_m, turn_rad = _arc(self._odometry.inverse() @ odometry)
-            self._keep(*ekf.predict(control.stamp_ns, distance_m, turn_rad))
+            arc = arc_between(self._odometry.inverse() @ odometry)
+            self._keep(*ekf.predict(control.stamp_ns, *arc))
         self._odometry = odometry
         for stamp_ns, ranges_m in self._news.take(control):
             self._hear(stamp_ns, ranges_m)
@@ -89,9 +88,3 @@ class EkfLocaliser:
         for innovation in innovations:
             if innovation is not None:
                 self._innovation = innovation
-
-
-def _arc(delta: SE2) -> tuple[float, float]:
-    """Return length [m] and turn [rad] of the arc to the end of a motion of `base`."""
-    chord = math.hypot(delta.x_m, delta.y_m) / sinc(0.5 * delta.theta_rad)
-    return math.copysign(chord, delta.x_m), delta.theta_rad

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import statistics
+from collections import defaultdict
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2  # type: ignore[import-untyped]
 
 from robotctl.app.score import LocalisationReport, PoseScore, StampedPose, TruthMatcher
+from robotctl.estimation.consistency import pose_nees, share_inside
 from robotctl.model.angles import wrap_angle
 from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.pose_estimate import PoseEstimate, from_upper_triangle
 from robotctl.runtime.messages import LocalisationState
 
 _RIGHT_M: Final = 0.5
@@ -78,7 +80,9 @@ class LocalisationScore:
         if said:
             self._said_ns += passed_ns
             self._error.add(estimate, truth)
-            self._nees.append(_nees(estimate, truth, turned_rad, state.covariance))
+            covariance = from_upper_triangle(state.covariance)
+            believed = PoseEstimate(now_ns, estimate.pose, covariance, state.status)
+            self._nees.append(pose_nees(believed, truth.pose))
 
     def result(self) -> LocalisationReport | None:
         """Return the score so far; None where there was no localiser."""
@@ -98,27 +102,12 @@ class LocalisationScore:
         )
 
 
-def _nees(
-    estimate: StampedPose,
-    truth: StampedPose,
-    turned_rad: float,
-    covariance: tuple[float, ...],
-) -> float:
-    """Return the normalised estimation error squared; inf where the covariance is singular."""
-    P = np.zeros((3, 3))
-    P[np.triu_indices(3)] = covariance
-    P += np.triu(P, 1).T
-    error = np.array([estimate.x_m - truth.x_m, estimate.y_m - truth.y_m, turned_rad])
-    try:
-        return float(error @ np.linalg.solve(P, error))
-    except np.linalg.LinAlgError:
-        return math.inf
-
-
 def _inside(values: list[tuple[float, int]]) -> float | None:
     """Return the share of values inside the two-sided 95 % bounds of χ² with their freedoms."""
     if not values:
         return None
-    bounds = {dof: chi2.ppf((0.025, 0.975), dof) for dof in {dof for _, dof in values}}
-    inside = [bounds[dof][0] <= value <= bounds[dof][1] for value, dof in values]
-    return float(sum(inside) / len(inside))
+    by_dof: dict[int, list[float]] = defaultdict(list)
+    for value, dof in values:
+        by_dof[dof].append(value)
+    inside = [share_inside(np.array(each), dof) * len(each) for dof, each in by_dof.items()]
+    return sum(inside) / len(values)

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.pose_estimate import PoseEstimate
+from robotctl.model.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import listening_ns
@@ -76,7 +76,6 @@ def localisation_state(
 ) -> LocalisationState:
     """Return an estimate as a message; `odometry` is where the odometry had `base` at its time."""
     T_world_odom = estimate.pose @ odometry.inverse()
-    upper: list[float] = estimate.covariance[np.triu_indices(3)].tolist()
     return LocalisationState(
         stamp_ns=now_ns,
         method=method,
@@ -84,7 +83,7 @@ def localisation_state(
         x_m=T_world_odom.x_m,
         y_m=T_world_odom.y_m,
         theta_rad=T_world_odom.theta_rad,
-        covariance=tuple(upper),
+        covariance=upper_triangle(estimate.covariance),
     )
 
 
@@ -92,9 +91,7 @@ def external_covariance(pose: ExternalPose) -> NDArray[np.float64]:
     """Return the covariance (3, 3) of a pose from outside, its diagonal where it is none."""
     if len(pose.covariance) != 6:
         return np.diag([_EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_RAD**2])
-    matrix = np.zeros((3, 3))
-    matrix[np.triu_indices(3)] = pose.covariance
-    matrix += np.triu(matrix, 1).T
+    matrix = from_upper_triangle(pose.covariance)
     if np.linalg.eigvalsh(matrix)[0] > 0.0:
         return matrix
     return np.diag(np.diag(matrix))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from robotctl.model.angles import wrap_angle
+from robotctl.model.motion import between
 from robotctl.model.se2 import SE2
 
 _KEPT: Final = 100
@@ -37,15 +37,6 @@ class OdometryHistory:
         for before_ns, before in reversed(poses):
             if before_ns <= stamp_ns:
                 share = (stamp_ns - before_ns) / (after_ns - before_ns)
-                return _between(before, after, share)
+                return between(before, after, share)
             after_ns, after = before_ns, before
         return None
-
-
-def _between(before: SE2, after: SE2, share: float) -> SE2:
-    """Return the pose at a share [0, 1] of a short way."""
-    return SE2(
-        before.x_m + share * (after.x_m - before.x_m),
-        before.y_m + share * (after.y_m - before.y_m),
-        wrap_angle(before.theta_rad + share * wrap_angle(after.theta_rad - before.theta_rad)),
-    )

@@ -10,6 +10,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import msgspec
 
 from robotctl.model.angles import wrap_angle
+from robotctl.model.motion import between
+from robotctl.model.se2 import SE2
 from robotctl.runtime.messages import BusStatus, ControlState, LoopStatistics, NavigationState
 from robotctl.runtime.safety import LATCHED, POWERED
 
@@ -144,6 +146,11 @@ class StampedPose(NamedTuple):
     y_m: float
     theta_rad: float
 
+    @property
+    def pose(self) -> SE2:
+        """The pose alone."""
+        return SE2(self.x_m, self.y_m, self.theta_rad)
+
     def distance_m(self, other: StampedPose) -> float:
         """Return the distance between two positions [m]."""
         return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
@@ -233,12 +240,8 @@ def _interpolate(truths: Sequence[StampedPose], stamp_ns: int) -> StampedPose:
         return first
     second = truths[1]
     share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
-    return StampedPose(
-        stamp_ns,
-        first.x_m + share * (second.x_m - first.x_m),
-        first.y_m + share * (second.y_m - first.y_m),
-        wrap_angle(first.theta_rad + share * wrap_angle(second.theta_rad - first.theta_rad)),
-    )
+    pose = between(first.pose, second.pose, share)
+    return StampedPose(stamp_ns, pose.x_m, pose.y_m, pose.theta_rad)
 
 
 def loop_report(loop: LoopStatistics) -> dict[str, Any]:

@@ -6,15 +6,25 @@ section 5.4.
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv  # type: ignore[import-untyped]
 
-from robotctl.estimation.robust_kalman import Innovation, chi2_quantile
 from robotctl.model.angles import wrap_angle
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.se2 import SE2
+
+if TYPE_CHECKING:
+    from robotctl.estimation.robust_kalman import Innovation
+
+
+def chi2_quantile(probability: float, dof: float) -> float:
+    """Return below which value a chi-squared variable of `dof` degrees of freedom stays."""
+    return float(2.0 * gammaincinv(0.5 * dof, probability))
 
 
 def chi2_bounds(dof: float, probability: float = 0.95) -> tuple[float, float]:
@@ -24,7 +34,10 @@ def chi2_bounds(dof: float, probability: float = 0.95) -> tuple[float, float]:
 
 
 def pose_nees(estimate: PoseEstimate, truth: SE2) -> float:
-    """Return the squared error of a pose, normalised by its covariance; 3 degrees of freedom."""
+    """Return the squared error of a pose, normalised by its covariance; 3 degrees of freedom.
+
+    inf where the covariance is singular: a belief without any doubt fits nothing.
+    """
     error = np.array(
         [
             estimate.pose.x_m - truth.x_m,
@@ -32,7 +45,10 @@ def pose_nees(estimate: PoseEstimate, truth: SE2) -> float:
             wrap_angle(estimate.pose.theta_rad - truth.theta_rad),
         ]
     )
-    return float(error @ np.linalg.solve(estimate.covariance, error))
+    try:
+        return float(error @ np.linalg.solve(estimate.covariance, error))
+    except np.linalg.LinAlgError:
+        return math.inf
 
 
 def share_inside(values: NDArray[np.float64], dof: float, probability: float = 0.95) -> float:

@@ -22,7 +22,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter  # type: ignore[import-untyped]
 from numpy.typing import NDArray
-from scipy.special import gammaincinv  # type: ignore[import-untyped]
+
+from robotctl.estimation.consistency import chi2_quantile
 
 Array: TypeAlias = NDArray[np.float64]
 Residual: TypeAlias = Callable[[Array, Array], Array]
@@ -87,11 +88,6 @@ class Innovation:
     nis: float
     dof: int
     weight: float
-
-
-def chi2_quantile(probability: float, dof: float) -> float:
-    """Return below which value a chi-squared variable of `dof` degrees of freedom stays."""
-    return float(2.0 * gammaincinv(0.5 * dof, probability))
 
 
 class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]

@@ -60,6 +60,18 @@ def integrate(pose: SE2, v_m_s: float, omega_rad_s: float, dt_s: float) -> SE2:
     return arc(pose, v_m_s * dt_s, omega_rad_s * dt_s)
 
 
+def between(before: SE2, after: SE2, share: float) -> SE2:
+    """Return the pose at a share [0, 1] of the way between two that are near each other.
+
+    Position and heading are interpolated linearly, the heading the shorter way round.
+    """
+    return SE2(
+        before.x_m + share * (after.x_m - before.x_m),
+        before.y_m + share * (after.y_m - before.y_m),
+        wrap_angle(before.theta_rad + share * wrap_angle(after.theta_rad - before.theta_rad)),
+    )
+
+
 def turning_radius_m(v_m_s: float, omega_rad_s: float) -> float:
     """Return the signed radius v / omega of the path [m]: positive left, inf if not turning."""
     return v_m_s / omega_rad_s if omega_rad_s != 0.0 else math.inf

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,3 +32,16 @@ class PoseEstimate:
     pose: SE2
     covariance: NDArray[np.float64]
     status: LocalisationStatus
+
+
+def upper_triangle(covariance: NDArray[np.float64]) -> tuple[float, ...]:
+    """Return the upper triangle of a covariance (3, 3), row by row, as messages carry it."""
+    values: list[float] = covariance[np.triu_indices(3)].tolist()
+    return tuple(values)
+
+
+def from_upper_triangle(values: Sequence[float]) -> NDArray[np.float64]:
+    """Return the covariance (3, 3) of which `values` are the upper triangle, row by row."""
+    covariance = np.zeros((3, 3))
+    covariance[np.triu_indices(3)] = values
+    return covariance + np.triu(covariance, 1).T

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.angles import wrap_angle
+from robotctl.model.motion import between
 from robotctl.model.se2 import SE2
 
 
@@ -48,14 +49,8 @@ class Trajectory:
         if not self.stamps_ns[0] <= stamp_ns <= self.stamps_ns[-1]:
             return None
         after = int(np.searchsorted(self.stamps_ns, stamp_ns))
-        x, y, theta = (float(value) for value in self.poses[after])
-        if self.stamps_ns[after] == stamp_ns:
-            return SE2(x, y, wrap_angle(theta))
-        begin_ns, end_ns = int(self.stamps_ns[after - 1]), int(self.stamps_ns[after])
-        x0, y0, theta0 = (float(value) for value in self.poses[after - 1])
-        share = (stamp_ns - begin_ns) / (end_ns - begin_ns)
-        return SE2(
-            x0 + share * (x - x0),
-            y0 + share * (y - y0),
-            wrap_angle(theta0 + share * wrap_angle(theta - theta0)),
-        )
+        end_ns, end = int(self.stamps_ns[after]), SE2(*self.poses[after].tolist())
+        if end_ns == stamp_ns:
+            return SE2(end.x_m, end.y_m, wrap_angle(end.theta_rad))
+        begin_ns, begin = int(self.stamps_ns[after - 1]), SE2(*self.poses[after - 1].tolist())
+        return between(begin, end, (stamp_ns - begin_ns) / (end_ns - begin_ns))
