@@ -15,6 +15,7 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
 from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.model.camera import CameraConfig
 from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDrive
 from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.sonar import SonarMount
@@ -58,6 +59,7 @@ class RobotConfig:
     control: ControlConfig
     plausibility: PlausibilityConfig
     sonar: tuple[SonarMount, ...] = ()
+    camera: CameraConfig | None = None
     can: CanConfig = field(default_factory=CanConfig)
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
