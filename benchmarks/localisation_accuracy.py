@@ -104,7 +104,7 @@ def follow(
     for entry, delta in zip(scans, deltas, strict=True):
         began = time.process_time()
         mcl.move(delta)
-        if mcl.due:
+        if mcl.due():
             mcl.measure(log.field.measurement(entry.scan))
         estimate = mcl.estimate(entry.scan.stamp_ns)
         busy_s += time.process_time() - began

@@ -144,18 +144,14 @@ class Outcome:
 
 def search(wanderer: Wanderer, mcl: MonteCarloLocaliser, room: Room) -> Outcome:
     """Wander for a minute."""
-    heard: set[int] = set()
     found_s, wrong_s, busy_s = math.inf, 0.0, 0.0
     right = False
     for i in range(round(SECONDS / PERIOD_S)):
         odometry, group, ranges = wanderer.step()
         began = time.process_time()
         mcl.move(odometry)
-        if mcl.due:
-            heard.clear()
-        if group not in heard:
-            heard.add(group)
-            mcl.measure(room.model.measurement(ranges), group)
+        if mcl.due(f"sonar {group}"):
+            mcl.measure(room.model.measurement(ranges), f"sonar {group}")
         estimate = mcl.estimate(0)
         busy_s += time.process_time() - began
         near = is_near(estimate.pose, wanderer.pose)

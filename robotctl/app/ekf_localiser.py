@@ -9,15 +9,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localiser import SonarNews, external_covariance, localisation_state
+from robotctl.app.localiser import Seen, external_covariance, localisation_state
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.odometry_estimate import arc_between
 from robotctl.estimation.robust_kalman import Innovation
-from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
-from robotctl.runtime.messages import ControlState, ExternalPose, LocalisationState
+from robotctl.runtime.messages import ControlState, LocalisationState
 
 
 class EkfLocaliser:
@@ -33,17 +32,12 @@ class EkfLocaliser:
         The sonars, in the order of the ranges.
     walls
         The map.
-    max_range_m
-        For so far the sonars listen [m].
     """
 
-    def __init__(
-        self, ekf: PoseEkf, mounts: Sequence[SonarMount], walls: WallMap, max_range_m: float
-    ) -> None:
+    def __init__(self, ekf: PoseEkf, mounts: Sequence[SonarMount], walls: WallMap) -> None:
         self._ekf = ekf
         self._mounts = tuple(mounts)
         self._walls = walls
-        self._news = SonarNews(max_range_m)
         self._odometry: SE2 | None = None
         self._innovation: Innovation | None = None
 
@@ -52,13 +46,7 @@ class EkfLocaliser:
         """No particles: (0, 3)."""
         return np.empty((0, 3))
 
-    def step(
-        self,
-        control: ControlState,
-        scans: Sequence[RangeScan],  # noqa: ARG002 - as all localisers
-        poses: Sequence[ExternalPose],
-        now_ns: int,
-    ) -> LocalisationState:
+    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
         ekf, self._innovation = self._ekf, None
         odometry = SE2(control.x_m, control.y_m, control.theta_rad)
@@ -68,9 +56,10 @@ class EkfLocaliser:
             arc = arc_between(self._odometry.inverse() @ odometry)
             self._keep(*ekf.predict(control.stamp_ns, *arc))
         self._odometry = odometry
-        for stamp_ns, ranges_m in self._news.take(control):
-            self._hear(stamp_ns, ranges_m)
-        for pose in poses:
+        for reading in seen.sonars:
+            for mount, range_m in zip(self._mounts, reading.ranges_m, strict=True):
+                self._keep(ekf.update_sonar(reading.stamp_ns, mount, range_m, self._walls))
+        for pose in seen.poses:
             where = SE2(pose.x_m, pose.y_m, pose.theta_rad)
             self._keep(ekf.update_pose(pose.stamp_ns, where, external_covariance(pose)))
         state = localisation_state("ekf", ekf.estimate(), odometry, now_ns)
@@ -78,11 +67,6 @@ class EkfLocaliser:
         if last is None:
             return state
         return msgspec.structs.replace(state, nis=last.nis, nis_dof=last.dof)
-
-    def _hear(self, stamp_ns: int, ranges_m: NDArray[np.float64]) -> None:
-        """Correct by one ring of ranges."""
-        for mount, range_m in zip(self._mounts, ranges_m.tolist(), strict=True):
-            self._keep(self._ekf.update_sonar(stamp_ns, mount, range_m, self._walls))
 
     def _keep(self, *innovations: Innovation | None) -> None:
         for innovation in innovations:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -12,28 +13,24 @@ import numpy as np
 
 from robotctl.app.config import RobotConfig
 from robotctl.app.ekf_localiser import EkfLocaliser
-from robotctl.app.localisation_map import load_localisation_map
-from robotctl.app.localiser import Localiser
+from robotctl.app.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.app.localiser import Localiser, Seen
+from robotctl.app.map_sensors import MapSensors
 from robotctl.app.mapper import Mapper
 from robotctl.app.mcl_localiser import MclLocaliser
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.errors import ConfigError
-from robotctl.estimation.compiled import cache_is_cold
+from robotctl.estimation.compiled import COMPILING, cache_is_cold
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
-from robotctl.estimation.ekf_models import SonarBeam
 from robotctl.estimation.free_space import free_poses
-from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.occupancy_grid import OccupancyGrid
-from robotctl.estimation.sonar_model import SonarModel
-from robotctl.estimation.wall_raster import grid_of_walls
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
-from robotctl.model.wall_map import WallMap
 from robotctl.runtime.messages import (
     ControlState,
     ExternalPose,
@@ -42,12 +39,16 @@ from robotctl.runtime.messages import (
     LocalisationState,
     ParticleCloud,
 )
+from robotctl.runtime.sonar_news import SonarNews
 
 Picture: TypeAlias = ParticleCloud | LiveMap
 
 _PICTURE_NS: Final = 500_000_000
 _SHOWN: Final = 300
 """Particles in a picture."""
+
+_SCAN: Final = RangeScan(0, np.linspace(-1.0, 1.0, 21), np.full(21, 2.0), 10.0)
+"""Of no meaning, for rehearsals."""
 
 _WORDS: Final = {
     LocalisationStatus.SEARCHING: "the robot does not know where it is; it looks around",
@@ -70,15 +71,22 @@ class Estimators:
         Both of the same `history`.
     history
         Of the odometry.
+    sonar_range_m
+        For so far the sonars listen [m].
     """
 
     def __init__(
-        self, localiser: Localiser | None, mapper: Mapper | None, history: OdometryHistory
+        self,
+        localiser: Localiser | None,
+        mapper: Mapper | None,
+        history: OdometryHistory,
+        sonar_range_m: float,
     ) -> None:
         self.localiser = localiser
         self.mapper = mapper
         self.rejected = 0
         self._history = history
+        self._sonar_news = SonarNews(sonar_range_m)
         self._state: LocalisationState | None = None
         self._pictured_ns = 0
         self._status: LocalisationStatus | None = None
@@ -94,10 +102,11 @@ class Estimators:
         """Take in all that came since the last step; return what the localiser believes."""
         self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
         good = [scan for scan in map(self._range_scan, scans) if scan is not None]
+        heard = self._sonar_news.take(control.stamp_ns, control.sonar_stamp_ns, control.sonar_m)
         if self.localiser is not None:
-            self._state = self.localiser.step(control, good, poses, now_ns)
+            self._state = self.localiser.step(control, Seen(good, heard, poses), now_ns)
         if self.mapper is not None:
-            self.mapper.step(control, self._state, good)
+            self.mapper.step(self._state, good, heard)
         return self._state
 
     def _range_scan(self, scan: LidarScan) -> RangeScan | None:
@@ -148,73 +157,78 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     ConfigError
         If the map cannot be read or does not fit the method.
     """
-    _rehearse(config)
+    settings = config.localisation
     history = OdometryHistory()
-    grid = OccupancyGrid(config.localisation.grid)
-    mapper = Mapper(grid, config.sonar, history) if config.localisation.mapping else None
-    return Estimators(_localiser(config, start, beside, history), mapper, history)
+    localiser = mapper = None
+    if settings.method != "none":
+        chart = load_localisation_map(settings.map, beside)
+        make = _ekf if settings.method == "ekf" else _mcl
+        localiser = make(config, chart, start, history)
+    if settings.mapping:
+        mapper = _mapper(config, history)
+    return Estimators(localiser, mapper, history, settings.sonar.max_range_m)
 
 
-def _rehearse(config: RobotConfig) -> None:
-    """Run all kernels once in a room of no meaning: each is compiled, or loaded from the cache."""
-    if cache_is_cold():
-        print("compiling the estimators, once: up to a minute", file=sys.stderr, flush=True)  # noqa: T201
-    walls = WallMap(np.array([[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]], np.float64))
-    here, angles = SE2(2.0, 2.0, 0.0), np.linspace(-1.0, 1.0, 21)
-    scan = RangeScan(0, angles, np.full(21, 2.0), 10.0)
-    chart = grid_of_walls(walls)
-    mcl = MonteCarloLocaliser(MclConfig(), free_poses(chart), np.random.default_rng(0))
-    measurements = [LikelihoodField(chart).measurement(scan)]
-    if config.sonar:
-        ranges_m = np.full(len(config.sonar), 1.5)
-        measurements += [
-            SonarModel(room, config.sonar).measurement(ranges_m) for room in (walls, chart)
-        ]
+def _ekf(
+    config: RobotConfig, chart: LocalisationMap, start: SE2, _history: OdometryHistory
+) -> EkfLocaliser:
+    """Return the EKF of a robot."""
+    settings = config.localisation
+    if chart.walls is None:
+        raise ConfigError(
+            f"localisation.map: {settings.map} has cells; the EKF needs walls, a world (.toml)"
+        )
+    sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
+    covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
+    known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
+    ekf = PoseEkf(EkfConfig(motion=config.odometry, sonar=settings.sonar), known)
+    return EkfLocaliser(ekf, config.sonar, chart.walls)
+
+
+def _mcl(
+    config: RobotConfig, chart: LocalisationMap, start: SE2, history: OdometryHistory
+) -> MclLocaliser:
+    """Return the particles of a robot, their kernels compiled or loaded from the cache."""
+    settings = config.localisation
+    known = MclConfig()
+    mcl_config = replace(
+        known,
+        max_particles=settings.particles_max,
+        motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
+    )
+    sensors = MapSensors(chart, config.sonar, settings.lidar, settings.sonar)
+    free = free_poses(chart.grid)
+    _rehearse(MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0)), sensors, start)
+    mcl = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(settings.seed))
+    if settings.start == "known":
+        mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
+    return MclLocaliser(mcl, sensors, history)
+
+
+def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
+    """Return the mapper of a robot, its kernels compiled or loaded from the cache."""
+    _say_if_cold()
+    rehearsed = OccupancyGrid(config.localisation.grid)
+    rehearsed.update_scan(SE2(), _SCAN)
+    for mount in config.sonar:
+        rehearsed.update_sonar(SE2(), mount, 1.5)
+    rehearsed.to_map()
+    return Mapper(OccupancyGrid(config.localisation.grid), config.sonar, history)
+
+
+def _rehearse(mcl: MonteCarloLocaliser, sensors: MapSensors, start: SE2) -> None:
+    """Let particles that nobody needs afterwards search and track once with each sensor."""
+    _say_if_cold()
+    measurements = [sensors.scan(_SCAN), *sensors.rehearsal()]
     for measurement in measurements:
         mcl.measure(measurement)
-    mcl.start_at(here, 0.1, 0.1)
+    mcl.start_at(start, 0.1, 0.1)
     for measurement in measurements:
         mcl.move(SE2(0.2, 0.0, 0.1))
         mcl.measure(measurement)
-    grid = OccupancyGrid()
-    grid.update_scan(here, scan)
-    for mount in config.sonar:
-        grid.update_sonar(here, mount, 1.5)
-    grid.to_map()
 
 
-def _localiser(
-    config: RobotConfig, start: SE2, beside: Path, history: OdometryHistory
-) -> Localiser | None:
-    """Return the localiser of a robot; None where odometry is enough."""
-    settings = config.localisation
-    if settings.method == "none":
-        return None
-    chart = load_localisation_map(settings.map, beside)
-    sigma_rad = math.radians(settings.start_sigma_deg)
-    if settings.method == "ekf":
-        if chart.walls is None:
-            raise ConfigError(
-                f"localisation.map: {settings.map} has cells; the EKF needs walls, a world (.toml)"
-            )
-        covariance = np.diag([settings.start_sigma_m**2, settings.start_sigma_m**2, sigma_rad**2])
-        known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
-        sonar = settings.sonar
-        ekf_config = EkfConfig(
-            motion=config.odometry,
-            sonar_sigma_m=sonar.sigma_m,
-            sonar_sigma_m_per_m=sonar.sigma_per_m,
-            sonar_beam=SonarBeam(
-                math.radians(0.5 * sonar.beam_deg), math.radians(sonar.max_incidence_deg)
-            ),
-        )
-        ekf = PoseEkf(ekf_config, known)
-        return EkfLocaliser(ekf, config.sonar, chart.walls, settings.sonar.max_range_m)
-    rng = np.random.default_rng(settings.seed)
-    bounds = MclConfig(max_particles=settings.particles_max)
-    mcl = MonteCarloLocaliser(bounds, free_poses(chart.grid), rng)
-    if settings.start == "known":
-        mcl.start_at(start, settings.start_sigma_m, sigma_rad)
-    room = chart.grid if chart.walls is None else chart.walls
-    sonars = SonarModel(room, config.sonar, settings.sonar) if config.sonar else None
-    return MclLocaliser(mcl, LikelihoodField(chart.grid, settings.lidar), sonars, history)
+def _say_if_cold() -> None:
+    """Say why the first start takes so long."""
+    if cache_is_cold():
+        print(COMPILING, file=sys.stderr, flush=True)  # noqa: T201

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,64 +11,31 @@ from numpy.typing import NDArray
 from robotctl.model.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
-from robotctl.model.sonar import listening_ns
+from robotctl.model.sonar import SonarReading
 from robotctl.runtime.messages import ControlState, ExternalPose, LocalisationState
 
-_SONAR_MAX_AGE_NS: Final = 500_000_000
 _EXTERNAL_SIGMA_M: Final = 0.1
 _EXTERNAL_SIGMA_RAD: Final = 0.1
 """Of a pose from outside that comes without covariance."""
 
 
+class Seen(NamedTuple):
+    """What came from the sensors since the last step, each with its own time."""
+
+    scans: Sequence[RangeScan] = ()
+    sonars: Sequence[SonarReading] = ()
+    poses: Sequence[ExternalPose] = ()
+
+
 class Localiser(Protocol):
     """Estimates where `base` is in `world`."""
 
-    def step(
-        self,
-        control: ControlState,
-        scans: Sequence[RangeScan],
-        poses: Sequence[ExternalPose],
-        now_ns: int,
-    ) -> LocalisationState:
+    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
 
     @property
     def particles(self) -> NDArray[np.float64]:
         """Particles, (n, 3) [m, m, rad]; (0, 3) where there are none."""
-
-
-class SonarNews:
-    """Picks from control states the sonar readings that are new.
-
-    Parameters
-    ----------
-    max_range_m
-        For so far the sonars listen [m].
-    """
-
-    def __init__(self, max_range_m: float) -> None:
-        self._max_range_m = max_range_m
-        self._last_ns = 0
-
-    def take(self, control: ControlState) -> list[tuple[int, NDArray[np.float64]]]:
-        """Return the new readings, oldest first: those of one time together, as a whole ring.
-
-        The time is that of the sound: when the ranges are known, the robot has driven on. One range
-        for each sonar [m]: inf without echo, nan where it has nothing new to say.
-        """
-        oldest_ns = max(self._last_ns, control.stamp_ns - _SONAR_MAX_AGE_NS)
-        stamps = np.asarray(control.sonar_stamp_ns, np.int64)
-        ranges = np.asarray(control.sonar_m, np.float64)
-        times: list[int] = np.unique(stamps[stamps > oldest_ns]).tolist()
-        if times:
-            self._last_ns = times[-1]
-        return [
-            (
-                time_ns - listening_ns(ranges[stamps == time_ns].tolist(), self._max_range_m),
-                np.where(stamps == time_ns, ranges, np.nan),
-            )
-            for time_ns in times
-        ]
 
 
 def localisation_state(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 
 import numpy as np
@@ -19,19 +20,17 @@ from robotctl.app.localize_options import (
     known_start,
 )
 from robotctl.app.localize_report import Run
+from robotctl.app.map_sensors import LIDAR, MapSensors, sonar_name
 from robotctl.app.mapping import choose_scans
 from robotctl.app.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.estimation.free_space import free_poses
 from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
-from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
-from robotctl.estimation.sonar_model import SonarModel
-from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
+from robotctl.estimation.sonar_config import SonarModelConfig
+from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
-
-_LIDAR = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,33 +38,10 @@ class _Moment:
     """Something that was measured."""
 
     stamp_ns: int
+    sensor: str
     odometry: SE2
     reference: SE2 | None
-    entry: RecordedScan | RecordedSonar
-
-    @property
-    def sensor(self) -> int:
-        """The lidar, or the first sonar of a group that is heard together."""
-        if isinstance(self.entry, RecordedScan):
-            return _LIDAR
-        return int(np.argmin(np.isnan(self.entry.ranges_m)))
-
-
-class _Sensors:
-    """What scans and sonars say of poses on a map."""
-
-    def __init__(
-        self, chart: LocalisationMap, recording: Recording, options: LocalizeOptions
-    ) -> None:
-        self._field = LikelihoodField(chart.grid, LikelihoodFieldConfig(beams=options.beams))
-        room = chart.grid if chart.walls is None else chart.walls
-        self._sonars = SonarModel(room, recording.sonar_mounts)
-
-    def measurement(self, moment: _Moment) -> LogLikelihood:
-        """Return what was measured as a function of poses."""
-        if isinstance(moment.entry, RecordedScan):
-            return self._field.measurement(moment.entry.scan)
-        return self._sonars.measurement(moment.entry.ranges_m)
+    measurement: Callable[[MapSensors], LogLikelihood]
 
 
 def run_mcl(
@@ -88,7 +64,7 @@ def run_mcl(
     """
     moments = _moments(recording, options)
     start_rng, odometry_rng, filter_rng = rng.spawn(3)
-    sensors, localiser = _made(recording, options, chart, moments, filter_rng)
+    localiser, sensors = _made(recording, options, chart, moments, filter_rng)
     if not options.search:
         known_ns = known_from_ns(recording)
         moments = [each for each in moments if each.stamp_ns >= known_ns] or moments
@@ -96,17 +72,13 @@ def run_mcl(
         localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
-    heard: set[int] = set()
     for done, (moment, delta) in enumerate(
         zip(moments, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
     ):
         began_ns = time.process_time_ns()
         localiser.move(delta)
-        if localiser.due:
-            heard.clear()
-        if moment.sensor not in heard:
-            heard.add(moment.sensor)
-            localiser.measure(sensors.measurement(moment))
+        if localiser.due(moment.sensor):
+            localiser.measure(moment.measurement(sensors), moment.sensor)
             run.update_ms.append(1e-6 * (time.process_time_ns() - began_ns))
             run.particles.append(len(localiser.poses))
         run.add(localiser.estimate(moment.stamp_ns), moment.reference)
@@ -116,24 +88,22 @@ def run_mcl(
 
 def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
     """Return all that was measured in the order of its times."""
-    entries: list[RecordedScan | RecordedSonar] = []
-    if recording.scans:
-        entries += choose_scans(recording, options.scans)
-    if recording.sonar_mounts:
-        entries += recording.sonars
-    if not entries:
+    moments = []
+    for entry in choose_scans(recording, options.scans) if recording.scans else ():
+        stamp_ns, scan = entry.scan.stamp_ns, entry.scan
+        reference = entry.reference or reference_at(recording, stamp_ns)
+        measurement = partial(MapSensors.scan, scan=scan)
+        moments.append(_Moment(stamp_ns, LIDAR, entry.odometry, reference, measurement))
+    for heard in recording.sonars if recording.sonar_mounts else ():
+        stamp_ns, reading = heard.reading.stamp_ns, heard.reading
+        reference = reference_at(recording, stamp_ns)
+        sonar = partial(MapSensors.sonar, reading=reading)
+        moments.append(_Moment(stamp_ns, sonar_name(reading), heard.odometry, reference, sonar))
+    if not moments:
         raise LocalizeError(
             f"{options.log}: no scans in it, which --method mcl weighs; a log with sightings of "
             "landmarks is for --method ekf"
         )
-    moments = []
-    for entry in entries:
-        if isinstance(entry, RecordedScan):
-            stamp_ns, known = entry.scan.stamp_ns, entry.reference
-        else:
-            stamp_ns, known = entry.stamp_ns, None
-        reference = known or reference_at(recording, stamp_ns)
-        moments.append(_Moment(stamp_ns, entry.odometry, reference, entry))
     return sorted(moments, key=attrgetter("stamp_ns"))
 
 
@@ -143,8 +113,8 @@ def _made(
     chart: LocalisationMap,
     moments: Sequence[_Moment],
     rng: np.random.Generator,
-) -> tuple[_Sensors, MonteCarloLocaliser]:
-    """Return sensor models and localiser on a map, with compiled kernels."""
+) -> tuple[MonteCarloLocaliser, MapSensors]:
+    """Return a localiser and what weighs its particles, with compiled kernels."""
     config = MclConfig()
     most, noise = options.max_particles, config.motion.noise
     config = replace(
@@ -154,13 +124,14 @@ def _made(
         min_particles=min(most, config.min_particles),
     )
     try:
-        sensors = _Sensors(chart, recording, options)
+        lidar = LikelihoodFieldConfig(beams=options.beams)
+        sensors = MapSensors(chart, recording.sonar_mounts, lidar, SonarModelConfig())
         free = free_poses(chart.grid)
         fewer = replace(config, max_particles=config.min_particles)
         tried = MonteCarloLocaliser(fewer, free, np.random.default_rng(0))
         for sensor in {moment.sensor for moment in moments}:
             first = next(moment for moment in moments if moment.sensor == sensor)
-            tried.measure(sensors.measurement(first))
-        return sensors, MonteCarloLocaliser(config, free, rng)
+            tried.measure(first.measurement(sensors))
+        return MonteCarloLocaliser(config, free, rng), sensors
     except ValueError as error:
         raise LocalizeError(f"{options.map}: {error}") from error

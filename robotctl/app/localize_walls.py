@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from dataclasses import replace
@@ -25,8 +26,9 @@ from robotctl.app.recorded_motion import (
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
 from robotctl.estimation.odometry_estimate import arc_between
-from robotctl.model.recording import RecordedSonar, Recording
+from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarReading
 from robotctl.model.wall_map import WallMap
 
 
@@ -56,14 +58,14 @@ def run_wall_ekf(
     config = EkfConfig()
     motion = with_noise(config.motion, options.odometry_noise)
     ekf = PoseEkf(replace(config, motion=motion), start)
-    sonars = deque(each for each in recording.sonars if each.stamp_ns > begin_ns)
+    sonars = deque(each for each in recording.sonars if each.reading.stamp_ns > begin_ns)
     run = Run(has_heading=recording.reference_has_heading)
     steps = list(zip(stamps_ns[1:], pairwise(poses), strict=True))
     for done, (stamp_ns, (before, after)) in enumerate(steps, 1):
         began_ns = time.process_time_ns()
         heard = 0
-        while sonars and sonars[0].stamp_ns <= stamp_ns:
-            heard += _hear(ekf, sonars.popleft(), recording, walls)
+        while sonars and sonars[0].reading.stamp_ns <= stamp_ns:
+            heard += _hear(ekf, sonars.popleft().reading, recording, walls)
         if stamp_ns > ekf.stamp_ns:
             ekf.predict(stamp_ns, *arc_between(before.inverse() @ after))
         if heard:
@@ -74,9 +76,8 @@ def run_wall_ekf(
     return run
 
 
-def _hear(ekf: PoseEkf, sonar: RecordedSonar, recording: Recording, walls: WallMap) -> int:
+def _hear(ekf: PoseEkf, reading: SonarReading, recording: Recording, walls: WallMap) -> int:
     """Hand ranges to the filter; return how many."""
-    ranges = sonar.ranges_m.tolist()
-    for mount, range_m in zip(recording.sonar_mounts, ranges, strict=True):
-        ekf.update_sonar(sonar.stamp_ns, mount, range_m, walls)
-    return int(np.count_nonzero(np.isfinite(sonar.ranges_m)))
+    for mount, range_m in zip(recording.sonar_mounts, reading.ranges_m, strict=True):
+        ekf.update_sonar(reading.stamp_ns, mount, range_m, walls)
+    return sum(map(math.isfinite, reading.ranges_m))

@@ -13,8 +13,8 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
-from robotctl.runtime.messages import ControlState, LiveMap, LocalisationState
+from robotctl.model.sonar import SonarMount, SonarReading
+from robotctl.runtime.messages import LiveMap, LocalisationState
 
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
@@ -45,15 +45,16 @@ class Mapper:
         self._mounts = tuple(mounts)
         self._history = history
         self._scanned: SE2 | None = None
-        self._heard: list[tuple[int, SE2]] = [(0, SE2(math.inf, 0.0, 0.0))] * len(self._mounts)
+        self._heard: list[SE2 | None] = [None] * len(self._mounts)
+        """Where the odometry was when each sonar was last taken in."""
 
     def step(
         self,
-        control: ControlState,
         localisation: LocalisationState | None,
         scans: Sequence[RangeScan],
+        sonars: Sequence[SonarReading],
     ) -> None:
-        """Add what is new, where the robot knows its place; `control` is the odometry's."""
+        """Add what is new, where the robot knows its place; without a localiser it does."""
         T_world_odom = SE2()
         if localisation is not None:
             if localisation.status is not LocalisationStatus.LOCALISED:
@@ -62,38 +63,36 @@ class Mapper:
         for scan in scans:
             self._add_scan(T_world_odom, scan)
         if self._scanned is None:
-            self._add_sonars(T_world_odom, control)
+            for reading in sonars:
+                self._add_sonars(T_world_odom, reading)
 
     def _add_scan(self, T_world_odom: SE2, scan: RangeScan) -> None:
         """Add a scan where it was taken."""
         odometry = self._history.at(scan.stamp_ns)
         if odometry is None:
             return
+        if not _moved(self._scanned, odometry):
+            return
         if self._scanned is None:
             self.grid.reset()
-        elif not _moved(self._scanned, odometry):
-            return
         self._scanned = odometry
         self.grid.update_scan(T_world_odom @ odometry, scan)
 
-    def _add_sonars(self, T_world_odom: SE2, control: ControlState) -> None:
-        """Add each sonar's range that is new and from a new place."""
-        readings = zip(control.sonar_stamp_ns, control.sonar_m, self._mounts, strict=True)
-        for index, (stamp_ns, range_m, mount) in enumerate(readings):
-            heard_ns, place = self._heard[index]
-            odometry = self._history.at(stamp_ns)
-            if stamp_ns <= heard_ns or odometry is None or not _moved(place, odometry):
-                continue
-            self._heard[index] = (stamp_ns, odometry)
-            self.grid.update_sonar(T_world_odom @ odometry, mount, range_m)
+    def _add_sonars(self, T_world_odom: SE2, reading: SonarReading) -> None:
+        """Add the range of each sonar that heard something from a new place."""
+        odometry = self._history.at(reading.stamp_ns)
+        if odometry is None:
+            return
+        for index, (range_m, mount) in enumerate(zip(reading.ranges_m, self._mounts, strict=True)):
+            if not math.isnan(range_m) and _moved(self._heard[index], odometry):
+                self._heard[index] = odometry
+                self.grid.update_sonar(T_world_odom @ odometry, mount, range_m)
 
     def live_map(self, now_ns: int) -> LiveMap | None:
         """Return the map for people and for the score; None where nothing was seen yet."""
-        return None if self._nothing else live_map(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
-
-    @property
-    def _nothing(self) -> bool:
-        return self._scanned is None and all(stamp_ns == 0 for stamp_ns, _ in self._heard)
+        if self._scanned is None and all(place is None for place in self._heard):
+            return None
+        return live_map(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
 
 
 def live_map(grid: GridMap, now_ns: int) -> LiveMap:
@@ -110,8 +109,10 @@ def live_map(grid: GridMap, now_ns: int) -> LiveMap:
     )
 
 
-def _moved(before: SE2, after: SE2) -> bool:
-    """Say whether the robot moved enough to see something new."""
+def _moved(before: SE2 | None, after: SE2) -> bool:
+    """Say whether the robot moved enough to see something new; None: it has seen nothing yet."""
+    if before is None:
+        return True
     distance_m = math.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
     return (
         distance_m >= _LEAST_M or abs(wrap_angle(after.theta_rad - before.theta_rad)) >= _LEAST_RAD

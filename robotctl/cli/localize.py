@@ -76,11 +76,11 @@ def localize(
     with _bar(console, log.name) as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.app.localize import localize as run  # noqa: PLC0415
-        from robotctl.estimation.compiled import cache_is_cold  # noqa: PLC0415
+        from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
         from robotctl.telemetry.tum import write_tum  # noqa: PLC0415
 
         if method == "mcl" and cache_is_cold():
-            console.print("compiling the estimators, once: up to a minute", soft_wrap=True)
+            console.print(COMPILING, soft_wrap=True)
         result = run(options, tell)
     for note in result.recording.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)

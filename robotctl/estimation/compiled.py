@@ -47,6 +47,10 @@ def _cache_folder() -> str:
 _FOLDER = _cache_folder()
 
 
+COMPILING = "compiling the estimators, once: up to a minute"
+"""What to tell people before that, where the cache is cold."""
+
+
 def cache_is_cold() -> bool:
     """Return whether nothing is compiled yet, which takes up to a minute the first time."""
     return not _FOLDER or not any(Path(_FOLDER).rglob("*.nbi"))

@@ -224,11 +224,11 @@ class PoseEkf:
         """
         if not math.isfinite(range_m):
             return None
-        c = self._config
-        sigma_m = c.sonar_sigma_m + c.sonar_sigma_m_per_m * range_m
+        sonar = self._config.sonar
+        sigma_m = sonar.sigma_m + sonar.sigma_per_m * range_m
 
         def expectation(x: Array) -> tuple[Array, Array] | None:
-            found = wall_range(_pose(x), mount, walls, c.sonar_beam)
+            found = wall_range(_pose(x), mount, walls, sonar)
             return None if found is None else (np.array([found[0]]), found[1][None, :])
 
         z, R = np.array([range_m]), np.array([[sigma_m**2]])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from robotctl.estimation.ekf_models import SonarBeam
 from robotctl.estimation.robust_kalman import RobustConfig
+from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.model.motion_noise import MotionNoise
 
 
@@ -26,10 +26,8 @@ class EkfConfig:
         Whether there is an IMU: the state has a gyro bias.
     gyro_sigma_rad_s, gyro_bias_sigma_rad_s, gyro_bias_walk_rad_s
         Of one reading, of the bias at the start, and of its change in 1 s [rad/s], > 0.
-    sonar_sigma_m, sonar_sigma_m_per_m
-        Of a sonar range: constant part [m], > 0, and growth with the range, >= 0.
-    sonar_beam
-        Cone of the sonars and their greatest incidence.
+    sonar
+        Noise of the ranges, cone and greatest incidence; its probabilities are for particles.
     landmark_range_sigma_m, landmark_range_sigma_m_per_m, landmark_bearing_sigma_rad
         Of a sighting: of the range [m], > 0, its growth with the range, >= 0, of the bearing
         [rad], > 0.
@@ -57,9 +55,7 @@ class EkfConfig:
     gyro_sigma_rad_s: float = 0.005
     gyro_bias_sigma_rad_s: float = 0.02
     gyro_bias_walk_rad_s: float = 1e-4
-    sonar_sigma_m: float = 0.02
-    sonar_sigma_m_per_m: float = 0.01
-    sonar_beam: SonarBeam = field(default_factory=SonarBeam)
+    sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
     landmark_range_sigma_m: float = 0.05
     landmark_range_sigma_m_per_m: float = 0.02
     landmark_bearing_sigma_rad: float = 0.02
@@ -69,7 +65,7 @@ class EkfConfig:
     searching_sigma_m: float = 0.5
 
     def __post_init__(self) -> None:
-        may_be_zero = ("sonar_sigma_m_per_m", "landmark_range_sigma_m_per_m", "history_s")
+        may_be_zero = ("landmark_range_sigma_m_per_m", "history_s")
         for key in self.__slots__:
             value = getattr(self, key)
             if not isinstance(value, (int, float)) or isinstance(value, bool):

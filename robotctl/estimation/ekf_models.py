@@ -6,12 +6,12 @@ A model returns the expected measurement and its Jacobian H by (x, y, theta), `b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
@@ -51,41 +51,8 @@ def pose_residual(z: Array, z_predicted: Array) -> Array:
     return difference
 
 
-@dataclass(frozen=True, slots=True)
-class SonarBeam:
-    """Cone of a sonar and the walls that answer it.
-
-    Parameters
-    ----------
-    half_width_rad
-        From the axis to the edge of the cone [rad], 0 ≤ … < pi/2; 0: a single ray.
-    max_incidence_rad
-        Greatest angle between sound and the wall's normal at which an echo comes back [rad],
-        0 < … < pi/2.
-
-    Raises
-    ------
-    ValueError
-        If an angle is out of its range.
-    """
-
-    half_width_rad: float = math.radians(7.5)
-    max_incidence_rad: float = math.radians(25.0)
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.half_width_rad < 0.5 * math.pi:
-            raise ValueError(
-                f"half_width_rad: {self.half_width_rad} found, 0 to less than pi/2 allowed"
-            )
-        if not 0.0 < self.max_incidence_rad < 0.5 * math.pi:
-            raise ValueError(
-                f"max_incidence_rad: {self.max_incidence_rad} found, more than 0 and less than "
-                "pi/2 allowed"
-            )
-
-
 def wall_range(
-    pose: SE2, mount: SonarMount, walls: WallMap, beam: SonarBeam
+    pose: SE2, mount: SonarMount, walls: WallMap, sonar: SonarModelConfig
 ) -> tuple[float, Array] | None:
     """Return the range [m] that a sonar should read, and H (3,); None where no echo is expected.
 
@@ -93,14 +60,18 @@ def wall_range(
     holds it (a region of constant depth: Leonard and Durrant-Whyte 1992, section 2), else the point
     that a ray of the cone hits. The nearest wall wins; met more flatly than the limit it sends
     nothing back and hides what is behind it (notes, section 4.1, with its errata).
+
+    `wall_echoes.py` answers the same for thousands of poses, without H.
     """
     c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
     ox, oy = c * mount.x_m - s * mount.y_m, s * mount.x_m + c * mount.y_m
     sensor = np.array([pose.x_m + ox, pose.y_m + oy])
     axis = pose.theta_rad + mount.heading_rad
-    ranges, incidences, gradients = _candidates(sensor, axis, walls.segments, beam.half_width_rad)
+    half_width_rad = math.radians(0.5 * sonar.beam_deg)
+    ranges, incidences, gradients = _candidates(sensor, axis, walls.segments, half_width_rad)
     nearest = int(np.argmin(ranges))
-    if not math.isfinite(ranges[nearest]) or incidences[nearest] > beam.max_incidence_rad:
+    too_flat = incidences[nearest] > math.radians(sonar.max_incidence_deg)
+    if not math.isfinite(ranges[nearest]) or too_flat:
         return None
     by_x, by_y, by_angle = (float(value) for value in gradients[nearest])
     # the heading turns the sensor about `base` and the axis with it
@@ -126,7 +97,7 @@ def _candidates(
     off_axis = np.abs(np.remainder(off_axis + math.pi, math.tau) - math.pi)
     seen = (at_foot >= 0.0) & (at_foot <= 1.0) & (off_axis <= half_width_rad) & (height > 0.0)
     # rays along the axis and the edges, (rays, walls)
-    offsets = np.array([-half_width_rad, 0.0, half_width_rad] if half_width_rad else [0.0])
+    offsets = np.array([-half_width_rad, 0.0, half_width_rad])
     c, s = np.cos(axis_rad + offsets)[:, None], np.sin(axis_rad + offsets)[:, None]
     cosine = normal[:, 0] * c + normal[:, 1] * s
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -47,7 +47,7 @@ right one, which at first has few particles."""
 class MonteCarloLocaliser:
     """Finds and follows the pose of `base` in `world`; starts anywhere.
 
-    A cycle: `move` by the odometry; where `due`, one `measure` for each sensor; `estimate`.
+    A cycle: `move` by the odometry; `measure` for each sensor that is `due`; `estimate`.
 
     Parameters
     ----------
@@ -97,12 +97,13 @@ class MonteCarloLocaliser:
     def _begin(self, poses: NDArray[np.float64]) -> None:
         self._poses = poses
         self._weights = np.full(len(poses), 1.0 / len(poses))
-        self._never_measured = True
+        self._heard: set[str] = set()
+        """Sensors that have weighed the belief on this piece of way."""
         self._way.reset()
         self._lost = False
         self._agreed = 0
         self._elsewhere = -math.inf
-        self._watches: dict[int | str, FitWatch] = {}
+        self._watches: dict[str, FitWatch] = {}
         self._clusters = clusters(poses, self._weights, self.config.bins, _CLUSTERS)
 
     @property
@@ -115,10 +116,17 @@ class MonteCarloLocaliser:
         """Their weights, (n,), of sum 1; not to be changed."""
         return self._weights
 
+    def due(self, sensor: str = "") -> bool:
+        """Whether a measurement of a sensor says something new.
+
+        It does once on each piece of way: what a robot that stands still sees again is nothing new.
+        """
+        return self._has_moved or sensor not in self._heard
+
     @property
-    def due(self) -> bool:
-        """Whether the robot moved enough since the last measurement for another one."""
-        return self._never_measured or (
+    def _has_moved(self) -> bool:
+        """Whether a new piece of way has begun since the last measurement."""
+        return (
             self._way.distance_m >= self.config.update_min_m
             or self._way.angle_rad >= self.config.update_min_rad
         )
@@ -141,7 +149,7 @@ class MonteCarloLocaliser:
             return LocalisationStatus.LOCALISED
         return LocalisationStatus.SEARCHING
 
-    def measure(self, log_likelihood: LogLikelihood, sensor: int | str = 0) -> None:
+    def measure(self, log_likelihood: LogLikelihood, sensor: str = "") -> None:
         """Weigh the belief by a measurement, made now.
 
         Parameters
@@ -149,15 +157,17 @@ class MonteCarloLocaliser:
         log_likelihood
             What it says of poses.
         sensor
-            Name or number of the sensor: how well its measurements fit is learnt for each.
+            Name of the sensor: how well its measurements fit is learnt for each.
 
         Raises
         ------
         ValueError
             If the function gives a nan or +inf, or not one number for each pose.
         """
+        if self._has_moved:
+            self._heard.clear()
+        self._heard.add(sensor)
         self._advance()
-        self._never_measured = False
         self._lost = False
         if self._searching:
             self._add_strangers()
@@ -230,7 +240,7 @@ class MonteCarloLocaliser:
         else:
             self._poses, self._weights = found
 
-    def _track(self, log_likelihood: LogLikelihood, sensor: int | str) -> None:
+    def _track(self, log_likelihood: LogLikelihood, sensor: str) -> None:
         """Weigh a compact belief, and ask whether the robot may be elsewhere."""
         config = self.config
         logs = evaluated(log_likelihood, self._poses)

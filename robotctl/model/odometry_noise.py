@@ -38,3 +38,9 @@ class MotionNoise:
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{key} must be finite and not negative")
+
+    def at_least(self, other: MotionNoise) -> MotionNoise:
+        """Return the greater of both, noise by noise."""
+        return MotionNoise(
+            *(max(getattr(self, key), getattr(other, key)) for key in self.__slots__)
+        )

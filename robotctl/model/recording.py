@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
+from robotctl.model.sonar import SonarMount, SonarReading
 from robotctl.model.trajectory import Trajectory
 
 UNKNOWN_LANDMARK: Final = -1
@@ -38,21 +38,17 @@ class RecordedScan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedSonar:
-    """Ranges that sonars of a ring heard at one time, with what the log says of the robot then.
+    """What sonars of a ring heard at one time, with what the log says of the robot then.
 
     Parameters
     ----------
-    stamp_ns
-        Time [ns].
-    ranges_m
-        (n,) [m], in the order of the robot's configuration; inf: no echo; nan: nothing new, or
-        not known.
+    reading
+        Ranges; nan also where the log does not tell what was heard.
     odometry
         `base` in the frame of the odometry.
     """
 
-    stamp_ns: int
-    ranges_m: NDArray[np.float64]
+    reading: SonarReading
     odometry: SE2
 
 

@@ -1,11 +1,11 @@
-"""Where a sonar sits on the robot, and how long sound takes."""
+"""Where a sonar sits on the robot, what it hears, and how long sound takes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 SPEED_OF_SOUND_M_S: Final = 343.0
 """In air at 20 degC."""
@@ -56,3 +56,19 @@ class SonarMount:
     def heading_rad(self) -> float:
         """Direction of the axis in `base` [rad]."""
         return math.radians(self.heading_deg)
+
+
+class SonarReading(NamedTuple):
+    """What sonars that fired together heard.
+
+    `stamp_ns` is when the sound was sent. `ranges_m` has one range for each sonar of the robot:
+    inf without echo, nan for those that did not fire then.
+    """
+
+    stamp_ns: int
+    ranges_m: tuple[float, ...]
+
+    @property
+    def first(self) -> int:
+        """Index of the first sonar that fired, which tells the groups of a ring apart."""
+        return next(i for i, range_m in enumerate(self.ranges_m) if not math.isnan(range_m))

@@ -29,17 +29,16 @@ from numpy.typing import NDArray
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount, listening_ns
+from robotctl.model.sonar import SonarMount, SonarReading
 from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.recorder import RecordError, read_record
+from robotctl.runtime.sonar_news import SonarNews
 from robotctl.telemetry.log_text import LogFormatError, in_order
 from robotctl.telemetry.tum import read_tum
 
 TRUTH: Final = "truth.tum"
 _DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, EOFError)
 _RECORD_LIMIT: Final = 1 << 28
-_MAX_AGE_NS: Final = 500_000_000
-"""An older sonar reading is no news [ns]."""
 _REACH_M: Final = 4.0
 """So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
 
@@ -186,27 +185,17 @@ def _mounts(folder: Path, notes: list[str]) -> tuple[SonarMount, ...]:
 def _sonars(
     control: Sequence[tuple[int, _Control]], odometry: Trajectory
 ) -> Iterator[RecordedSonar]:
-    """Yield the readings that are new in each state and known, those of one time together."""
+    """Yield the readings that are new in each state and known, with the times of the log."""
     begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
-    last_ns = 0
+    news = SonarNews(_REACH_M)
     for log_ns, state in control:
-        stamps = np.array(state.sonar_stamp_ns, dtype=np.int64)
-        ranges = _ranges(state.sonar_m, math.nan)
-        oldest_ns = max(last_ns, state.stamp_ns - _MAX_AGE_NS)
-        times_ns: list[int] = np.unique(stamps[stamps > oldest_ns]).tolist()
-        for time_ns in times_ns:
-            heard = np.where(stamps == time_ns, ranges, math.nan)
-            sent_ns = time_ns - listening_ns(_with_silence(ranges[stamps == time_ns]), _REACH_M)
+        ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
+        for sent_ns, heard in news.take(state.stamp_ns, state.sonar_stamp_ns, ranges_m):
             stamp_ns = min(max(sent_ns + log_ns - state.stamp_ns, begin_ns), end_ns)
-            last_ns = time_ns
-            if not np.all(np.isnan(heard)):
-                yield RecordedSonar(stamp_ns, heard, odometry.at(stamp_ns) or SE2())
-
-
-def _with_silence(ranges_m: NDArray[np.float64]) -> list[float]:
-    """Return the ranges of sonars that fired, inf where the log has none."""
-    heard: list[float] = np.where(np.isnan(ranges_m), math.inf, ranges_m).tolist()
-    return heard
+            known = tuple(math.nan if math.isinf(range_m) else range_m for range_m in heard)
+            if not all(map(math.isnan, known)):
+                where = odometry.at(stamp_ns) or SE2()
+                yield RecordedSonar(SonarReading(stamp_ns, known), where)
 
 
 def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:

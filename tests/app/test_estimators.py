@@ -12,7 +12,7 @@ import pytest
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.estimators import Estimators, make_estimators
 from robotctl.app.localisation_map import load_localisation_map
-from robotctl.app.localiser import SonarNews, external_covariance
+from robotctl.app.localiser import external_covariance
 from robotctl.app.mapper import Mapper
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.errors import ConfigError
@@ -187,39 +187,13 @@ def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
     history = OdometryHistory()
     mapper = Mapper(OccupancyGrid(), (), history)
     history.add(0, SE2())
-    state = control(0, SE2())
     searching = LocalisationState(0, "mcl", LocalisationStatus.SEARCHING, 0.0, 0.0, 0.0, (0.0,) * 6)
-    several = Estimators(None, None, history)
+    several = Estimators(None, None, history, sonar_range_m=4.0)
     seen = [several._range_scan(scan(0, SE2(1.0, 1.0, 0.0)))]
-    mapper.step(state, searching, seen)
+    mapper.step(searching, seen, ())
     assert mapper.live_map(0) is None
-    mapper.step(
-        state, msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen
-    )
+    mapper.step(msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen, ())
     assert mapper.live_map(0) is not None
-
-
-def test_sonar_readings_are_told_once_those_of_one_time_together() -> None:
-    news = SonarNews(0.0)
-    state = control(100 * MS, SE2(), sonar_m=(1.0, 2.0, math.inf), sonar_stamp_ns=(50, 50, 90))
-    first, second = news.take(state)
-    assert first[0] == 50
-    assert first[1] == pytest.approx([1.0, 2.0, math.nan], nan_ok=True)
-    assert second[1] == pytest.approx([math.nan, math.nan, math.inf], nan_ok=True)
-    assert news.take(state) == []
-    later = control(100 * MS, SE2(), sonar_m=(1.5, 2.5, 3.0), sonar_stamp_ns=(95, 95, 90))
-    ((stamp_ns, ranges_m),) = news.take(later)
-    assert stamp_ns == 95
-    assert ranges_m == pytest.approx([1.5, 2.5, math.nan], nan_ok=True)
-
-
-def test_ranges_count_when_the_sound_was_sent() -> None:
-    # 3.43 m there and back take sound 20 ms; without an echo the ring listens for all of its 4 m.
-    stamps = (80 * MS, 80 * MS, 90 * MS)
-    state = control(100 * MS, SE2(), sonar_m=(1.0, 3.43, math.inf), sonar_stamp_ns=stamps)
-    first, second = SonarNews(4.0).take(state)
-    assert first[0] == pytest.approx(60 * MS, abs=2)
-    assert second[0] == pytest.approx((90 - 8000 / 343) * MS, abs=2)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from robotctl.estimation.consistency import pose_nees, share_inside
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
 from robotctl.estimation.ekf_models import landmark_sighting, wall_range
+from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.model.motion import arc
 from robotctl.model.motion_noise import MotionNoise, propagate
 from robotctl.model.pose_estimate import LocalisationStatus, PoseEstimate
@@ -173,10 +174,13 @@ def test_a_sonar_that_says_nothing_or_looks_past_all_walls_changes_nothing():
     np.testing.assert_array_equal(ekf.P[:3, :3], SMALL)
 
 
+SONAR = SonarModelConfig(beam_deg=15.0, max_incidence_deg=25.0, sigma_m=0.02, sigma_per_m=0.01)
+
+
 def simulated(seed, steps=150, outliers=0.0, sonar=False):
     """NEES and NIS of a drive whose noises are those of the configuration."""
     rng = np.random.default_rng(seed)
-    config = EkfConfig(motion=MotionNoise(0.03, 0.03, 0.05))
+    config = EkfConfig(motion=MotionNoise(0.03, 0.03, 0.05), sonar=SONAR)
     start = np.diag([0.05, 0.05, 0.05]) ** 2
     truth = drawn(rng, SE2(), start)
     ekf = PoseEkf(config, at(SE2(), start))
@@ -188,10 +192,10 @@ def simulated(seed, steps=150, outliers=0.0, sonar=False):
         ekf.predict(now, 0.05, turn)
         if sonar:
             mount = RING[k % len(RING)]
-            found = wall_range(truth, mount, ROOM, config.sonar_beam)
+            found = wall_range(truth, mount, ROOM, config.sonar)
             if found is None:
                 continue
-            sigma = config.sonar_sigma_m + config.sonar_sigma_m_per_m * found[0]
+            sigma = config.sonar.sigma_m + config.sonar.sigma_per_m * found[0]
             z = found[0] + sigma * rng.standard_normal()
             if rng.random() < outliers:
                 z = rng.uniform(0.2, 4.0)
@@ -303,7 +307,7 @@ def test_bad_input_is_refused_and_changes_nothing(act, said):
 
 
 def test_settings_out_of_range_name_themselves():
-    with pytest.raises(ValueError, match=r"sonar_sigma_m: 0.0 found"):
-        EkfConfig(sonar_sigma_m=0.0)
+    with pytest.raises(ValueError, match=r"landmark_range_sigma_m: 0.0 found"):
+        EkfConfig(landmark_range_sigma_m=0.0)
     with pytest.raises(ValueError, match=r"history_s: -1.0 found"):
         EkfConfig(history_s=-1.0)

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.estimation.ekf_config import EkfConfig
-from robotctl.estimation.ekf_models import SonarBeam, landmark_sighting, wall_range
+from robotctl.estimation.ekf_models import landmark_sighting, wall_range
 from robotctl.estimation.ekf_motion import coasted, moved
+from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.model.motion import arc
 from robotctl.model.motion_noise import MotionNoise
 from robotctl.model.se2 import SE2
@@ -20,7 +21,8 @@ from robotctl.model.wall_map import WallMap
 
 angles = st.floats(-3.0, 3.0)
 places = st.floats(-1.5, 1.5)
-RAY = SonarBeam(half_width_rad=0.0, max_incidence_rad=math.radians(80.0))
+THIN_DEG = 1e-9
+RAY = SonarModelConfig(beam_deg=THIN_DEG, max_incidence_deg=80.0)
 ROOM = WallMap(
     np.array([[-2, -2, 2, -2], [2, -2, 2.5, 2], [2.5, 2, -2, 2], [-2, 2, -2, -2]], dtype=float)
 )
@@ -45,10 +47,10 @@ def test_the_jacobian_of_a_landmark_sighting_is_the_numerical_one(x, y, theta):
     np.testing.assert_allclose(H, expected, atol=1e-6)
 
 
-@given(x=places, y=places, theta=angles, half_width=st.sampled_from([0.0, 0.13]))
-def test_the_jacobian_of_a_wall_range_is_the_numerical_one(x, y, theta, half_width):
+@given(x=places, y=places, theta=angles, beam_deg=st.sampled_from([THIN_DEG, 15.0]))
+def test_the_jacobian_of_a_wall_range_is_the_numerical_one(x, y, theta, beam_deg):
     mount = SonarMount("left", 0.12, 0.08, 35.0)
-    beam = SonarBeam(half_width, math.radians(80.0))
+    beam = SonarModelConfig(beam_deg=beam_deg, max_incidence_deg=80.0)
     found = wall_range(SE2(x, y, theta), mount, ROOM, beam)
     assert found is not None
     m, H = found
@@ -77,7 +79,7 @@ def test_a_ray_reads_the_distance_over_the_cosine(theta, distance):
 def test_a_cone_reads_the_perpendicular_while_it_holds_it_and_its_edge_beyond():
     wall = WallMap(np.array([[1.0, -9.0, 1.0, 9.0]]))
     front = SonarMount("front", 0.0, 0.0, 0.0)
-    cone = SonarBeam(math.radians(15.0), math.radians(40.0))
+    cone = SonarModelConfig(beam_deg=30.0, max_incidence_deg=40.0)
     inside = wall_range(SE2(0.0, 0.0, math.radians(14.0)), front, wall, cone)
     beyond = wall_range(SE2(0.0, 0.0, math.radians(30.0)), front, wall, cone)
     assert inside is not None
@@ -98,7 +100,7 @@ def test_the_nearest_wall_answers_from_either_side_and_those_behind_do_not():
 
 def test_a_wall_met_too_flatly_or_beside_its_ends_or_parallel_sends_nothing():
     front = SonarMount("front", 0.0, 0.0, 0.0)
-    beam = SonarBeam(0.0, math.radians(25.0))
+    beam = SonarModelConfig(beam_deg=THIN_DEG, max_incidence_deg=25.0)
     slanted = WallMap(np.array([[1.0, -1.0, 3.0, 1.0]]))
     beside = WallMap(np.array([[1.0, 0.5, 1.0, 2.0]]))
     parallel = WallMap(np.array([[0.5, 0.0, 2.0, 0.0], [0.0, 1.0, 2.0, 1.0]]))
@@ -108,7 +110,7 @@ def test_a_wall_met_too_flatly_or_beside_its_ends_or_parallel_sends_nothing():
 
 def test_a_flat_wall_hides_the_good_one_behind_it():
     walls = WallMap(np.array([[1.0, -1.0, 3.0, 1.0], [4.0, -2.0, 4.0, 2.0]]))
-    beam = SonarBeam(0.0, math.radians(25.0))
+    beam = SonarModelConfig(beam_deg=THIN_DEG, max_incidence_deg=25.0)
     assert wall_range(SE2(), SonarMount("front", 0.0, 0.0, 0.0), walls, beam) is None
 
 

@@ -128,16 +128,16 @@ def test_between_measurements_the_estimate_moves_on_with_growing_covariance():
 def test_a_measurement_is_due_at_first_and_then_after_enough_motion():
     mcl = localiser(max_particles=1000, update_min_m=0.2, update_min_rad=0.3)
     pose = SE2(3.0, 3.0, 0.0)
-    assert mcl.due
+    assert mcl.due()
     mcl.measure(beacons_from(pose))
-    assert not mcl.due
+    assert not mcl.due()
     mcl.move(SE2(0.15, 0.0, 0.0))
-    assert not mcl.due
+    assert not mcl.due()
     mcl.move(SE2(-0.1, 0.0, 0.0))
-    assert mcl.due
+    assert mcl.due()
     mcl.measure(beacons_from(pose))
     mcl.move(SE2(0.0, 0.0, -0.35))
-    assert mcl.due
+    assert mcl.due()
 
 
 def test_two_sensors_at_one_instant_weigh_the_belief_as_their_product():

@@ -127,3 +127,8 @@ def test_simulated_robots_scatter_as_predicted(distance, angle):
 def test_a_noise_that_is_no_deviation_is_refused(value):
     with pytest.raises(ValueError, match="f_rad_per_sqrt_m"):
         MotionNoise(0.01, value, 0.01)
+
+
+def test_the_greater_of_two_noises_is_taken_noise_by_noise():
+    found = MotionNoise(0.01, 0.05, 0.02).at_least(MotionNoise(0.03, 0.04, 0.02))
+    assert found == MotionNoise(0.03, 0.05, 0.02)

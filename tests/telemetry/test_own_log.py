@@ -68,11 +68,11 @@ def test_sonars_are_read_once_at_their_time_with_the_odometry_of_then(tmp_path):
         state(2, 1.0, (1.5, 2.0, math.inf), (1.75, 0.9, 1.6)),
     )
     first, second = read_recording(tmp_path).sonars
-    np.testing.assert_array_equal(first.ranges_m, [1.0, 2.0, math.nan])
-    np.testing.assert_array_equal(second.ranges_m, [1.5, math.nan, math.nan])
+    np.testing.assert_array_equal(first.reading.ranges_m, [1.0, 2.0, math.nan])
+    np.testing.assert_array_equal(second.reading.ranges_m, [1.5, math.nan, math.nan])
     # The sound of 1.5 m there and back took 8.7 ms.
     sent_s = 1.75 - 2.0 * 1.5 / 343.0
-    assert second.stamp_ns - EPOCH_NS == pytest.approx(sent_s * 1e9, abs=2)
+    assert second.reading.stamp_ns - EPOCH_NS == pytest.approx(sent_s * 1e9, abs=2)
     assert second.odometry.x_m == pytest.approx(sent_s - 1.0)
 
 
