@@ -25,11 +25,14 @@ class RangeScan:
         Beyond it nothing is seen [m], > 0.
     x_m, y_m
         The sensor in `base` [m].
+    sigmas_m
+        Standard deviation of each range, (n,) [m], >= 0, nan where there is no reading; None: not
+        known.
 
     Raises
     ------
     ValueError
-        If the arrays are not (n,) both, or a number is out of its range.
+        If the arrays are not all (n,), or a number is out of its range.
     """
 
     stamp_ns: int
@@ -38,6 +41,7 @@ class RangeScan:
     max_range_m: float
     x_m: float = 0.0
     y_m: float = 0.0
+    sigmas_m: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         if self.angles_rad.ndim != 1 or self.angles_rad.shape != self.ranges_m.shape:
@@ -53,6 +57,19 @@ class RangeScan:
             raise ValueError(f"max_range_m must be finite and > 0, found {self.max_range_m}")
         if not (math.isfinite(self.x_m) and math.isfinite(self.y_m)):
             raise ValueError("x_m and y_m must be finite")
+        if self.sigmas_m is not None:
+            self._check_sigmas(self.sigmas_m)
+
+    def _check_sigmas(self, sigmas_m: NDArray[np.float64]) -> None:
+        if sigmas_m.shape != self.ranges_m.shape:
+            raise ValueError(
+                f"sigmas_m {sigmas_m.shape} must be of the shape of ranges_m {self.ranges_m.shape}"
+            )
+        measured = sigmas_m[np.isfinite(self.ranges_m)]
+        if not np.all(np.isfinite(measured)) or np.any(sigmas_m < 0.0):
+            raise ValueError(
+                "sigmas_m must not be negative, and must be finite where there is a range"
+            )
 
     def points_base(self) -> NDArray[np.float64]:
         """Return the end points of the beams that hit something, in `base`, (k, 2) [m]."""

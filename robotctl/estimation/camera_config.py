@@ -1,0 +1,76 @@
+"""Settings of the ground-plane camera."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class GroundCameraConfig:
+    """How the floor is told from what stands on it, and how far that is trusted.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    patch_near_m: float = 0.02
+    """The free patch, from which the floor's look is learned, begins so far behind the nearest
+    floor in the picture [m]. What is nearer is not judged: hide the robot's own bumper so."""
+    patch_depth_m: float = 0.4
+    """How far the free patch reaches from there [m]."""
+    patch_near_width_m: float = 0.3
+    """Its width at the near side [m]."""
+    patch_far_width_m: float = 0.4
+    """Its width at the far side [m]."""
+    adaption: float = 0.05
+    """Share of a new picture in what is known of the floor, where its patch is free, (0, 1]."""
+    max_range_m: float = 4.0
+    """Beyond it nothing is judged [m]."""
+    beams: int = 80
+    """Beams of the range scan, evenly over the picture's width."""
+    least_height_m: float = 0.03
+    """What rises less is not looked for [m]."""
+    least_width_m: float = 0.03
+    """What is narrower is not looked for [m]."""
+    boundary_sigma_px: float = 0.7
+    """Standard deviation of a boundary in the picture [px]."""
+    pitch_sigma_deg: float = 0.1
+    """Standard deviation of the robot's pitch while it drives [deg]."""
+    calibration_sigma_deg: float = 0.05
+    """Standard deviation of the calibrated angles of the camera [deg]."""
+    height_sigma: float = 0.005
+    """Standard deviation of the camera's calibrated height, as a share of it."""
+    obstacle_gap_m: float = 0.1
+    """A boundary that leaps farther away by more than this ends an obstacle [m]."""
+    obstacle_width_m: float = 1.2
+    """What is wider is no single obstacle but a wall [m]."""
+
+    def __post_init__(self) -> None:
+        for key in ("patch_near_m", "pitch_sigma_deg", "calibration_sigma_deg", "height_sigma"):
+            self._check(key, -1e-12, 10.0)
+        for key in (
+            "patch_depth_m",
+            "patch_near_width_m",
+            "patch_far_width_m",
+            "obstacle_gap_m",
+            "obstacle_width_m",
+        ):
+            self._check(key, 0.0, 10.0)
+        self._check("max_range_m", 0.1, 100.0)
+        self._check("least_height_m", 0.001, 1.0)
+        self._check("least_width_m", 0.001, 1.0)
+        self._check("boundary_sigma_px", 0.0, 50.0)
+        if not 0.0 < self.adaption <= 1.0:
+            raise ValueError(f"adaption must lie in (0, 1], found {self.adaption}")
+        if not 1 <= self.beams <= 10_000:
+            raise ValueError(f"beams must be 1 to 10000, found {self.beams}")
+
+    def _check(self, key: str, above: float, below: float) -> None:
+        """Refuse a value that is not strictly between two bounds."""
+        value = getattr(self, key)
+        if not (math.isfinite(value) and above < value < below):
+            low = 0 if above < 0.0 else above
+            raise ValueError(f"{key} must lie between {low:g} and {below:g}, found {value}")
