@@ -16,7 +16,8 @@ from robotctl.estimation.robust_kalman import Innovation
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
-from robotctl.runtime.messages import ControlState, LocalisationState
+from robotctl.runtime.estimation_messages import LocalisationState
+from robotctl.runtime.messages import ControlState
 
 
 class EkfLocaliser:

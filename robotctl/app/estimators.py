@@ -31,14 +31,13 @@ from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
-from robotctl.runtime.messages import (
-    ControlState,
-    ExternalPose,
+from robotctl.runtime.estimation_messages import (
     LidarScan,
     LiveMap,
     LocalisationState,
     ParticleCloud,
 )
+from robotctl.runtime.messages import ControlState, ExternalPose
 from robotctl.runtime.sonar_news import SonarNews
 
 Picture: TypeAlias = ParticleCloud | LiveMap

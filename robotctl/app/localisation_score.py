@@ -14,7 +14,7 @@ from robotctl.estimation.consistency import pose_nees, share_inside
 from robotctl.model.angles import wrap_angle
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate, from_upper_triangle
-from robotctl.runtime.messages import LocalisationState
+from robotctl.runtime.estimation_messages import LocalisationState
 
 _RIGHT_M: Final = 0.5
 _RIGHT_RAD: Final = 0.5

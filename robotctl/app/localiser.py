@@ -12,7 +12,8 @@ from robotctl.model.pose_estimate import PoseEstimate, from_upper_triangle, uppe
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarReading
-from robotctl.runtime.messages import ControlState, ExternalPose, LocalisationState
+from robotctl.runtime.estimation_messages import LocalisationState
+from robotctl.runtime.messages import ControlState, ExternalPose
 
 _EXTERNAL_SIGMA_M: Final = 0.1
 _EXTERNAL_SIGMA_RAD: Final = 0.1

@@ -42,14 +42,12 @@ from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
 from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
+from robotctl.runtime.estimation_messages import LidarScan, LiveMap, LocalisationState
 from robotctl.runtime.histogram import Histogram
 from robotctl.runtime.messages import (
     Arm,
     ControlRequest,
     ControlState,
-    LidarScan,
-    LiveMap,
-    LocalisationState,
     LoopStatistics,
     Mode,
     NavigationState,

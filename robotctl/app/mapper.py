@@ -14,7 +14,7 @@ from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount, SonarReading
-from robotctl.runtime.messages import LiveMap, LocalisationState
+from robotctl.runtime.estimation_messages import LiveMap, LocalisationState
 
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05

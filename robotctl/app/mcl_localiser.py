@@ -17,7 +17,8 @@ from robotctl.app.odometry_history import OdometryHistory
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.model.se2 import SE2
-from robotctl.runtime.messages import ControlState, ExternalPose, LocalisationState
+from robotctl.runtime.estimation_messages import LocalisationState
+from robotctl.runtime.messages import ControlState, ExternalPose
 
 _OUTSIDE: Final = "outside"
 

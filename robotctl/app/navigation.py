@@ -18,15 +18,9 @@ from robotctl.app.progress import load_progress
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
+from robotctl.runtime.estimation_messages import LidarScan, LocalisationState
 from robotctl.runtime.heartbeat import Heartbeat
-from robotctl.runtime.messages import (
-    ControlState,
-    ExternalPose,
-    LidarScan,
-    LocalisationState,
-    NavigationRequest,
-    Notice,
-)
+from robotctl.runtime.messages import ControlState, ExternalPose, NavigationRequest, Notice
 from robotctl.runtime.ports import Clock
 from robotctl.runtime.topics import (
     Endpoints,

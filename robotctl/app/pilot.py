@@ -22,11 +22,11 @@ from robotctl.planning.requests import (
     StickRequest,
     VelocityRequest,
 )
+from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import located
 from robotctl.runtime.messages import (
     ControlState,
     ExternalPose,
-    LocalisationState,
     ManualControl,
     NavigationRequest,
     NavigationState,

@@ -15,8 +15,9 @@ from typing import Final
 import msgspec
 
 from robotctl.app.options import StackOptions
+from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import Locator
-from robotctl.runtime.messages import ControlState, LocalisationState, NavigationState
+from robotctl.runtime.messages import ControlState, NavigationState
 from robotctl.runtime.state_file import StateError, StateFile
 
 NAME: Final = "progress.json"

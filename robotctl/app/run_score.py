@@ -13,8 +13,9 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
 from robotctl.model.wall_map import WallMap
+from robotctl.runtime.estimation_messages import LiveMap, LocalisationState
 from robotctl.runtime.located import Locator, located
-from robotctl.runtime.messages import ControlState, LiveMap, LocalisationState
+from robotctl.runtime.messages import ControlState
 from robotctl.telemetry.tum import write_tum
 
 

@@ -34,15 +34,13 @@ from robotctl.app.score import (
 from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulation_overrides
 from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.world import load_walls
+from robotctl.runtime.estimation_messages import LiveMap, LocalisationState, ParticleCloud
 from robotctl.runtime.messages import (
     Arm,
     ControlState,
-    LiveMap,
-    LocalisationState,
     Mode,
     NavigationState,
     Notice,
-    ParticleCloud,
     SafetyState,
     SetMode,
 )

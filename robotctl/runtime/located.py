@@ -5,7 +5,8 @@ from __future__ import annotations
 import msgspec
 
 from robotctl.model.se2 import SE2
-from robotctl.runtime.messages import ControlState, LocalisationState
+from robotctl.runtime.estimation_messages import LocalisationState
+from robotctl.runtime.messages import ControlState
 
 
 def located(control: ControlState, localisation: LocalisationState | None) -> ControlState:

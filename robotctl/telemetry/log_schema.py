@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias, Union, get_args, get_origin, get_type_
 
 import msgspec
 
-from robotctl.runtime.messages import LidarScan
+from robotctl.runtime.estimation_messages import LidarScan
 
 Schema: TypeAlias = dict[str, Any]
 

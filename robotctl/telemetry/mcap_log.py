@@ -21,13 +21,8 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 import robotctl
 from robotctl.errors import RobotctlError
-from robotctl.runtime.messages import (
-    ControlState,
-    LidarScan,
-    LocalisationState,
-    NavigationState,
-    Notice,
-)
+from robotctl.runtime.estimation_messages import LidarScan, LocalisationState
+from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.telemetry.log_schema import (
     LASER_SCHEMA,
     LOG_SCHEMA,

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
 from robotctl.model.sonar import SonarMount
+from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import Locator
 from robotctl.runtime.mavlink_port import MavlinkPort, Message, Peer, Received
 from robotctl.runtime.messages import (
     Ack,
     ControlRequest,
     ControlState,
-    LocalisationState,
     Mode,
     NavigationRequest,
     NavigationState,

@@ -6,8 +6,9 @@ import math
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.mavlink_port import Message
-from robotctl.runtime.messages import ControlState, LocalisationState, SafetyState
+from robotctl.runtime.messages import ControlState, SafetyState
 from robotctl.telemetry import frames
 from robotctl.telemetry.service import TelemetryRobot
 

@@ -20,8 +20,9 @@ from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
+from robotctl.runtime.estimation_messages import LidarScan, LocalisationState
 from robotctl.runtime.located import located
-from robotctl.runtime.messages import ControlState, ExternalPose, LidarScan, LocalisationState
+from robotctl.runtime.messages import ControlState, ExternalPose
 from tests.runtime.test_located import STATE
 
 MS = 1_000_000

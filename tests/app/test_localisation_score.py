@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from robotctl.app.localisation_score import LocalisationScore
 from robotctl.app.score import StampedPose
 from robotctl.model.localisation import LocalisationStatus
-from robotctl.runtime.messages import LocalisationState
+from robotctl.runtime.estimation_messages import LocalisationState
 
 PERIOD_NS = 100_000_000
 SEARCHING, LOCALISED = LocalisationStatus.SEARCHING, LocalisationStatus.LOCALISED

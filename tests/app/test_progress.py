@@ -20,9 +20,9 @@ from robotctl.app.progress import (
 )
 from robotctl.app.robot import make_core
 from robotctl.model.localisation import LocalisationStatus
+from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.messages import (
     ControlState,
-    LocalisationState,
     LoopStatistics,
     Mode,
     NavigationState,

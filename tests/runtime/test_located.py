@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
+from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import Locator, located
-from robotctl.runtime.messages import BusStatus, ControlState, LocalisationState, LoopStatistics
+from robotctl.runtime.messages import BusStatus, ControlState, LoopStatistics
 
 LENGTHS = st.floats(-100.0, 100.0)
 ANGLES = st.floats(-3.0, 3.0)

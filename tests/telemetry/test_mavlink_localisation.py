@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
 from robotctl.model.localisation import LocalisationStatus
-from robotctl.runtime.messages import Arm, ExternalPose, LocalisationState
+from robotctl.runtime.estimation_messages import LocalisationState
+from robotctl.runtime.messages import Arm, ExternalPose
 from robotctl.telemetry import frames
 from robotctl.telemetry.service import TelemetryRobot
 from robotctl.telemetry.telemetry import Telemetry

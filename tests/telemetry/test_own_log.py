@@ -9,7 +9,7 @@ import pytest
 
 from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
-from robotctl.runtime.messages import LidarScan
+from robotctl.runtime.estimation_messages import LidarScan
 from robotctl.runtime.recorder import Recorder, RecordHeader
 from robotctl.telemetry.log_text import LogFormatError
 from robotctl.telemetry.mcap_log import McapLog
