@@ -7,6 +7,7 @@ import typer
 import robotctl
 from robotctl.cli import (
     calibrate,
+    camera,
     can,
     config,
     doctor,
@@ -31,6 +32,7 @@ app.add_typer(config.app, name="config")
 app.add_typer(can.app, name="can")
 app.add_typer(record.app, name="record")
 app.add_typer(calibrate.app, name="calibrate")
+app.add_typer(camera.app, name="camera")
 app.command("sim")(sim.sim)
 app.command("run")(run.run)
 app.command("tune")(tune.tune)

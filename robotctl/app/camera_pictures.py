@@ -1,0 +1,87 @@
+"""Where pictures come from and go to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.errors import ConfigError
+from robotctl.model.camera import CameraIntrinsics
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
+
+
+def read_picture(path: Path) -> NDArray[np.uint8]:
+    """Read a picture.
+
+    Parameters
+    ----------
+    path
+        The file, in any format that OpenCV reads.
+
+    Returns
+    -------
+    ndarray
+        (height, width, 3), blue, green, red.
+
+    Raises
+    ------
+    ConfigError
+        If the file is no picture.
+    OSError
+        If it cannot be read.
+    """
+    data = np.frombuffer(path.read_bytes(), np.uint8)
+    picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if picture is None:
+        raise ConfigError(f"{path}: not a picture that can be read ({', '.join(SUFFIXES)})")
+    return picture.astype(np.uint8, copy=False)
+
+
+def read_picture_of(path: Path, intrinsics: CameraIntrinsics) -> NDArray[np.uint8]:
+    """Read a picture that the camera with these intrinsics took, as `read_picture`.
+
+    Raises
+    ------
+    ConfigError
+        As there, and if its size is another: cut or scaled, it has another lens.
+    """
+    picture = read_picture(path)
+    height, width = picture.shape[:2]
+    if (width, height) != (intrinsics.width_px, intrinsics.height_px):
+        raise ConfigError(
+            f"{path}: {width} x {height} pixels, but [camera.intrinsics] is for "
+            f"{intrinsics.width_px} x {intrinsics.height_px}; take pictures of that size: one "
+            "that is cut or scaled has another lens"
+        )
+    return picture
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse to write a picture into a file whose suffix names no format, before the work is done.
+
+    Raises
+    ------
+    ConfigError
+        If the suffix is not one of `SUFFIXES`.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise ConfigError(f"{path}: the suffix must be one of {', '.join(SUFFIXES)}")
+
+
+def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write a picture, (height, width, 3) blue, green, red or (height, width) grey.
+
+    Raises
+    ------
+    ConfigError
+        If the suffix is not one of `SUFFIXES`.
+    OSError
+        If it cannot be written.
+    """
+    check_suffix(path)
+    _, data = cv2.imencode(path.suffix.lower(), picture)
+    path.write_bytes(data.tobytes())

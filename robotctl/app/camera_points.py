@@ -1,0 +1,98 @@
+"""Tables of points: clicked pixels, places on the floor, or both."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.errors import ConfigError
+from robotctl.toml_source import nearest
+
+PIXELS = ("u", "v")
+PLACES = ("x", "y")
+
+
+def read_columns(path: Path, keys: Sequence[str]) -> NDArray[np.float64]:
+    """Read columns of numbers from a CSV with a heading; other columns are left alone.
+
+    Parameters
+    ----------
+    path
+        The file; lines that are empty or begin with # are left out.
+    keys
+        Which columns, named as in the heading.
+
+    Returns
+    -------
+    ndarray
+        (n, len(keys)), n >= 1.
+
+    Raises
+    ------
+    ConfigError
+        If a column is missing or a number is none; one line for each error.
+    OSError
+        If the file cannot be read.
+    """
+    lines = _lines(path)
+    if not lines:
+        raise ConfigError(f"{path}: empty; needed is a heading with {', '.join(keys)}")
+    heading = [name.strip() for name in lines[0][1]]
+    missing = [key for key in keys if key not in heading]
+    if missing:
+        problems = [
+            f"{path}:{lines[0][0]}: no column {key}{nearest(key, heading)}" for key in missing
+        ]
+        raise ConfigError("\n".join(problems))
+    places = [heading.index(key) for key in keys]
+    rows, problems = [], []
+    for number, cells in lines[1:]:
+        row = [_number(cells[place]) if place < len(cells) else None for place in places]
+        problems += [
+            f"{path}:{number}: {key}: not a finite number"
+            for key, value in zip(keys, row, strict=True)
+            if value is None
+        ]
+        rows.append([math.nan if value is None else value for value in row])
+    if problems:
+        raise ConfigError("\n".join(problems))
+    if not rows:
+        raise ConfigError(f"{path}: no rows below the heading")
+    return np.array(rows, dtype=float)
+
+
+def write_columns(path: Path, keys: Sequence[str], rows: NDArray[np.float64]) -> None:
+    """Write a CSV with a heading; numbers to a tenth of a millimetre or of a pixel, nan empty."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(keys)
+        for row in rows:
+            writer.writerow("" if math.isnan(value) else f"{value:.4f}" for value in row)
+
+
+def _lines(path: Path) -> list[tuple[int, list[str]]]:
+    """Return the cells of each line that says something, with its number."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: not a text file") from None
+    lines = enumerate(text.splitlines(), 1)
+    return [
+        (number, next(csv.reader([line])))
+        for number, line in lines
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+
+
+def _number(text: str) -> float | None:
+    """Return a finite number, or None."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

@@ -1,0 +1,15 @@
+"""`robotctl camera`: calibrate a camera on the floor, check it, and measure with it."""
+
+from __future__ import annotations
+
+import typer
+
+from robotctl.cli import camera_floor
+
+app = typer.Typer(no_args_is_help=True, help="Measure on the floor with a camera.")
+app.command("floor")(camera_floor.floor)
+
+
+@app.callback()
+def camera() -> None:
+    """Measure on the floor with a camera."""
