@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from robotctl.estimation.occupancy_grid import GridFigures, OccupancyGrid
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.telemetry.recorded_log import read_recording
+from robotctl.toml_source import nearest
 
 _TAKEN: Final = {"all": slice(None), "even": slice(0, None, 2), "odd": slice(1, None, 2)}
 _AT_ONCE: Final = 256
@@ -85,9 +85,7 @@ def choose_scans(recording: Recording, which: str) -> Sequence[RecordedScan]:
         If `which` is none of these, or there is no such scan.
     """
     if which not in _TAKEN:
-        near = difflib.get_close_matches(which, _TAKEN, n=1)
-        hint = f'; did you mean "{near[0]}"?' if near else ""
-        raise ConfigError(f"--scans {which}: must be one of {', '.join(_TAKEN)}{hint}")
+        raise ConfigError(f"--scans {which}: unknown{nearest(which, tuple(_TAKEN))}")
     scans = recording.scans[_TAKEN[which]]
     if not scans:
         raise ConfigError(

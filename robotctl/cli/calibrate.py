@@ -16,8 +16,7 @@ from robotctl.app.config import find_file
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.calibrate_plot import save_plot
 from robotctl.cli.calibrate_view import check_table, drive_table, reference_lines
-from robotctl.cli.tune import check_folder, write_file
-from robotctl.cli.tune_plot import check_plot
+from robotctl.cli.files import check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
 
 ABORTED = 1
@@ -62,10 +61,7 @@ def odometry(
     options = CalibrateOptions(
         find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs
     )
-    if plot is not None:
-        check_plot(plot)
-    for file in (plot, out):
-        check_folder(file)
+    check_files(out, plot=plot)
     progress = Console(stderr=True, highlight=False)
     try:
         result = calibrate_odometry(options, lambda line: progress.print(f"{line} …", markup=False))
@@ -95,12 +91,7 @@ def _conclude(result: CalibrateResult, out: Path | None) -> int:
         if out is not None:
             print(f"{out} was not written.")
         return WORSE
-    patch = patch_text(result)
-    if out is None:
-        print(f"The patch:\n\n{patch}")
-    else:
-        write_file(out, lambda file: file.write_text(patch, encoding="utf-8"))
-        print(f"patch: {out}")
+    give_patch(patch_text(result), out)
     options = result.options
     command = ["robotctl", "config", "check", str(options.robot)]
     command += [word for setting in patch_overrides(result) for word in ("--set", setting)]

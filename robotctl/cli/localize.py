@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from robotctl.app.localize_options import LocalizeOptions
-from robotctl.app.localize_options import Progress as Report
-from robotctl.cli.tune import check_folder, write_file
-from robotctl.cli.tune_plot import check_plot
+from robotctl.cli.files import check_files, write_file
+from robotctl.cli.progress import progress_bar
 from robotctl.errors import ConfigError
 
 
@@ -68,12 +64,9 @@ def localize(
         log, map_file, method, search, particles, beams, scans, _sigmas(odometry_noise), seed,
         mrclam_robot,
     )  # fmt: skip
-    if plot is not None:
-        check_plot(plot)
-    for file in (out, report, plot):
-        check_folder(file)
+    check_files(out, report, plot=plot)
     console = Console(stderr=True, highlight=False)
-    with _bar(console, log.name) as tell:
+    with progress_bar(console, log.name, "localising") as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.app.localize import localize as run  # noqa: PLC0415
         from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
@@ -104,25 +97,6 @@ def _sigmas(text: str) -> tuple[float, float]:
             f"--odometry-noise {text}: two numbers with a comma are needed, e.g. 0.1,0.05"
         ) from None
     return trans, rot
-
-
-@contextmanager
-def _bar(console: Console, name: str) -> Iterator[Report]:
-    """Show a progress bar; give what moves it on."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    quiet = not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
-        task = bar.add_task(f"reading {name}", total=None)
-
-        def tell(done: int, total: int) -> None:
-            bar.update(task, description="localising", completed=done, total=total)
-
-        yield tell
 
 
 def _sentence(report: dict[str, object]) -> str:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from robotctl.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from robotctl.app.mapping import MapResult
@@ -28,20 +29,8 @@ def map_log(
     from robotctl.app.mapping import MapOptions, make_map  # noqa: PLC0415
 
     console = Console(stderr=True)
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as bar:
-        task = bar.add_task(f"reading {log.name}", total=None)
-        result = make_map(
-            MapOptions(log, out, scans, resolution),
-            lambda done, of: bar.update(task, description="mapping", completed=done, total=of),
-        )
+    with progress_bar(console, log.name, "mapping") as tell:
+        result = make_map(MapOptions(log, out, scans, resolution), tell)
     for note in result.notes:
         console.print(f"{log.name}: {note}", markup=False, highlight=False, soft_wrap=True)
     print("\n".join(_lines(result)))

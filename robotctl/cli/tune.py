@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -17,9 +16,9 @@ from robotctl.app.tune import tune as run_tuning
 from robotctl.app.tune_patch import patch_overrides
 from robotctl.app.tune_track import ExperimentError
 from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.cli.tune_plot import check_plot, save_plot
+from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.cli.tune_plot import save_plot
 from robotctl.cli.tune_view import response_table, wheel_table
-from robotctl.errors import ConfigError
 
 ABORTED = 1
 WORSE = 3
@@ -47,10 +46,7 @@ def tune(
     gains are worse, no patch. 2: bad input.
     """
     options = TuneOptions(find_file(robot), method, wheel, tuple(overrides or ()), seed)
-    if plot is not None:
-        check_plot(plot)
-    for file in (plot, out):
-        check_folder(file)
+    check_files(out, plot=plot)
     progress = Console(stderr=True, highlight=False)
     try:
         result = run_tuning(options, lambda line: progress.print(f"{line} …", markup=False))
@@ -77,12 +73,8 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
         return WORSE
     for shortcoming in result.shortcomings:
         print(f"beware: with the new gains, too, the robot {shortcoming}")
-    options, patch = result.options, result.patch()
-    if out is None:
-        print(f"The patch:\n\n{patch}")
-    else:
-        write_file(out, lambda file: file.write_text(patch, encoding="utf-8"))
-        print(f"patch: {out}")
+    options = result.options
+    give_patch(result.patch(), out)
     tables = ", ".join(f"[control.{wheel}]" for wheel in result.gains)
     settings = [*options.overrides, *patch_overrides(result.gains)]
     command = ["robotctl", "sim", "--lockstep", "--robot", str(options.robot)]
@@ -93,25 +85,3 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
         f"To try it first:\n  {shlex.join(command)}"
     )
     return 0
-
-
-def check_folder(file: Path | None) -> None:
-    """Refuse a file in a folder that is not there, before anything is measured."""
-    if file is not None and not file.parent.is_dir():
-        raise ConfigError(f"{file}: the folder {file.parent} does not exist")
-    if file is not None and file.is_dir():
-        raise ConfigError(f"{file}: is a folder, a file is needed")
-
-
-def write_file(file: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` write a file.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be written.
-    """
-    try:
-        write(file)
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be written: {error.strerror or error}") from error

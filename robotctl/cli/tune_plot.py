@@ -2,30 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
 from robotctl.app.tune import BAND, Response, TuneResult
-from robotctl.errors import ConfigError
-
-SUFFIXES = (".png", ".svg", ".pdf")
-
-
-def check_plot(file: Path) -> None:
-    """Refuse what could not be drawn, before anything is measured.
-
-    Raises
-    ------
-    ConfigError
-        If matplotlib is missing, or the file's suffix is not one of `SUFFIXES`.
-    """
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ConfigError(
-            "--plot needs matplotlib, which is not installed; install it with\n"
-            '  pip install "robotctl[plot]"        (in a checkout: make setup)'
-        )
-    if file.suffix.lower() not in SUFFIXES:
-        raise ConfigError(f"--plot {file}: the suffix must be one of {', '.join(SUFFIXES)}")
 
 
 def save_plot(result: TuneResult, file: Path) -> None:

@@ -66,7 +66,7 @@ def test_even_and_odd_scans_are_different_scans(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"scans": "evn"}, 'must be one of all, even, odd; did you mean "even"'),
+        ({"scans": "evn"}, '--scans evn: unknown; did you mean "even"'),
         ({"scans": "odd"}, "1 lidar scans in it, of which --scans odd takes none"),
         ({"resolution_m": 0.0}, r"--resolution 0: .*found 0.0"),
         ({"prefix": "nowhere/map"}, "the folder .*nowhere does not exist"),

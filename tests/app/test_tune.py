@@ -24,7 +24,7 @@ from robotctl.app.tune_open_loop import OpenLoopRecord, find_duty
 from robotctl.app.tune_patch import round_figures
 from robotctl.app.tune_track import ExperimentError
 from robotctl.cli import main as command_line
-from robotctl.cli import tune_plot
+from robotctl.cli import files
 from robotctl.cli.tune import write_file
 from robotctl.control.identification import FirstOrderModel
 from robotctl.control.tuning import PidGains, Relay, measure_oscillation
@@ -371,7 +371,7 @@ def test_a_robot_that_no_gains_make_good_is_named(monkeypatch, capsys, tuned):
 
 
 def test_without_matplotlib_the_command_says_what_to_install(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(tune_plot.importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setattr(files.importlib.util, "find_spec", lambda _name: None)
     assert run(monkeypatch, "--plot", tmp_path / "plot.png") == 2
     assert 'pip install "robotctl[plot]"' in capsys.readouterr().err
 

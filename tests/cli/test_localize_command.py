@@ -238,7 +238,7 @@ def test_the_ekf_follows_a_real_robot_among_nameless_cylinders(recordings, tmp_p
     [
         (("--method", "mcl"), "--method mcl needs --map MAP.yaml"),
         (("--method", "ekv"), 'must be one of mcl, ekf; did you mean "ekf"?'),
-        (("--map", "MAP", "--scans", "od"), "--scans od: must be one of all, even, odd"),
+        (("--map", "MAP", "--scans", "od"), '--scans od: unknown; did you mean "odd"?'),
         (("--map", "MAP", "--odometry-noise", "0.1"), "--odometry-noise 0.1: two numbers with a"),
         (("--map", "MAP", "--odometry-noise", "0.1,-1"), "two finite numbers >= 0 allowed"),
         (("--method", "ekf", "--global"), "--global needs --method mcl, found ekf"),

@@ -1,0 +1,58 @@
+"""Files that commands write: refused before the work where they cannot be, said plainly after."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from robotctl.errors import ConfigError
+
+PLOTS: Final = (".png", ".svg", ".pdf")
+
+
+def check_files(*files: Path | None, plot: Path | None = None) -> None:
+    """Refuse what could not be written, before anything is measured; None is not asked for.
+
+    Raises
+    ------
+    ConfigError
+        If a folder does not exist, a file is a folder, or `plot` cannot be drawn: matplotlib is
+        missing, or its suffix is not one of `PLOTS`.
+    """
+    if plot is not None and importlib.util.find_spec("matplotlib") is None:
+        raise ConfigError(
+            "--plot needs matplotlib, which is not installed; install it with\n"
+            '  pip install "robotctl[plot]"        (in a checkout: make setup)'
+        )
+    if plot is not None and plot.suffix.lower() not in PLOTS:
+        raise ConfigError(f"--plot {plot}: the suffix must be one of {', '.join(PLOTS)}")
+    for file in (*files, plot):
+        if file is not None and not file.parent.is_dir():
+            raise ConfigError(f"{file}: the folder {file.parent} does not exist")
+        if file is not None and file.is_dir():
+            raise ConfigError(f"{file}: is a folder, a file is needed")
+
+
+def write_file(file: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` write a file.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
+    """
+    try:
+        write(file)
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be written: {error.strerror or error}") from error
+
+
+def give_patch(patch: str, file: Path | None) -> None:
+    """Write a configuration patch and say where, or show it."""
+    if file is None:
+        print(f"The patch:\n\n{patch}")
+    else:
+        write_file(file, lambda path: path.write_text(patch, encoding="utf-8"))
+        print(f"patch: {file}")
