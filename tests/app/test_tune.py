@@ -23,9 +23,9 @@ from robotctl.app.tune_fit import (
 from robotctl.app.tune_open_loop import OpenLoopRecord, find_duty
 from robotctl.app.tune_patch import round_figures
 from robotctl.app.tune_track import ExperimentError
-from robotctl.cli import main as command_line
 from robotctl.cli import files
-from robotctl.cli.tune import write_file
+from robotctl.cli import main as command_line
+from robotctl.cli.files import write_file
 from robotctl.control.identification import FirstOrderModel
 from robotctl.control.tuning import PidGains, Relay, measure_oscillation
 from robotctl.errors import ConfigError
