@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from firmware_sim.camera_parameters import CameraSection
 from firmware_sim.errors import SimulationError
 from firmware_sim.parameters import Drive, SimulationParameters, SonarMount
 
@@ -48,7 +49,7 @@ class LimitsSection:
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """One robot: geometry, sonars and physics."""
+    """One robot: geometry, sonars, camera and physics."""
 
     robot: RobotSection
     drive: Drive
@@ -56,6 +57,7 @@ class RobotConfig:
     sonar: Annotated[tuple[SonarMount, ...], Field(max_length=16)] = ()
     can: CanSection = CanSection()
     limits: LimitsSection = LimitsSection()
+    camera: CameraSection | None = None
 
 
 _ROBOT: TypeAdapter[RobotConfig] = TypeAdapter(RobotConfig)

@@ -11,17 +11,10 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field, with_config
+from pydantic import Field
 
-Real: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive: TypeAlias = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
-NotNegative: TypeAlias = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
-Share: TypeAlias = Annotated[float, Field(strict=True, ge=0, le=1)]
-RelativeError: TypeAlias = Annotated[float, Field(strict=True, gt=-0.5, lt=0.5)]
-Point: TypeAlias = tuple[Real, Real]
-
-closed = with_config(ConfigDict(extra="forbid"))
-"""Decorator of a dataclass in whose table an unknown key is an error."""
+from firmware_sim.camera_parameters import CameraParameters
+from firmware_sim.quantities import NotNegative, Point, Positive, Real, RelativeError, Share, closed
 
 
 @closed
@@ -201,7 +194,7 @@ class GeometryErrors:
 @closed
 @dataclass(frozen=True, slots=True)
 class SonarParameters:
-    """The ultrasonic sensors of the ring, all alike.
+    """The ultrasonic sensors of the ring, all alike, `z_m` above the floor.
 
     The cone of `beam_deg` (full angle) is a fan of `rays`; a ray that meets a surface at more than
     `max_incidence_deg` from its normal is lost, except in concave corners, which reflect back.
@@ -209,6 +202,7 @@ class SonarParameters:
     the sensor reports `min_range_m`, farther than `max_range_m` nothing.
     """
 
+    z_m: Positive = 0.1
     beam_deg: Annotated[float, Field(strict=True, gt=0, le=120)] = 25.0
     rays: Annotated[int, Field(strict=True, ge=3, le=101)] = 15
     max_incidence_deg: Annotated[float, Field(strict=True, gt=0, le=90)] = 35.0
@@ -229,6 +223,7 @@ class LidarParameters:
 
     x_m: Real = 0.0
     y_m: Real = 0.0
+    z_m: Positive = 0.2
     heading_deg: Real = 0.0
     beams: Annotated[int, Field(strict=True, ge=2, le=10_000)] = 360
     fov_deg: Annotated[float, Field(strict=True, gt=0, le=360)] = 360.0
@@ -258,6 +253,7 @@ class SimulationParameters:
     errors: GeometryErrors = field(default_factory=GeometryErrors)
     sonar: SonarParameters = field(default_factory=SonarParameters)
     lidar: LidarParameters | None = None
+    camera: CameraParameters = field(default_factory=CameraParameters)
 
     def __post_init__(self) -> None:
         if len(self.body) < 3:

@@ -82,10 +82,10 @@ class Plant:
         self._per_rad = config.drive.counts_per_revolution / (2.0 * math.pi)
         self._motors = int(self._p["wheels"][0])
         self._world = world
-        self._segments = world.segments
+        self._segments = world.touchable
         self._outline = body_outline(config.simulation.body)
         self._origin, self._grid = wall_grid(
-            world.segments, world.bounds, float(self._p["reach"][0])
+            self._segments, world.bounds, float(self._p["reach"][0])
         )
         self._rows = np.zeros((ROWS, COLUMNS))
         self._noise = noise_state(rng)

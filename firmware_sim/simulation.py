@@ -104,12 +104,13 @@ class Simulation:
         self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
         self.plant = Plant(config, room, streams[1])
         self._plant_ns = start_ns
-        self._ring = SonarRing(config, room, streams[2])
+        sonar_m = config.simulation.sonar.z_m
+        self._ring = SonarRing(config, room.seen_from(sonar_m), streams[2])
         self.faults = Faults(
             self, FaultyStage(self.plant), FaultyRing(self._ring, config.sonar), streams[4]
         )
         lidar = config.simulation.lidar
-        self._lidar = None if lidar is None else Lidar(lidar, room, streams[3])
+        self._lidar = None if lidar is None else Lidar(lidar, room.seen_from(lidar.z_m), streams[3])
         memory = _memory(state_directory)
         self.stores: dict[str, FragileStore] = {}
         self.drive = self._make_drive(memory)

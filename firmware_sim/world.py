@@ -1,30 +1,40 @@
-"""The room: walls, boxes and furniture of a TOML, as line segments.
+"""The room: walls, boxes, furniture and obstacles of a TOML.
 
-A world's file has a table `[world]` (name, bounds, start pose) and any number of
+A world's file has a table `[world]` (name, bounds, start pose), perhaps a table `[floor]`
+(`texture`, `seed`) for the camera, and any number of
 
 - `[[wall]]`: `points` of a polyline, `closed` or not, `thickness_m` (0: a bare line, else each
   straight part becomes a rectangle about it),
 - `[[box]]`: `centre`, `size`, `heading_deg`,
 - `[[furniture]]`: a named `kind = "box"`, or a round `kind = "pillar"` with `centre` and
-  `radius_m`, drawn as a polygon of `sides` sides about the circle.
+  `radius_m`, drawn as a polygon of `sides` sides about the circle,
+- `[[obstacle]]`: what lies about and is on no map: `centre`, `radius_m` or `size`, `height_m`.
+
+Each may have a `height_m` (default 2.5 m for walls, 0.8 m for boxes and furniture) and a `colour`
+(`#rrggbb`, default drawn from the floor's seed). The robot touches all of them and the camera sees
+all of them; a sonar or a lidar sees what is higher than it is mounted. The map that robotctl makes
+of a world has walls, boxes and furniture, not the obstacles.
 """
 
 from __future__ import annotations
 
-import itertools
+import dataclasses
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter
 
 from firmware_sim.config import read_toml, validate
 from firmware_sim.errors import SimulationError
-from firmware_sim.parameters import NotNegative, Point, Positive, Real, closed
+from firmware_sim.quantities import Real, closed
+from firmware_sim.shapes import WALL_M, Box, Obstacle, Pillar, Thing, Wall
 
-Corner: TypeAlias = tuple[float, float]
+OBSTACLE = "obstacle"
+_TOUCHING_M = 1.0e-6
 
 
 @closed
@@ -49,71 +59,11 @@ class WorldSection:
 
 @closed
 @dataclass(frozen=True, slots=True)
-class Wall:
-    """A polyline, or a row of rectangles about its parts where it has a thickness."""
+class Floor:
+    """The table `[floor]`: what it is of, and the seed of its pattern and of all colours."""
 
-    points: Annotated[tuple[Point, ...], Field(min_length=2)]
-    closed: bool = False
-    thickness_m: NotNegative = 0.0
-    name: str = "wall"
-
-    def outlines(self) -> list[list[Corner]]:
-        """Chains of corners, each closed when its last corner is its first."""
-        points = [*self.points, self.points[0]] if self.closed else list(self.points)
-        if self.thickness_m == 0.0:
-            return [points]
-        chains = []
-        for (ax, ay), (bx, by) in itertools.pairwise(points):
-            length = math.hypot(bx - ax, by - ay)
-            px = -(by - ay) / length * self.thickness_m / 2
-            py = (bx - ax) / length * self.thickness_m / 2
-            ring = [(ax - px, ay - py), (bx - px, by - py), (bx + px, by + py), (ax + px, ay + py)]
-            chains.append([*ring, ring[0]])
-        return chains
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class Box:
-    """A rectangle, turned by `heading_deg` about its centre."""
-
-    centre: Point
-    size: tuple[Positive, Positive]
-    heading_deg: Real = 0.0
-    name: str = "box"
-    kind: Literal["box"] = "box"
-
-    def outlines(self) -> list[list[Corner]]:
-        """Its four sides as one closed chain."""
-        c, s = math.cos(math.radians(self.heading_deg)), math.sin(math.radians(self.heading_deg))
-        if self.heading_deg % 90.0 == 0.0:
-            c, s = round(c), round(s)
-        u, v = self.size[0] / 2, self.size[1] / 2
-        x, y = self.centre
-        ring = [
-            (x + c * a - s * b, y + s * a + c * b) for a, b in ((-u, -v), (u, -v), (u, v), (-u, v))
-        ]
-        return [[*ring, ring[0]]]
-
-
-@closed
-@dataclass(frozen=True, slots=True)
-class Pillar:
-    """A round pillar as a polygon about its circle."""
-
-    kind: Literal["pillar"]
-    centre: Point
-    radius_m: Positive
-    sides: Annotated[int, Field(strict=True, ge=6, le=128)] = 16
-    name: str = "pillar"
-
-    def outlines(self) -> list[list[Corner]]:
-        """Its sides as one closed chain."""
-        r = self.radius_m / math.cos(math.pi / self.sides)
-        step = 2 * math.pi / self.sides
-        x, y = self.centre
-        ring = [(x + r * math.cos(step * i), y + r * math.sin(step * i)) for i in range(self.sides)]
-        return [[*ring, ring[0]]]
+    texture: Literal["carpet", "concrete", "tiles", "wood"] = "tiles"
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +74,8 @@ class WorldFile:
     wall: tuple[Wall, ...] = ()
     box: tuple[Box, ...] = ()
     furniture: tuple[Annotated[Box | Pillar, Field(discriminator="kind")], ...] = ()
+    obstacle: tuple[Obstacle, ...] = ()
+    floor: Floor = Floor()
 
     __pydantic_config__ = {"extra": "forbid"}  # noqa: RUF012
 
@@ -140,7 +92,8 @@ class World:
     name
         For messages.
     segments
-        Walls, (n, 4): from x, y to x, y [m] in world.
+        Walls, (n, 4): from x, y to x, y [m] in world; those of boxes and furniture too, those of
+        obstacles not.
     corners
         Square or nearly square corners as seen from inside, (m, 6): x, y of the corner [m] and the
         unit vectors of both arms. A sonar's echo comes back from them from any direction between
@@ -149,8 +102,10 @@ class World:
         Min x, min y, max x, max y [m].
     start
         x [m], y [m], heading [rad].
-    solids
-        Name and corners, (k, 2) [m], of what has an inside: boxes, furniture and thick walls.
+    things
+        All that stands here, in the order of the segments; the obstacles last.
+    floor
+        What the camera sees below.
     """
 
     name: str
@@ -158,7 +113,28 @@ class World:
     corners: np.ndarray
     bounds: tuple[float, float, float, float]
     start: tuple[float, float, float]
-    solids: tuple[tuple[str, np.ndarray], ...] = ()
+    things: tuple[Thing, ...] = ()
+    floor: Floor = Floor()
+
+    @property
+    def solids(self) -> tuple[tuple[str, np.ndarray], ...]:
+        """Name and corners, (k, 2) [m], of what has an inside."""
+        return tuple((thing.name, thing.corners) for thing in self.things if thing.solid)
+
+    @property
+    def touchable(self) -> np.ndarray:
+        """Sides of all that a robot can drive against, (n, 4) [m]: the segments, then obstacles."""
+        low = [thing.sides() for thing in self.things if thing.kind == OBSTACLE]
+        return np.ascontiguousarray(np.vstack([self.segments, *low]))
+
+    def seen_from(self, height_m: float) -> World:
+        """Return what a level sensor at a height sees: only what is higher than that."""
+        seen = tuple(thing for thing in self.things if thing.height_m > height_m)
+        if seen == tuple(thing for thing in self.things if thing.kind != OBSTACLE):
+            return self
+        segments = np.vstack([np.empty((0, 4)), *(thing.sides() for thing in seen)])
+        corners = _inner_corners(segments)
+        return dataclasses.replace(self, segments=segments, corners=corners, things=seen)
 
     def solid_at(self, x_m: float, y_m: float) -> str:
         """Name of the box, furniture or thick wall that a point is inside of; "" if none."""
@@ -181,12 +157,16 @@ class World:
         array = np.ascontiguousarray(segments, dtype=np.float64).reshape(-1, 4)
         if not np.all(np.isfinite(array)):
             raise ValueError("segments: not finite")
-        if np.any(np.hypot(array[:, 2] - array[:, 0], array[:, 3] - array[:, 1]) < 1.0e-6):
+        if np.any(np.hypot(array[:, 2] - array[:, 0], array[:, 3] - array[:, 1]) < _TOUCHING_M):
             raise ValueError("segments: a wall without length")
         points = np.vstack([array[:, :2], array[:, 2:], np.array([start[:2]])])
         low, high = points.min(axis=0), points.max(axis=0)
         bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-        return World(name, array, _inner_corners(array), bounds, start)
+        things = tuple(
+            Thing(f"wall {i}", "wall", row.reshape(2, 2), solid=False, height_m=WALL_M)
+            for i, row in enumerate(array)
+        )
+        return World(name, array, _inner_corners(array), bounds, start, things)
 
 
 def load_world(path: Path) -> World:
@@ -198,26 +178,38 @@ def load_world(path: Path) -> World:
         The file cannot be read or is wrong; one line for each error.
     """
     file = validate(_FILE, read_toml(path), path)
-    segments: list[tuple[float, float, float, float]] = []
-    solids: list[tuple[str, np.ndarray]] = []
-    for kind, things in (("wall", file.wall), ("box", file.box), ("furniture", file.furniture)):
-        for i, thing in enumerate(things):
-            for chain in thing.outlines():
-                sides = [(*a, *b) for a, b in itertools.pairwise(chain)]
-                if any(math.hypot(s[2] - s[0], s[3] - s[1]) < 1.0e-6 for s in sides):
-                    raise SimulationError(f"{path}: {kind}.{i} ({thing.name}): two points coincide")
-                segments += sides
-                if not isinstance(thing, Wall) or thing.thickness_m > 0.0:
-                    solids.append((thing.name, np.array(chain[:-1])))
+    things = tuple(_things(file, path))
+    segments = [row for thing in things if thing.kind != OBSTACLE for row in thing.sides()]
     start = file.world.start
     pose = (start.x_m, start.y_m, math.radians(start.heading_deg))
-    world = World.from_segments(segments, pose, file.world.name)
+    world = World.from_segments(np.array(segments), pose, file.world.name)
     low_x, low_y, high_x, high_y = bounds = file.world.bounds or world.bounds
     if not (low_x <= pose[0] <= high_x and low_y <= pose[1] <= high_y):
         raise SimulationError(
             f"{path}: world.start: ({pose[0]}, {pose[1]}) is outside the bounds {bounds}"
         )
-    return World(world.name, world.segments, world.corners, bounds, pose, tuple(solids))
+    return dataclasses.replace(world, bounds=bounds, things=things, floor=file.floor)
+
+
+def _things(file: WorldFile, path: Path) -> Iterator[Thing]:
+    """Yield what the file describes; raises SimulationError where two of its points coincide."""
+    groups: tuple[tuple[str, Sequence[Wall | Box | Pillar | Obstacle]], ...] = (
+        ("wall", file.wall),
+        ("box", file.box),
+        ("furniture", file.furniture),
+        (OBSTACLE, file.obstacle),
+    )
+    for key, group in groups:
+        for i, each in enumerate(group):
+            kind = each.kind if isinstance(each, Box | Pillar) else key
+            solid = not isinstance(each, Wall) or each.thickness_m > 0.0
+            for chain in each.outlines():
+                corners = np.array(chain[:-1] if solid else chain)
+                thing = Thing(each.name, kind, corners, solid, each.height_m, each.colour or "")
+                sides = thing.sides()
+                if np.any(np.hypot(*(sides[:, 2:] - sides[:, :2]).T) < _TOUCHING_M):
+                    raise SimulationError(f"{path}: {key}.{i} ({each.name}): two points coincide")
+                yield thing
 
 
 def _inner_corners(segments: np.ndarray) -> np.ndarray:

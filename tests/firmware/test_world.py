@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from firmware_sim.config import load_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.plant import Plant
-from firmware_sim.world import Box, Pillar, World, load_world
+from firmware_sim.shapes import Box, Pillar
+from firmware_sim.world import World, load_world
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 WORLDS = sorted((CONFIGS / "worlds").glob("*.toml"))
