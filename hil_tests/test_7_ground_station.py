@@ -34,6 +34,7 @@ def test_the_robots_side_says_who_came(station: GroundStation) -> None:
     station.rig.wait(
         lambda: wanted in station.rig.notices, PATIENT_S, "the robot's side says so too"
     )
+    assert station.rig.notices.count(wanted) == 1
 
 
 def test_it_arms_drives_to_the_right_and_stops_when_it_falls_silent(

@@ -171,6 +171,7 @@ def test_an_emergency_stop_during_a_restart_of_control_is_carried_out_by_the_new
     watch_until(stack, lambda: stack.phase(CONTROL) is Phase.WAITING, "control has ended")
     stack.emergency_stop()
     watch_until(stack, lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+    assert stack.starts(CONTROL) == 2
 
 
 def test_an_emergency_stop_during_the_very_start_is_carried_out(stack: Stack, ear: Ear) -> None:
@@ -259,8 +260,10 @@ def run(
 
 
 def test_sigusr1_to_the_supervisor_stops_the_robot(run: Run, ear: Ear) -> None:
+    pid = run.child(CONTROL)
     run.process.send_signal(signal.SIGUSR1)
     wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+    assert run.child(CONTROL) == pid
 
 
 def test_sigusr1_straight_to_the_control_process_stops_the_robot(run: Run, ear: Ear) -> None:

@@ -14,7 +14,7 @@ from robotctl.cli.keys import Keys
 PROGRAM = """
 import os, sys, termios, time
 from robotctl.cli.keys import Keys
-os.close(os.open(os.ttyname(0), os.O_RDWR))  # becomes the terminal of this session
+os.close(os.open(os.ttyname(0), os.O_RDWR))  # becomes the controlling terminal
 before = termios.tcgetattr(0)
 with Keys() as keys:
     assert keys.usable and termios.tcgetattr(0) != before

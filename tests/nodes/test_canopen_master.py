@@ -123,6 +123,7 @@ class TestMaster:
             network.nmt.state = state
             for node in network.values():
                 wait_for(lambda node=node, state=state: node.nmt.state == state)
+            assert [node.nmt.state for node in network.values()] == [state] * 3
 
     @pytest.mark.parametrize(
         ("node_id", "name", "product"),

@@ -244,6 +244,7 @@ def test_a_command_behind_half_a_frame_gets_through_without_more_bytes(
     robot.step()
     robot.offset_ns += 500_000_000
     eventually(lambda: len(robot.received) == before + 1, robot.step)
+    assert bytes(robot.received[-1].message.get_msgbuf()) == frame()
 
 
 def test_a_tcp_server_accepts_at_most_eight_clients(party, tcp, eventually):
@@ -421,6 +422,7 @@ def test_a_host_that_is_unknown_does_not_hold_up_the_other_links(party, udp, eve
     eventually(lambda: robot.status(1).open and robot.status(0).errors, robot.step)
     robot.send()
     eventually(lambda: readable(station), robot.step)
+    assert not robot.status(0).open
 
 
 def test_the_descriptor_of_all_links_becomes_readable_when_something_comes(party, udp, eventually):
