@@ -44,10 +44,9 @@ class Localized:
     @property
     def trajectory(self) -> Trajectory:
         """The estimated poses."""
-        poses = [estimate.pose for estimate in self.run.estimates]
-        return Trajectory(
-            np.array([estimate.stamp_ns for estimate in self.run.estimates]),
-            np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]),
+        estimates = self.run.estimates
+        return Trajectory.of(
+            (each.stamp_ns for each in estimates), (each.pose for each in estimates)
         )
 
 

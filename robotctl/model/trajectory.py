@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,12 @@ class Trajectory:
             raise ValueError("poses must be finite")
         if np.any(np.diff(self.stamps_ns) < 0):
             raise ValueError("stamps_ns must not decrease")
+
+    @classmethod
+    def of(cls, stamps_ns: Iterable[int], poses: Iterable[SE2]) -> Trajectory:
+        """Return the trajectory through poses; raises as the constructor."""
+        rows = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]
+        return cls(np.array(list(stamps_ns), dtype=np.int64), np.array(rows).reshape(-1, 3))
 
     def at(self, stamp_ns: int) -> SE2 | None:
         """Return the pose at a time, interpolated; None outside of the trajectory."""

@@ -73,9 +73,9 @@ def read_carmen(path: Path) -> Recording:
     scans = _all_scans(lines)
     reference = None
     if scans:
-        reference = Trajectory(
-            np.array([scan.scan.stamp_ns for scan in scans]),
-            np.array([_row(scan.reference) for scan in scans if scan.reference]),
+        reference = Trajectory.of(
+            (scan.scan.stamp_ns for scan in scans),
+            (scan.reference for scan in scans if scan.reference),
         )
     return Recording(
         name=path.name,
@@ -84,11 +84,6 @@ def read_carmen(path: Path) -> Recording:
         reference=reference,
         notes=tuple(lines.notes),
     )
-
-
-def _row(pose: SE2) -> tuple[float, float, float]:
-    """Return a pose as a row [m, m, rad]."""
-    return pose.x_m, pose.y_m, pose.theta_rad
 
 
 def _all_scans(lines: CarmenLines) -> list[RecordedScan]:
@@ -202,9 +197,8 @@ def _odometry(lines: CarmenLines, scans: Sequence[RecordedScan]) -> Trajectory:
     if len(timed) != len(lines.odometry):
         lines.notes.append(f"{len(lines.odometry) - len(timed)} ODOM lines without a time left out")
     if not timed:
-        return Trajectory(
-            np.array([scan.scan.stamp_ns for scan in scans]),
-            np.array([_row(scan.odometry) for scan in scans]),
+        return Trajectory.of(
+            (scan.scan.stamp_ns for scan in scans), (scan.odometry for scan in scans)
         )
     stamps_ns, held = in_order(stamps(np.array([line.time_s for line in timed])))
     if held:

@@ -8,6 +8,7 @@ file has no index: strict readers want it recovered first.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, Final, TypeAlias
 
@@ -133,6 +134,21 @@ def recover(path: Path) -> int:
     return count
 
 
+def whole_records(source: BinaryIO) -> Iterator[McapRecord | None]:
+    """Yield the records of a log; at last None if it was cut or damaged there."""
+    records = StreamReader(
+        source, validate_crcs=True, record_size_limit=_RECORD_LIMIT
+    ).records  # fmt: skip
+    while True:
+        try:
+            yield next(records)
+        except StopIteration:
+            return
+        except _DAMAGE:
+            yield None
+            return
+
+
 def _copy(source: BinaryIO, target: BinaryIO) -> int:
     """Copy whole records; return how many messages."""
     writer = Writer(target)
@@ -140,16 +156,7 @@ def _copy(source: BinaryIO, target: BinaryIO) -> int:
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
     count = 0
-    records = StreamReader(
-        source, validate_crcs=True, record_size_limit=_RECORD_LIMIT
-    ).records  # fmt: skip
-    while True:
-        try:
-            record: McapRecord | None = next(records, None)
-        except _DAMAGE:
-            break
-        if record is None:
-            break
+    for record in whole_records(source):
         if isinstance(record, Schema) and record.id not in schemas:
             schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
         elif isinstance(record, Channel) and record.id not in channels:

@@ -10,7 +10,6 @@ nan, not known, since a sonar that is not there looks the same in the log. See d
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,10 +17,7 @@ from typing import Final
 
 import msgspec
 import numpy as np
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Message
 from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
@@ -34,11 +30,10 @@ from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.recorder import RecordError, read_record
 from robotctl.runtime.sonar_news import SonarNews
 from robotctl.telemetry.log_text import LogFormatError, in_order
+from robotctl.telemetry.mcap_log import whole_records
 from robotctl.telemetry.tum import read_tum
 
 TRUTH: Final = "truth.tum"
-_DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, EOFError)
-_RECORD_LIMIT: Final = 1 << 28
 _REACH_M: Final = 4.0
 """So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
 
@@ -153,18 +148,10 @@ def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
     """Yield topics and messages up to the end of a file, or to where it was cut."""
     topics: dict[int, str] = {}
     with file.open("rb") as source:
-        records = iter(
-            StreamReader(source, validate_crcs=True, record_size_limit=_RECORD_LIMIT).records
-        )
-        while True:
-            try:
-                record: McapRecord | None = next(records, None)
-            except _DAMAGE:
-                notes.append(f"{file}: was cut, read up to the cut")
-                return
+        for record in whole_records(source):
             if record is None:
-                return
-            if isinstance(record, Channel) and record.message_encoding == MessageEncoding.JSON:
+                notes.append(f"{file}: was cut, read up to the cut")
+            elif isinstance(record, Channel) and record.message_encoding == MessageEncoding.JSON:
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:
                 yield topics[record.channel_id], record
