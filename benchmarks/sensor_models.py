@@ -24,11 +24,12 @@ from benchmarks.localisation_accuracy import LOGS, Errors, Log, load, track
 from firmware_sim.world import load_world
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.map_file import load_map
-from robotctl.estimation.beam_model import BeamMixture, BeamModel, learned
+from robotctl.estimation.beam_model import BeamModel
 from robotctl.estimation.beam_selection import evenly_chosen
 from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.range_casting import RangeCaster
+from robotctl.estimation.range_mixture import BeamMixture, learned
 from robotctl.estimation.sonar_model import SonarModel
 from robotctl.estimation.wall_raster import grid_of_walls
 from robotctl.model.grid_map import GridMap

@@ -7,15 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from robotctl.estimation.beam_model import (
-    BeamMixture,
-    BeamModel,
-    BeamModelConfig,
-    learned,
-    log_density,
-)
+from robotctl.estimation.beam_model import BeamModel, BeamModelConfig
 from robotctl.estimation.likelihood_config import BeamSkipping
 from robotctl.estimation.range_casting import RangeCaster
+from robotctl.estimation.range_mixture import BeamMixture, learned, log_density
 from robotctl.model.grid_map import FREE, OCCUPIED, GridMap
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
