@@ -15,12 +15,15 @@ near the truth die out, and a wrong place that fits by chance takes over.
 - Outside of the map, and where nothing is near, a beam has the least likelihood, K / (1 + K).
 - Unknown cells are no obstacles. A beam that ends a little behind a wall, where no beam ever
   reached, keeps its likelihood by the distance to the wall.
+- A beam that says how sure it is has the variance of the field and its own, rounded to one of a
+  few: each is a field of its own, made when the first such beam comes.
 - The field cannot see that a beam goes through a wall; the beam model can (`beam_model.py`).
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +36,8 @@ from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.model.grid_map import GridMap
 from robotctl.model.range_scan import RangeScan
 
+_LEVELS = 9
+"""So many standard deviations are told apart, each sqrt(2) of the one before: up to 16 times."""
 _BLOCK = 128
 """Particles weighed together: their sums stay in the first-level cache."""
 
@@ -59,11 +64,9 @@ class LikelihoodField:
         if not occupied.any():
             raise ValueError("the map has no obstacle: no cell is occupied with 50 % or more")
         distance_m = ndimage.distance_transform_edt(~occupied) * grid.resolution_m
-        rows, columns = occupied.shape
         # A border of one cell takes all that lies outside.
-        log_field = np.full((rows + 2, columns + 2), self._log(np.array(np.inf)), np.float32)
-        log_field[1:-1, 1:-1] = self._log(distance_m)
-        self._log_field = log_field
+        self._distance_m = np.pad(distance_m.astype(np.float32), 1, constant_values=np.inf)
+        self._log_fields = self._log(self._distance_m, 1.0)[None]
         self._grid = grid
         origin = grid.origin
         self._map_from_world = np.array(
@@ -75,9 +78,8 @@ class LikelihoodField:
                 1.0 / grid.resolution_m,
             ]
         )
-        self._agrees = np.float32(
-            self._log(np.array(self.config.skipping.sigmas * self.config.sigma_m))
-        )
+        far_m = np.array(self.config.skipping.sigmas * self.config.sigma_m, np.float32)
+        self._agrees = np.float32(self._log(far_m, 1.0))
 
     def measurement(self, scan: RangeScan) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of a scan.
@@ -85,15 +87,15 @@ class LikelihoodField:
         Which beams are skipped is decided by the first poses that it is asked for, the belief; the
         same beams then weigh all others, so that belief and other places compare.
         """
-        points = self._chosen_points(scan)
-        alpha = tempering(points.shape[1], self.config.beam_correlation)
-        undecided = self.config.skipping.enabled and points.shape[1] > 0
+        beams = self._chosen(scan)
+        alpha = tempering(len(beams.levels), self.config.beam_correlation)
+        undecided = self.config.skipping.enabled and len(beams.levels) > 0
 
         def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-            nonlocal points, undecided
+            nonlocal beams, undecided
             if undecided:
-                points, undecided = self._without_skipped(poses, points), False
-            return alpha * self._summed(poses, points)
+                beams, undecided = self._without_skipped(poses, beams), False
+            return alpha * self._summed(poses, beams)
 
         return log_likelihood
 
@@ -115,28 +117,37 @@ class LikelihoodField:
         """
         return self.measurement(scan)(poses)
 
-    def _log(self, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return log p(d), at most 0."""
+    def _log(self, distance_m: NDArray[np.float32], wider: float) -> NDArray[np.float32]:
+        """Return log p(d), at most 0, with a standard deviation `wider` than that of the field."""
         k = self.config.robust_k
-        hit = np.exp(-0.5 * (distance_m / self.config.sigma_m) ** 2)
-        result: NDArray[np.float64] = np.log((hit + k) / (1.0 + k))
+        hit = np.exp(-0.5 * (distance_m / (wider * self.config.sigma_m)) ** 2)
+        result: NDArray[np.float32] = np.log((hit + k) / (1.0 + k)).astype(np.float32)
         return result
 
-    def _chosen_points(self, scan: RangeScan) -> NDArray[np.float32]:
-        """Return the end points of the chosen beams in `base`, (2, k) [cells]."""
+    def _chosen(self, scan: RangeScan) -> _Beams:
+        """Return the chosen beams of a scan, with the fields that they need."""
         chosen = evenly_chosen(scan.ranges_m < scan.max_range_m, self.config.beams)
         angles, ranges = scan.angles_rad[chosen], scan.ranges_m[chosen]
         points = np.stack([scan.x_m + ranges * np.cos(angles), scan.y_m + ranges * np.sin(angles)])
-        cells: NDArray[np.float32] = (points * self._map_from_world[4]).astype(np.float32)
-        return cells
+        levels = np.zeros(len(chosen), np.int64)
+        if scan.sigmas_m is not None and len(chosen):
+            wider = np.hypot(1.0, scan.sigmas_m[chosen] / self.config.sigma_m)
+            levels = np.minimum(np.rint(2.0 * np.log2(wider)), _LEVELS - 1).astype(np.int64)
+            self._make_fields(int(levels.max()))
+        return _Beams((points * self._map_from_world[4]).astype(np.float32), levels)
 
-    def _summed(
-        self, poses: NDArray[np.float64], points: NDArray[np.float32]
-    ) -> NDArray[np.float64]:
+    def _make_fields(self, level: int) -> None:
+        """Make the fields up to a level, if they are not there."""
+        there = len(self._log_fields)
+        if level >= there:
+            more = [self._log(self._distance_m, 2.0 ** (0.5 * k)) for k in range(there, level + 1)]
+            self._log_fields = np.concatenate([self._log_fields, np.stack(more)])
+
+    def _summed(self, poses: NDArray[np.float64], beams: _Beams) -> NDArray[np.float64]:
         """Return the sum of the beams' logs at each pose, (n,)."""
         total = np.empty(len(poses))
         cos, sin = self._heading(poses)
-        _weigh(poses, cos, sin, points, self._map_from_world, self._log_field, total)
+        _weigh(poses, cos, sin, *beams, self._map_from_world, self._log_fields, total)
         return total
 
     def _heading(
@@ -146,20 +157,25 @@ class LikelihoodField:
         heading = (poses[:, 2] - self._grid.origin.theta_rad).astype(np.float32)
         return np.cos(heading), np.sin(heading)
 
-    def _without_skipped(
-        self, poses: NDArray[np.float64], points: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Return the end points of the beams that enough poses agree with."""
+    def _without_skipped(self, poses: NDArray[np.float64], beams: _Beams) -> _Beams:
+        """Return the beams that enough poses agree with."""
         few = judges(poses)
         if few is None:
-            return points
+            return beams
         cos, sin = self._heading(few)
-        agreeing = np.zeros(points.shape[1])
+        agreeing = np.zeros(len(beams.levels))
         _count_agreeing(
-            few, cos, sin, points, self._map_from_world, self._log_field, self._agrees, agreeing
+            few, cos, sin, *beams, self._map_from_world, self._log_fields, self._agrees, agreeing
         )
         kept = self.config.skipping.kept(agreeing / len(few))
-        return np.ascontiguousarray(points[:, kept])
+        return _Beams(np.ascontiguousarray(beams.points[:, kept]), beams.levels[kept])
+
+
+class _Beams(NamedTuple):
+    """End points in `base`, (2, k) [cells], and which field weighs each, (k,)."""
+
+    points: NDArray[np.float32]
+    levels: NDArray[np.int64]
 
 
 @compiled
@@ -168,11 +184,12 @@ def _weigh(
     cos: NDArray[np.float32],
     sin: NDArray[np.float32],
     points: NDArray[np.float32],
+    levels: NDArray[np.int64],
     map_from_world: NDArray[np.float64],
-    log_field: NDArray[np.float32],
+    log_fields: NDArray[np.float32],
     total: NDArray[np.float64],
 ) -> None:
-    """Fill `total` with the sum of the field at all end points, for each pose.
+    """Fill `total` with the sum of each beam's field at its end point, for each pose.
 
     Beams are the outer loop and a block of poses the inner one: then the inner loops are free of
     branches and sums, which the compiler turns into vector code, and where poses are close
@@ -180,10 +197,11 @@ def _weigh(
     """
     n, beams = len(poses), points.shape[1]
     x0, y0, c0, s0, scale = map_from_world
-    flat = log_field.ravel()
-    stride = np.int32(log_field.shape[1])
+    count, rows, columns = log_fields.shape
+    flat = log_fields.reshape(count, rows * columns)
+    stride = np.int32(columns)
     zero = np.float32(0.0)
-    last_u, last_v = np.float32(log_field.shape[1] - 1), np.float32(log_field.shape[0] - 1)
+    last_u, last_v = np.float32(columns - 1), np.float32(rows - 1)
     u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     cell, summed = np.empty(_BLOCK, np.uint32), np.empty(_BLOCK, np.float32)
     for start in range(0, n, _BLOCK):
@@ -204,8 +222,9 @@ def _weigh(
                 row = row if row > zero else zero
                 row = row if row < last_v else last_v
                 cell[i] = np.uint32(np.int32(row) * stride + np.int32(column))
+            field = flat[levels[k]]
             for i in range(size):
-                summed[i] += flat[cell[i]]
+                summed[i] += field[cell[i]]
         for i in range(size):
             total[start + i] = summed[i]
 
@@ -216,8 +235,9 @@ def _count_agreeing(
     cos: NDArray[np.float32],
     sin: NDArray[np.float32],
     points: NDArray[np.float32],
+    levels: NDArray[np.int64],
     map_from_world: NDArray[np.float64],
-    log_field: NDArray[np.float32],
+    log_fields: NDArray[np.float32],
     agrees: np.float32,
     agreeing: NDArray[np.float64],
 ) -> None:
@@ -229,5 +249,5 @@ def _count_agreeing(
         for k in range(points.shape[1]):
             column = math.floor(u + cos[i] * points[0, k] - sin[i] * points[1, k]) + 1
             row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
-            if 0 <= row < log_field.shape[0] and 0 <= column < log_field.shape[1]:
-                agreeing[k] += log_field[row, column] >= agrees
+            if 0 <= row < log_fields.shape[1] and 0 <= column < log_fields.shape[2]:
+                agreeing[k] += log_fields[levels[k], row, column] >= agrees

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,9 +55,11 @@ def textbook(grid: GridMap, config: LikelihoodFieldConfig, poses: np.ndarray, sc
     floor = math.log(config.robust_k / (1 + config.robust_k))
     result = np.zeros(len(poses))
     for i, (x, y, theta) in enumerate(poses):
-        for angle, distance in zip(scan.angles_rad, scan.ranges_m, strict=True):
+        for beam, (angle, distance) in enumerate(zip(scan.angles_rad, scan.ranges_m, strict=True)):
             if not distance < scan.max_range_m:
                 continue
+            own = 0.0 if scan.sigmas_m is None else scan.sigmas_m[beam]
+            sigma_m = min(math.hypot(config.sigma_m, own), 16.0 * config.sigma_m)
             px = scan.x_m + distance * math.cos(angle)
             py = scan.y_m + distance * math.sin(angle)
             end = SE2(x, y, theta).apply(px, py)
@@ -65,9 +68,46 @@ def textbook(grid: GridMap, config: LikelihoodFieldConfig, poses: np.ndarray, sc
                 result[i] += floor
                 continue
             steps = np.hypot(obstacles[:, 0] - row, obstacles[:, 1] - column).min()
-            hit = math.exp(-0.5 * (steps * grid.resolution_m / config.sigma_m) ** 2)
+            hit = math.exp(-0.5 * (steps * grid.resolution_m / sigma_m) ** 2)
             result[i] += math.log((hit + config.robust_k) / (1 + config.robust_k))
     return result
+
+
+def test_a_beam_that_says_how_sure_it_is_is_weighed_so():
+    rng = np.random.default_rng(7)
+    grid = room()
+    config = LikelihoodFieldConfig(beams=100, beam_correlation=0.0, sigma_m=0.15)
+    field = LikelihoodField(grid, config)
+    poses = random_poses(rng, 50, SE2())
+    for own in (0.0, 0.05, 0.15 * math.sqrt(3.0), 0.15 * math.sqrt(15.0), 90.0):
+        scan = replace(random_scan(rng), sigmas_m=np.full(40, own))
+        expected = textbook(grid, config, poses, scan)
+        # Standard deviations are rounded to steps of sqrt(2); these are such steps but the second.
+        tolerance = 0.15 if own == 0.05 else 0.005
+        found = field.log_likelihood(poses, scan)
+        close = np.isclose(found, expected, rtol=tolerance)
+        assert close.mean() > 0.95  # not where float32 puts an end point into the next cell
+
+
+def test_beams_of_one_scan_may_be_differently_sure():
+    rng = np.random.default_rng(8)
+    field = LikelihoodField(room(), LikelihoodFieldConfig(beam_correlation=0.0))
+    poses = random_poses(rng, 50, SE2())
+    scan = random_scan(rng)
+    sigmas = np.where(np.arange(40) % 2, 0.5, 0.0)
+    mixed = field.log_likelihood(poses, replace(scan, sigmas_m=sigmas))
+    parts = [
+        field.log_likelihood(
+            poses,
+            replace(
+                scan,
+                ranges_m=np.where(sigmas == sigma, scan.ranges_m, math.nan),
+                sigmas_m=np.where(sigmas == sigma, sigmas, math.nan),
+            ),
+        )
+        for sigma in (0.0, 0.5)
+    ]
+    assert mixed == pytest.approx(parts[0] + parts[1], rel=1e-5)
 
 
 @pytest.mark.parametrize("origin", [SE2(), SE2(-3.0, 2.0, 0.7), SE2(40.0, -60.0, -2.5)])
