@@ -34,6 +34,8 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.world import World
 
 MOST_TAPS = 4
+TAP_RATIO = 1.7
+"""How much longer than wide the patch of floor under one sample may be."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +104,7 @@ class Camera:
         shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
         normal = NormalDist()
         self._quantiles = np.array([normal.inv_cdf(share) for share in shares], dtype=np.float32)
-        self._rows = np.zeros((3, self.intrinsics.width_px, 3), dtype=np.float32)
+        self._rows = np.zeros((4, 3 * self.intrinsics.width_px), dtype=np.float32)
 
     def look(self, x_m: float, y_m: float, theta_rad: float, number: int = 0) -> View:
         """Return the view from a pose of base in world; `number` of the picture draws its noise."""
@@ -143,7 +145,7 @@ class Camera:
             self._rows,
             labels,
             distances,
-            picture,
+            picture.reshape(shape[0], -1),
         )
         return View(picture, np.append(scene.thing, (NOTHING, FLOOR))[labels], distances)
 
@@ -172,7 +174,7 @@ def _pixels(
     across = reach * rays.turn_rad
     along = across * reach / height_m
     with np.errstate(invalid="ignore"):
-        taps = np.clip(np.rint(np.where(down, along / across, 1.0)), 1, MOST_TAPS)
+        taps = np.clip(np.rint(np.where(down, along / across, 1.0) / TAP_RATIO), 1, MOST_TAPS)
         size = np.maximum(across, along / taps)
         # Between two copies of the floor every pixel takes one or the other, at a fixed chance.
         dither = np.random.default_rng(0).random(rays.slope.shape)

@@ -25,8 +25,9 @@ class Texture:
     Attributes
     ----------
     texels
-        All copies, finest first, row by row, (n, 3) uint8, blue, green, red. Row j, column i of the
-        finest is the square of `TEXEL_M` about x = (i + 0.5), y = (j + 0.5) texels.
+        All copies, finest first, row by row, (n,) uint32: blue, green and red from the lowest byte
+        on. Row j, column i of the finest is the square of `TEXEL_M` about x = (i + 0.5),
+        y = (j + 0.5) texels.
     starts
         Where each copy begins, (LEVELS,).
     """
@@ -52,11 +53,12 @@ def _with_copies(picture: np.ndarray) -> Texture:
     copies, starts, count = [], [], 0
     for _ in range(LEVELS):
         starts.append(count)
-        copies.append(np.clip(np.rint(picture), 0, 255).astype(np.uint8).reshape(-1, 3))
+        copies.append(np.clip(np.rint(picture), 0, 255).astype(np.uint32).reshape(-1, 3))
         count += len(copies[-1])
         n = len(picture) // 2
         picture = picture.reshape(n, 2, n, 2, 3).mean(axis=(1, 3))
-    return Texture(np.ascontiguousarray(np.vstack(copies)), np.array(starts, dtype=np.int64))
+    texels = np.vstack(copies) @ np.array([1, 1 << 8, 1 << 16], dtype=np.uint32)
+    return Texture(texels, np.array(starts, dtype=np.int64))
 
 
 def _noise(rng: np.random.Generator, length_m: float, stretch: float = 1.0) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from firmware_sim.camera_fan import cut
@@ -15,6 +13,8 @@ FLOOR, NOTHING = -1, -2
 SKY = 205.0
 COARSEST = LEVELS - 1
 QUANTILES = 4096
+FAR = 1024
+"""Periods of a pattern that a world may reach to either side of its origin."""
 
 PIXEL = np.dtype(
     [
@@ -62,54 +62,39 @@ def draw(
     distances: np.ndarray,
     picture: np.ndarray,
 ) -> None:
-    """Draw a picture row by row; each is finished when the next is known, for the lens's blur.
+    """Draw a picture row by row.
 
     Parameters
     ----------
     pose
         x, y of the camera, and cosine and sine of its direction, in world.
     rows
-        Room for three rows of light, (3, width, 3).
+        Room for four rows of light, (4, 3 * width).
     labels, distances, picture
         Results: what each pixel shows (number of the thing in the scene), at which level distance
-        [m], and its colour.
+        [m], and its colour, (height, 3 * width).
     """
     n, width = pixels.shape
+    faces = np.empty(width, dtype=np.int32)
     for v in range(n + 1):
         if v < n:
-            row = rows[v % 3]
-            for u in range(width):
-                p = pixels[v, u]
-                s = p.sector
-                distance, label, face, on_top = meet(
-                    p, camera_height, local, first, count, height,
-                    near[s], thing[s], side[s], listed[s],
-                )  # fmt: skip
-                labels[v, u] = label
-                distances[v, u] = distance
-                if label == FLOOR:
-                    b, g, r = floor_light(p, pose, floor, starts, light, light_at)
-                elif label == NOTHING:
-                    b = g = r = SKY
-                else:
-                    at = camera_height + p.slope * distance
-                    bright = thing_light(
-                        p, distance, at, on_top, turn, local[face], shade[face], plaster, starts
-                    )
-                    b = bright * colour[label, 0]
-                    g = bright * colour[label, 1]
-                    r = bright * colour[label, 2]
-                row[u, 0] = p.gain * b
-                row[u, 1] = p.gain * g
-                row[u, 2] = p.gain * r
+            # Whole rows at a time: a call with many arrays costs more than a pixel.
+            meet(pixels[v], camera_height, local, first, count, height, near, thing, side, listed,
+                 labels[v], distances[v], faces)  # fmt: skip
+            floor_row(pixels[v], labels[v], pose, floor, starts, light, light_at, rows[v % 3])
+            thing_row(pixels[v], labels[v], distances[v], faces, pose, camera_height, turn,
+                      local, shade, colour, plaster, starts, rows[v % 3])  # fmt: skip
         if v > 0:
-            above, here, below = rows[max(v - 2, 0) % 3], rows[(v - 1) % 3], rows[min(v, n - 1) % 3]
-            finish_row(v - 1, above, here, below, blur, sigma, quantiles, key, picture[v - 1])
+            # A row is finished once the next is known.
+            blur_rows(
+                rows[max(v - 2, 0) % 3], rows[(v - 1) % 3], rows[min(v, n - 1) % 3], blur, rows[3]
+            )
+            expose_row(v - 1, rows[3], sigma, quantiles, key, picture[v - 1])
 
 
 @compiled
 def meet(
-    p: np.ndarray,
+    pixels: np.ndarray,
     camera_height: float,
     local: np.ndarray,
     first: np.ndarray,
@@ -118,93 +103,127 @@ def meet(
     near: np.ndarray,
     thing: np.ndarray,
     side: np.ndarray,
-    listed: int,
-) -> tuple[float, int, int, bool]:
-    """Find what a pixel's ray meets first: level distance, label, side, whether on its top."""
-    ahead, left, slope = p.ahead, p.left, p.slope  # type: ignore[attr-defined]
-    best = float(p.floor)  # type: ignore[attr-defined]
-    label = FLOOR if best < np.inf else NOTHING
-    face, on_top = -1, False
-    for k in range(listed):
-        if near[k] >= best:
-            break
-        o, i = thing[k], side[k]
-        tall = height[o]
-        if i >= 0 and tall >= camera_height:
-            e = local[i]
-            enter = e.offset / (e.nx * ahead + e.ny * left)
-            leave = enter
-        else:
-            enter, leave, i = cut(ahead, left, first[o], count[o], local)
-        if enter >= best:
-            continue
-        if camera_height + slope * enter <= tall:
-            best, label, face, on_top = enter, o, i, False
-        elif slope < 0.0 and camera_height + slope * leave < tall:
-            at = (tall - camera_height) / slope
-            if at < best:
-                best, label, face, on_top = at, o, i, True
-    return best, label, face, on_top
+    listed: np.ndarray,
+    labels: np.ndarray,
+    distances: np.ndarray,
+    faces: np.ndarray,
+) -> None:
+    """Find what the rays of a row meet first: label, level distance, and side, or -1 for a top."""
+    for u in range(len(pixels)):
+        p = pixels[u]
+        best = float(p.floor)
+        label = FLOOR if best < np.inf else NOTHING
+        face = -1
+        s = p.sector
+        for k in range(listed[s]):
+            if near[s, k] >= best:
+                break
+            ahead, left, slope = float(p.ahead), float(p.left), float(p.slope)
+            o, i = thing[s, k], side[s, k]
+            tall = height[o]
+            if i >= 0 and tall >= camera_height:
+                e = local[i]
+                enter = e.offset / (e.nx * ahead + e.ny * left)
+                leave = enter
+            else:
+                enter, leave, i = cut(ahead, left, first[o], count[o], local)
+            if enter >= best:
+                continue
+            if camera_height + slope * enter <= tall:
+                best, label, face = enter, o, i
+            elif slope < 0.0 and camera_height + slope * leave < tall:
+                at = (tall - camera_height) / slope
+                if at < best:
+                    best, label, face = at, o, -1
+        labels[u] = label
+        distances[u] = best
+        faces[u] = face
 
 
 @compiled
-def thing_light(
-    p: np.ndarray,
-    distance: float,
-    z: float,
-    on_top: bool,
-    turn: float,
-    e: np.ndarray,
-    shade: float,
-    plaster: np.ndarray,
-    starts: np.ndarray,
-) -> float:
-    """Brightness of a thing where a pixel sees it."""
-    along = distance * (e.tx * p.ahead + e.ty * p.left) - e.start  # type: ignore[attr-defined]
-    if on_top:
-        shade = 1.0
-        z = distance * (e.nx * p.ahead + e.ny * p.left) - e.offset  # type: ignore[attr-defined]
-    level = 0
-    size = distance * turn * (SIDE / PERIOD_M)
-    while size > 1.0 and level < COARSEST:
-        size *= 0.5
-        level += 1
-    grain, _, _ = sample(plaster, starts[level], level, along, z)
-    return float(shade * grain * (1.0 / 128.0))
-
-
-@compiled
-def floor_light(
-    p: np.ndarray,
+def floor_row(
+    pixels: np.ndarray,
+    labels: np.ndarray,
     pose: np.ndarray,
     floor: np.ndarray,
     starts: np.ndarray,
     light: np.ndarray,
     light_at: np.ndarray,
-) -> tuple[float, float, float]:
-    """Colour of the floor where a pixel sees it."""
-    ahead, left = float(p.ahead), float(p.left)  # type: ignore[attr-defined]
-    cx = pose[2] * ahead - pose[3] * left
-    cy = pose[3] * ahead + pose[2] * left
-    taps, level = p.taps, p.level  # type: ignore[attr-defined]
-    step, distance = float(p.step), float(p.floor)  # type: ignore[attr-defined]
-    b = g = r = 0.0
-    at = distance - 0.5 * (taps - 1) * step
-    for _ in range(taps):
-        b1, g1, r1 = sample(floor, starts[level], level, pose[0] + at * cx, pose[1] + at * cy)
-        b, g, r = b + b1, g + g1, r + r1
-        at += step
-    x = (pose[0] + distance * cx - light_at[0]) * light_at[2]
-    y = (pose[1] + distance * cy - light_at[1]) * light_at[2]
-    x = min(max(x, 0.0), light.shape[1] - 1.001)
-    y = min(max(y, 0.0), light.shape[0] - 1.001)
-    i, j = int(x), int(y)
-    x, y = x - i, y - j
-    bright = (1.0 - y) * ((1.0 - x) * light[j, i] + x * light[j, i + 1]) + y * (
-        (1.0 - x) * light[j + 1, i] + x * light[j + 1, i + 1]
-    )
-    bright /= taps
-    return bright * b, bright * g, bright * r
+    row: np.ndarray,
+) -> None:
+    """Light of the pixels of a row that show the floor, and of those that show nothing."""
+    last_x, last_y = light.shape[1] - 1.001, light.shape[0] - 1.001
+    for u in range(len(pixels)):
+        p = pixels[u]
+        if labels[u] != FLOOR:
+            row[3 * u] = row[3 * u + 1] = row[3 * u + 2] = p.gain * SKY
+            continue
+        cx = pose[2] * p.ahead - pose[3] * p.left
+        cy = pose[3] * p.ahead + pose[2] * p.left
+        step, level = float(p.step), p.level
+        start = starts[level]
+        b = g = r = 0.0
+        at = p.floor - 0.5 * (p.taps - 1) * step
+        for _ in range(p.taps):
+            b1, g1, r1 = sample(floor, start, level, pose[0] + at * cx, pose[1] + at * cy)
+            b, g, r = b + b1, g + g1, r + r1
+            at += step
+        x = (pose[0] + p.floor * cx - light_at[0]) * light_at[2]
+        y = (pose[1] + p.floor * cy - light_at[1]) * light_at[2]
+        x, y = min(max(x, 0.0), last_x), min(max(y, 0.0), last_y)
+        i, j = int(x), int(y)
+        x, y = x - i, y - j
+        bright = (1.0 - y) * ((1.0 - x) * light[j, i] + x * light[j, i + 1]) + y * (
+            (1.0 - x) * light[j + 1, i] + x * light[j + 1, i + 1]
+        )
+        bright *= p.gain / p.taps
+        row[3 * u] = bright * b
+        row[3 * u + 1] = bright * g
+        row[3 * u + 2] = bright * r
+
+
+@compiled
+def thing_row(
+    pixels: np.ndarray,
+    labels: np.ndarray,
+    distances: np.ndarray,
+    faces: np.ndarray,
+    pose: np.ndarray,
+    camera_height: float,
+    turn: float,
+    local: np.ndarray,
+    shade: np.ndarray,
+    colour: np.ndarray,
+    plaster: np.ndarray,
+    starts: np.ndarray,
+    row: np.ndarray,
+) -> None:
+    """Light of the pixels of a row that show things."""
+    per_px = turn * (SIDE / PERIOD_M)
+    for u in range(len(pixels)):
+        label = labels[u]
+        if label < 0:
+            continue
+        p = pixels[u]
+        distance = distances[u]
+        if faces[u] >= 0:
+            e = local[faces[u]]
+            along = distance * (e.tx * p.ahead + e.ty * p.left) - e.start
+            up = camera_height + p.slope * distance
+            bright = shade[faces[u]]
+        else:
+            along = pose[0] + distance * (pose[2] * p.ahead - pose[3] * p.left)
+            up = pose[1] + distance * (pose[3] * p.ahead + pose[2] * p.left)
+            bright = 1.0
+        level = 0
+        size = distance * per_px
+        while size > 1.0 and level < COARSEST:
+            size *= 0.5
+            level += 1
+        grain, _, _ = sample(plaster, starts[level], level, along, up)
+        bright *= grain * p.gain * (1.0 / 128.0)
+        for c in range(3):
+            row[3 * u + c] = bright * colour[label, c]
 
 
 @compiled
@@ -213,51 +232,62 @@ def sample(
 ) -> tuple[float, float, float]:
     """Interpolate one copy of a pattern between four texels."""
     n = SIDE >> level
-    fx = x * (n / PERIOD_M) - 0.5
-    fy = y * (n / PERIOD_M) - 0.5
-    ix, iy = math.floor(fx), math.floor(fy)
-    wx, wy = fx - ix, fy - iy
+    scale = n / PERIOD_M
+    # Shifted by whole periods, so that all is positive; weights in 1/256.
+    fx, fy = x * scale + (FAR * n - 0.5), y * scale + (FAR * n - 0.5)
+    ix, iy = int(fx), int(fy)
+    wx, wy = int(256.0 * (fx - ix)), int(256.0 * (fy - iy))
     i0, i1 = ix & (n - 1), (ix + 1) & (n - 1)
     j0, j1 = start + n * (iy & (n - 1)), start + n * ((iy + 1) & (n - 1))
-    w00, w01 = (1.0 - wx) * (1.0 - wy), wx * (1.0 - wy)
-    w10, w11 = (1.0 - wx) * wy, wx * wy
-    t00, t01, t10, t11 = texels[j0 + i0], texels[j0 + i1], texels[j1 + i0], texels[j1 + i1]
-    return (
-        w00 * t00[0] + w01 * t01[0] + w10 * t10[0] + w11 * t11[0],
-        w00 * t00[1] + w01 * t01[1] + w10 * t10[1] + w11 * t11[1],
-        w00 * t00[2] + w01 * t01[2] + w10 * t10[2] + w11 * t11[2],
-    )
+    w11 = (wx * wy) >> 8
+    w01, w10 = wx - w11, wy - w11
+    w00 = 256 - wx - w10
+    # Blue and red lie far enough apart to be weighed together.
+    t00, t01 = np.int64(texels[j0 + i0]), np.int64(texels[j0 + i1])
+    t10, t11 = np.int64(texels[j1 + i0]), np.int64(texels[j1 + i1])
+    both = w00 * (t00 & 0xFF00FF) + w01 * (t01 & 0xFF00FF)
+    both += w10 * (t10 & 0xFF00FF) + w11 * (t11 & 0xFF00FF)
+    g = w00 * ((t00 >> 8) & 0xFF) + w01 * ((t01 >> 8) & 0xFF)
+    g += w10 * ((t10 >> 8) & 0xFF) + w11 * ((t11 >> 8) & 0xFF)
+    return (both & 0xFFFF) / 256.0, g / 256.0, (both >> 16) / 256.0
 
 
 @compiled
-def finish_row(
+def blur_rows(
+    above: np.ndarray, here: np.ndarray, below: np.ndarray, blur: float, row: np.ndarray
+) -> None:
+    """Blur a row of light by its neighbours, into `row`; all (3 * width,)."""
+    n = len(here)
+    aside, middle = np.float32(blur), np.float32(1.0 - 2.0 * blur)
+    column = np.empty(n + 6, dtype=np.float32)
+    for i in range(n):
+        column[i + 3] = middle * here[i] + aside * (above[i] + below[i])
+    column[0:3] = column[3:6]
+    column[n + 3 :] = column[n : n + 3]
+    for i in range(n):
+        row[i] = middle * column[i + 3] + aside * (column[i] + column[i + 6])
+
+
+@compiled
+def expose_row(
     v: int,
-    above: np.ndarray,
-    here: np.ndarray,
-    below: np.ndarray,
-    blur: float,
+    row: np.ndarray,
     sigma: np.ndarray,
     quantiles: np.ndarray,
     key: int,
     picture: np.ndarray,
 ) -> None:
-    """Blur a row by its neighbours, add the sensor's noise, and round."""
-    n = len(here)
-    middle = 1.0 - 2.0 * blur
+    """Add the sensor's noise to a row of light, and round."""
+    n = len(row) // 3
+    part, mask = np.uint64(12), np.uint64(QUANTILES - 1)
     for u in range(n):
-        a, z = max(u - 1, 0), min(u + 1, n - 1)
         # SplitMix64 of the pixel's number: Steele, Lea and Flood, OOPSLA 2014.
         draw = np.uint64(key) + np.uint64(v * n + u + 1) * np.uint64(0x9E3779B97F4A7C15)
         draw = (draw ^ (draw >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         draw = (draw ^ (draw >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         draw = draw ^ (draw >> np.uint64(31))
         for c in range(3):
-            value = middle * (middle * here[u, c] + blur * (here[a, c] + here[z, c])) + blur * (
-                middle * (above[u, c] + below[u, c])
-                + blur * (above[a, c] + above[z, c] + below[a, c] + below[z, c])
-            )
-            value = min(max(value, 0.0), 255.0)
-            noise = quantiles[int(draw & np.uint64(QUANTILES - 1))]
-            draw = draw >> np.uint64(12)
-            value += sigma[int(value)] * noise + 0.5
-            picture[u, c] = int(min(max(value, 0.0), 255.0))
+            value = min(max(row[3 * u + c], np.float32(0.0)), np.float32(255.0))
+            value += sigma[np.uint64(value)] * quantiles[draw & mask] + np.float32(0.5)
+            draw = draw >> part
+            picture[3 * u + c] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))
