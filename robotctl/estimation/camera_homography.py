@@ -173,7 +173,7 @@ def fit_homography(
     ground, pixels = _checked(ground, pixels)
     near, s, x, y = kernels.normalised(ground)
     seen, t, u, v = kernels.normalised(pixels)
-    reason = _degenerate(near, seen, t * noise.sigma_px)
+    reason = _degenerate(near, seen, t, noise.sigma_px)
     if reason:
         raise ValueError(reason)
     _, vectors = np.linalg.eigh(kernels.linear_equations(near, seen))
@@ -234,7 +234,7 @@ def find_homography(
         return fit_homography(ground, pixels, noise), np.ones(4, dtype=np.bool_)
     near, s, *_ = kernels.normalised(ground)
     seen, t, *_ = kernels.normalised(pixels)
-    reason = _degenerate(near, seen, t * noise.sigma_px)
+    reason = _degenerate(near, seen, t, noise.sigma_px)
     if reason:
         raise ValueError(reason)
     samples = rng.integers(n, size=(_SAMPLES, 4))
@@ -282,11 +282,13 @@ def _checked(
     return ground, pixels
 
 
-def _degenerate(ground: NDArray[np.float64], pixels: NDArray[np.float64], sigma_u: float) -> str:
-    """Return why normalised points determine no homography, else an empty text."""
+def _degenerate(
+    ground: NDArray[np.float64], pixels: NDArray[np.float64], scale: float, sigma_px: float
+) -> str:
+    """Return why points determine no homography, normalised ones, else an empty text."""
     for points, what, tolerance in (
         (ground, "on the floor", _ON_A_LINE),
-        (pixels, "in the picture", max(_ON_A_LINE, sigma_u)),
+        (pixels, f"in the picture (to {sigma_px:g} px)", max(_ON_A_LINE, scale * sigma_px)),
     ):
         of_all, least, different = kernels.least_deviation(points)
         if different < 4:
