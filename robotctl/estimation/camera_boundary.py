@@ -1,0 +1,253 @@
+"""Where in each column of the strip the floor ends: found coarsely, then to parts of a pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.camera_colour import SHADOWED
+from robotctl.estimation.compiled import compiled
+
+FREE: Final = 0
+"""Floor up to the horizon or as far as is judged."""
+FOUND: Final = 1
+"""A boundary."""
+BLOCKED: Final = 2
+"""No floor from the first row on: what stands there begins nearer than the picture."""
+UNSEEN: Final = 3
+"""The picture ends before anything is found."""
+
+_ENOUGH: Final = 0.7
+"""Mean evidence over two coarse rows and three columns that makes an obstacle."""
+_NOT_FLOOR: Final = 0.3
+_OBSTACLE_CELL: Final = 0.5
+_NEIGHBOUR_SHARE: Final = 0.3
+"""A dark blob is the shadow of obstacle cells beside it if they are at least this share of it."""
+_EDGE_ROWS: Final = 3
+"""A step in brightness is spread over so many rows to either side at most."""
+_FLAT_ROWS: Final = 4
+"""So many rows beyond that say the colours before and behind the step."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Boundary:
+    """The lowest boundary of each column.
+
+    Attributes
+    ----------
+    kinds
+        `FREE`, `FOUND`, `BLOCKED` or `UNSEEN`, (columns,).
+    cells
+        The coarse row of the boundary, (columns,).
+    rows
+        Rows of the boundary, to parts of a row, (columns,); nan where there is none.
+    noise_rows
+        How much texture and noise blur it, a standard deviation, (columns,); nan as there.
+    """
+
+    kinds: NDArray[np.int8]
+    cells: NDArray[np.intp]
+    rows: NDArray[np.float64]
+    noise_rows: NDArray[np.float64]
+
+
+def find_boundary(
+    evidence: NDArray[np.float32],
+    strip: NDArray[np.uint8],
+    means: NDArray[np.float32],
+    edges: NDArray[np.intp],
+    first: NDArray[np.intp],
+    beyond: NDArray[np.intp],
+    last: int,
+    horizon: int,
+) -> Boundary:
+    """Return the lowest boundary between floor and obstacles in each column.
+
+    Parameters
+    ----------
+    evidence
+        For an obstacle, of coarse cells, (n, columns).
+    strip
+        BGR, (rows, 2 columns, 3).
+    means
+        Mean BGR of coarse cells, (n, columns, 3).
+    edges
+        Rows at which the coarse rows begin and, last, end, (n + 1,).
+    first, beyond
+        The first coarse row that is judged, and the first after it that the picture does not
+        show, of each column, (columns,).
+    last
+        Coarse rows from here on are farther than is judged.
+    horizon
+        Coarse rows from here on are above the horizon.
+    """
+    columns = evidence.shape[1]
+    kinds = np.empty(columns, np.int8)
+    cells = np.zeros(columns, np.intp)
+    _first_cells(evidence, first, beyond, last, kinds, cells)
+    # A column that looks like floor even above the horizon shows no floor.
+    above = evidence[horizon + 1 :]
+    if len(above):
+        kinds[(kinds == FREE) & (np.mean(above > 0.0, axis=0) < _NOT_FLOOR)] = UNSEEN
+    rows = np.full(columns, np.nan)
+    noise = np.full(columns, np.nan)
+    _refine(strip, means, edges, first, kinds, cells, rows, noise)
+    return Boundary(kinds, cells, rows, noise)
+
+
+def judge_shadows(evidence: NDArray[np.float32], widths: NDArray[np.float64]) -> None:
+    """Turn dark blobs of the floor's colour that no obstacle explains into obstacles, in place.
+
+    A shadow lies beside what casts it. A small dark blob that stands alone may be a shadow of
+    something out of the picture, or a dark thing of the floor's colour: the robot is told the
+    latter.
+
+    Parameters
+    ----------
+    evidence
+        For an obstacle, of coarse cells, (n, columns); changed.
+    widths
+        Columns that a single obstacle covers at most, of each coarse row, (n,).
+    """
+    dark = np.asarray(evidence == np.float32(SHADOWED), np.uint8)
+    if not dark.any():
+        return
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(dark, connectivity=8)
+    obstacle = evidence > _OBSTACLE_CELL
+    for label in range(1, count):
+        left, low, wide, high, area = stats[label]
+        if wide < 2 or high < 2 or area < 6 or wide > widths[low]:
+            continue
+        around = np.s_[max(0, low - 1) : low + high + 1, max(0, left - 1) : left + wide + 1]
+        mine = labels[around] == label
+        near = cv2.dilate(mine.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        touching = int(np.sum(near & obstacle[around]))
+        if touching < _NEIGHBOUR_SHARE * np.sqrt(area) * 2.0:
+            evidence[around][mine] = 1.0
+
+
+@compiled
+def _first_cells(
+    evidence: NDArray[np.float32],
+    first: NDArray[np.intp],
+    beyond: NDArray[np.intp],
+    last: int,
+    kinds: NDArray[np.int8],
+    cells: NDArray[np.intp],
+) -> None:
+    """Find the first coarse row of each column at which an obstacle begins."""
+    n, columns = evidence.shape
+    for c in range(columns):
+        left, right = max(c - 1, 0), min(c + 1, columns - 1)
+        end = min(beyond[c] - 1, last)
+        kinds[c] = FREE if beyond[c] > last else UNSEEN
+        if first[c] >= n:
+            kinds[c] = UNSEEN
+        for i in range(first[c], end):
+            total = np.float32(0.0)
+            for row in (i, i + 1):
+                total += evidence[row, left] + evidence[row, c] + evidence[row, right]
+            if total > 6.0 * _ENOUGH and evidence[i, c] > 0.0:
+                kinds[c] = BLOCKED if i == first[c] else FOUND
+                cells[c] = i
+                break
+
+
+@compiled
+def _refine(
+    strip: NDArray[np.uint8],
+    means: NDArray[np.float32],
+    edges: NDArray[np.intp],
+    first: NDArray[np.intp],
+    kinds: NDArray[np.int8],
+    cells: NDArray[np.intp],
+    rows: NDArray[np.float64],
+    noise: NDArray[np.float64],
+) -> None:
+    """Fit a step between the colours before and behind to each boundary that was found."""
+    n, columns = means.shape[:2]
+    profile = np.empty((len(strip), 3))
+    for c in range(columns):
+        if kinds[c] != FOUND:
+            continue
+        i = cells[c]
+        low, high = edges[max(i - 1, first[c])], edges[min(i + 1, n)]
+        bottom, top = edges[max(i - 2, first[c])], edges[min(i + 2, n)]
+        left, right = 2 * max(c - 1, 0), 2 * min(c + 1, columns - 1) + 2
+        for row in range(bottom, top):
+            for k in range(3):
+                total = 0
+                for u in range(left, right):
+                    total += strip[row, u, k]
+                profile[row, k] = total / (right - left)
+        step = _split(profile, bottom, low, high, top)
+        # A step of two even colours, spread by the lens: its place is where the area is equal.
+        start, end = max(step - _EDGE_ROWS, bottom), min(step + _EDGE_ROWS, top)
+        low_flat, high_flat = max(start - _FLAT_ROWS, bottom), min(end + _FLAT_ROWS, top)
+        place, rms = _area(profile, low_flat, start, end, high_flat, step)
+        rows[c] = place - 0.5
+        noise[c] = rms
+
+
+@compiled
+def _split(profile: NDArray[np.float64], bottom: int, low: int, high: int, top: int) -> int:
+    """Return the row in [low, high] that best parts [bottom, top) into two even colours."""
+    before, behind = np.zeros(3), np.zeros(3)
+    for k in range(3):
+        for row in range(bottom, low):
+            before[k] += profile[row, k]
+        for row in range(low, top):
+            behind[k] += profile[row, k]
+    best, at = -1.0, low
+    for row in range(low, high + 1):
+        # Least squares of two constants: the largest sum of squared sums over counts.
+        m, n = row - bottom, top - row
+        if m > 0 and n > 0:
+            score = 0.0
+            for k in range(3):
+                score += before[k] ** 2 / m + behind[k] ** 2 / n
+            if score > best:
+                best, at = score, row
+        if row < top:
+            for k in range(3):
+                before[k] += profile[row, k]
+                behind[k] -= profile[row, k]
+    return at
+
+
+@compiled
+def _area(
+    profile: NDArray[np.float64], bottom: int, start: int, end: int, top: int, step: int
+) -> tuple[float, float]:
+    """Return where between two rows the step of equal area is, and its noise [rows]."""
+    start = max(start, min(bottom + 1, step))
+    end = min(end, max(top - 1, step))
+    if start <= bottom or end >= top:
+        return float(step), 1.0
+    floor = _mean(profile, bottom, start)
+    towards = _mean(profile, end, top) - floor
+    scale = np.sum(towards * towards)
+    if scale < 1.0:
+        return float(step), 2.0
+    area, square = 0.0, 0.0
+    for row in range(bottom, top):
+        share = np.sum((profile[row] - floor) * towards) / scale
+        if start <= row < end:
+            area += min(max(share, -0.25), 1.25)
+        else:
+            square += (share - (1.0 if row >= end else 0.0)) ** 2
+    rms = np.sqrt(square / (start - bottom + top - end))
+    return min(max(end - area, start), end), min(rms * np.sqrt(end - start), 3.0)
+
+
+@compiled
+def _mean(profile: NDArray[np.float64], start: int, end: int) -> NDArray[np.float64]:
+    """Return the mean colour of rows, (3,)."""
+    mean = np.zeros(3)
+    for row in range(start, end):
+        mean += profile[row]
+    return mean / (end - start)

@@ -1,0 +1,190 @@
+"""What stands free on the floor: where its foot is, how wide and how high it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.camera_boundary import FOUND, Boundary
+from robotctl.estimation.camera_config import GroundCameraConfig
+from robotctl.estimation.camera_strip import GroundStrip
+
+_GAP_SHARE: Final = 0.03
+"""Ranges of one thing may differ by this share of them more than the gap, from column to column."""
+_BRIDGED: Final = 2
+"""So many columns without a fitting range do not part one thing."""
+_ASPECT_SIGMA: Final = 0.25
+"""A thing is as deep as it is wide; the standard deviation of its middle is this share of it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroundObstacle:
+    """One thing on the floor.
+
+    Attributes
+    ----------
+    foot_base
+        The middle of its foot on the side of the robot, (2,) [m]: halfway in bearing between its
+        left and right end.
+    foot_covariance
+        Of that, (2, 2) [m^2].
+    centre_base
+        Its middle, if it is as deep as it is wide, (2,) [m].
+    centre_covariance
+        Of that, (2, 2) [m^2]; says that the depth is not seen.
+    width_m
+        Across the line of sight [m].
+    height_m
+        At most so high [m]: the farther edge of its upper face; inf if it ends above the horizon.
+    first_column, last_column
+        Of the strip.
+    cut
+        Whether the picture ends at one of its sides: it may be wider.
+    """
+
+    foot_base: NDArray[np.float64]
+    foot_covariance: NDArray[np.float64]
+    centre_base: NDArray[np.float64]
+    centre_covariance: NDArray[np.float64]
+    width_m: float
+    height_m: float
+    first_column: int
+    last_column: int
+    cut: bool
+
+
+def find_obstacles(
+    strip: GroundStrip,
+    boundary: Boundary,
+    ranges: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    evidence: NDArray[np.float32],
+    config: GroundCameraConfig,
+) -> tuple[GroundObstacle, ...]:
+    """Return what stands free: the floor goes on behind it on both sides.
+
+    Parameters
+    ----------
+    strip
+        Tells bearings and heights.
+    boundary
+        The lowest boundary of each column.
+    ranges, sigmas
+        Of the columns, (columns,) [m].
+    evidence
+        For an obstacle, of coarse cells, (n, columns).
+    config
+        The least and the largest size.
+    """
+    found = []
+    for first, last in _runs(ranges, boundary.kinds == FOUND, config.obstacle_gap_m):
+        left = _goes_on_behind(ranges, sigmas, first, -1, config.obstacle_gap_m)
+        right = _goes_on_behind(ranges, sigmas, last, 1, config.obstacle_gap_m)
+        if left is False or right is False or (left is None and right is None):
+            continue
+        mine = np.arange(first, last + 1)
+        mine = mine[np.isfinite(ranges[mine]) & (boundary.kinds[mine] == FOUND)]
+        obstacle = _measure(
+            strip, boundary, ranges, sigmas, evidence, mine, left is None or right is None
+        )
+        if (
+            config.least_width_m <= obstacle.width_m <= config.obstacle_width_m
+            and obstacle.height_m >= config.least_height_m
+        ):
+            found.append(obstacle)
+    return tuple(found)
+
+
+def _runs(
+    ranges: NDArray[np.float64], found: NDArray[np.bool_], gap_m: float
+) -> list[tuple[int, int]]:
+    """Return first and last column of what hangs together."""
+    columns = np.flatnonzero(found & np.isfinite(ranges))
+    if columns.size == 0:
+        return []
+    r = ranges[columns]
+    apart = np.diff(columns) > _BRIDGED + 1
+    apart |= np.abs(np.diff(r)) > gap_m + _GAP_SHARE * np.minimum(r[1:], r[:-1])
+    starts = np.concatenate([[0], np.flatnonzero(apart) + 1])
+    ends = np.concatenate([np.flatnonzero(apart), [len(columns) - 1]])
+    return [(int(columns[a]), int(columns[b])) for a, b in zip(starts, ends, strict=True)]
+
+
+def _goes_on_behind(
+    ranges: NDArray[np.float64], sigmas: NDArray[np.float64], end: int, step: int, gap_m: float
+) -> bool | None:
+    """Tell whether the floor beside an end goes on behind it; None: nothing is known of there."""
+    beside = np.array([end + step * k for k in range(1, _BRIDGED + 2)])
+    beside = beside[(beside >= 0) & (beside < len(ranges))]
+    beside = beside[~np.isnan(ranges[beside])]
+    if beside.size == 0:
+        return None
+    noise = np.hypot(np.nan_to_num(sigmas[beside]), sigmas[end])
+    return bool(np.all(ranges[beside] > ranges[end] + gap_m + 3.0 * noise))
+
+
+def _measure(
+    strip: GroundStrip,
+    boundary: Boundary,
+    ranges: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    evidence: NDArray[np.float32],
+    mine: NDArray[np.intp],
+    cut: bool,
+) -> GroundObstacle:
+    """Return place and size of the thing in some columns."""
+    first, last = int(mine[0]), int(mine[-1])
+    column_rad = (strip.bearings_rad[0] - strip.bearings_rad[-1]) / (len(strip.bearings_rad) - 1)
+    bearing = (strip.bearings_rad[first] + strip.bearings_rad[last]) / 2
+    third = max(1, len(mine) // 6)
+    middle = mine[len(mine) // 2 - third : len(mine) // 2 + third + 1]
+    range_m = float(np.median(ranges[middle]))
+    width_m = range_m * (last - first + 1) * column_rad
+    along = np.array([math.cos(bearing), math.sin(bearing)])
+    across = np.array([-along[1], along[0]])
+    sigma_along = float(np.median(sigmas[middle]))
+    sigma_across = math.hypot(range_m * column_rad, 0.05 * width_m)
+    foot = strip.camera.t_base_camera[:2] + range_m * along
+
+    def covariance(deep: float, wide: float) -> NDArray[np.float64]:
+        both: NDArray[np.float64] = deep**2 * np.outer(along, along) + wide**2 * np.outer(
+            across, across
+        )
+        return both
+
+    spread = _ASPECT_SIGMA * width_m
+    return GroundObstacle(
+        foot,
+        covariance(sigma_along, sigma_across),
+        foot + width_m / 2 * along,
+        covariance(math.hypot(sigma_along, spread), math.hypot(sigma_across, 0.1 * width_m)),
+        width_m,
+        _height(strip, evidence, boundary.cells[middle], middle, range_m),
+        first,
+        last,
+        cut,
+    )
+
+
+def _height(
+    strip: GroundStrip,
+    evidence: NDArray[np.float32],
+    cells: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    range_m: float,
+) -> float:
+    """Return how high a thing reaches in some columns, the middle of them [m]."""
+    tops = []
+    for cell, column in zip(cells, columns, strict=True):
+        above = evidence[cell:, column] > 0.0
+        # One cell of another look does not end it.
+        ends = np.flatnonzero(~above[:-1] & ~above[1:])
+        tops.append(cell + int(ends[0]) if ends.size else len(evidence))
+    row = int(strip.edges[int(np.median(tops))])
+    if row >= strip.horizon_row:
+        return math.inf
+    return strip.height_m - range_m * math.tan(strip.depression_rad[row])
