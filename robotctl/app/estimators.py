@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -19,11 +19,13 @@ from robotctl.app.map_sensors import MapSensors
 from robotctl.app.mapper import Mapper
 from robotctl.app.mcl_localiser import MclLocaliser
 from robotctl.app.odometry_history import OdometryHistory
+from robotctl.app.scan_messages import camera_scan, lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.estimation.compiled import COMPILING, cache_is_cold
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
 from robotctl.estimation.free_space import free_poses
+from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.occupancy_grid import OccupancyGrid
@@ -32,6 +34,7 @@ from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.runtime.estimation_messages import (
+    CameraView,
     LidarScan,
     LiveMap,
     LocalisationState,
@@ -41,13 +44,11 @@ from robotctl.runtime.messages import ControlState, ExternalPose
 from robotctl.runtime.sonar_news import SonarNews
 
 Picture: TypeAlias = ParticleCloud | LiveMap
+T = TypeVar("T")
 
 _PICTURE_NS: Final = 500_000_000
 _SHOWN: Final = 300
 """Particles in a picture."""
-
-_SCAN: Final = RangeScan(0, np.linspace(-1.0, 1.0, 21), np.full(21, 2.0), 10.0)
-"""Of no meaning, for rehearsals."""
 
 _WORDS: Final = {
     LocalisationStatus.SEARCHING: "the robot does not know where it is; it looks around",
@@ -94,29 +95,33 @@ class Estimators:
     def step(
         self,
         control: ControlState,
-        scans: Sequence[LidarScan],
+        scans: Sequence[LidarScan | CameraView],
         poses: Sequence[ExternalPose],
         now_ns: int,
     ) -> LocalisationState | None:
         """Take in all that came since the last step; return what the localiser believes."""
         self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
-        good = [scan for scan in map(self._range_scan, scans) if scan is not None]
-        heard = self._sonar_news.take(control.stamp_ns, control.sonar_stamp_ns, control.sonar_m)
+        seen = Seen(
+            self._good(lidar_scan, [each for each in scans if isinstance(each, LidarScan)]),
+            self._good(camera_scan, [each for each in scans if isinstance(each, CameraView)]),
+            self._sonar_news.take(control.stamp_ns, control.sonar_stamp_ns, control.sonar_m),
+            poses,
+        )
         if self.localiser is not None:
-            self._state = self.localiser.step(control, Seen(good, heard, poses), now_ns)
+            self._state = self.localiser.step(control, seen, now_ns)
         if self.mapper is not None:
-            self.mapper.step(self._state, good, heard)
+            self.mapper.step(self._state, seen)
         return self._state
 
-    def _range_scan(self, scan: LidarScan) -> RangeScan | None:
-        """Return a message as a scan; None, and counted, where it is none."""
-        try:
-            ranges = np.frombuffer(scan.ranges, np.dtype("<f4")).astype(np.float64)
-            angles = scan.first_rad + scan.step_rad * np.arange(len(ranges), dtype=np.float64)
-            return RangeScan(scan.stamp_ns, angles, ranges, scan.max_range_m, scan.x_m, scan.y_m)
-        except ValueError:
-            self.rejected += 1
-            return None
+    def _good(self, scan_of: Callable[[T], RangeScan], messages: Sequence[T]) -> list[RangeScan]:
+        """Return messages as scans; those that are none are left out and counted."""
+        good = []
+        for message in messages:
+            try:
+                good.append(scan_of(message))
+            except ValueError:
+                self.rejected += 1
+        return good
 
     def news(self) -> list[str]:
         """Return sentences on what has changed since the last call."""
@@ -126,7 +131,7 @@ class Estimators:
             said.append(_WORDS[self._status])
         if self.rejected and not self._said_rejected:
             self._said_rejected = True
-            said.append("a lidar scan was no scan and is left out, as those like it will be")
+            said.append("a scan was no scan and is left out, as those like it will be")
         return said
 
     def pictures(self, now_ns: int) -> list[Picture]:
@@ -190,35 +195,36 @@ def _mcl(
     """Return the particles of a robot, their kernels compiled or loaded from the cache."""
     settings = config.localisation
     known = MclConfig()
+    camera = config.camera is not None and config.camera.enabled
     mcl_config = replace(
         known,
         max_particles=settings.particles_max,
         motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
     )
-    sensors = MapSensors(chart, config.sonar, settings.lidar, settings.sonar)
+    sensors = MapSensors(chart, config.sonar, settings)
     free = free_poses(chart.grid)
-    _rehearse(MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0)), sensors, start)
+    tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
+    _rehearse(tried, sensors.rehearsal(camera=camera), start)
     mcl = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(settings.seed))
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
-    return MclLocaliser(mcl, sensors, history)
+    return MclLocaliser(mcl, sensors, settings.sensors, history)
 
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
     """Return the mapper of a robot, its kernels compiled or loaded from the cache."""
     _say_if_cold()
     rehearsed = OccupancyGrid(config.localisation.grid)
-    rehearsed.update_scan(SE2(), _SCAN)
+    rehearsed.update_scan(SE2(), RangeScan(0, np.array([0.0]), np.array([1.0]), 2.0))
     for mount in config.sonar:
         rehearsed.update_sonar(SE2(), mount, 1.5)
     rehearsed.to_map()
     return Mapper(OccupancyGrid(config.localisation.grid), config.sonar, history)
 
 
-def _rehearse(mcl: MonteCarloLocaliser, sensors: MapSensors, start: SE2) -> None:
+def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:
     """Let particles that nobody needs afterwards search and track once with each sensor."""
     _say_if_cold()
-    measurements = [sensors.scan(_SCAN), *sensors.rehearsal()]
     for measurement in measurements:
         mcl.measure(measurement)
     mcl.start_at(start, 0.1, 0.1)

@@ -24,6 +24,7 @@ class Seen(NamedTuple):
     """What came from the sensors since the last step, each with its own time."""
 
     scans: Sequence[RangeScan] = ()
+    views: Sequence[RangeScan] = ()
     sonars: Sequence[SonarReading] = ()
     poses: Sequence[ExternalPose] = ()
 

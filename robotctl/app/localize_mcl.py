@@ -25,10 +25,10 @@ from robotctl.app.mapping import choose_scans
 from robotctl.app.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.estimation.free_space import free_poses
 from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
-from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 
@@ -124,8 +124,8 @@ def _made(
         min_particles=min(most, config.min_particles),
     )
     try:
-        lidar = LikelihoodFieldConfig(beams=options.beams)
-        sensors = MapSensors(chart, recording.sonar_mounts, lidar, SonarModelConfig())
+        settings = LocalisationConfig(lidar=LikelihoodFieldConfig(beams=options.beams))
+        sensors = MapSensors(chart, recording.sonar_mounts, settings)
         free = free_poses(chart.grid)
         fewer = replace(config, max_particles=config.min_particles)
         tried = MonteCarloLocaliser(fewer, free, np.random.default_rng(0))

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from robotctl.app.localisation_map import LocalisationMap
-from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.likelihood_field import LikelihoodField
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
-from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.estimation.sonar_model import SonarModel
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.sonar import SonarMount, SonarReading
 
 LIDAR: Final = "lidar"
-"""Name of the sensor for the particle filter."""
+CAMERA: Final = "camera"
+SONAR: Final = "sonar"
+"""Names of the sensors for the particle filter."""
+
+_SCAN: Final = RangeScan(0, np.linspace(-1.0, 1.0, 21), np.full(21, 2.0), 10.0)
+"""Of no meaning, for rehearsals."""
 
 
 class MapSensors:
@@ -29,7 +34,7 @@ class MapSensors:
         The map; sonars go by its walls where it has some.
     mounts
         Where the sonars sit; may be empty.
-    lidar, sonar
+    settings
         What is known of the sensors.
 
     Raises
@@ -39,30 +44,41 @@ class MapSensors:
     """
 
     def __init__(
-        self,
-        chart: LocalisationMap,
-        mounts: Sequence[SonarMount],
-        lidar: LikelihoodFieldConfig,
-        sonar: SonarModelConfig,
+        self, chart: LocalisationMap, mounts: Sequence[SonarMount], settings: LocalisationConfig
     ) -> None:
-        self._field = LikelihoodField(chart.grid, lidar)
+        self._grid = chart.grid
+        self._settings = settings
+        self._field = LikelihoodField(chart.grid, settings.lidar)
         room = chart.grid if chart.walls is None else chart.walls
-        self._sonars = SonarModel(room, mounts, sonar)
+        self._sonars = SonarModel(room, mounts, settings.sonar)
         self._count = len(mounts)
 
     def scan(self, scan: RangeScan) -> LogLikelihood:
-        """Return what a scan says of poses."""
+        """Return what a scan of the lidar says of poses."""
         return self._field.measurement(scan)
+
+    def view(self, scan: RangeScan) -> LogLikelihood:
+        """Return what the ranges that a camera sees say of poses."""
+        return self._camera_field.measurement(scan)
 
     def sonar(self, reading: SonarReading) -> LogLikelihood:
         """Return what a reading of sonars says of poses."""
         return self._sonars.measurement(np.array(reading.ranges_m))
 
-    def rehearsal(self) -> list[LogLikelihood]:
-        """Return a measurement of no meaning by the sonars, to compile what it takes."""
-        return [self._sonars.measurement(np.full(self._count, 1.5))] if self._count else []
+    def rehearsal(self, *, camera: bool) -> list[LogLikelihood]:
+        """Return a measurement of no meaning by each sensor, to compile what it takes."""
+        measurements = [self.scan(_SCAN)]
+        if camera:
+            measurements.append(self.view(_SCAN))
+        if self._count:
+            measurements.append(self._sonars.measurement(np.full(self._count, 1.5)))
+        return measurements
+
+    @cached_property
+    def _camera_field(self) -> LikelihoodField:
+        return LikelihoodField(self._grid, self._settings.camera)
 
 
 def sonar_name(reading: SonarReading) -> str:
     """Return the name of a group of sonars for the particle filter."""
-    return f"sonar {reading.first}"
+    return f"{SONAR} {reading.first}"

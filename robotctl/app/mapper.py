@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
+from robotctl.app.localiser import Seen
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.angles import wrap_angle
@@ -19,6 +23,8 @@ from robotctl.runtime.estimation_messages import LiveMap, LocalisationState
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
 """A robot that stands sees the same again, which is no new evidence."""
+_VAGUE_M: Final = 0.1
+"""A range of the camera that is less sure is not drawn [m]."""
 _OCCUPIED_ABOVE: Final = 0.85
 """Live, walls are seen many times: one or two echoes are not yet one."""
 
@@ -45,38 +51,34 @@ class Mapper:
         self._mounts = tuple(mounts)
         self._history = history
         self._scanned: SE2 | None = None
+        self._viewed: SE2 | None = None
         self._heard: list[SE2 | None] = [None] * len(self._mounts)
         """Where the odometry was when each sonar was last taken in."""
 
-    def step(
-        self,
-        localisation: LocalisationState | None,
-        scans: Sequence[RangeScan],
-        sonars: Sequence[SonarReading],
-    ) -> None:
+    def step(self, localisation: LocalisationState | None, seen: Seen) -> None:
         """Add what is new, where the robot knows its place; without a localiser it does."""
         T_world_odom = SE2()
         if localisation is not None:
             if localisation.status is not LocalisationStatus.LOCALISED:
                 return
             T_world_odom = SE2(localisation.x_m, localisation.y_m, localisation.theta_rad)
-        for scan in scans:
-            self._add_scan(T_world_odom, scan)
+        for scan in seen.scans:
+            if self._scanned is None and self._history.at(scan.stamp_ns) is not None:
+                self.grid.reset()
+            self._scanned = self._add_scan(T_world_odom, scan, self._scanned)
+        for view in seen.views:
+            self._viewed = self._add_scan(T_world_odom, _sure(view), self._viewed)
         if self._scanned is None:
-            for reading in sonars:
+            for reading in seen.sonars:
                 self._add_sonars(T_world_odom, reading)
 
-    def _add_scan(self, T_world_odom: SE2, scan: RangeScan) -> None:
-        """Add a scan where it was taken."""
+    def _add_scan(self, T_world_odom: SE2, scan: RangeScan, last: SE2 | None) -> SE2 | None:
+        """Add a scan where it was taken, unless `last` was there; return the last place."""
         odometry = self._history.at(scan.stamp_ns)
-        if odometry is None:
-            return
-        if not _moved(self._scanned, odometry):
-            return
-        if self._scanned is None:
-            self.grid.reset()
-        self._scanned = odometry
+        if odometry is None or not _moved(last, odometry):
+            return last
         self.grid.update_scan(T_world_odom @ odometry, scan)
+        return odometry
 
     def _add_sonars(self, T_world_odom: SE2, reading: SonarReading) -> None:
         """Add the range of each sonar that heard something from a new place."""
@@ -90,7 +92,7 @@ class Mapper:
 
     def live_map(self, now_ns: int) -> LiveMap | None:
         """Return the map for people and for the score; None where nothing was seen yet."""
-        if self._scanned is None and all(place is None for place in self._heard):
+        if all(place is None for place in (self._scanned, self._viewed, *self._heard)):
             return None
         return live_map(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
 
@@ -107,6 +109,14 @@ def live_map(grid: GridMap, now_ns: int) -> LiveMap:
         y_m=grid.origin.y_m,
         cells=grid.cells.tobytes(),
     )
+
+
+def _sure(view: RangeScan) -> RangeScan:
+    """Return a view of the camera without the ranges that are too vague for a cell."""
+    if view.sigmas_m is None:
+        return view
+    ranges = np.where(view.sigmas_m <= _VAGUE_M, view.ranges_m, np.nan)
+    return replace(view, ranges_m=np.where(np.isinf(view.ranges_m), np.inf, ranges))
 
 
 def _moved(before: SE2 | None, after: SE2) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from operator import itemgetter
 from typing import Final
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.app.localiser import Seen, external_covariance, localisation_state
-from robotctl.app.map_sensors import LIDAR, MapSensors, sonar_name
+from robotctl.app.map_sensors import CAMERA, LIDAR, SONAR, MapSensors, sonar_name
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
@@ -32,15 +32,22 @@ class MclLocaliser:
         The particles, where they start.
     sensors
         What scans and sonars say.
+    used
+        Which sensors are listened to.
     history
         Of the odometry; whoever steps the localiser keeps it up to date.
     """
 
     def __init__(
-        self, mcl: MonteCarloLocaliser, sensors: MapSensors, history: OdometryHistory
+        self,
+        mcl: MonteCarloLocaliser,
+        sensors: MapSensors,
+        used: Collection[str],
+        history: OdometryHistory,
     ) -> None:
         self._mcl = mcl
         self._sensors = sensors
+        self._used = used
         self._history = history
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
@@ -62,9 +69,11 @@ class MclLocaliser:
 
     def _measurements(self, seen: Seen) -> Iterator[tuple[int, str, Callable[[], LogLikelihood]]]:
         """Yield what was measured when, by which sensor, and what makes a measurement of it."""
-        for scan in seen.scans:
+        for scan in seen.scans if LIDAR in self._used else ():
             yield scan.stamp_ns, LIDAR, partial(self._sensors.scan, scan)
-        for reading in seen.sonars:
+        for view in seen.views if CAMERA in self._used else ():
+            yield view.stamp_ns, CAMERA, partial(self._sensors.view, view)
+        for reading in seen.sonars if SONAR in self._used else ():
             yield reading.stamp_ns, sonar_name(reading), partial(self._sensors.sonar, reading)
         for pose in seen.poses:
             yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose)

@@ -36,8 +36,11 @@ class LocalisationConfig:
         Of the particles.
     particles_max
         Most particles; a tracked robot needs far fewer, >= 1000.
-    lidar, sonar, grid
-        What is known of the sensors, for the particles and for the map.
+    sensors
+        Which sensors particles are weighed by, of those that the robot has.
+    lidar, camera, sonar, grid
+        What is known of the sensors, for the particles and for the map. Ranges that a camera sees
+        share the errors of its mount and of the robot's pitch, so they say less than a lidar's.
 
     Raises
     ------
@@ -53,7 +56,11 @@ class LocalisationConfig:
     mapping: bool = False
     seed: int = 1
     particles_max: int = 20_000
+    sensors: tuple[Literal["lidar", "camera", "sonar"], ...] = ("lidar", "camera", "sonar")
     lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
+    camera: LikelihoodFieldConfig = field(
+        default_factory=lambda: LikelihoodFieldConfig(beams=40, beam_correlation=0.2)
+    )
     sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
     grid: OccupancyGridConfig = field(default_factory=OccupancyGridConfig)
 

@@ -119,6 +119,8 @@ class CameraConfig:
         VideoCapture opens: the number of a device, a file or a URL.
     rate_hz
         Pictures a second, 0.1 to 240 [Hz].
+    enabled
+        Whether the robot looks: a process of its own measures in each picture.
 
     Raises
     ------
@@ -130,6 +132,7 @@ class CameraConfig:
     mount: CameraMount
     source: str = "sim"
     rate_hz: float = 10.0
+    enabled: bool = False
 
     def __post_init__(self) -> None:
         if not self.source:

@@ -1,4 +1,4 @@
-"""Messages to and from the estimators: scans, the robot's place, particles and maps for people."""
+"""Messages to and from the estimators: what was seen, the robot's place, pictures for people."""
 
 from __future__ import annotations
 
@@ -22,6 +22,40 @@ class LidarScan(msgspec.Struct, frozen=True, tag=True):
     step_rad: float
     max_range_m: float
     ranges: bytes
+
+
+class SeenObstacle(msgspec.Struct, frozen=True):
+    """A thing on the floor, as the camera sees it from `base`.
+
+    The middle of its foot on the robot's side (m), the upper triangle of that place's covariance
+    (m^2), and how wide it is across the line of sight (m).
+    """
+
+    x_m: float
+    y_m: float
+    covariance: tuple[float, ...]
+    width_m: float
+
+
+class CameraView(msgspec.Struct, frozen=True, tag=True):
+    """What the camera process makes of one picture.
+
+    Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
+    (m): inf where the floor goes on up to `max_range_m`, nan where nothing was judged; `sigmas_m`
+    are their standard deviations. `trouble` says why the picture is not to be trusted; it is
+    empty where it is.
+    """
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    max_range_m: float
+    angles_rad: tuple[float, ...]
+    ranges_m: tuple[float, ...]
+    sigmas_m: tuple[float, ...]
+    obstacles: tuple[SeenObstacle, ...] = ()
+    trouble: str = ""
+    step_us: float = 0.0
 
 
 class LocalisationState(msgspec.Struct, frozen=True, tag=True):

@@ -95,16 +95,19 @@ class Endpoints:
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
+        self.camera = f"ipc://{directory}/camera"
+        self.camera_frames = f"ipc://{directory}/camera.frames"
 
     @property
     def published(self) -> tuple[str, ...]:
-        """Where states, notices and scans of all processes come from."""
+        """Where states, notices, scans and views of all processes come from."""
         return (
             self.control_state,
             self.navigation_state,
             self.telemetry_notices,
             self.recorder_notices,
             self.lidar,
+            self.camera,
         )
 
 

@@ -12,9 +12,10 @@ import pytest
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.estimators import Estimators, make_estimators
 from robotctl.app.localisation_map import load_localisation_map
-from robotctl.app.localiser import external_covariance
+from robotctl.app.localiser import Seen, external_covariance
 from robotctl.app.mapper import Mapper
 from robotctl.app.odometry_history import OdometryHistory
+from robotctl.app.scan_messages import lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.localisation import LocalisationStatus
@@ -189,11 +190,10 @@ def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
     mapper = Mapper(OccupancyGrid(), (), history)
     history.add(0, SE2())
     searching = LocalisationState(0, "mcl", LocalisationStatus.SEARCHING, 0.0, 0.0, 0.0, (0.0,) * 6)
-    several = Estimators(None, None, history, sonar_range_m=4.0)
-    seen = [several._range_scan(scan(0, SE2(1.0, 1.0, 0.0)))]
-    mapper.step(searching, seen, ())
+    seen = Seen(scans=[lidar_scan(scan(0, SE2(1.0, 1.0, 0.0)))])
+    mapper.step(searching, seen)
     assert mapper.live_map(0) is None
-    mapper.step(msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen, ())
+    mapper.step(msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen)
     assert mapper.live_map(0) is not None
 
 
