@@ -1,0 +1,307 @@
+"""The places that a robot knows by their signatures, and which of them it is at.
+
+How much two visits to one place differ, and how much other places differ, is learnt from the book
+itself: each visit is compared with the most like one of its own place, and with the most like one
+of all others, which is just what a visit to an unknown place would find. Few visits are eked out by
+prior ones. The threshold lies as many standard deviations above the first as below the second::
+
+    T = (mean_w sigma_b + mean_b sigma_w) / (sigma_w + sigma_b)
+
+A place is recognised if its D is at most T, and clearly below that of any other place (`ratio`).
+What else is at most T stays as a candidate: another place like it, or the same one turned, as a
+room of four like walls gives four headings.
+
+The position is the visit's own. Its covariance follows from D: moved by delta, the echo at bearing
+u comes from u . delta nearer, so D grows by delta^T J delta / 2, with J the mean of
+u u^T / (2 sigma^2) over the bearings with an echo; so much motion as would explain all of D is
+P = D J^-1. Silent bearings say nothing of it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.known_places import (
+    ANY_HEADING,
+    Candidate,
+    Place,
+    Recognition,
+    RecognitionConfig,
+    Spread,
+    Visit,
+)
+from robotctl.estimation.signatures import Signature, SignatureConfig, SignatureIndex
+from robotctl.model.angles import wrap_angle
+from robotctl.model.se2 import SE2
+
+_APART_RAD: Final = math.radians(25.0)
+"""Headings nearer than a sonar's cone are one."""
+
+
+class PlaceBook:
+    """All places that a robot knows.
+
+    Parameters
+    ----------
+    places
+        Of different names.
+    signatures, config
+        Settings.
+
+    Raises
+    ------
+    ValueError
+        If two places have one name, or a signature has another number of bearings than the
+        settings say.
+    """
+
+    def __init__(
+        self,
+        places: Sequence[Place] = (),
+        signatures: SignatureConfig | None = None,
+        config: RecognitionConfig | None = None,
+    ) -> None:
+        self.places = tuple(places)
+        self.signatures = signatures or SignatureConfig()
+        self.config = config or RecognitionConfig()
+        names = [place.name for place in self.places]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"place {name}: the name is given {names.count(name)} times")
+        self._visits = [(place, visit) for place in self.places for visit in place.visits]
+        self._index = SignatureIndex(
+            [visit.signature for _, visit in self._visits], self.signatures
+        )
+        own, other = self._own_differences()
+        self.within = _spread(own, self.config.within, self.config.prior_visits)
+        self.between = _spread(other, self.config.between, self.config.prior_visits)
+        spread = self.within.sigma + self.between.sigma
+        self.threshold = (
+            self.within.mean * self.between.sigma + self.between.mean * self.within.sigma
+        ) / spread
+
+    def _own_differences(self) -> tuple[list[float], list[float]]:
+        """Return for each visit the least difference from its own place, and from all others."""
+        owner = np.array([self.places.index(place) for place, _ in self._visits])
+        own, other = [], []
+        for i, (_, visit) in enumerate(self._visits):
+            least = self._index.differences(visit.signature).min(axis=1)
+            mine = owner == owner[i]
+            mine[i] = False
+            own += [float(least[mine].min())] if mine.any() else []
+            others = least[owner != owner[i]]
+            other += [float(others.min())] if len(others) else []
+        return [d for d in own if d < math.inf], [d for d in other if d < math.inf]
+
+    def too_little(self, signature: Signature) -> str:
+        """Return why a signature says too little to tell any place by it, a sentence; "" if not."""
+        seen = float(signature.seen.mean())
+        if seen < self.signatures.least_seen:
+            return (
+                f"the sonars looked at {seen:.0%} of the bearings, "
+                f"{self.signatures.least_seen:.0%} are needed"
+            )
+        if signature.echoes < self.config.least_echoes:
+            return (
+                f"the sonars heard an echo from {signature.echoes:.0%} of the bearings, "
+                f"{self.config.least_echoes:.0%} are needed to tell a place"
+            )
+        return ""
+
+    def recognise(self, signature: Signature) -> Recognition:
+        """Return the place where a signature was taken, or why none is recognised.
+
+        Raises
+        ------
+        ValueError
+            If it has another number of bearings than the book.
+        """
+        refusal = self.too_little(signature)
+        if not refusal and not self._visits:
+            refusal = "no place is known yet"
+        if refusal:
+            return Recognition((), refusal, self.threshold, None)
+        which, differences = self._compared(signature)
+        least = differences.min(axis=1)
+        if least.min() == math.inf:
+            return Recognition(
+                (), "too few bearings are in this and in a known signature", self.threshold, None
+            )
+        best = int(np.argmin(least))
+        nearest = (self._visits[which[best]][0].name, float(least[best]))
+        candidates = self._candidates(which, differences)
+        return Recognition(
+            candidates, self._refusal(nearest, which, least), self.threshold, nearest
+        )
+
+    def _compared(self, signature: Signature) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return indices of visits, and their differences at each shift.
+
+        Left out are those whose depth histograms alone differ by too much to be a candidate, or
+        to make the best one doubtful.
+        """
+        bounds = self._index.bounds(signature)
+        first = np.array([np.argmin(bounds)])
+        some = float(self._index.differences(signature, first).min())
+        which = np.flatnonzero(bounds <= max(self.threshold, some / self.config.ratio))
+        return which, self._index.differences(signature, which)
+
+    def _refusal(
+        self, nearest: tuple[str, float], which: NDArray[np.int64], least: NDArray[np.float64]
+    ) -> str:
+        """Return why the most like place is not accepted; "" if it is."""
+        name, difference = nearest
+        if difference > self.threshold:
+            return (
+                f"unknown: {name} is most like it and differs by {difference:.3f}, "
+                f"{self.threshold:.3f} is allowed"
+            )
+        others = [
+            (float(d), self._visits[k][0].name)
+            for k, d in zip(which, least, strict=True)
+            if self._visits[k][0].name != name
+        ]
+        next_difference, next_name = min(others, default=(math.inf, ""))
+        if difference > self.config.ratio * next_difference:
+            return (
+                f"ambiguous: {name} differs by {difference:.3f} and {next_name} by "
+                f"{next_difference:.3f}"
+            )
+        return ""
+
+    def _candidates(
+        self, which: NDArray[np.int64], differences: NDArray[np.float64]
+    ) -> tuple[Candidate, ...]:
+        """Return what is alike enough, of headings that are apart, best first, weighed."""
+        low = (differences <= np.roll(differences, 1, axis=1)) & (
+            differences <= np.roll(differences, -1, axis=1)
+        )
+        rows, shifts = np.nonzero(low & (differences <= self.threshold))
+        found: list[Candidate] = []
+        for i in np.argsort(differences[rows, shifts], kind="stable"):
+            row, shift = int(rows[i]), int(shifts[i])
+            candidate = self._candidate(int(which[row]), differences[row], shift)
+            if not any(_alike(candidate, each) for each in found):
+                found.append(candidate)
+        total = sum(each.weight for each in found)
+        return tuple(dataclasses.replace(each, weight=each.weight / total) for each in found)
+
+    def _candidate(self, index: int, curve: NDArray[np.float64], shift: int) -> Candidate:
+        """Return a candidate at a visit, with a weight that is not yet normalised."""
+        place, visit = self._visits[index]
+        difference = float(curve[shift])
+        effective = max(difference, self.within.mean)
+        turn, variance = _rotation(curve, shift, effective, self.config.independent_bearings)
+        heading = wrap_angle(visit.pose.theta_rad + turn)
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2] = self._position_covariance(visit, effective)
+        # Both turns, the one that was learnt and this one, have their error.
+        covariance[2, 2] = min(variance + 2.0 * self.config.turn_sigma_rad**2, ANY_HEADING)
+        off = max(difference - self.within.mean, 0.0) / self.within.sigma
+        return Candidate(
+            place.name,
+            difference,
+            SE2(visit.pose.x_m, visit.pose.y_m, heading),
+            place.in_world,
+            wrap_angle(heading - place.visits[0].pose.theta_rad),
+            covariance,
+            math.exp(-0.5 * off * off),
+        )
+
+    def _position_covariance(self, visit: Visit, difference: float) -> NDArray[np.float64]:
+        """Return how far the robot may stand from a visit, (2, 2) [m^2], in the visit's frame."""
+        n = self.signatures.bearings
+        bearings = visit.pose.theta_rad + (np.arange(n) + 0.5) * (math.tau / n)
+        u = np.stack([np.cos(bearings), np.sin(bearings)])
+        echo = np.nan_to_num(1.0 - visit.signature.silence)
+        seen = np.count_nonzero(visit.signature.seen)
+        sharpness = (np.square(echo) * u) @ u.T / (2.0 * self.signatures.depth_sigma_m**2 * seen)
+        anywhere = np.eye(2) / self.signatures.max_range_m**2
+        covariance: NDArray[np.float64] = np.linalg.inv(sharpness / difference + anywhere)
+        return covariance
+
+    def learned(self, name: str, signature: Signature, pose: SE2 | None = None) -> PlaceBook:
+        """Return this book with one more visit.
+
+        Parameters
+        ----------
+        name
+            Of a new place, or of a known one.
+        signature
+            Of the visit.
+        pose
+            `base` in `world`; None where nobody knows. A place is either in `world` with all of its
+            visits, or with none.
+
+        Raises
+        ------
+        ValueError
+            If the signature says too little; or if the visit cannot be brought into the frame of a
+            known place: it is not alike, or only one of both is in `world`.
+        """
+        problem = self.too_little(signature)
+        if problem:
+            raise ValueError(problem)
+        known = next((place for place in self.places if place.name == name), None)
+        if known is None:
+            added = Place(name, pose is not None, (Visit(pose or SE2(), signature),))
+            return PlaceBook((*self.places, added), self.signatures, self.config)
+        if known.in_world != (pose is not None):
+            raise ValueError(
+                f"place {name} is{'' if known.in_world else ' not'} known in world, so a visit "
+                f"{'needs' if known.in_world else 'must not have'} a pose in world"
+            )
+        visit = Visit(pose or self._pose_at(known, signature), signature)
+        added = dataclasses.replace(known, visits=(*known.visits, visit))
+        places = [added if place is known else place for place in self.places]
+        return PlaceBook(places, self.signatures, self.config)
+
+    def _pose_at(self, place: Place, signature: Signature) -> SE2:
+        """Return the pose of a visit in the frame of a place, by its signature."""
+        alone = PlaceBook([place], self.signatures, self.config)
+        found = alone.recognise(signature)
+        if found.place is None:
+            raise ValueError(f"this is not {place.name} ({found.refusal})")
+        return found.place.pose
+
+
+def _spread(samples: Sequence[float], prior: Spread, strength: float) -> Spread:
+    """Return mean and deviation of samples and of `strength` prior ones together."""
+    n = len(samples)
+    if n == 0:
+        return prior
+    mean = float(np.mean(samples))
+    total = strength + n
+    apart = (strength * n / total) * (mean - prior.mean) ** 2
+    squares = strength * prior.sigma**2 + n * float(np.var(samples)) + apart
+    return Spread((strength * prior.mean + n * mean) / total, math.sqrt(squares / total), n)
+
+
+def _rotation(
+    curve: NDArray[np.float64], shift: int, difference: float, independent: float
+) -> tuple[float, float]:
+    """Return the turn at a minimum of D over shifts [rad], and its variance [rad^2].
+
+    By the parabola through three shifts; the variance is that of least squares, 2 D / (n D''), with
+    n independent bearings.
+    """
+    n = len(curve)
+    step = math.tau / n
+    before, here, after = curve[shift - 1], curve[shift], curve[(shift + 1) % n]
+    bend = float(before - 2.0 * here + after)
+    if not 0.0 < bend < math.inf:
+        return wrap_angle(shift * step), ANY_HEADING
+    offset = 0.5 * float(before - after) / bend
+    variance = 2.0 * difference * step**2 / (independent * bend)
+    return wrap_angle((shift + offset) * step), min(variance, ANY_HEADING)
+
+
+def _alike(a: Candidate, b: Candidate) -> bool:
+    """Whether two candidates are one."""
+    return a.place == b.place and abs(wrap_angle(a.rotation_rad - b.rotation_rad)) < _APART_RAD
