@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
+from firmware_sim.camera_process import CameraProcess
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
@@ -59,6 +60,7 @@ def parser() -> argparse.ArgumentParser:
     add("--state", type=Path, metavar="DIR", help="keep stored parameters here")
     add("--truth", metavar="ADDRESS", help="publish the ground truth at ipc:///PATH")
     add("--lidar", metavar="ADDRESS", help="publish the lidar's scans at ipc:///PATH")
+    add("--camera", metavar="ADDRESS", help="publish the camera's pictures at ipc:///PATH")
     add("--log", type=Path, metavar="FILE", help="write a candump log")
     add("--faults", type=Path, metavar="FILE", help="TOML of the faults that befall the robot")
     add("--duration", type=_seconds, default=math.inf, metavar="S", help="end after this time")
@@ -133,6 +135,8 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     )
     if options.lidar and simulation.config.simulation.lidar is None:
         raise SimulationError(f"--lidar: {options.robot} has no table [simulation.lidar]")
+    if options.camera and simulation.config.camera is None:
+        raise SimulationError(f"--camera: {options.robot} has no table [camera]")
     simulation.warm()
     with ExitStack() as stack:
         service, channel = _open_bus(simulation, options.bus)
@@ -142,12 +146,20 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
             loop.publish_truth(stack.enter_context(Publisher(options.truth)))
         if options.lidar:
             loop.publish_scans(stack.enter_context(Publisher(options.lidar)))
+        if options.camera:
+            loop.take_pictures(stack.enter_context(CameraProcess(_camera_arguments(options))))
         if options.log:
             stack.enter_context(_open_log(simulation, options.log, channel))
         raise_priority(options.priority)
         play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
         loop.run(lambda: _finished(simulation, signals, options.duration))
+
+
+def _camera_arguments(options: argparse.Namespace) -> list[str]:
+    """Options of the camera's process: robot, world, seed and address of this one."""
+    arguments = [f"--{key}={getattr(options, key)}" for key in ("robot", "world", "seed", "camera")]
+    return [*arguments, *(f"--set={text}" for text in options.set)]
 
 
 def _open_log(simulation: Simulation, path: Path, channel: str) -> LogWriter:
@@ -196,7 +208,7 @@ def _check_bus(name: str) -> None:
 def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -> None:
     """Print the line that says that the robot is there, once its nodes have booted."""
     bus = simulation.bus
-    addresses = [f"{key}={getattr(options, key)}" for key in ("truth", "lidar")
+    addresses = [f"{key}={getattr(options, key)}" for key in ("truth", "lidar", "camera")
                  if getattr(options, key)]  # fmt: skip
 
     def look() -> None:

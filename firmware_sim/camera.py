@@ -31,6 +31,7 @@ from firmware_sim.camera_scene import SHADE, make_scene
 from firmware_sim.camera_view import FLOOR, NOTHING, PIXEL, QUANTILES, draw
 from firmware_sim.config import RobotConfig
 from firmware_sim.errors import SimulationError
+from firmware_sim.truth import Picture
 from firmware_sim.world import World
 
 MOST_TAPS = 4
@@ -55,6 +56,11 @@ class View:
     picture: np.ndarray
     labels: np.ndarray
     distances: np.ndarray
+
+    def framed(self, stamp_ns: int, sequence: int) -> Picture:
+        """Return the picture as it is published, exposed at `stamp_ns` [ns]."""
+        height, width, _ = self.picture.shape
+        return Picture(stamp_ns, sequence, width, height, "bgr8", self.picture.tobytes())
 
 
 class Camera:

@@ -9,12 +9,12 @@ import numpy as np
 
 from firmware_sim.camera_scene import Scene
 from firmware_sim.compiled import compiled
-from firmware_sim.world import World
+from firmware_sim.world import Lamp, World
 
-LAMP_M = 2.4
-"""Height of the lamps."""
+CEILING_M = 2.4
+"""Height of lamps of which a world's file says nothing."""
 SPACING_M = 3.6
-REACH_M = 6.0
+REACH_M = 8.0
 RADIUS_M = 0.12
 """Of a lamp: what makes its shadows soft."""
 POINTS = 6
@@ -54,8 +54,12 @@ def floor_light(world: World, scene: Scene, ambient: float) -> Light:
     x_m, y_m = low_x - MARGIN_M + cell / 2, low_y - MARGIN_M + cell / 2
     hidden = np.empty(shape, dtype=np.uint8)
     height = scene.height[scene.owner]
-    for lamp in _lamps(world):
-        add_lamp(lamp, x_m, y_m, cell, scene.sides, height, hidden, direct)
+    lamps = world.lamps or _ceiling_lamps(world)
+    turn = np.arange(POINTS) * (2.0 * math.pi / POINTS)
+    for lamp in lamps:
+        for dx, dy in RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1):
+            point = np.array([lamp.at[0] + dx, lamp.at[1] + dy, lamp.at[2], lamp.power])
+            add_lamp(point, x_m, y_m, cell, scene.sides, height, hidden, direct)
     lit = direct[direct > 0.0]
     if len(lit):
         direct *= np.float32(0.9 / lit.mean())
@@ -63,20 +67,17 @@ def floor_light(world: World, scene: Scene, ambient: float) -> Light:
     return Light(cells, x_m, y_m, cell)
 
 
-def _lamps(world: World) -> np.ndarray:
-    """Points of all lamps, (lamps * POINTS, 2) [m]: a grid, shifted a little by the seed."""
+def _ceiling_lamps(world: World) -> list[Lamp]:
+    """Return lamps on a grid, each shifted a little by the seed."""
     rng = np.random.default_rng([world.floor.seed, 4])
     low_x, low_y, high_x, high_y = world.bounds
     columns = max(1, round((high_x - low_x) / SPACING_M))
     rows = max(1, round((high_y - low_y) / SPACING_M))
     x = low_x + (np.arange(columns) + 0.5) * (high_x - low_x) / columns
     y = low_y + (np.arange(rows) + 0.5) * (high_y - low_y) / rows
-    lamps = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    lamps += rng.uniform(-0.4, 0.4, lamps.shape)
-    turn = np.arange(POINTS) * (2.0 * math.pi / POINTS)
-    rim = RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    points: np.ndarray = (lamps[:, None] + rim[None]).reshape(-1, 2)
-    return points
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    places += rng.uniform(-0.4, 0.4, places.shape)
+    return [Lamp((float(x), float(y), CEILING_M)) for x, y in places]
 
 
 @compiled
@@ -90,7 +91,7 @@ def add_lamp(
     hidden: np.ndarray,
     direct: np.ndarray,
 ) -> None:
-    """Add the light of one point within its reach, where nothing stands in between."""
+    """Add the light of one point (x, y, z, power) where nothing stands in between."""
     rows, columns = direct.shape
     i0 = max(0, math.floor((lamp[0] - REACH_M - x) / cell))
     i1 = min(columns, math.ceil((lamp[0] + REACH_M - x) / cell) + 1)
@@ -105,10 +106,11 @@ def add_lamp(
         if math.hypot(ax + along * (bx - ax), ay + along * (by - ay)) > 1.5 * REACH_M:
             continue
         # The shadow's far end, where the light over the top comes down; none from a tall one.
-        far = min(LAMP_M / max(LAMP_M - height[k], 1.0e-3), 100.0)
+        far = min(lamp[2] / max(lamp[2] - height[k], 1.0e-3), 100.0)
         px[0], px[1], px[2], px[3] = ax, bx, far * bx, far * ax
         py[0], py[1], py[2], py[3] = ay, by, far * by, far * ay
         hide(px, py, (x - lamp[0]) / cell, (y - lamp[1]) / cell, cell, i0, i1, j0, j1, hidden)
+    z2 = lamp[2] * lamp[2]
     for j in range(j0, j1):
         dy = y + j * cell - lamp[1]
         for i in range(i0, i1):
@@ -117,7 +119,7 @@ def add_lamp(
                 r2 = dx * dx + dy * dy
                 if r2 < REACH_M * REACH_M:
                     fade = 1.0 - r2 / (REACH_M * REACH_M)
-                    direct[j, i] += fade * (LAMP_M * LAMP_M / (LAMP_M * LAMP_M + r2)) ** 1.5
+                    direct[j, i] += lamp[3] * fade * (z2 / (z2 + r2)) ** 1.5
 
 
 @compiled

@@ -10,6 +10,7 @@ lost time go: the simulation stands still for that long, nothing is made up for 
 from __future__ import annotations
 
 import gc
+import itertools
 import os
 import select
 import time
@@ -17,6 +18,7 @@ from collections.abc import Callable, Sequence
 
 from firmware_sim.bus.hub import Hub
 from firmware_sim.bus.serve import Service, sharpen_timers
+from firmware_sim.camera_process import CameraProcess
 from firmware_sim.simulation import Simulation
 from firmware_sim.truth import Publisher, Scan, Truth
 
@@ -80,16 +82,35 @@ class RealTime:
         if lidar is not None:
             self._every(round(1e9 / lidar.rate_hz), publisher, self._scan)
 
+    def take_pictures(self, process: CameraProcess) -> None:
+        """Let the camera's process take pictures at its rate; nothing where there is no camera."""
+        camera, simulation = self.simulation.config.camera, self.simulation
+        if camera is None:
+            return
+        numbers = itertools.count()
+
+        def expose() -> None:
+            stamp_ns = simulation.run_to(simulation.now_ns) + self.origin_ns
+            process.expose(next(numbers), stamp_ns, simulation.pose())
+
+        self._repeat(round(1e9 / camera.rate_hz), expose)
+
     def _every(
         self, period_ns: int, publisher: Publisher, sample: Callable[[], Truth | Scan | None]
     ) -> None:
+        def publish() -> None:
+            taken = sample()
+            if taken is not None:
+                publisher.publish(taken)
+
+        self._repeat(period_ns, publish)
+
+    def _repeat(self, period_ns: int, action: Callable[[], None]) -> None:
         bus = self.simulation.bus
 
         def tick() -> None:
             bus.schedule(bus.now_ns + period_ns, tick)
-            taken = sample()
-            if taken is not None:
-                publisher.publish(taken)
+            action()
 
         bus.schedule(bus.now_ns + period_ns, tick)
 

@@ -19,6 +19,7 @@ import numpy as np
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.port import Port
+from firmware_sim.camera import Camera
 from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults import Faults
@@ -40,7 +41,7 @@ from firmware_sim.nodes.sonar import Ranges, SonarNode
 from firmware_sim.parameters import DifferentialDrive
 from firmware_sim.plant import STEP_NS, Bridge, Plant
 from firmware_sim.sonar import SonarRing
-from firmware_sim.truth import Scan, Truth
+from firmware_sim.truth import Picture, Scan, Truth
 from firmware_sim.world import World, load_world
 
 Memory: TypeAlias = Callable[[str], ParameterStore]
@@ -65,8 +66,8 @@ class Simulation:
     world
         The room or its TOML.
     seed
-        Of all random draws: bus faults, floor, sonar, lidar and broken sensors each have a stream
-        of their own.
+        Of all random draws: bus faults, floor, sonar, lidar, broken sensors and camera each have a
+        stream of their own.
         Same seed, same commands: the same frames at the same nanoseconds.
     start
         Pose of base in world: x [m], y [m], heading [rad]; None: the world's.
@@ -110,6 +111,9 @@ class Simulation:
             self, FaultyStage(self.plant), FaultyRing(self._ring, config.sonar), streams[4]
         )
         lidar = config.simulation.lidar
+        self._seed = seed
+        self._camera: Camera | None = None
+        self._pictures = 0
         self._lidar = None if lidar is None else Lidar(lidar, room.seen_from(lidar.z_m), streams[3])
         memory = _memory(state_directory)
         self.stores: dict[str, FragileStore] = {}
@@ -243,6 +247,22 @@ class Simulation:
             max_range_m=mount.max_range_m,
             ranges=ranges_m.astype("<f4").tobytes(),
         )
+
+    def camera_frame(self, *, origin_ns: int = 0) -> Picture | None:
+        """Return a picture from where the robot is now; None where it has no camera.
+
+        The first takes seconds: the camera is made ready for this world. `origin_ns` is added to
+        the time stamp, as in `truth`. `[simulation.camera] latency_ms` is up to who hands it on.
+        """
+        if self.config.camera is None:
+            return None
+        if self._camera is None:
+            self._camera = Camera(self.config, self.world, self._seed)
+        stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
+        plant, number = self.plant, self._pictures
+        self._pictures += 1
+        view = self._camera.look(plant.x_m, plant.y_m, plant.theta_rad, number)
+        return view.framed(stamp_ns, number)
 
     def run_to(self, now_ns: int) -> int:
         """Bring the plant to the last whole millisecond up to `now_ns`; return that time [ns]."""

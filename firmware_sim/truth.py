@@ -1,10 +1,11 @@
-"""Ground truth and lidar scans on local streams, for scoring and for the estimators to come.
+"""Ground truth, lidar scans and pictures on local streams, for scoring and for the estimators.
 
-Ground truth must never reach the controller, and a lidar's scans (360 ranges at 10 Hz) do not fit
-a classic CAN bus, so neither travels on it. Both are published on ZeroMQ PUB sockets on `ipc://`
-addresses, one MessagePack message a sample (`msgspec`, arrays as below): the same transport that
-the robot's own processes use among each other. A subscriber that is slow or absent loses samples
-and never delays the simulator. The sockets lie in a directory that only the user may enter.
+Ground truth must never reach the controller, and a lidar's scans (360 ranges at 10 Hz) and a
+camera's pictures do not fit a classic CAN bus, so none travels on it. All are published on ZeroMQ
+PUB sockets on `ipc://` addresses, one MessagePack message a sample (`msgspec`, arrays as below):
+the same transport that the robot's own processes use among each other. A subscriber that is slow or
+absent loses samples and never delays the simulator. The sockets lie in a directory that only the
+user may enter.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from firmware_sim.errors import SimulationError
 
 IPC = "ipc://"
 QUEUE_LIMIT = 16
-"""Messages kept for a slow subscriber."""
 
 
 class Truth(msgspec.Struct, frozen=True, gc=False):
@@ -97,6 +97,31 @@ class Scan(msgspec.Struct, frozen=True, gc=False, tag="LidarScan"):
     ranges: bytes
 
 
+class Picture(msgspec.Struct, frozen=True, gc=False, tag="CameraFrame"):
+    """One picture of the camera.
+
+    Attributes
+    ----------
+    stamp_ns
+        Time of the exposure, all rows at once.
+    sequence
+        Number of the exposure; pictures that nobody took leave gaps.
+    width, height
+        Size [px].
+    encoding
+        `bgr8`: a byte each of blue, green and red for a pixel, row by row from the upper left.
+    pixels
+        width * height * 3 bytes.
+    """
+
+    stamp_ns: int
+    sequence: int
+    width: int
+    height: int
+    encoding: str
+    pixels: bytes
+
+
 class Publisher:
     """A PUB socket on an `ipc://` address.
 
@@ -104,6 +129,8 @@ class Publisher:
     ----------
     address
         `ipc://PATH`. The directory of PATH is made, private to the user, where it is missing.
+    queue_limit
+        Messages kept for a slow subscriber.
 
     Raises
     ------
@@ -111,13 +138,13 @@ class Publisher:
         If the address is none, its directory is open to others, or it cannot be bound.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, queue_limit: int = QUEUE_LIMIT) -> None:
         self.address = address
         self._path = _private_path(address)
         self._encoder = msgspec.msgpack.Encoder()
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.PUB)
-        self._socket.setsockopt(zmq.SNDHWM, QUEUE_LIMIT)
+        self._socket.setsockopt(zmq.SNDHWM, queue_limit)
         self._socket.setsockopt(zmq.LINGER, 0)
         try:
             self._socket.bind(address)
@@ -125,7 +152,7 @@ class Publisher:
             self._context.destroy(linger=0)
             raise SimulationError(f"{address}: cannot be bound: {error}") from error
 
-    def publish(self, sample: Truth | Scan) -> None:
+    def publish(self, sample: Truth | Scan | Picture) -> None:
         """Send one sample to whoever listens; never waits."""
         self._socket.send(self._encoder.encode(sample), zmq.DONTWAIT)
 

@@ -1,7 +1,7 @@
 """The room: walls, boxes, furniture and obstacles of a TOML.
 
 A world's file has a table `[world]` (name, bounds, start pose), perhaps a table `[floor]`
-(`texture`, `seed`) for the camera, and any number of
+(`texture`, `seed`) and `[[lamp]]` (`at`, `power`) for the camera, and any number of
 
 - `[[wall]]`: `points` of a polyline, `closed` or not, `thickness_m` (0: a bare line, else each
   straight part becomes a rectangle about it),
@@ -30,7 +30,7 @@ from pydantic import Field, TypeAdapter
 
 from firmware_sim.config import read_toml, validate
 from firmware_sim.errors import SimulationError
-from firmware_sim.quantities import Real, closed
+from firmware_sim.quantities import Positive, Real, closed
 from firmware_sim.shapes import WALL_M, Box, Obstacle, Pillar, Thing, Wall
 
 OBSTACLE = "obstacle"
@@ -66,6 +66,15 @@ class Floor:
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
 
 
+@closed
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """A lamp at x, y, z [m]; one of `power` 1 lights the floor below it as any other does."""
+
+    at: tuple[Real, Real, Positive]
+    power: Positive = 1.0
+
+
 @dataclass(frozen=True, slots=True)
 class WorldFile:
     """A world's file as it is written."""
@@ -76,6 +85,7 @@ class WorldFile:
     furniture: tuple[Annotated[Box | Pillar, Field(discriminator="kind")], ...] = ()
     obstacle: tuple[Obstacle, ...] = ()
     floor: Floor = Floor()
+    lamp: tuple[Lamp, ...] = ()
 
     __pydantic_config__ = {"extra": "forbid"}  # noqa: RUF012
 
@@ -106,6 +116,8 @@ class World:
         All that stands here, in the order of the segments; the obstacles last.
     floor
         What the camera sees below.
+    lamps
+        What lights it; none: lamps under the ceiling, some 3.6 m apart.
     """
 
     name: str
@@ -115,6 +127,7 @@ class World:
     start: tuple[float, float, float]
     things: tuple[Thing, ...] = ()
     floor: Floor = Floor()
+    lamps: tuple[Lamp, ...] = ()
 
     @property
     def solids(self) -> tuple[tuple[str, np.ndarray], ...]:
@@ -188,7 +201,9 @@ def load_world(path: Path) -> World:
         raise SimulationError(
             f"{path}: world.start: ({pose[0]}, {pose[1]}) is outside the bounds {bounds}"
         )
-    return dataclasses.replace(world, bounds=bounds, things=things, floor=file.floor)
+    return dataclasses.replace(
+        world, bounds=bounds, things=things, floor=file.floor, lamps=file.lamp
+    )
 
 
 def _things(file: WorldFile, path: Path) -> Iterator[Thing]:

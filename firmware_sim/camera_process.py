@@ -1,0 +1,150 @@
+"""Draws pictures in a process of its own, so that the simulator's loop never waits for one.
+
+The loop writes 40 bytes into a pipe for each exposure: number, time, pose. This process draws the
+newest of them and drops what it is too slow for, waits for the camera's latency and publishes.
+It ends when the pipe does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+
+from firmware_sim.config import load_robot, parse_override
+from firmware_sim.errors import SimulationError
+from firmware_sim.truth import Publisher
+
+_EXPOSURE = struct.Struct("<qqddd")
+_WAITING = 64
+"""Exposures read at once; more are not of interest."""
+_QUEUE_LIMIT = 1
+_NICE = 5
+_READY = "ready"
+
+
+class CameraProcess:
+    """The simulator's end of the pipe; use as a context manager.
+
+    Parameters
+    ----------
+    arguments
+        Options of `main`: what the simulator was given itself.
+
+    Raises
+    ------
+    SimulationError
+        If the process did not become ready; it has said why.
+    """
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        command = [sys.executable, "-m", "firmware_sim.camera_process", *arguments]
+        self._child = subprocess.Popen(  # noqa: S603 - our own module
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=False
+        )
+        if self._child.stdin is None or self._child.stdout is None:
+            raise AssertionError("both are pipes")
+        self._pipe = self._child.stdin
+        said = self._child.stdout.readline().decode().strip()
+        if said != _READY:
+            self.close()
+            raise SimulationError(f"--camera: its process did not start: {said or 'see above'}")
+        os.set_blocking(self._pipe.fileno(), False)
+        self._lost = False
+
+    def expose(self, sequence: int, stamp_ns: int, pose: tuple[float, float, float]) -> None:
+        """Ask for a picture; never waits. A process that has died is reported once, and missed."""
+        try:
+            os.write(self._pipe.fileno(), _EXPOSURE.pack(sequence, stamp_ns, *pose))
+        except BlockingIOError:
+            pass  # Hundreds are waiting: the process hangs, and needs no more of them.
+        except BrokenPipeError:
+            if not self._lost:
+                self._lost = True
+                sys.stderr.write("the camera's process has ended: no more pictures\n")
+
+    def close(self) -> None:
+        """End the process."""
+        self._pipe.close()
+        if self._child.stdout is not None:
+            self._child.stdout.close()
+        try:
+            self._child.wait(2.0)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+
+    def __enter__(self) -> CameraProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Draw what standard input asks for, until it ends; return 0, or 2 on bad input."""
+    parser = argparse.ArgumentParser(prog="python -m firmware_sim.camera_process")
+    add = parser.add_argument
+    add("--robot", type=Path, required=True)
+    add("--world", type=Path, required=True)
+    add("--set", action="append", default=[])
+    add("--seed", type=int, default=0)
+    add("--camera", required=True)
+    options = parser.parse_args(arguments)
+    # The simulator answers these; this process ends with its pipe.
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    os.nice(_NICE)
+    try:
+        _serve(options)
+    except SimulationError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    return 0
+
+
+def _serve(options: argparse.Namespace) -> None:
+    # They load numba, for which those who only ask for help need not wait.
+    from firmware_sim.camera import Camera  # noqa: PLC0415
+    from firmware_sim.world import load_world  # noqa: PLC0415
+
+    overrides = dict(parse_override(text) for text in options.set)
+    robot = load_robot(options.robot, overrides)
+    world = load_world(options.world)
+    camera = Camera(robot, world, options.seed)
+    camera.look(*world.start)
+    latency_ns = round(camera.parameters.latency_ms * 1e6)
+    with Publisher(options.camera, _QUEUE_LIMIT) as publisher:
+        sys.stdout.write(f"{_READY}\n")
+        sys.stdout.flush()
+        while (exposure := _newest()) is not None:
+            sequence, stamp_ns, pose = exposure
+            picture = camera.look(*pose, number=sequence).framed(stamp_ns, sequence)
+            early_ns = stamp_ns + latency_ns - time.monotonic_ns()
+            time.sleep(max(0, early_ns) / 1e9)
+            publisher.publish(picture)
+
+
+def _newest() -> tuple[int, int, tuple[float, float, float]] | None:
+    """Wait for an exposure and return the newest one; None at the end. Writes are whole."""
+    data = os.read(sys.stdin.fileno(), _WAITING * _EXPOSURE.size)
+    if not data:
+        return None
+    sequence, stamp_ns, x_m, y_m, theta_rad = _EXPOSURE.unpack(data[-_EXPOSURE.size :])
+    return sequence, stamp_ns, (x_m, y_m, theta_rad)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

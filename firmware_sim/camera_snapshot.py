@@ -1,0 +1,161 @@
+"""`python -m firmware_sim.camera_snapshot`: pictures of a world from given or drawn poses.
+
+Writes for each pose NAME-000.png and NAME-000-labels.png (0 nothing, 1 floor, 2 and on the things
+of the world in their order), and NAME.json with the truth: poses, the true camera, the ranges to
+whatever stands nearest in each direction, and the things in the picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import struct
+import sys
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from firmware_sim.camera_truth import sightings, true_ranges
+from firmware_sim.config import RobotConfig, load_robot, parse_override
+from firmware_sim.errors import SimulationError
+from firmware_sim.world import World, load_world
+
+BEAMS = 121
+_HALF_FAN_RAD = math.radians(60.0)
+_TRIALS = 10_000
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    result = argparse.ArgumentParser(
+        prog="python -m firmware_sim.camera_snapshot",
+        description="Write what the robot's camera sees, and the truth about it.",
+    )
+    add = result.add_argument
+    add("--robot", type=Path, required=True, help="TOML of the robot")
+    add("--world", type=Path, required=True, help="TOML of the room")
+    add("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one value")
+    add("--pose", action="append", default=[], metavar="X,Y,HEADING_DEG", help="of base; repeat it")
+    add(
+        "--random", type=int, default=0, metavar="N", help="N more poses, drawn where there is room"
+    )
+    add("--seed", type=int, default=0, help="of noise and poses (%(default)s)")
+    add("--out", type=Path, required=True, metavar="NAME", help="beginning of the files' names")
+    return result
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the pictures; return 0, or 2 on bad input."""
+    options = parser().parse_args(arguments)
+    try:
+        _write_all(options)
+    except (SimulationError, OSError) as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    return 0
+
+
+def png(image: np.ndarray) -> bytes:
+    """Encode uint8 pixels: (height, width, 3) blue, green, red, or (height, width) grey."""
+    height, width = image.shape[:2]
+    rows = image[..., ::-1] if image.ndim == 3 else image
+    # Each row begins with the number of its filter: 0, none.
+    data = np.hstack([np.zeros((height, 1), np.uint8), rows.reshape(height, -1)]).tobytes()
+    header = struct.pack(">IIBBBBB", width, height, 8, 2 if image.ndim == 3 else 0, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(data, 6)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        for kind, body in chunks
+    )
+
+
+def _write_all(options: argparse.Namespace) -> None:
+    # They load numba, for which those who only ask for help need not wait.
+    from firmware_sim.camera import Camera  # noqa: PLC0415
+
+    robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
+    world = load_world(options.world)
+    poses = [_pose(text) for text in options.pose]
+    poses += list(_free_poses(robot, world, options.random, options.seed))
+    if not poses:
+        raise SimulationError("no pose: give --pose X,Y,HEADING_DEG or --random N")
+    camera = Camera(robot, world, options.seed)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    angles_rad = math.radians(camera.mount.yaw_deg) + np.linspace(
+        -_HALF_FAN_RAD, _HALF_FAN_RAD, BEAMS
+    )
+    pictures: list[dict[str, Any]] = []
+    for number, pose in enumerate(poses):
+        view = camera.look(*pose, number=number)
+        name = f"{options.out.name}-{number:03d}"
+        (options.out.parent / f"{name}.png").write_bytes(png(view.picture))
+        labels = np.clip(view.labels + 2, 0, 255).astype(np.uint8)
+        (options.out.parent / f"{name}-labels.png").write_bytes(png(labels))
+        seen = sightings(world, pose, camera.intrinsics, camera.mount)
+        pictures.append(
+            {
+                "file": f"{name}.png",
+                "pose": {"x_m": pose[0], "y_m": pose[1], "theta_rad": pose[2]},
+                "ranges_m": _finite(true_ranges(world, pose, camera.mount, angles_rad)),
+                "things": [asdict(each) for each in seen],
+            }
+        )
+    truth = {
+        "robot": str(options.robot),
+        "world": str(options.world),
+        "camera": {"intrinsics": asdict(camera.intrinsics), "mount": asdict(camera.mount)},
+        "angles_rad": angles_rad.tolist(),
+        "pictures": pictures,
+    }
+    options.out.with_name(f"{options.out.name}.json").write_text(
+        json.dumps(truth, indent=1), encoding="utf-8"
+    )
+
+
+def _pose(text: str) -> tuple[float, float, float]:
+    try:
+        x_m, y_m, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        raise SimulationError(f"--pose {text}: not of the form X,Y,HEADING_DEG") from None
+    return x_m, y_m, math.radians(heading_deg)
+
+
+def _free_poses(
+    robot: RobotConfig, world: World, count: int, seed: int
+) -> Iterator[tuple[float, float, float]]:
+    """Yield poses at which the robot can stand."""
+    from firmware_sim.plant import Plant  # noqa: PLC0415 - loads numba
+
+    rng = np.random.default_rng([seed, 5])
+    plant = Plant(robot, world, rng)
+    low_x, low_y, high_x, high_y = world.bounds
+    found = 0
+    for _ in range(_TRIALS):
+        if found == count:
+            return
+        pose = (
+            float(rng.uniform(low_x, high_x)),
+            float(rng.uniform(low_y, high_y)),
+            float(rng.uniform(-math.pi, math.pi)),
+        )
+        try:
+            plant.place(*pose)
+        except SimulationError:
+            continue
+        found += 1
+        yield pose
+    raise SimulationError(f"--random {count}: room was found for {found} poses only")
+
+
+def _finite(ranges_m: np.ndarray) -> list[float | None]:
+    """Ranges for JSON, which knows no infinity: None where nothing stands."""
+    return [float(each) if math.isfinite(each) else None for each in ranges_m]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
