@@ -4,7 +4,7 @@ Notes, section 6.1: (u, v, 1) ~ H (x, y, 1). The linear least squares of the not
 entry set to 1 fail where that entry is 0, the horizon through the origin (errata). Here H has norm
 1, points are normalised first, and then the residuals in the picture are minimised (Hartley and
 Zisserman, Multiple View Geometry, 2nd ed., 4.1, 4.4, algorithms 4.1 and 4.2). A homography knows no
-lens: give it straightened pixels (`CameraGeometry.straighten`).
+lens: give it straightened pixels (`camera_lens.straightened`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from robotctl.estimation import camera_homography_kernels as kernels
 
-GATE = 9.21
-"""99 % of chi-square with two degrees of freedom: what is farther off is an outlier."""
+GATE = 16.0
+"""Four standard deviations, squared: what is farther off is an outlier, 3 in 10000 by chance."""
 _SAMPLES = 2000
 _UNCERTAIN = 0.3
 _ON_A_LINE = 1e-6

@@ -104,10 +104,6 @@ class CameraGeometry:
         """Return `rays` in `base`, (n, 3), not of unit length."""
         return self.rays(pixels) @ self.R_base_camera.T
 
-    def straighten(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where a lens without distortion would show the pixels, (n, 2) [px]."""
-        return self.rays(pixels)[:, :2] * self._focal() + self._centre()
-
     def ground(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where on the floor pixels lie.
 
@@ -162,7 +158,7 @@ class CameraGeometry:
         return ground, sigma_px**2 * (J @ np.swapaxes(J, 1, 2))
 
     def homography(self) -> NDArray[np.float64]:
-        """Return H = K R_CR T, (3, 3): from the floor (x, y, 1) to `straighten`ed pixels."""
+        """Return H = K R_CR T, (3, 3): from the floor (x, y, 1) to `straightened` pixels."""
         x_m, y_m, z_m = self.t_base_camera
         T = np.array([[1.0, 0.0, -x_m], [0.0, 1.0, -y_m], [0.0, 0.0, -z_m]])
         H: NDArray[np.float64] = camera_matrix(self.intrinsics) @ self.R_base_camera.T @ T

@@ -98,6 +98,15 @@ def undistort(
     return plane, inverse
 
 
+def straightened(pixels: NDArray[np.float64], intrinsics: CameraIntrinsics) -> NDArray[np.float64]:
+    """Return where the lens would show pixels, (n, 2) [px], if it had no distortion; nan: not."""
+    focal = np.array([intrinsics.fx_px, intrinsics.fy_px])
+    centre = np.array([intrinsics.cx_px, intrinsics.cy_px])
+    plane, _ = undistort((pixels - centre) / focal, intrinsics.distortion)
+    straight: NDArray[np.float64] = plane * focal + centre
+    return straight
+
+
 def within_lens(plane: NDArray[np.float64], distortion: tuple[float, ...]) -> NDArray[np.bool_]:
     """Tell for points of the plane z = 1, (n, 2), whether the lens has an inverse there, (n,).
 

@@ -223,7 +223,7 @@ def test_geometry_that_determines_nothing_is_refused_with_its_reason(
 def test_points_nearly_on_a_line_are_refused_by_what_the_pixels_are_worth() -> None:
     ground = np.vstack([LINE, LINE[[0, 5]] + [0.01, -0.01]])
     pixels = CAMERA.project_ground(ground)
-    with pytest.raises(ValueError, match=r"picture \\(to 1 px\\) but one lie on a line"):
+    with pytest.raises(ValueError, match=r"picture \(to 1 px\) but one lie on a line"):
         fit_homography(ground, pixels, PointNoise(1.0))
     assert fit_homography(ground, pixels, PointNoise(0.01)).ground(pixels) == pytest.approx(ground)
 
@@ -236,7 +236,7 @@ def test_points_nearer_to_each_other_than_pixels_tell_are_refused() -> None:
 
 def test_pixels_on_a_line_are_refused() -> None:
     pixels = np.column_stack([np.linspace(10.0, 600.0, 4), [200.0, 200.1, 199.9, 200.0]])
-    with pytest.raises(ValueError, match=r"in the picture \\(to 0.5 px\\) lie on a line"):
+    with pytest.raises(ValueError, match=r"in the picture \(to 0.5 px\) lie on a line"):
         fit_homography(SQUARE, pixels)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robotctl.app.config import find_file, load_robot
 from robotctl.model.camera import CameraConfig, CameraIntrinsics, CameraMount
 from robotctl.model.camera_geometry import CameraGeometry, mount_of_pose
-from robotctl.model.camera_lens import camera_matrix, undistort
+from robotctl.model.camera_lens import camera_matrix, straightened, undistort
 
 LENS = CameraIntrinsics(640, 480, 530.0, 540.0, 330.0, 235.0, (-0.25, 0.09, 0.002, -0.001, -0.02))
 PLAIN = replace(LENS, distortion=(0.0,) * 5)
@@ -144,7 +144,7 @@ def test_the_homography_maps_the_floor_as_the_lens_without_distortion_does() -> 
     mapped = np.column_stack([ground, np.ones(3)]) @ CAMERA.homography().T
     straight = CameraGeometry(PLAIN, MOUNT).project_ground(ground)
     assert mapped[:, :2] / mapped[:, 2:] == pytest.approx(straight)
-    assert CAMERA.straighten(CAMERA.project_ground(ground)) == pytest.approx(straight)
+    assert straightened(CAMERA.project_ground(ground), LENS) == pytest.approx(straight)
 
 
 def test_the_jacobian_of_the_floor_is_the_numerical_one() -> None:

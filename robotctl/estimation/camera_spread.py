@@ -1,0 +1,167 @@
+"""How far a calibration can be trusted where it was not made, and which markers would help.
+
+To first order: the covariance of the calibration, carried to the floor. A sheet near the robot says
+little of the floor at 3 m, where a tenth of a degree of pitch is 5 cm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.camera_homography import PointNoise, floor_covariance
+from robotctl.estimation.camera_mount import MountFit
+from robotctl.model.camera_geometry import CameraGeometry
+
+RANGES_M = (0.5, 1.0, 1.5, 2.0, 3.0)
+ALLOWED = 0.01
+"""Standard deviation of a place from the calibration alone, as a share of its distance."""
+_STEP_M = 0.25
+_SIDE_M = 2.0
+_MARGIN_PX = 15.0
+_MOST_MARKERS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What a calibration is expected to err at one distance.
+
+    Parameters
+    ----------
+    range_m
+        Distance from the point of the floor below the camera [m].
+    calibration_m
+        Root mean square of the error of places there, over the picture's width [m].
+    pixel_m
+        The same from one standard deviation of a pixel, which is new in each picture [m].
+    """
+
+    range_m: float
+    calibration_m: float
+    pixel_m: float
+
+    @property
+    def enough(self) -> bool:
+        """Whether the calibration errs less than `ALLOWED`."""
+        return self.calibration_m <= ALLOWED * self.range_m
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """What more markers would bring.
+
+    Parameters
+    ----------
+    markers
+        Where to put them, (x, y) in `base` [m].
+    expected
+        What is expected then.
+    """
+
+    markers: tuple[tuple[float, float], ...]
+    expected: tuple[Expected, ...]
+
+
+def expected_errors(fit: MountFit, sigma_px: float) -> tuple[Expected, ...]:
+    """Return what a calibration is expected to err at `RANGES_M`, as far as the camera sees."""
+    probes = _probes(fit.camera)
+    return _expected(fit, probes, fit.P, sigma_px)
+
+
+def recommend(fit: MountFit, noise: PointNoise) -> Advice | None:
+    """Return where more markers help most, until all is within `ALLOWED`; None: it is already.
+
+    One after the other, each where it lowers the largest expected error, as a share of the
+    distance, most; up to six, and none that helps by less than a tenth.
+
+    Parameters
+    ----------
+    fit
+        The calibration.
+    noise
+        How well the new markers will be known.
+    """
+    probes = _probes(fit.camera)
+    now = _expected(fit, probes, fit.P, noise.sigma_px)
+    if not now or all(each.enough for each in now):
+        return None
+    places = _candidates(fit.camera)
+    by_keys, by_ground = fit.jacobians(places)
+    C = noise.sigma_px**2 * np.eye(2) + noise.sigma_m**2 * by_ground @ np.swapaxes(by_ground, 1, 2)
+    gains = np.swapaxes(by_keys, 1, 2) @ np.linalg.inv(C) @ by_keys
+    information, chosen = np.linalg.inv(fit.P), []
+    for _ in range(_MOST_MARKERS):
+        if not len(places):
+            break
+        outcomes = [
+            _worst(_expected(fit, probes, np.linalg.inv(information + gain), noise.sigma_px))
+            for gain in gains
+        ]
+        best = int(np.argmin(outcomes))
+        if outcomes[best] > 0.9 * _worst(now):
+            break
+        information = information + gains[best]
+        chosen.append((round(float(places[best, 0]), 3), round(float(places[best, 1]), 3)))
+        now = _expected(fit, probes, np.linalg.inv(information), noise.sigma_px)
+        if all(each.enough for each in now):
+            break
+    return Advice(tuple(chosen), now)
+
+
+_Probe = tuple[float, NDArray[np.float64]]
+
+
+def _probes(camera: CameraGeometry) -> list[_Probe]:
+    """Return distances and the floor points there that the camera sees, those that it does."""
+    foot = camera.t_base_camera[:2]
+    probes = []
+    for range_m in RANGES_M:
+        bearings = np.linspace(-math.pi, math.pi, 181)[1:]
+        points = foot + range_m * np.column_stack([np.cos(bearings), np.sin(bearings)])
+        seen = camera.inside(camera.project_ground(points))
+        if seen.any():
+            probes.append((range_m, points[seen]))
+    return probes
+
+
+def _expected(
+    fit: MountFit, probes: Sequence[_Probe], P: NDArray[np.float64], sigma_px: float
+) -> tuple[Expected, ...]:
+    """Return the expected errors at the probes for the covariance `P` of the calibration."""
+    expected = []
+    for range_m, points in probes:
+        by_keys, by_ground = fit.jacobians(points)
+        calibration = floor_covariance(by_keys, by_ground, P, 0.0)
+        pixel = floor_covariance(by_keys, by_ground, np.zeros_like(P), sigma_px)
+        errors = (
+            math.sqrt(float(np.nanmean(np.trace(each, axis1=1, axis2=2))))
+            for each in (calibration, pixel)
+        )
+        expected.append(Expected(range_m, *errors))
+    return tuple(expected)
+
+
+def _worst(expected: Sequence[Expected]) -> float:
+    """Return the largest expected error as a share of the distance."""
+    return max(each.calibration_m / each.range_m for each in expected)
+
+
+def _candidates(camera: CameraGeometry) -> NDArray[np.float64]:
+    """Return places for markers on a grid in `base` that are well in the picture, (n, 2) [m]."""
+    far_m = camera.mount.x_m + RANGES_M[-1]
+    x_m, y_m = np.meshgrid(
+        np.arange(math.ceil((far_m - 2 * RANGES_M[-1]) / _STEP_M), far_m / _STEP_M) * _STEP_M,
+        np.arange(-_SIDE_M, _SIDE_M + 1e-9, _STEP_M),
+    )
+    places = np.column_stack([x_m.ravel(), y_m.ravel()])
+    near = np.linalg.norm(places - camera.t_base_camera[:2], axis=1) <= RANGES_M[-1]
+    pixels = camera.project_ground(places)
+    size = np.array([camera.intrinsics.width_px, camera.intrinsics.height_px])
+    with np.errstate(invalid="ignore"):
+        well = np.all((pixels >= _MARGIN_PX) & (pixels <= size - 1.0 - _MARGIN_PX), axis=1)
+    chosen: NDArray[np.float64] = places[near & well]
+    return chosen
