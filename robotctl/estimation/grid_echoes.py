@@ -9,6 +9,7 @@ and pillars, the cell sends sound back in all directions.
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Final
 
@@ -61,6 +62,12 @@ class GridEchoes:
         self._fan = np.linspace(-0.5 * beam_rad, 0.5 * beam_rad, _RAYS)
         self._cos_limit = math.cos(max_incidence_rad)
         self._max_range_m = max_range_m
+
+    def with_limit(self, max_incidence_rad: float) -> GridEchoes:
+        """Return the same sonars with another incidence limit, in (0, pi/2) [rad]."""
+        other = copy.copy(self)
+        other._cos_limit = math.cos(max_incidence_rad)
+        return other
 
     def ranges(self, poses: NDArray[np.float64], sonars: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return what some of the sonars should measure from each pose.

@@ -138,7 +138,9 @@ def densities(
     # At z* = inf any finite sigma does: a hit has no density there.
     sigma: float | NDArray[_Real] = mixture.sigma_m
     if mixture.sigma_per_m > 0.0:
-        sigma = mixture.sigma_m + mixture.sigma_per_m * np.minimum(z_star, max_range_m)
+        sigma = np.minimum(z_star, max_range_m)
+        sigma *= mixture.sigma_per_m
+        sigma += mixture.sigma_m
     off *= math.sqrt(0.5) / sigma
     hit = np.exp(np.negative(np.square(off, out=off), out=off), out=off)
     hit *= mixture.hit / math.sqrt(math.tau) / sigma

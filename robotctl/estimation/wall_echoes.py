@@ -18,6 +18,7 @@ the rest of that wall does not count either, which errs where something narrow s
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Final, TypeAlias
 
@@ -85,6 +86,13 @@ class WallEchoes:
         reach_m = max_range_m + radius_m
         self._index = NearIndex(walls.segments, reach_m)
         self._corner_index = NearIndex(points, reach_m, self._index)
+
+    def with_limit(self, max_incidence_rad: float) -> WallEchoes:
+        """Return the same sonars with another incidence limit, in (0, pi/2) [rad]."""
+        other = copy.copy(self)
+        other._limits = self._limits.copy()
+        other._limits[2] = math.tan(max_incidence_rad)
+        return other
 
     def ranges(self, poses: NDArray[np.float64], sonars: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return what some of the sonars should measure from each pose.
