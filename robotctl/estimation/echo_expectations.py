@@ -23,6 +23,7 @@ from robotctl.model.wall_map import WallMap
 _OPEN_RAD: Final = math.radians(89.5)
 _COARSE: Final = 45
 _FINE: Final = 20
+_STEP_RAD: Final = _OPEN_RAD / (_COARSE * _FINE)
 _TURN_RAD: Final = math.radians(1.0)
 _BEAM: Final = 0.1
 _END_M: Final = 0.15
@@ -83,35 +84,46 @@ class EchoExpectations:
         self._endless = echoes(_without_ends(room)) if isinstance(room, WallMap) else None
         self._turned = [(0.0, 0.0, _TURN_RAD), (0.0, 0.0, -_TURN_RAD)]
 
+    @property
+    def open_rad(self) -> float:
+        """The incidence limit of a sensor that hears nearly all [rad]."""
+        return _OPEN_RAD
+
+    @property
+    def step_rad(self) -> float:
+        """To so much incidences are known [rad]."""
+        return _STEP_RAD
+
     def ranges(
         self, lines: Sightlines, max_incidence_rad: float = _OPEN_RAD
     ) -> NDArray[np.float64]:
         """Return how far each should measure, (m,) [m]; inf where nothing sends an echo."""
         return _along(self._echoes.with_limit(max_incidence_rad), lines)
 
+    def ranges_at(
+        self, lines: Sightlines, incidences_rad: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return how far each would measure with an incidence limit of its own, (m,) [m]."""
+        found = np.full(len(incidences_rad), math.inf)
+        known = incidences_rad[np.isfinite(incidences_rad)]
+        for limit in np.unique(known).tolist():
+            own = np.flatnonzero(incidences_rad == limit)
+            found[own] = self.ranges(lines.some(own), limit + _STEP_RAD)
+        return found
+
     def incidences(self, lines: Sightlines) -> NDArray[np.float64]:
         """Return the least incidence at which each meets a surface, (m,) [rad]; inf: none.
 
-        To 0.1 degrees.
+        In the middle of a step of `step_rad`.
         """
-        found = np.full(len(lines.sensors), math.inf)
-        step = _OPEN_RAD / _COARSE
-        begin = np.zeros(len(found))
-        for i in range(1, _COARSE + 1):
-            open_still = np.flatnonzero(np.isinf(found))
-            heard = np.isfinite(self.ranges(lines.some(open_still), i * step))
-            found[open_still[heard]] = i * step
-            begin[open_still[heard]] = (i - 1) * step
-        for i in range(1, _COARSE + 1):
-            cell = np.flatnonzero(found == i * step)
-            for j in range(_FINE - 1, 0, -1):
-                limit = begin[cell[0]] + j * step / _FINE if len(cell) else 0.0
-                if len(cell) == 0:
-                    break
-                heard = np.isfinite(self.ranges(lines.some(cell), limit))
-                cell = cell[heard]
-                found[cell] = limit
-        return found - 0.5 * step / _FINE
+        return _least_incidences(self._echoes, lines)
+
+    def free_of_edges(self, lines: Sightlines) -> NDArray[np.bool_]:
+        """Return which do not meet an edge where they meet a surface most squarely, (m,)."""
+        if self._endless is None:
+            return np.ones(len(lines.sensors), np.bool_)
+        usual, endless = self.incidences(lines), _least_incidences(self._endless, lines)
+        return _alike(usual, endless, np.full(len(usual), 0.5 * _STEP_RAD))
 
     def steady(self, lines: Sightlines, max_incidence_rad: float) -> NDArray[np.bool_]:
         """Return which readings hardly change with small changes of robot, cone and walls, (m,).
@@ -131,6 +143,28 @@ class EchoExpectations:
             endless = _along(self._endless.with_limit(max_incidence_rad), lines)
             steady &= _alike(usual, endless, np.full(len(usual), _SAME_M))
         return steady
+
+
+def _least_incidences(echoes: WallEchoes | GridEchoes, lines: Sightlines) -> NDArray[np.float64]:
+    """Return the middle of the step in which each is first heard as the limit rises, (m,) [rad]."""
+    steps = np.full(len(lines.sensors), _COARSE * _FINE + 1)
+    silent = np.arange(len(steps))
+    for coarse in range(1, _COARSE + 1):
+        limit = coarse * _FINE * _STEP_RAD
+        heard = np.isfinite(_along(echoes.with_limit(limit), lines.some(silent)))
+        begun = silent[heard]
+        steps[begun] = coarse * _FINE
+        silent = silent[~heard]
+        for fine in range(coarse * _FINE - 1, (coarse - 1) * _FINE, -1):
+            if len(begun) == 0:
+                break
+            limited = echoes.with_limit(fine * _STEP_RAD)
+            begun = begun[np.isfinite(_along(limited, lines.some(begun)))]
+            steps[begun] = fine
+    found: NDArray[np.float64] = np.where(
+        steps > _COARSE * _FINE, math.inf, (steps - 0.5) * _STEP_RAD
+    )
+    return found
 
 
 def _without_ends(walls: WallMap) -> WallMap:

@@ -181,7 +181,9 @@ def greatest_range(expected_m: Array, measured_m: Array, mixture: BeamMixture) -
     heard = np.isfinite(measured_m)
     if not heard.any():
         raise ValueError("no reading with a range")
-    least = float(measured_m[heard].max())
+    steps = np.diff(np.unique(measured_m[heard]))
+    # Readings are rounded: the greatest stands for all within half of a step.
+    least = float(measured_m[heard].max() - 0.5 * steps.min(initial=0.01))
     missing = np.sort(expected_m[~heard & np.isfinite(expected_m) & (expected_m > least)])
     if len(missing) < _LEAST:
         why = (

@@ -80,6 +80,9 @@ class Recording:
         `base` in `world`, from something better than odometry.
     reference_has_heading
         False where the reference is positions only; its theta is 0 then and means nothing.
+    believed
+        `base` in `world` by the robot's own localiser, while it was localised; None where the log
+        has none.
     sightings
         Of landmarks, in the order of their times.
     landmarks
@@ -101,6 +104,7 @@ class Recording:
     twists: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     reference: Trajectory | None = None
     reference_has_heading: bool = True
+    believed: Trajectory | None = None
     sightings: tuple[Sighting, ...] = ()
     landmarks: dict[int, tuple[float, float]] = field(default_factory=dict)
     wheel_ticks: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))

@@ -1,10 +1,11 @@
 """Our own recordings as drives: the folder of `--record DIR`, or one `robot-0001.mcap` of it.
 
-Odometry and sonar ranges come from the topic `control`, scans from the topic `lidar`, where the
-sonars sit from `control-0001.rec` beside it, the reference from `truth.tum` in the folder, where
-there is one (its times are those of the log). All of a folder is taken for one robot. JSON
-knows no infinity: a beam of the lidar without a range is inf there, but a sonar without an echo is
-nan, not known, since a sonar that is not there looks the same in the log. See docs/logs.md.
+Odometry and sonar ranges come from the topic `control`, scans from the topic `lidar`, what the
+robot believed of its place from `localisation`, where the sonars sit from `control-0001.rec` beside
+it, the reference from `truth.tum` in the folder, where there is one (its times are those of the
+log). All of a folder is taken for one robot. JSON knows no infinity: a beam of the lidar without a
+range is inf there; a sonar without one has heard no echo if its time is new, since the time of one
+that failed or is not there stays. See docs/logs.md.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +24,7 @@ from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.se2 import SE2
@@ -47,6 +50,15 @@ class _Control(msgspec.Struct):
     theta_rad: float
     sonar_m: list[float | None] = []
     sonar_stamp_ns: list[int] = []
+
+
+class _Believed(msgspec.Struct):
+    """What is needed of a `LocalisationState`: where the frame of the odometry lies in `world`."""
+
+    status: int
+    x_m: float
+    y_m: float
+    theta_rad: float
 
 
 class _Robot(msgspec.Struct):
@@ -79,6 +91,7 @@ class _Content:
     """What the messages of the files hold, with the times of the log [ns]."""
 
     control: list[tuple[int, _Control]] = field(default_factory=list)
+    believed: list[tuple[int, _Believed]] = field(default_factory=list)
     lidar: list[tuple[int, _Lidar]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -121,6 +134,7 @@ def read_own(path: Path) -> Recording:
         scans=tuple(_scan(*each, odometry, reference, path) for each in content.lidar),
         odometry=odometry,
         reference=reference,
+        believed=_believed(content.believed, odometry),
         sonars=tuple(_sonars(content.control, odometry)),
         sonar_mounts=_mounts(folder, content.notes),
         notes=tuple(content.notes),
@@ -132,10 +146,13 @@ def _take_in(file: Path, content: _Content) -> None:
     if not is_mcap(file):
         raise LogFormatError(f"{file}: not an MCAP file")
     control, lidar = msgspec.json.Decoder(_Control), msgspec.json.Decoder(_Lidar)
+    believed = msgspec.json.Decoder(_Believed)
     for topic, message in _messages(file, content.notes):
         try:
             if topic == "control":
                 content.control.append((message.log_time, control.decode(message.data)))
+            elif topic == "localisation":
+                content.believed.append((message.log_time, believed.decode(message.data)))
             elif topic == "lidar":
                 content.lidar.append((message.log_time, lidar.decode(message.data)))
         except msgspec.DecodeError as error:
@@ -169,20 +186,28 @@ def _mounts(folder: Path, notes: list[str]) -> tuple[SonarMount, ...]:
     return ()
 
 
+def _believed(states: Sequence[tuple[int, _Believed]], odometry: Trajectory) -> Trajectory | None:
+    """Return where the robot believed to be while it was localised; None where it never was."""
+    poses = {
+        stamp_ns: SE2(state.x_m, state.y_m, state.theta_rad) @ at
+        for stamp_ns, state in sorted(states, key=itemgetter(0))
+        if state.status == LocalisationStatus.LOCALISED
+        and (at := odometry.at(stamp_ns)) is not None
+    }
+    return Trajectory.of(poses, poses.values()) if poses else None
+
+
 def _sonars(
     control: Sequence[tuple[int, _Control]], odometry: Trajectory
 ) -> Iterator[RecordedSonar]:
-    """Yield the readings that are new in each state and known, with the times of the log."""
+    """Yield the readings that are new in each state, with the times of the log."""
     begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
     news = SonarNews(_REACH_M)
     for log_ns, state in control:
         ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
         for sent_ns, heard in news.take(state.stamp_ns, state.sonar_stamp_ns, ranges_m):
             stamp_ns = min(max(sent_ns + log_ns - state.stamp_ns, begin_ns), end_ns)
-            known = tuple(math.nan if math.isinf(range_m) else range_m for range_m in heard)
-            if not all(map(math.isnan, known)):
-                where = odometry.at(stamp_ns) or SE2()
-                yield RecordedSonar(SonarReading(stamp_ns, known), where)
+            yield RecordedSonar(SonarReading(stamp_ns, heard), odometry.at(stamp_ns) or SE2())
 
 
 def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:

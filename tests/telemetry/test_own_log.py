@@ -7,9 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
-from robotctl.runtime.estimation_messages import LidarScan
+from robotctl.runtime.estimation_messages import LidarScan, LocalisationState
 from robotctl.runtime.recorder import Recorder, RecordHeader
 from robotctl.telemetry.log_text import LogFormatError
 from robotctl.telemetry.mcap_log import McapLog
@@ -67,13 +68,27 @@ def test_sonars_are_read_once_at_their_time_with_the_odometry_of_then(tmp_path):
         state(1, 0.0, (1.0, 2.0, math.nan), (0.9, 0.9, 0.0)),
         state(2, 1.0, (1.5, 2.0, math.inf), (1.75, 0.9, 1.6)),
     )
-    first, second = read_recording(tmp_path).sonars
+    first, silent, second = read_recording(tmp_path).sonars
     np.testing.assert_array_equal(first.reading.ranges_m, [1.0, 2.0, math.nan])
+    # A new time without a range is an echo that is missing; an old one says nothing.
+    np.testing.assert_array_equal(silent.reading.ranges_m, [math.nan, math.nan, math.inf])
     np.testing.assert_array_equal(second.reading.ranges_m, [1.5, math.nan, math.nan])
     # The sound of 1.5 m there and back took 8.7 ms.
     sent_s = 1.75 - 2.0 * 1.5 / 343.0
     assert second.reading.stamp_ns - EPOCH_NS == pytest.approx(sent_s * 1e9, abs=2)
     assert second.odometry.x_m == pytest.approx(sent_s - 1.0)
+
+
+def test_where_the_robot_believed_to_be_is_read_while_it_was_localised(tmp_path):
+    believed = LocalisationState(
+        2 * 10**9, "mcl", LocalisationStatus.LOCALISED, 10.0, 20.0, math.pi / 2, (0.0,) * 6
+    )
+    lost = msgspec.structs.replace(believed, stamp_ns=3 * 10**9, status=LocalisationStatus.LOST)
+    write(tmp_path / "robot-0001.mcap", state(1, 0.0), state(3, 2.0), believed, lost)
+    found = read_recording(tmp_path).believed
+    assert (found.stamps_ns - EPOCH_NS).tolist() == [2 * 10**9]
+    # 1 m ahead in the frame of the odometry, which is turned to the left.
+    assert found.poses[0] == pytest.approx([10.0, 21.0, math.pi / 2])
 
 
 def test_where_the_sonars_sit_stands_in_the_record_of_the_control_loop(folder):

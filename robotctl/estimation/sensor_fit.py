@@ -1,0 +1,175 @@
+"""What a sonar or a lidar is like, from readings at known poses in a known room.
+
+Three things hang on each other: which surface a reading comes from hangs on the incidence limit,
+how far it should be heard on the greatest range, and both limits show only against the mixture. So
+the incidence limit is found first, by whether there is an echo at all; then the mixture, without
+the readings near the greatest range; then that range; then the mixture again, with all but those
+that could lie on either side of a limit.
+
+Readings from edges say little of the sensor and are left out (`EchoExpectations.steady`). What is
+left out hangs on room and pose alone, never on what was measured, so nothing is biased by it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.echo_expectations import EchoExpectations, Sightlines
+from robotctl.estimation.range_fit import Fitted, RangeFit, fit_ranges
+from robotctl.estimation.range_likelihood import Array
+from robotctl.estimation.range_limits import IncidenceLimit, greatest_range, incidence_limit
+
+_AROUND: Final = 1.5
+"""So much farther than the greatest range measured is looked for walls."""
+_SAFE: Final = 0.9
+"""Readings nearer than this share of the greatest range measured are surely within it."""
+_MARGIN_RAD: Final = math.radians(1.0)
+_SIGMAS: Final = 4.0
+_FADES: Final = 3.0
+_STRETCHES: Final = 100
+_LEAST_IN_STRETCH: Final = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """What one kind of sensor measured at known poses.
+
+    Parameters
+    ----------
+    lines
+        From where, in the order of their times.
+    ranges_m
+        (m,) [m]; inf: no echo; no nan.
+    max_range_m
+        The sensor's greatest range [m] where it is known; None: to be found.
+    """
+
+    lines: Sightlines
+    ranges_m: Array
+    max_range_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorFit:
+    """What was found.
+
+    Parameters
+    ----------
+    ranges
+        Mixture and intervals.
+    incidence
+        The incidence limit.
+    greatest_m
+        The greatest range [m].
+    expected_m, measured_m
+        The readings that the mixture was fitted to, (k,) [m]; inf: nothing in range, no echo.
+    incidences_rad, heard
+        The readings that the incidence limit was found by, (n,).
+    readings
+        How many there were.
+    """
+
+    ranges: RangeFit
+    incidence: IncidenceLimit
+    greatest_m: Fitted
+    expected_m: Array
+    measured_m: Array
+    incidences_rad: Array
+    heard: NDArray[np.bool_]
+    readings: int
+
+
+def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
+    """Find mixture, incidence limit and greatest range of a sensor.
+
+    Parameters
+    ----------
+    expectations
+        What the sensors should measure in the room; must reach `reach_m(readings)`.
+    readings
+        What they measured.
+
+    Raises
+    ------
+    ValueError
+        If the readings are too few or do not fit to the room.
+    """
+    lines, z = readings.lines, readings.ranges_m
+    if np.any(np.isnan(z)):
+        raise ValueError("ranges_m must not be nan")
+    if not np.any(np.isfinite(z)):
+        raise ValueError("no reading with a range")
+    heard = np.isfinite(z)
+    farthest = readings.max_range_m or float(z[heard].max())
+    incidences = expectations.incidences(lines)
+    plain = np.isfinite(incidences) & expectations.free_of_edges(lines)
+    at_least = expectations.ranges_at(lines, incidences)
+    plain &= at_least < _SAFE * farthest
+    incidence = _as_known(incidence_limit(incidences[plain], heard[plain]), expectations.step_rad)
+    limit = incidence.limit.value if not incidence.limit.why_not else expectations.open_rad
+    sides = _sure_side(incidences, incidence)
+    usable = sides & expectations.steady(lines, limit)
+    expected = expectations.ranges(lines, limit)
+    stretches = _stretches(len(z))
+
+    def fitted(range_m: float, margin_m: float) -> tuple[RangeFit, NDArray[np.bool_]]:
+        chosen = usable & (np.abs(expected - range_m) > margin_m)
+        m = np.where(expected < range_m, expected, np.inf)
+        return fit_ranges(m[chosen], z[chosen], range_m, stretches[chosen]), chosen
+
+    if readings.max_range_m is None:
+        first, _ = fitted(math.nextafter(farthest, math.inf), (1.0 - _SAFE) * farthest)
+        greatest = greatest_range(expected[usable], z[usable], first.mixture)
+        range_m = max(greatest.value, math.nextafter(farthest, math.inf))
+        margin_m = _SIGMAS * float(first.mixture.sigma_at(np.array(range_m)))
+        margin_m += greatest.high - greatest.low if not greatest.why_not else 0.0
+    else:
+        range_m = readings.max_range_m
+        greatest = Fitted(range_m, range_m, range_m, "given, not found")
+        margin_m = (1.0 - _SAFE) * range_m
+    found, chosen = fitted(range_m, margin_m)
+    return SensorFit(
+        found,
+        incidence,
+        greatest,
+        np.where(expected < range_m, expected, np.inf)[chosen],
+        z[chosen],
+        incidences[plain],
+        heard[plain],
+        len(z),
+    )
+
+
+def _as_known(found: IncidenceLimit, step_rad: float) -> IncidenceLimit:
+    """Return a limit whose interval allows for incidences that are known in steps."""
+    limit, half = found.limit, 0.5 * step_rad
+    wider = replace(limit, low=max(limit.low - half, 0.0), high=limit.high + half)
+    return replace(found, limit=wider)
+
+
+def reach_m(readings: Readings) -> float:
+    """Return how far walls must be known for a fit [m]."""
+    if readings.max_range_m is not None:
+        return readings.max_range_m
+    return _AROUND * float(readings.ranges_m[np.isfinite(readings.ranges_m)].max(initial=0.1))
+
+
+def _sure_side(incidences: Array, found: IncidenceLimit) -> NDArray[np.bool_]:
+    """Return which readings are surely below or beyond the incidence limit, (m,)."""
+    if found.limit.why_not:
+        return np.ones(len(incidences), np.bool_)
+    margin = _MARGIN_RAD + _FADES * found.fades_rad
+    low, high = found.limit.low - margin, found.limit.high + margin
+    sure: NDArray[np.bool_] = (incidences < low) | (incidences > high)
+    return sure
+
+
+def _stretches(readings: int) -> NDArray[np.intp]:
+    """Return the number of the stretch that each reading belongs to, (m,)."""
+    count = min(max(readings // _LEAST_IN_STRETCH, 1), _STRETCHES)
+    return (np.arange(readings) * count) // max(readings, 1)
