@@ -25,7 +25,8 @@ from firmware_sim.truth import Publisher
 _EXPOSURE = struct.Struct("<qqddd")
 _WAITING = 64
 """Exposures read at once; more are not of interest."""
-_QUEUE_LIMIT = 1
+QUEUE_LIMIT = 4
+"""Pictures kept for a slow subscriber."""
 _NICE = 5
 _READY = "ready"
 
@@ -126,7 +127,7 @@ def _serve(options: argparse.Namespace) -> None:
     camera = Camera(robot, world, options.seed)
     camera.look(*world.start)
     latency_ns = round(camera.parameters.latency_ms * 1e6)
-    with Publisher(options.camera, _QUEUE_LIMIT) as publisher:
+    with Publisher(options.camera, QUEUE_LIMIT) as publisher:
         sys.stdout.write(f"{_READY}\n")
         sys.stdout.flush()
         while (exposure := _newest()) is not None:

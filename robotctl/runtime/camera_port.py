@@ -1,0 +1,57 @@
+"""The camera as the robot sees it: a port that gives the newest picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFrame:
+    """One picture.
+
+    Parameters
+    ----------
+    stamp_ns
+        When it was exposed, or where the camera does not tell, when it arrived [ns], monotonic.
+    sequence
+        Number of the picture since the camera was opened; a gap is of pictures that were missed.
+    image
+        (height, width, 3) uint8, blue, green, red; read-only.
+
+    Raises
+    ------
+    ValueError
+        If the image is not of that shape and type.
+    """
+
+    stamp_ns: int
+    sequence: int
+    image: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        if self.image.ndim != 3 or self.image.shape[2] != 3 or self.image.dtype != np.uint8:
+            raise ValueError(
+                f"image must be (height, width, 3) uint8, found {self.image.shape} "
+                f"{self.image.dtype}"
+            )
+        self.image.flags.writeable = False
+
+
+class CameraPort(Protocol):
+    """A camera. Older pictures than the newest are dropped: a robot acts on what is now."""
+
+    def read(self) -> CameraFrame | None:
+        """Return, without waiting for the camera, the newest picture not yet read; None if none.
+
+        Raises
+        ------
+        LinkError
+            If the camera is gone.
+        """
+
+    def close(self) -> None:
+        """Release the camera."""
