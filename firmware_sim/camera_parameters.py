@@ -50,12 +50,13 @@ class CameraMount:
 @closed
 @dataclass(frozen=True, slots=True)
 class CameraSection:
-    """The table `[camera]`; the simulator leaves `source` to robotctl."""
+    """The table `[camera]`; the simulator leaves `source` and `enabled` to robotctl."""
 
     intrinsics: Intrinsics
     mount: CameraMount
     source: str = "sim"
     rate_hz: Positive = 10.0
+    enabled: bool = False
 
 
 @closed

@@ -14,6 +14,7 @@ from robotctl.app.log_folder import LogConfig
 from robotctl.control.limiter import LimitsConfig
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
+from robotctl.estimation.camera_config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.model.camera import CameraConfig
 from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDrive
@@ -60,6 +61,7 @@ class RobotConfig:
     plausibility: PlausibilityConfig
     sonar: tuple[SonarMount, ...] = ()
     camera: CameraConfig | None = None
+    ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
     can: CanConfig = field(default_factory=CanConfig)
     runtime: LoopConfig = field(default_factory=LoopConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)

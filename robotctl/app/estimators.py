@@ -103,7 +103,10 @@ class Estimators:
         self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
         seen = Seen(
             self._good(lidar_scan, [each for each in scans if isinstance(each, LidarScan)]),
-            self._good(camera_scan, [each for each in scans if isinstance(each, CameraView)]),
+            self._good(
+                camera_scan,
+                [each for each in scans if isinstance(each, CameraView) and not each.trouble],
+            ),
             self._sonar_news.take(control.stamp_ns, control.sonar_stamp_ns, control.sonar_m),
             poses,
         )

@@ -20,8 +20,10 @@ from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import play
 from firmware_sim.world import load_world
+from robotctl.app.camera_score import camera_score
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.load_estimators import load_estimators
+from robotctl.app.lockstep_camera import LockstepCamera
 from robotctl.app.log_folder import LogFolder
 from robotctl.app.logs import StateLog
 from robotctl.app.options import StackOptions
@@ -42,7 +44,7 @@ from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
 from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
-from robotctl.runtime.estimation_messages import LidarScan, LiveMap, LocalisationState
+from robotctl.runtime.estimation_messages import CameraView, LidarScan, LiveMap, LocalisationState
 from robotctl.runtime.histogram import Histogram
 from robotctl.runtime.messages import (
     Arm,
@@ -192,7 +194,9 @@ class LockstepRun:
         self._stack = stack
         self._pilot = Pilot(self.config, stack)
         self._estimators = load_estimators(self.config, stack)
-        self._score = RunScore(load_walls(self._world))
+        self._camera = LockstepCamera.load(self.config)
+        seen = camera_score(self.config, options, self._world)
+        self._score = RunScore(load_walls(self._world), seen)
         self._faults: list[str] = []
         scenario = load_faults(options.faults)
         self._navigation: NavigationState | None = None
@@ -259,23 +263,26 @@ class LockstepRun:
         files.callback(states.close)
         return states
 
-    def _see(self, control: ControlState) -> list[LidarScan | LocalisationState]:
+    def _see(self, control: ControlState) -> list[LidarScan | CameraView | LocalisationState]:
         """Let the estimators work, and score them; return what they saw and believe."""
         now_ns, simulation = control.stamp_ns, self.bench.simulation
         self._score.truth(StampedPose(now_ns, *simulation.pose()))
         self._score.control(control)
+        seen: list[LidarScan | CameraView | LocalisationState] = []
+        if self._camera is not None:
+            for view in self._camera.step(simulation, now_ns):
+                self._score.view(view)
+                seen.append(view)
         if self._estimators is None:
-            return []
-        seen: list[LidarScan | LocalisationState] = []
+            return seen
         lidar = simulation.config.simulation.lidar
         if lidar is not None and now_ns - self._scanned_ns >= 1e9 / lidar.rate_hz:
             self._scanned_ns = now_ns
             scan = simulation.scan()
             seen += [] if scan is None else [LidarScan(**msgspec.structs.asdict(scan))]
         begin_ns = time.perf_counter_ns()
-        state = self._estimators.step(
-            control, [each for each in seen if isinstance(each, LidarScan)], (), now_ns
-        )
+        scans = [each for each in seen if not isinstance(each, LocalisationState)]
+        state = self._estimators.step(control, scans, (), now_ns)
         if state is not None:
             step_us = (time.perf_counter_ns() - begin_ns) / 1000
             self._localisation = msgspec.structs.replace(state, step_us=step_us)
@@ -333,6 +340,7 @@ class LockstepRun:
             faults=tuple(self._faults),
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
+            camera=self._score.camera_report,
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import msgspec
 import zmq
@@ -18,7 +18,7 @@ from robotctl.app.progress import load_progress
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
-from robotctl.runtime.estimation_messages import LidarScan, LocalisationState
+from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import ControlState, ExternalPose, NavigationRequest, Notice
 from robotctl.runtime.ports import Clock
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 _SEVERITY_WARNING: Final = 4
 _SEVERITY_NOTICE: Final = 5
+
+
+_Heard: TypeAlias = LidarScan | CameraView | Notice
 
 
 class Place:
@@ -59,7 +62,7 @@ class Place:
         publisher: Publisher,
     ) -> None:
         self._estimators = estimators
-        self._scans = Subscriber[LidarScan](context, (endpoints.lidar,), LidarScan)
+        self._scans = Subscriber[_Heard](context, (endpoints.lidar, endpoints.camera), _Heard)
         self._publisher = publisher
 
     def step(
@@ -69,7 +72,8 @@ class Place:
         begin_ns = clock.now_ns()
         estimators, publisher = self._estimators, self._publisher
         poses = [each for each in asked if isinstance(each, ExternalPose)]
-        state = estimators.step(control, self._scans.receive(), poses, begin_ns)
+        scans = [each for each in self._scans.receive() if not isinstance(each, Notice)]
+        state = estimators.step(control, scans, poses, begin_ns)
         if state is not None:
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))

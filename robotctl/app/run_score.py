@@ -6,14 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
+from robotctl.app.camera_score import CameraScore
 from robotctl.app.localisation_score import LocalisationScore
 from robotctl.app.map_file import save_map
-from robotctl.app.score import LocalisationReport, MapQuality, PoseError, PoseScore, StampedPose
+from robotctl.app.score import (
+    CameraReport,
+    LocalisationReport,
+    MapQuality,
+    PoseError,
+    PoseScore,
+    StampedPose,
+)
 from robotctl.model.grid_map import GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
 from robotctl.model.wall_map import WallMap
-from robotctl.runtime.estimation_messages import LiveMap, LocalisationState
+from robotctl.runtime.estimation_messages import CameraView, LiveMap, LocalisationState
 from robotctl.runtime.located import Locator, located
 from robotctl.runtime.messages import ControlState
 from robotctl.telemetry.tum import write_tum
@@ -26,10 +34,13 @@ class RunScore:
     ----------
     walls
         Of the world.
+    camera
+        Score of the camera; None without one.
     """
 
-    def __init__(self, walls: WallMap) -> None:
+    def __init__(self, walls: WallMap, camera: CameraScore | None = None) -> None:
         self._walls = walls
+        self._camera = camera
         self._pose = PoseScore()
         self._localisation = LocalisationScore()
         self._locator = Locator()
@@ -42,6 +53,8 @@ class RunScore:
         self._truths.append(pose)
         self._pose.truth(pose)
         self._localisation.truth(pose)
+        if self._camera is not None:
+            self._camera.truth(pose)
 
     def control(self, control: ControlState) -> ControlState:
         """Take in a state of the control process; return it with its pose in `world`."""
@@ -56,6 +69,11 @@ class RunScore:
         if self._control is not None:
             in_world = _stamped(located(self._control, state))
             self._localisation.estimate(in_world, state, _stamped(self._control))
+
+    def view(self, view: CameraView) -> None:
+        """Take in what the camera saw."""
+        if self._camera is not None:
+            self._camera.view(view)
 
     def map(self, message: LiveMap) -> None:
         """Take in the map as it is now."""
@@ -80,6 +98,11 @@ class RunScore:
 
         quality = map_quality(self._map, self._walls)
         return MapQuality(precision=quality.precision, recall=quality.recall)
+
+    @property
+    def camera_report(self) -> CameraReport | None:
+        """How well the camera saw; None without one."""
+        return None if self._camera is None else self._camera.result()
 
     def save(self, folder: Path) -> None:
         """Write the true way as `truth.tum`, and the map, where there is one, as `map.yaml`."""

@@ -75,14 +75,46 @@ class MapQuality(msgspec.Struct, frozen=True):
     recall: float
 
 
+class CameraReport(msgspec.Struct, frozen=True):
+    """What the camera saw against what was there, up to 3 m; None where there was nothing.
+
+    Attributes
+    ----------
+    pictures, untrusted
+        Looked at, and of those the ones that were not judged.
+    range_error
+        Median of the error of a range, as a share of it; a beam that goes on where something
+        stands has an infinite one.
+    within_3_sigma
+        Share of these beams whose error is within three of their standard deviations.
+    obstacles, found, false
+        Things of the floor within 2 m whose foot was in sight, those of them that were reported,
+        and reports where nothing stands.
+    obstacle_rmse_m
+        Of the position of a foot [m].
+    step_ms
+        Processor's time for a picture, median [ms].
+    """
+
+    pictures: int
+    untrusted: int
+    range_error: float | None
+    within_3_sigma: float | None
+    obstacles: int
+    found: int
+    false: int
+    obstacle_rmse_m: float | None
+    step_ms: float
+
+
 class Report(msgspec.Struct, frozen=True):
     """The result of one simulated run, written as JSON.
 
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
     `faults` are those of the scenario that have begun, each with the simulator's time.
-    `pose_error` is that of the pose that the robot goes by; `localisation` and `map_quality` are
-    None without a localiser and without mapping.
+    `pose_error` is that of the pose that the robot goes by; `localisation`, `map_quality` and
+    `camera` are None without a localiser, without mapping and without a camera.
     """
 
     robot: str
@@ -106,6 +138,7 @@ class Report(msgspec.Struct, frozen=True):
     faults: tuple[str, ...] = ()
     localisation: LocalisationReport | None = None
     map_quality: MapQuality | None = None
+    camera: CameraReport | None = None
 
     def json(self) -> bytes:
         """Return the report as indented JSON."""

@@ -18,6 +18,7 @@ from typing import TypeAlias
 import msgspec
 import zmq
 
+from robotctl.app.camera_score import camera_score
 from robotctl.app.children import start_child
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
@@ -34,7 +35,13 @@ from robotctl.app.score import (
 from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulation_overrides
 from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.world import load_walls
-from robotctl.runtime.estimation_messages import LiveMap, LocalisationState, ParticleCloud
+from robotctl.model.camera import SIMULATED
+from robotctl.runtime.estimation_messages import (
+    CameraView,
+    LiveMap,
+    LocalisationState,
+    ParticleCloud,
+)
 from robotctl.runtime.messages import (
     Arm,
     ControlState,
@@ -61,7 +68,13 @@ _FAULT = "fault at "
 
 
 _Heard: TypeAlias = (
-    ControlState | NavigationState | LocalisationState | ParticleCloud | LiveMap | Notice
+    ControlState
+    | NavigationState
+    | LocalisationState
+    | ParticleCloud
+    | LiveMap
+    | CameraView
+    | Notice
 )
 
 
@@ -90,6 +103,7 @@ class Progress:
     localisation: LocalisationState | None = None
     cloud: ParticleCloud | None = None
     map: LiveMap | None = None
+    view: CameraView | None = None
     lines: list[str] = field(default_factory=list)
 
 
@@ -150,7 +164,7 @@ class SimRun:
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
         self._said_waiting = False
-        self._score = RunScore(self.walls)
+        self._score = RunScore(self.walls, camera_score(self.config, options, self.world))
         self.progress = Progress()
 
     def __enter__(self) -> SimRun:
@@ -208,6 +222,9 @@ class SimRun:
             command += ["--set", override]
         if "lidar" in self.config.simulation:
             command += ["--lidar", self._endpoints.lidar]
+        camera = self.config.camera
+        if camera is not None and camera.enabled and camera.source == SIMULATED:
+            command += ["--camera", self._endpoints.camera_frames]
         if options.record is not None:
             options.record.mkdir(parents=True, exist_ok=True)
             command += ["--log", str(options.record / "can.log")]
@@ -302,6 +319,9 @@ class SimRun:
                 case LiveMap():
                     progress.map = message
                     self._score.map(message)
+                case CameraView():
+                    progress.view = message
+                    self._score.view(message)
                 case NavigationState():
                     progress.navigation = message
                 case Notice():
@@ -354,6 +374,7 @@ class SimRun:
             faults=tuple(self._faults),
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
+            camera=self._score.camera_report,
         )
 
 

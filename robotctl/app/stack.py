@@ -21,6 +21,7 @@ CONTROL = "robotctl.app.control"
 NAVIGATION = "robotctl.app.navigation"
 TELEMETRY = "robotctl.app.telemetry"
 RECORDER = "robotctl.app.recorder"
+CAMERA = "robotctl.app.camera"
 
 ROLES: Final = (
     Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, vital=True),
@@ -30,6 +31,9 @@ ROLES: Final = (
 )
 """In the order of their start. Navigation may have to compile its estimators first, which takes a
 minute on a small computer; the recorder waits for the disk, which may take its time."""
+
+CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0)
+"""Of robots that look. It compiles as navigation does."""
 
 _BAD_INPUT = 2
 _END_S = 3.0
@@ -42,17 +46,24 @@ class StackError(RobotctlError):
 
 
 class Stack:
-    """Control, navigation, telemetry and recorder as supervised child processes.
+    """Control, navigation, telemetry, recorder and, if wanted, camera as supervised children.
 
     Parameters
     ----------
     options
         What the processes are started with.
+
+    Raises
+    ------
+    ConfigError
+        If the robot's configuration is wrong.
     """
 
     def __init__(self, options: StackOptions) -> None:
+        camera = options.load().camera
+        roles = (*ROLES, CAMERA_ROLE) if camera is not None and camera.enabled else ROLES
         self._processes = {
-            role.module: Supervised(role, options.command(role.module)) for role in ROLES
+            role.module: Supervised(role, options.command(role.module)) for role in roles
         }
         self._control = self._processes[CONTROL]
         self._stop_beats: int | None = None
@@ -60,6 +71,11 @@ class Stack:
         self.exits: list[Exit] = []
         """Ends seen by the last `watch`."""
         self._control.start(time.monotonic())
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """The modules of the processes, in the order of their start."""
+        return tuple(self._processes)
 
     def pid(self, module: str) -> int:
         """Return the process id of `module`.

@@ -8,7 +8,7 @@ from typing import Final, TypeAlias
 
 from robotctl.app.exit_log import ExitLog
 from robotctl.app.service import ServiceNotifier
-from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY, Stack
+from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.supervised import Phase
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 
@@ -118,5 +118,5 @@ class Supervisor:
         """Return where each process stands."""
         return ", ".join(
             f"{module.rpartition('.')[2]} {self._stack.phase(module).value}"
-            for module in (CONTROL, NAVIGATION, TELEMETRY, RECORDER)
+            for module in self._stack.modules
         )

@@ -6,7 +6,7 @@ import math
 
 from rich.table import Table
 
-from robotctl.app.score import Report
+from robotctl.app.score import CameraReport, Report
 
 _FAULTS_SHOWN = 8
 
@@ -91,7 +91,21 @@ def _place_rows(report: Report) -> list[tuple[str, str]]:
         ]
     if quality is not None:
         rows.append(("map", f"precision {quality.precision:.3f}, recall {quality.recall:.3f}"))
-    return rows
+    return rows + _camera_rows(report.camera)
+
+
+def _camera_rows(camera: CameraReport | None) -> list[tuple[str, str]]:
+    """Return what the camera saw, where there was one."""
+    if camera is None:
+        return []
+    blind = f", {camera.untrusted} of them not judged" if camera.untrusted else ""
+    rows = [("camera", f"{camera.pictures} pictures{blind}, {camera.step_ms:.1f} ms each")]
+    if camera.range_error is not None and camera.within_3_sigma is not None:
+        ranges = f"median error {100 * camera.range_error:.2f} %"
+        rows.append(("ranges", f"{ranges}, {100 * camera.within_3_sigma:.1f} % within 3 σ"))
+    where = "" if camera.obstacle_rmse_m is None else f", {camera.obstacle_rmse_m:.3f} m rms"
+    found = f"{camera.found} of {camera.obstacles} sights found{where}, {camera.false} false"
+    return [*rows, ("obstacles", found)]
 
 
 def _share(inside: float | None) -> str:

@@ -71,8 +71,21 @@ def sim(
         ),
     ] = "",
     mapping: Annotated[
-        bool, typer.Option("--mapping", help="Build a map of what sonars and lidar see.")
+        bool, typer.Option("--mapping", help="Build a map of what the sensors see.")
     ] = False,
+    camera: Annotated[
+        bool,
+        typer.Option(
+            "--camera", help="The robot looks: ranges and obstacles by its camera, and their score."
+        ),
+    ] = False,
+    sensors: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME,...",
+            help="What the localiser goes by, of lidar, camera, sonar; default: as its file says.",
+        ),
+    ] = "",
     overrides: Overrides = None,
 ) -> None:
     """Drive a mission in simulation and score it.
@@ -86,10 +99,10 @@ def sim(
         bus=bus,
         seed=seed,
         max_seconds=max_seconds,
-        overrides=tuple(overrides or ()),
+        overrides=(*(["camera.enabled=true"] if camera else []), *(overrides or ())),
         record=record,
         faults=find_file(faults, "scenarios") if faults else None,
-        localisation=_localisation(localiser, start, chart, mapping=mapping),
+        localisation=_localisation(localiser, start, chart, sensors, mapping=mapping),
     )
     if lockstep:
         result = run_lockstep(options)
@@ -102,7 +115,7 @@ def sim(
 
 
 def _localisation(
-    localiser: str | None, start: str, chart: str, *, mapping: bool
+    localiser: str | None, start: str, chart: str, sensors: str, *, mapping: bool
 ) -> tuple[str, ...]:
     """Return the options of the localiser as settings of the robot."""
     settings = []
@@ -115,6 +128,9 @@ def _localisation(
             ("maps", ".yaml") if chart.endswith((".yaml", ".yml")) else ("worlds", ".toml")
         )
         settings.append(f'localisation.map="{find_file(chart, folder, suffix).resolve()}"')
+    if sensors:
+        names = ", ".join(f'"{name.strip()}"' for name in sensors.split(","))
+        settings.append(f"localisation.sensors=[{names}]")
     if mapping:
         settings.append("localisation.mapping=true")
     return tuple(settings)

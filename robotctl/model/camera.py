@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 MAX_SIDE_PX = 10_000
+SIMULATED = "sim"
+"""As the source of pictures: the simulated camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,7 @@ class CameraConfig:
 
     intrinsics: CameraIntrinsics
     mount: CameraMount
-    source: str = "sim"
+    source: str = SIMULATED
     rate_hz: float = 10.0
     enabled: bool = False
 

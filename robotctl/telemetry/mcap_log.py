@@ -1,8 +1,8 @@
 """The continuous log: what the processes publish, as MCAP with JSON messages.
 
-Topics are `control`, `navigation`, `localisation`, `lidar` and `notice`; see docs/logs.md. A chunk
-ends at each `flush`, so that a file cut anywhere holds all that came before its last flush. Such a
-file has no index: strict readers want it recovered first.
+Topics are `control`, `navigation`, `localisation`, `lidar`, `camera` and `notice`; see
+docs/logs.md. A chunk ends at each `flush`, so that a file cut anywhere holds all that came before
+its last flush. Such a file has no index: strict readers want it recovered first.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 import robotctl
 from robotctl.errors import RobotctlError
-from robotctl.runtime.estimation_messages import LidarScan, LocalisationState
+from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.telemetry.log_schema import (
     LASER_SCHEMA,
@@ -33,7 +33,9 @@ from robotctl.telemetry.log_schema import (
     schema_of,
 )
 
-Published: TypeAlias = ControlState | NavigationState | LocalisationState | LidarScan | Notice
+Published: TypeAlias = (
+    ControlState | NavigationState | LocalisationState | LidarScan | CameraView | Notice
+)
 
 _DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, EOFError)
 _RECORD_LIMIT: Final = 1 << 28
@@ -70,6 +72,7 @@ class McapLog:
             LocalisationState: self._channel(
                 "localisation", "LocalisationState", schema_of(LocalisationState)
             ),
+            CameraView: self._channel("camera", "CameraView", schema_of(CameraView)),
             LidarScan: self._channel("lidar", "foxglove.LaserScan", LASER_SCHEMA),
             Notice: self._channel("notice", "foxglove.Log", LOG_SCHEMA),
         }

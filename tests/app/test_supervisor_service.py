@@ -49,6 +49,8 @@ def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Manager]
 class FakeStack:
     """Processes that do as the test says."""
 
+    modules = ("robotctl.app.control", "robotctl.app.navigation")
+
     def __init__(self) -> None:
         self.ticks = (1, 0)
         self.ready = False

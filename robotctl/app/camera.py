@@ -1,0 +1,82 @@
+"""The camera process: pictures in, what they say of the floor out.
+
+A picture is never kept: of those that came while one was looked at only the newest counts.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import zmq
+
+from robotctl.app.camera_source import open_source
+from robotctl.app.config import RobotConfig
+from robotctl.app.ground_watch import GroundWatch
+from robotctl.app.options import StackOptions, options_of_command_line
+from robotctl.app.signals import StopFlag
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.heartbeat import Heartbeat
+from robotctl.runtime.messages import Notice
+from robotctl.runtime.topics import Endpoints, Publisher, endpoint_directory
+
+_LOOK_NS = 5_000_000
+_WARNING = 4
+_INFORMATION = 6
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Look until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    ConfigError
+        If the robot has no camera, or it sees too little of the floor.
+    LinkError
+        If the camera cannot be opened, or gives no more pictures.
+    """
+    stopped = StopFlag()
+    clock = RealClock()
+    if config.camera is None:
+        raise ConfigError("camera: missing; a robot that is to look needs the table [camera]")
+    watch = GroundWatch(config.camera, config.ground_camera)
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    camera = open_source(config.camera, endpoints.camera_frames)
+    context = zmq.Context()
+    publisher = Publisher(context, endpoints.camera)
+    heartbeat = Heartbeat(os.environ)
+    trouble: str | None = None
+    try:
+        while not stopped():
+            heartbeat.beat()
+            frame = camera.read()
+            if frame is None:
+                clock.sleep_until(clock.now_ns() + _LOOK_NS)
+                continue
+            view = watch.look(frame.image, frame.stamp_ns)
+            publisher.send(view)
+            if view.trouble != trouble:
+                words = f"the camera does not judge the floor: {view.trouble}"
+                severity = _WARNING if view.trouble else _INFORMATION
+                text = words if view.trouble else "the camera sees the floor"
+                publisher.send(Notice(clock.now_ns(), severity, text))
+                trouble = view.trouble
+    finally:
+        camera.close()
+        context.destroy(linger=0)
+
+
+def main() -> int:
+    """Entry point of the process; a camera that is not there may come: status 1 tries again."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl camera: {error}", file=sys.stderr)  # noqa: T201
+        return 2 if isinstance(error, ConfigError) else 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,98 @@
+"""What the robot makes of each picture of its camera, live and in lockstep alike."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.errors import ConfigError
+from robotctl.estimation.camera_config import GroundCameraConfig
+from robotctl.estimation.camera_ground import GroundCamera
+from robotctl.estimation.camera_obstacles import GroundObstacle
+from robotctl.model.camera import CameraConfig
+from robotctl.model.camera_geometry import CameraGeometry
+from robotctl.model.range_scan import RangeScan
+from robotctl.runtime.estimation_messages import CameraView, SeenObstacle
+
+
+class GroundWatch:
+    """Looks at the floor and says it as messages.
+
+    Parameters
+    ----------
+    camera
+        Lens and mount.
+    settings
+        How the floor is told from the rest.
+
+    Raises
+    ------
+    ConfigError
+        If the camera sees too little of the floor.
+    """
+
+    def __init__(self, camera: CameraConfig, settings: GroundCameraConfig) -> None:
+        self._size = (camera.intrinsics.height_px, camera.intrinsics.width_px)
+        try:
+            self._camera = GroundCamera(CameraGeometry.of(camera), settings)
+        except ValueError as error:
+            raise ConfigError(f"camera: {error}") from error
+        self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Compile, or load from the cache, what a picture needs."""
+        picture = np.random.default_rng(0).integers(90, 110, (*self._size, 3), dtype=np.uint8)
+        for _ in range(2):
+            self._camera.step(picture, 0)
+        self._camera.reset()
+
+    def look(self, image_bgr: NDArray[np.uint8], stamp_ns: int) -> CameraView:
+        """Return what a picture says.
+
+        Parameters
+        ----------
+        image_bgr
+            The picture, (height, width, 3).
+        stamp_ns
+            Its time [ns].
+        """
+        height, width = image_bgr.shape[:2]
+        begin_ns = time.thread_time_ns()
+        if (height, width) != self._size:
+            return _blind(stamp_ns, f"a picture of {width} x {height} px, not as calibrated")
+        view = self._camera.step(image_bgr, stamp_ns)
+        took_us = (time.thread_time_ns() - begin_ns) / 1000.0
+        return camera_view(view.scan, view.obstacles, view.why, took_us)
+
+
+def camera_view(
+    scan: RangeScan, obstacles: tuple[GroundObstacle, ...], trouble: str, step_us: float
+) -> CameraView:
+    """Return what was seen as a message."""
+    sigmas = np.full(len(scan.ranges_m), np.nan) if scan.sigmas_m is None else scan.sigmas_m
+    return CameraView(
+        stamp_ns=scan.stamp_ns,
+        x_m=float(scan.x_m),
+        y_m=float(scan.y_m),
+        max_range_m=float(scan.max_range_m),
+        angles_rad=tuple(scan.angles_rad.tolist()),
+        ranges_m=tuple(scan.ranges_m.tolist()),
+        sigmas_m=tuple(sigmas.tolist()),
+        obstacles=tuple(map(_seen, obstacles)),
+        trouble=trouble,
+        step_us=step_us,
+    )
+
+
+def _seen(obstacle: GroundObstacle) -> SeenObstacle:
+    """Return a thing on the floor as a message."""
+    (xx, xy), (_, yy) = obstacle.foot_covariance.tolist()
+    x_m, y_m = obstacle.foot_base.tolist()
+    return SeenObstacle(x_m, y_m, (xx, xy, yy), float(obstacle.width_m))
+
+
+def _blind(stamp_ns: int, trouble: str) -> CameraView:
+    """Return a view of a picture that says nothing."""
+    return CameraView(stamp_ns, 0.0, 0.0, 1.0, (), (), (), (), trouble)
