@@ -21,3 +21,7 @@ class MissionError(RobotctlError):
 
 class CalibrationError(RobotctlError):
     """A calibration could not be carried out: too little in the data, or an experiment failed."""
+
+
+class PlaceError(RobotctlError):
+    """A place cannot be learnt or recognised: no turn on the spot, or too little was heard."""

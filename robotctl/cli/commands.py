@@ -13,6 +13,7 @@ from robotctl.cli import (
     doctor,
     install,
     localize,
+    places,
     record,
     replay,
     run,
@@ -32,6 +33,7 @@ app.add_typer(config.app, name="config")
 app.add_typer(can.app, name="can")
 app.add_typer(record.app, name="record")
 app.add_typer(calibrate.app, name="calibrate")
+app.add_typer(places.app, name="places")
 app.add_typer(camera.app, name="camera")
 app.command("sim")(sim.sim)
 app.command("run")(run.run)

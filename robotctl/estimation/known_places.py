@@ -87,7 +87,7 @@ class Place:
     Parameters
     ----------
     name
-        Not empty.
+        Not empty, printable.
     in_world
         Whether the poses of its visits are in `world`. Else they are in a frame of its own, that of
         `base` at the first visit.
@@ -97,7 +97,7 @@ class Place:
     Raises
     ------
     ValueError
-        If the name is empty or there is no visit.
+        If the name is not allowed or there is no visit.
     """
 
     name: str
@@ -105,8 +105,8 @@ class Place:
     visits: tuple[Visit, ...]
 
     def __post_init__(self) -> None:
-        if not self.name:
-            raise ValueError("name must not be empty")
+        if not (self.name.strip() and self.name.isprintable()):
+            raise ValueError(f"name must be printable and not empty, found {self.name!r}")
         if not self.visits:
             raise ValueError(f"place {self.name}: at least one visit is needed")
 

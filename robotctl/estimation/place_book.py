@@ -78,7 +78,11 @@ class PlaceBook:
         self._index = SignatureIndex(
             [visit.signature for _, visit in self._visits], self.signatures
         )
-        own, other = self._own_differences()
+        self._owner = np.array([self.places.index(place) for place, _ in self._visits], np.int64)
+        rows = [self._index.differences(visit.signature).min(axis=1) for _, visit in self._visits]
+        self._least = np.array(rows).reshape(len(rows), len(rows))
+        np.fill_diagonal(self._least, np.inf)
+        own, other = (_finite(least) for least in self._own_and_other())
         self.within = _spread(own, self.config.within, self.config.prior_visits)
         self.between = _spread(other, self.config.between, self.config.prior_visits)
         spread = self.within.sigma + self.between.sigma
@@ -86,18 +90,28 @@ class PlaceBook:
             self.within.mean * self.between.sigma + self.between.mean * self.within.sigma
         ) / spread
 
-    def _own_differences(self) -> tuple[list[float], list[float]]:
-        """Return for each visit the least difference from its own place, and from all others."""
-        owner = np.array([self.places.index(place) for place, _ in self._visits])
-        own, other = [], []
-        for i, (_, visit) in enumerate(self._visits):
-            least = self._index.differences(visit.signature).min(axis=1)
-            mine = owner == owner[i]
-            mine[i] = False
-            own += [float(least[mine].min())] if mine.any() else []
-            others = least[owner != owner[i]]
-            other += [float(others.min())] if len(others) else []
-        return [d for d in own if d < math.inf], [d for d in other if d < math.inf]
+    def _own_and_other(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return how much each visit differs from the most like one of its place, and of others."""
+        mine = self._owner[:, np.newaxis] == self._owner
+        own = np.where(mine, self._least, np.inf).min(axis=1, initial=np.inf)
+        other = np.where(mine, np.inf, self._least).min(axis=1, initial=np.inf)
+        return own, other
+
+    def apart(self, name: str) -> tuple[float, float, str]:
+        """Return how well a place can be told.
+
+        Returns
+        -------
+        tuple
+            The greatest difference of one of its visits from the others; the least from another
+            place's; that place's name. inf and "" where there is none.
+        """
+        mine = self._owner == [place.name for place in self.places].index(name)
+        own, _ = self._own_and_other()
+        others = np.where(mine, np.inf, self._least[mine].min(axis=0))
+        nearest = int(np.argmin(others))
+        least = float(others[nearest])
+        return float(own[mine].max()), least, "" if mine[nearest] else self._visits[nearest][0].name
 
     def too_little(self, signature: Signature) -> str:
         """Return why a signature says too little to tell any place by it, a sentence; "" if not."""
@@ -271,7 +285,12 @@ class PlaceBook:
         return found.place.pose
 
 
-def _spread(samples: Sequence[float], prior: Spread, strength: float) -> Spread:
+def _finite(differences: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return those that could be measured."""
+    return differences[np.isfinite(differences)]
+
+
+def _spread(samples: NDArray[np.float64], prior: Spread, strength: float) -> Spread:
     """Return mean and deviation of samples and of `strength` prior ones together."""
     n = len(samples)
     if n == 0:

@@ -54,13 +54,14 @@ class Turn:
     ----------
     stamp_ns
         Its last reading [ns].
-    odometry
-        `base` then, in the frame of the odometry.
+    began, odometry
+        `base` at its first and at its last reading, in the frame of the odometry.
     signature
-        Around `base` as it stands then.
+        Around `base` as it stands at the last.
     """
 
     stamp_ns: int
+    began: SE2
     odometry: SE2
     signature: Signature
 
@@ -124,7 +125,7 @@ class TurnCollector:
             self._heard.popleft()
         if self.turned_rad < self._turn.round_rad:
             return None
-        turn = Turn(reading.stamp_ns, odometry, self._signature(odometry))
+        turn = Turn(reading.stamp_ns, self._heard[0][0], odometry, self._signature(odometry))
         self.reset()
         return turn
 

@@ -1,0 +1,108 @@
+"""A turn on the spot of a running robot, real or simulated, by listening to its states."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any, Final
+
+import zmq
+
+from robotctl.app.config import RobotConfig
+from robotctl.app.place_turns import Progress, StateTurns, Visited
+from robotctl.errors import PlaceError
+from robotctl.estimation.signature_turn import Turn
+from robotctl.estimation.signatures import SignatureConfig
+from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.se2 import SE2
+from robotctl.runtime.estimation_messages import LocalisationState
+from robotctl.runtime.messages import ControlState
+from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
+from robotctl.toml_source import nearest
+
+_SILENT_S: Final = 5.0
+"""A running robot says something within this time."""
+_PATIENCE_S: Final = 300.0
+_POLL_S: Final = 0.02
+
+
+def live_turn(
+    instance: str,
+    robot: RobotConfig,
+    signatures: SignatureConfig,
+    began: SE2 | None,
+    progress: Progress,
+) -> Visited:
+    """Listen to a running robot until it has turned on the spot once, whoever turns it.
+
+    Its localiser says where it ended, if it knows and `began` is None.
+
+    Raises
+    ------
+    PlaceError
+        If no robot of that name runs, it falls silent, or it does not turn.
+    """
+    context: zmq.Context[Any] = zmq.Context()
+    try:
+        endpoints = Endpoints(running(instance))
+        kinds = ControlState | LocalisationState
+        states = Subscriber[ControlState | LocalisationState](context, endpoints.published, kinds)
+        turns = StateTurns(robot, signatures)
+        localisation: LocalisationState | None = None
+        began_s = heard_s = time.monotonic()
+        while time.monotonic() - began_s < _PATIENCE_S:
+            for message in states.receive():
+                heard_s = time.monotonic()
+                if isinstance(message, LocalisationState):
+                    localisation = message
+                    continue
+                turn = _live_step(turns, message, robot)
+                if turn is not None:
+                    known = _located(turn, localisation)
+                    return Visited(turn, known if began is None else _ended(turn, began))
+            if time.monotonic() - heard_s > _SILENT_S:
+                raise PlaceError(f"{instance}: nothing heard of the robot for {_SILENT_S:g} s")
+            progress(turns.turned_rad)
+            time.sleep(_POLL_S)
+        raise PlaceError(f"{instance}: no turn on the spot within {_PATIENCE_S:g} s")
+    finally:
+        context.destroy(linger=0)
+
+
+def _live_step(turns: StateTurns, control: ControlState, robot: RobotConfig) -> Turn | None:
+    """Take in a state of a running robot; its sonars must be those of the file."""
+    if len(control.sonar_m) != len(robot.sonar):
+        raise PlaceError(
+            f"the running robot has {len(control.sonar_m)} sonars, that of the file "
+            f"{robot.robot.name} {len(robot.sonar)}: give its --robot"
+        )
+    return turns.step(control)
+
+
+def _located(turn: Turn, state: LocalisationState | None) -> SE2 | None:
+    """Return where a turn ended, by the localiser; None if it does not know."""
+    if state is None or state.status is not LocalisationStatus.LOCALISED:
+        return None
+    return SE2(state.x_m, state.y_m, state.theta_rad) @ turn.odometry
+
+
+def _ended(turn: Turn, began: SE2) -> SE2:
+    """Return where a turn ended that began at a pose in `world`."""
+    return began @ turn.began.inverse() @ turn.odometry
+
+
+def running(instance: str) -> Path:
+    """Return the folder of the sockets of a running robot.
+
+    Raises
+    ------
+    PlaceError
+        If there is none; names those that run.
+    """
+    folder = endpoint_directory(instance)
+    names = sorted(each.parent.name for each in folder.parent.glob("*/control.state"))
+    if instance in names:
+        return folder
+    folder.rmdir()  # it was made just now
+    hint = nearest(instance, names) if names else "; none runs"
+    raise PlaceError(f"--live {instance}: no robot of that name runs{hint}")

@@ -1,0 +1,208 @@
+"""`robotctl places`: places that the robot knows by its sonars."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.files import check_files, write_file
+
+if TYPE_CHECKING:
+    from robotctl.app.place_turns import Progress
+    from robotctl.app.places import PlaceSource, Recognised
+    from robotctl.estimation.known_places import Candidate
+    from robotctl.estimation.place_book import PlaceBook
+
+REFUSED = 3
+
+app = typer.Typer(no_args_is_help=True, help="Places that the robot knows by its sonars.")
+
+Book = Annotated[Path, typer.Option(metavar="FILE", help="The file of the known places.")]
+Log = Annotated[
+    Path | None, typer.Option(help="Recording of a turn on the spot: folder or robot-*.mcap.")
+]
+World = Annotated[
+    str, typer.Option(help="World file or name: the simulated robot turns there, in lockstep.")
+]
+Live = Annotated[
+    str, typer.Option(metavar="ROBOT", help="Listen to a running robot (robot, sim-PID) turning.")
+]
+At = Annotated[
+    str,
+    typer.Option(
+        metavar="X,Y[,HEADING]",
+        help="Where it stands as it begins to turn, m and deg; in a world also a mark's name.",
+    ),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")]
+Plot = Annotated[Path | None, typer.Option(help="Draw it here: .png, .svg or .pdf.")]
+
+
+@app.command()
+def learn(
+    name: Annotated[str, typer.Argument(help="Name of the place, new or known.")],
+    book: Book,
+    log: Log = None,
+    world: World = "",
+    live: Live = "",
+    at: At = "",
+    robot: RobotName = "diff_drive",
+    seed: Seed = 1,
+    overrides: Overrides = None,
+) -> None:
+    """Learn a place from a turn on the spot; learnt again, it is another visit.
+
+    Give one of --log, --world and --live. Without --at a place has its pose in the world from the
+    log's reference or the robot's localiser, or none, and can then be recognised but not located.
+    """
+    from robotctl.app import places  # noqa: PLC0415 - it loads numba
+
+    check_files(book)
+    source = _source(log, world, live, at, robot, seed, overrides)
+    with _turning(source) as progress:
+        known = places.learn(name, book, source, progress)
+    place = next(each for each in known.places if each.name == name)
+    pose, heard = place.visits[-1].pose, place.visits[-1].signature
+    where = f" at x {pose.x_m:.2f} m, y {pose.y_m:.2f} m" if place.in_world else ""
+    print(
+        f"{name}: visit {len(place.visits)}{where}, echoes from {heard.echoes:.0%} of the bearings"
+    )
+    print(
+        f"{book}: {len(known.places)} places, accepted up to a difference of {known.threshold:.3f}"
+    )
+
+
+@app.command()
+def recognise(
+    book: Book,
+    log: Log = None,
+    world: World = "",
+    live: Live = "",
+    at: At = "",
+    robot: RobotName = "diff_drive",
+    seed: Seed = 1,
+    plot: Plot = None,
+    overrides: Overrides = None,
+) -> None:
+    """Turn on the spot and say which place it is, and how the robot is turned there.
+
+    Status 0: recognised. 3: refused, with the reason. 2: bad input.
+    """
+    from robotctl.app import places  # noqa: PLC0415 - it loads numba
+
+    check_files(plot=plot)
+    source = _source(log, world, live, at, robot, seed, overrides)
+    with _turning(source) as progress:
+        found = places.recognise(book, source, progress)
+    for each in found:
+        print("\n".join(_lines(each)))
+    if plot is not None:
+        from robotctl.app.place_file import load_book  # noqa: PLC0415
+        from robotctl.cli.places_plot import save_recognition  # noqa: PLC0415
+
+        write_file(plot, lambda file: save_recognition(load_book(book), found, file))
+        print(f"plot: {plot}")
+    sys.exit(REFUSED if any(each.recognition.refusal for each in found) else 0)
+
+
+@app.command("list")
+def list_places(book: Book, plot: Plot = None) -> None:
+    """List the known places, and how well they can be told apart."""
+    from robotctl.app.place_file import load_book  # noqa: PLC0415 - it loads scipy
+
+    check_files(plot=plot)
+    known = load_book(book)
+    Console().print(_table(known))
+    for what, spread in (("visits to one place", known.within), ("other places", known.between)):
+        source = f"{spread.measured} measured" if spread.measured else "expected, none measured"
+        print(f"{what} differ by {spread.mean:.3f} ± {spread.sigma:.3f} ({source})")
+    print(f"accepted up to a difference of {known.threshold:.3f}")
+    if plot is not None:
+        from robotctl.cli.places_plot import save_places  # noqa: PLC0415
+
+        write_file(plot, lambda file: save_places(known, file))
+        print(f"plot: {plot}")
+
+
+def _source(
+    log: Path | None,
+    world: str,
+    live: str,
+    at: str,
+    robot: str,
+    seed: int,
+    overrides: list[str] | None,
+) -> PlaceSource:
+    from robotctl.app.places import PlaceSource  # noqa: PLC0415 - it loads numba
+
+    return PlaceSource(log, world, live, at, robot, tuple(overrides or ()), seed)
+
+
+@contextmanager
+def _turning(source: PlaceSource) -> Iterator[Progress]:
+    """Show how far the robot has turned; nothing where no terminal is."""
+    console = Console(stderr=True)
+    if source.live:
+        console.print(f"turn {source.live} on the spot by 360°; Ctrl-C ends", highlight=False)
+    with console.status("reading" if source.log else "waiting") as status:
+        yield lambda turned_rad: status.update(f"turned {math.degrees(turned_rad):.0f}°")
+
+
+def _lines(found: Recognised) -> Iterator[str]:
+    """Yield what to say of a turn."""
+    recognition = found.recognition
+    place = recognition.place
+    if place is None:
+        yield f"refused: {recognition.refusal}"
+    else:
+        sigma_deg = math.degrees(math.sqrt(recognition.rotation_variance))
+        yield (
+            f"{place.place}: turned by {math.degrees(place.rotation_rad):.1f} ± {sigma_deg:.1f} "
+            f"deg since its first visit; differs by {place.difference:.3f}, "
+            f"{recognition.threshold:.3f} is allowed"
+        )
+    for each in recognition.candidates:
+        if each.in_world or each is not place:
+            yield f"  {_candidate(each)}"
+
+
+def _candidate(candidate: Candidate) -> str:
+    """Return a candidate's line."""
+    heading_deg = math.degrees(candidate.pose.theta_rad)
+    sigma_m = math.sqrt(candidate.covariance[0, 0] + candidate.covariance[1, 1])
+    where = (
+        f"x {candidate.pose.x_m:.2f} m, y {candidate.pose.y_m:.2f} m ± {sigma_m:.2f} m, "
+        f"heading {heading_deg:.1f} deg"
+        if candidate.in_world
+        else f"turned by {math.degrees(candidate.rotation_rad):.1f} deg"
+    )
+    return f"{candidate.place}: {where}, belief {candidate.weight:.0%}"
+
+
+def _table(known: PlaceBook) -> Table:
+    """Return the places of a book."""
+    table = Table()
+    for head in ("place", "visits", "x m", "y m", "echoes", "own visits", "most like other place"):
+        table.add_column(head)
+    for place in known.places:
+        own, least, other = known.apart(place.name)
+        pose = place.visits[0].pose
+        echoes = sum(visit.signature.echoes for visit in place.visits) / len(place.visits)
+        table.add_row(
+            place.name,
+            str(len(place.visits)),
+            *((f"{pose.x_m:.2f}", f"{pose.y_m:.2f}") if place.in_world else ("-", "-")),
+            f"{echoes:.0%}",
+            f"{own:.3f}" if math.isfinite(own) else "-",
+            f"{other}: {least:.3f}" if other else "-",
+        )
+    return table
