@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.camera_colour import SHADOWED
+from robotctl.estimation.camera_colour import LIT, SHADOWED
 from robotctl.estimation.compiled import compiled
 
 FREE: Final = 0
@@ -23,6 +23,9 @@ UNSEEN: Final = 3
 
 _ENOUGH: Final = 0.7
 """Mean evidence over two coarse rows and three columns that makes an obstacle."""
+_ABOVE_ROWS: Final = 3
+_WALL_ENOUGH: Final = 2.0
+"""Evidence for a wall, summed from so many coarse rows above the horizon down to its foot."""
 _NOT_FLOOR: Final = 0.3
 _OBSTACLE_CELL: Final = 0.5
 _NEIGHBOUR_SHARE: Final = 0.3
@@ -57,6 +60,7 @@ class Boundary:
 
 def find_boundary(
     evidence: NDArray[np.float32],
+    walls: NDArray[np.float32],
     strip: NDArray[np.uint8],
     means: NDArray[np.float32],
     edges: NDArray[np.intp],
@@ -71,6 +75,8 @@ def find_boundary(
     ----------
     evidence
         For an obstacle, of coarse cells, (n, columns).
+    walls
+        For one that reaches above the horizon, (n, columns).
     strip
         BGR, (rows, 2 columns, 3).
     means
@@ -88,9 +94,10 @@ def find_boundary(
     columns = evidence.shape[1]
     kinds = np.empty(columns, np.int8)
     cells = np.zeros(columns, np.intp)
-    _first_cells(evidence, first, beyond, last, kinds, cells)
+    feet = wall_feet(walls, horizon)
+    _first_cells(evidence, feet, first, beyond, last, kinds, cells)
     # A column that looks like floor even above the horizon shows no floor.
-    above = evidence[horizon + 1 :]
+    above = walls[horizon + 1 :]
     if len(above):
         kinds[(kinds == FREE) & (np.mean(above > 0.0, axis=0) < _NOT_FLOOR)] = UNSEEN
     rows = np.full(columns, np.nan)
@@ -99,12 +106,38 @@ def find_boundary(
     return Boundary(kinds, cells, rows, noise)
 
 
-def judge_shadows(evidence: NDArray[np.float32], widths: NDArray[np.float64]) -> None:
-    """Turn dark blobs of the floor's colour that no obstacle explains into obstacles, in place.
+def wall_feet(walls: NDArray[np.float32], horizon: int) -> NDArray[np.intp]:
+    """Return how far down what reaches above the horizon goes, (columns,); n: nothing does.
 
-    A shadow lies beside what casts it. A small dark blob that stands alone may be a shadow of
-    something out of the picture, or a dark thing of the floor's colour: the robot is told the
-    latter.
+    From above the horizon downwards evidence is summed; the sum is largest at the foot. So a wall
+    that hardly differs from the floor is found by all of its height.
+
+    Parameters
+    ----------
+    walls
+        Evidence for an obstacle that reaches above the horizon, (n, columns).
+    horizon
+        Coarse rows from here on are above the horizon.
+    """
+    n = len(walls)
+    top = min(horizon + _ABOVE_ROWS, n)
+    if top <= horizon:
+        return np.full(walls.shape[1], n)
+    wide = cv2.blur(np.clip(walls[:top], -1.5, 1.5), (5, 1), borderType=cv2.BORDER_REPLICATE)
+    sums = np.cumsum(np.asarray(wide)[::-1], axis=0)
+    best = np.argmax(sums, axis=0)
+    columns = np.arange(walls.shape[1])
+    foot = top - 1 - best
+    sure = (sums[best, columns] >= _WALL_ENOUGH) & (foot < horizon)
+    return np.where(sure, foot, n)
+
+
+def judge_lights(evidence: NDArray[np.float32], widths: NDArray[np.float64]) -> None:
+    """Turn blobs of the floor's colour that no light explains into obstacles, in place.
+
+    A shadow lies beside what casts it. A small dark blob that stands alone may be the shadow of
+    something out of the picture, or a dark thing of the floor's colour; a small bright blob may be
+    a patch of sun, or a bright thing: the robot is told the thing.
 
     Parameters
     ----------
@@ -113,26 +146,28 @@ def judge_shadows(evidence: NDArray[np.float32], widths: NDArray[np.float64]) ->
     widths
         Columns that a single obstacle covers at most, of each coarse row, (n,).
     """
-    dark = np.asarray(evidence == np.float32(SHADOWED), np.uint8)
-    if not dark.any():
-        return
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(dark, connectivity=8)
     obstacle = evidence > _OBSTACLE_CELL
-    for label in range(1, count):
-        left, low, wide, high, area = stats[label]
-        if wide < 2 or high < 2 or area < 6 or wide > widths[low]:
-            continue
-        around = np.s_[max(0, low - 1) : low + high + 1, max(0, left - 1) : left + wide + 1]
-        mine = labels[around] == label
-        near = cv2.dilate(mine.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        touching = int(np.sum(near & obstacle[around]))
-        if touching < _NEIGHBOUR_SHARE * np.sqrt(area) * 2.0:
-            evidence[around][mine] = 1.0
+    for light in (SHADOWED, LIT):
+        blobs = np.asarray(evidence == np.float32(light), np.uint8)
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(blobs, connectivity=8)
+        wide, high, area = stats[:, 2], stats[:, 3], stats[:, 4]
+        small = (wide >= 2) & (high >= 2) & (area >= 6) & (wide <= widths[stats[:, 1]])
+        for label in np.flatnonzero(small[1:count]) + 1:
+            left, low = stats[label, :2]
+            around = np.s_[
+                max(0, low - 1) : low + high[label] + 1, max(0, left - 1) : left + wide[label] + 1
+            ]
+            mine = labels[around] == label
+            near = cv2.dilate(mine.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+            touching = np.sum(near & obstacle[around])
+            if light == LIT or touching < _NEIGHBOUR_SHARE * 2.0 * np.sqrt(area[label]):
+                evidence[around][mine] = 1.0
 
 
 @compiled
 def _first_cells(
     evidence: NDArray[np.float32],
+    feet: NDArray[np.intp],
     first: NDArray[np.intp],
     beyond: NDArray[np.intp],
     last: int,
@@ -151,7 +186,7 @@ def _first_cells(
             total = np.float32(0.0)
             for row in (i, i + 1):
                 total += evidence[row, left] + evidence[row, c] + evidence[row, right]
-            if total > 6.0 * _ENOUGH and evidence[i, c] > 0.0:
+            if i == feet[c] or (evidence[i, c] > 0.0 and total > 6.0 * _ENOUGH):
                 kinds[c] = BLOCKED if i == first[c] else FOUND
                 cells[c] = i
                 break

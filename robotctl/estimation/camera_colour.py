@@ -23,19 +23,29 @@ L_STEP: Final = 0.07
 C_STEP: Final = 0.02
 L_BINS: Final = 52
 C_BINS: Final = 48
-_DARK_OFFSET: Final = 6.0
+_DARK_OFFSET: Final = 10.0
 """Added to a channel of 0 to 255 before its logarithm: dark pixels are mostly noise."""
 _PER_LEVEL: Final = 4
 """Logarithms are looked up in steps of this fraction of a level of 255."""
 
 SHADOWED: Final = -0.25
 """Evidence of what is floor if it lies in a shadow."""
+LIT: Final = -0.125
+"""Evidence of what is floor if it lies in more light."""
 _SURE: Final = 3.0
 """Evidence stays within this and its negative, natural logarithms of odds."""
-_SHADOW_BINS: Final = 10
-"""A shadow darkens by so much at most: to half of the stored value, a fifth of the light."""
-_LIT_BINS: Final = 2
-"""Floor may be so much brighter than any of the patch."""
+_LIGHT_BINS: Final = 12
+"""Light on the floor differs by so much at most: by 2.3 in what is stored, 6 in what it was."""
+_SHADE_WEIGHT: Final = 0.1
+_SUN_WEIGHT: Final = 0.03
+"""Share of floor in a sharp shadow, and in the sun, against that in the light of the patch."""
+_BRIGHTER_BINS: Final = 2
+"""Floor in the same light may be so much brighter than any of the patch."""
+_SATURATED: Final = 246.0
+_DRIFT_HALF: Final = 10
+"""The light of a place is judged with so many columns to either side."""
+_DRIFT_GAIN: Final = 0.15
+"""The light of a row changes where that makes its cells so much more likely, in the mean."""
 
 
 def _logarithms() -> NDArray[np.float32]:
@@ -45,6 +55,8 @@ def _logarithms() -> NDArray[np.float32]:
 
 _LOGS: Final = _logarithms()
 _L_LEAST: Final = float(_LOGS[0])
+# Rows of the densities.
+FLOOR, SHADE, SUN, THING, WALL = range(5)
 _SHAPE: Final = (C_BINS, C_BINS, L_BINS)
 
 
@@ -114,10 +126,10 @@ def overlap(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
     return float(np.minimum(one, other).sum())
 
 
-def evidence(
+def log_densities(
     floor: NDArray[np.float32], above: NDArray[np.float32], prior: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return for each bin how much a colour speaks for an obstacle.
+    """Return what each colour says, as logarithms of densities, (5, bins).
 
     Parameters
     ----------
@@ -129,14 +141,44 @@ def evidence(
     Returns
     -------
     ndarray
-        log(p(colour | obstacle) / p(colour | floor)), (bins,), within 3; floor that may lie in a
-        shadow is exactly `SHADOWED`.
+        Rows `FLOOR`: floor in the light of the patch; `SHADE` and `SUN`: floor in less or more
+        light; `THING`: any obstacle; `WALL`: what may reach above the horizon.
     """
     # Dark pixels are noisy, and what light is left may have another colour.
     shades = cv2.blur(floor.reshape(_SHAPE), (3, 3), borderType=cv2.BORDER_REPLICATE).reshape(-1)
-    table = np.empty(len(floor), np.float32)
-    _evidence(floor, np.asarray(shades, np.float32), above, prior, table)
-    return table
+    logs = np.empty((5, len(floor)), np.float32)
+    _densities(floor, np.asarray(shades, np.float32), above, prior, logs)
+    np.log(logs, out=logs)
+    return logs
+
+
+def evidence(
+    logs: NDArray[np.float32], prior: NDArray[np.float32], bins: NDArray[np.int32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return how much cells speak for an obstacle, in the light that they are in.
+
+    Light changes slowly over the floor, apart from the edges of shadows. From row to row it is
+    taken as a step of brightness brighter or darker where the floor's colours fit better so.
+
+    Parameters
+    ----------
+    logs
+        Of `log_densities`.
+    prior
+        As there.
+    bins
+        Colours of the cells, nearest row first, (n, columns).
+
+    Returns
+    -------
+    tuple
+        log(p(colour | obstacle) / p(colour | floor)), (n, columns), within 3, exactly `SHADOWED`
+        or `LIT` for what is floor if it is in a shadow or in the sun: for any obstacle, and for
+        one that reaches above the horizon.
+    """
+    found = np.empty((2, *bins.shape), np.float32)
+    _evidence(logs, logs[FLOOR] - np.log(prior), bins, found)
+    return found[0], found[1]
 
 
 def obstacle_prior() -> NDArray[np.float32]:
@@ -197,29 +239,80 @@ def _bin(colour: NDArray[np.float32], logs: NDArray[np.float32]) -> int:
 
 
 @compiled
-def _evidence(
+def _densities(
     floor: NDArray[np.float32],
     shades: NDArray[np.float32],
     above: NDArray[np.float32],
     prior: NDArray[np.float32],
-    table: NDArray[np.float32],
+    out: NDArray[np.float32],
 ) -> None:
-    """Fill `table`, one line of brightness after the other."""
-    low, high = np.float32(-_SURE), np.float32(_SURE)
+    """Fill `out`, one line of brightness after the other."""
+    saturated = int((np.log(_SATURATED + _DARK_OFFSET) - _L_LEAST) / L_STEP)
+    most = floor.max()
     for start in range(0, len(floor), L_BINS):
         for light in range(L_BINS):
             k = start + light
             core = floor[k]
-            for step in range(1, _LIT_BINS + 1):
-                if light >= step:
-                    core = max(core, np.float32(0.5) * floor[k - step])
-            shade = np.float32(0.0)
-            for step in range(1, min(_SHADOW_BINS, L_BINS - 1 - light) + 1):
+            for step in range(1, min(_BRIGHTER_BINS, light) + 1):
+                core = max(core, np.float32(0.5) * floor[k - step])
+            shade, sun = np.float32(1e-12), np.float32(1e-12)
+            for step in range(1, min(_LIGHT_BINS, L_BINS - 1 - light) + 1):
                 shade = max(shade, shades[k + step])
-            shade *= np.float32(0.1)
-            obstacle = np.float32(0.7) * prior[k] + np.float32(0.3) * above[k]
-            value = np.log(obstacle / (core + np.float32(1e-3) * prior[k]))
-            value = min(max(value, low), high)
-            if value > np.float32(SHADOWED) and shade > obstacle:
-                value = np.float32(SHADOWED)
-            table[k] = value
+            for step in range(1, min(_LIGHT_BINS, light) + 1):
+                sun = max(sun, shades[k - step])
+            if light >= saturated:
+                sun = max(sun, np.float32(4.0) * most)
+            out[FLOOR, k] = core + np.float32(1e-3) * prior[k]
+            out[SHADE, k] = np.float32(_SHADE_WEIGHT) * shade
+            out[SUN, k] = np.float32(_SUN_WEIGHT) * sun
+            out[THING, k] = prior[k]
+            out[WALL, k] = np.float32(0.5) * (prior[k] + above[k])
+
+
+@compiled
+def _evidence(
+    logs: NDArray[np.float32],
+    fit: NDArray[np.float32],
+    bins: NDArray[np.int32],
+    found: NDArray[np.float32],
+) -> None:
+    """Fill `found`, one row after the other; `fit` is of the floor to each colour."""
+    n, columns = bins.shape
+    offset = np.zeros(columns, np.int32)
+    sums = np.zeros((3, columns + 1), np.float32)
+    most = np.float32(_SURE)
+    for i in range(n):
+        for c in range(columns):
+            base = bins[i, c] // L_BINS * L_BINS
+            at = bins[i, c] - base - offset[c]
+            for k in range(3):
+                place = base + min(max(at + 1 - k, 0), L_BINS - 1)
+                sums[k, c + 1] = sums[k, c] + min(max(fit[place], -most), most)
+        for c in range(columns):
+            left, right = max(c - _DRIFT_HALF, 0), min(c + _DRIFT_HALF + 1, columns)
+            least = np.float32(_DRIFT_GAIN * (right - left)) + sums[1, right] - sums[1, left]
+            # The colour is looked up one bin up: the light is one bin darker.
+            darker, brighter = sums[0, right] - sums[0, left], sums[2, right] - sums[2, left]
+            if brighter > least and brighter >= darker:
+                offset[c] = min(offset[c] + 1, _LIGHT_BINS)
+            elif darker > least:
+                offset[c] = max(offset[c] - 1, -_LIGHT_BINS)
+            found[0, i, c] = _speaks(logs, THING, bins[i, c], offset[c])
+            found[1, i, c] = _speaks(logs, WALL, bins[i, c], offset[c])
+
+
+@compiled
+def _speaks(logs: NDArray[np.float32], kind: int, seen: int, offset: int) -> float:
+    """Return the evidence of one colour in light that is so many bins brighter."""
+    base = seen // L_BINS * L_BINS
+    shifted_back = base + min(max(seen - base - offset, 0), L_BINS - 1)
+    obstacle, floor = logs[kind, seen], logs[FLOOR, shifted_back]
+    value = min(max(obstacle - floor, -_SURE), _SURE)
+    # What is overexposed is so whatever its light.
+    shade, sun = logs[SHADE, shifted_back], max(logs[SUN, shifted_back], logs[SUN, seen])
+    other = max(shade, sun)
+    if value > SHADOWED and other > floor:
+        value = min(value, obstacle - other)
+        if value < 0.0:
+            return SHADOWED if shade >= sun else LIT
+    return value

@@ -43,6 +43,8 @@ class GroundCameraConfig:
     """Standard deviation of the calibrated angles of the camera [deg]."""
     height_sigma: float = 0.005
     """Standard deviation of the camera's calibrated height, as a share of it."""
+    obstacle_range_m: float = 2.5
+    """Single obstacles are told from walls up to here [m]."""
     obstacle_gap_m: float = 0.1
     """A boundary that leaps farther away by more than this ends an obstacle [m]."""
     obstacle_width_m: float = 1.2
@@ -57,6 +59,7 @@ class GroundCameraConfig:
             "patch_far_width_m",
             "obstacle_gap_m",
             "obstacle_width_m",
+            "obstacle_range_m",
         ):
             self._check(key, 0.0, 10.0)
         self._check("max_range_m", 0.1, 100.0)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation import camera_colour as colour
-from robotctl.estimation.camera_boundary import find_boundary, judge_shadows
+from robotctl.estimation.camera_boundary import find_boundary, judge_lights
 from robotctl.estimation.camera_config import GroundCameraConfig
 from robotctl.estimation.camera_obstacles import GroundObstacle, find_obstacles
 from robotctl.estimation.camera_patch import PARTS, judge_patch
-from robotctl.estimation.camera_scan import beam_scan, column_ranges
+from robotctl.estimation.camera_scan import ColumnRanges, beam_scan, column_ranges
 from robotctl.estimation.camera_strip import GroundStrip
 from robotctl.model.camera_geometry import CameraGeometry
 from robotctl.model.range_scan import RangeScan
@@ -117,10 +117,12 @@ class GroundCamera:
         above = colour.smoothed(colour.count(bins[self._above]))
         if not why and colour.overlap(floor, above) > _SAME_ABOVE:
             why = "what is above the horizon looks like the floor: they cannot be told apart"
-        evidence = colour.evidence(floor, above, self._prior)[bins]
-        judge_shadows(evidence[: self._horizon], self._widths)
+        logs = colour.log_densities(floor, above, self._prior)
+        evidence, walls = colour.evidence(logs, self._prior, bins)
+        judge_lights(evidence[: self._horizon], self._widths)
         boundary = find_boundary(
             evidence,
+            walls,
             pixels,
             means,
             self.strip.edges,
@@ -129,9 +131,9 @@ class GroundCamera:
             self._last,
             self._horizon,
         )
-        ranges, sigmas = column_ranges(self.strip, boundary, self._config)
-        scan = beam_scan(self.strip, ranges, sigmas, stamp_ns, self._config)
-        obstacles = find_obstacles(self.strip, boundary, ranges, sigmas, evidence, self._config)
+        ranges = column_ranges(self.strip, boundary, self._config)
+        scan = beam_scan(self.strip, ranges, stamp_ns, self._config)
+        obstacles = find_obstacles(self.strip, boundary, ranges, evidence, self._config)
         return GroundView(scan, obstacles, not why, why)
 
     def _learn(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> str:
@@ -155,7 +157,9 @@ class GroundCamera:
     def _blind(self, stamp_ns: int, why: str) -> GroundView:
         """Return a view that judges nothing."""
         nothing = np.full(len(self.strip.bearings_rad), np.nan)
-        scan = beam_scan(self.strip, nothing, nothing, stamp_ns, self._config)
+        scan = beam_scan(
+            self.strip, ColumnRanges(nothing, nothing, nothing, nothing), stamp_ns, self._config
+        )
         return GroundView(scan, (), False, why)
 
 

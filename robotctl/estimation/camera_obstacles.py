@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.camera_boundary import FOUND, Boundary
 from robotctl.estimation.camera_config import GroundCameraConfig
+from robotctl.estimation.camera_scan import ColumnRanges
 from robotctl.estimation.camera_strip import GroundStrip
 
 _GAP_SHARE: Final = 0.03
 """Ranges of one thing may differ by this share of them more than the gap, from column to column."""
 _BRIDGED: Final = 2
 """So many columns without a fitting range do not part one thing."""
+_CERTAIN: Final = 1.0
+"""Mean evidence of a thing, at least."""
 _ASPECT_SIGMA: Final = 0.25
 """A thing is as deep as it is wide; the standard deviation of its middle is this share of it."""
 
@@ -60,12 +63,13 @@ class GroundObstacle:
 def find_obstacles(
     strip: GroundStrip,
     boundary: Boundary,
-    ranges: NDArray[np.float64],
-    sigmas: NDArray[np.float64],
+    columns: ColumnRanges,
     evidence: NDArray[np.float32],
     config: GroundCameraConfig,
 ) -> tuple[GroundObstacle, ...]:
     """Return what stands free: the floor goes on behind it on both sides.
+
+    What the picture cuts at one side is told from a wall by its upper edge, below the horizon.
 
     Parameters
     ----------
@@ -73,30 +77,53 @@ def find_obstacles(
         Tells bearings and heights.
     boundary
         The lowest boundary of each column.
-    ranges, sigmas
-        Of the columns, (columns,) [m].
+    columns
+        How far that is.
     evidence
         For an obstacle, of coarse cells, (n, columns).
     config
         The least and the largest size.
     """
     found = []
-    for first, last in _runs(ranges, boundary.kinds == FOUND, config.obstacle_gap_m):
-        left = _goes_on_behind(ranges, sigmas, first, -1, config.obstacle_gap_m)
-        right = _goes_on_behind(ranges, sigmas, last, 1, config.obstacle_gap_m)
+    for first, last in _runs(columns.ranges_m, boundary.kinds == FOUND, config.obstacle_gap_m):
+        if np.nanmin(columns.ranges_m[first : last + 1]) > config.obstacle_range_m:
+            continue
+        left = _goes_on_behind(columns, first, -1, config.obstacle_gap_m)
+        right = _goes_on_behind(columns, last, 1, config.obstacle_gap_m)
         if left is False or right is False or (left is None and right is None):
             continue
         mine = np.arange(first, last + 1)
-        mine = mine[np.isfinite(ranges[mine]) & (boundary.kinds[mine] == FOUND)]
-        obstacle = _measure(
-            strip, boundary, ranges, sigmas, evidence, mine, left is None or right is None
-        )
+        mine = mine[np.isfinite(columns.ranges_m[mine]) & (boundary.kinds[mine] == FOUND)]
+        if _extent(strip, columns, mine) > config.obstacle_width_m or not _certain(
+            evidence, boundary.cells[mine], mine
+        ):
+            continue
+        obstacle = _measure(strip, boundary, columns, evidence, mine, left is None or right is None)
         if (
-            config.least_width_m <= obstacle.width_m <= config.obstacle_width_m
+            obstacle.width_m >= config.least_width_m
             and obstacle.height_m >= config.least_height_m
+            and not (obstacle.cut and math.isinf(obstacle.height_m))
         ):
             found.append(obstacle)
     return tuple(found)
+
+
+def _extent(strip: GroundStrip, columns: ColumnRanges, mine: NDArray[np.intp]) -> float:
+    """Return how far apart the two ends of a boundary are [m]."""
+    ends = mine[[0, -1]]
+    bearings, ranges = strip.bearings_rad[ends], columns.ranges_m[ends]
+    return math.hypot(
+        *np.diff([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1).ravel()
+    )
+
+
+def _certain(
+    evidence: NDArray[np.float32], cells: NDArray[np.intp], mine: NDArray[np.intp]
+) -> bool:
+    """Tell whether what stands on a boundary is an obstacle by itself, not with its neighbours."""
+    second = np.minimum(cells + 1, len(evidence) - 1)
+    body = np.maximum(evidence[cells, mine], evidence[second, mine])
+    return bool(body.mean() >= _CERTAIN)
 
 
 def _runs(
@@ -114,24 +141,25 @@ def _runs(
     return [(int(columns[a]), int(columns[b])) for a, b in zip(starts, ends, strict=True)]
 
 
-def _goes_on_behind(
-    ranges: NDArray[np.float64], sigmas: NDArray[np.float64], end: int, step: int, gap_m: float
-) -> bool | None:
+def _goes_on_behind(columns: ColumnRanges, end: int, step: int, gap_m: float) -> bool | None:
     """Tell whether the floor beside an end goes on behind it; None: nothing is known of there."""
     beside = np.array([end + step * k for k in range(1, _BRIDGED + 2)])
-    beside = beside[(beside >= 0) & (beside < len(ranges))]
-    beside = beside[~np.isnan(ranges[beside])]
+    beside = beside[(beside >= 0) & (beside < len(columns.ranges_m))]
+    # Where the picture ends, what is seen of the floor has to reach beyond.
+    farther = columns.floor_m[beside] - columns.ranges_m[end]
+    judged = ~np.isnan(columns.ranges_m[beside]) | (farther > gap_m)
+    beside = beside[judged]
     if beside.size == 0:
         return None
-    noise = np.hypot(np.nan_to_num(sigmas[beside]), sigmas[end])
-    return bool(np.all(ranges[beside] > ranges[end] + gap_m + 3.0 * noise))
+    noise = np.hypot(np.nan_to_num(columns.own_m[beside]), columns.own_m[end])
+    farther = columns.floor_m[beside] - columns.ranges_m[end]
+    return bool(np.all(farther > gap_m + 3.0 * noise))
 
 
 def _measure(
     strip: GroundStrip,
     boundary: Boundary,
-    ranges: NDArray[np.float64],
-    sigmas: NDArray[np.float64],
+    columns: ColumnRanges,
     evidence: NDArray[np.float32],
     mine: NDArray[np.intp],
     cut: bool,
@@ -142,11 +170,11 @@ def _measure(
     bearing = (strip.bearings_rad[first] + strip.bearings_rad[last]) / 2
     third = max(1, len(mine) // 6)
     middle = mine[len(mine) // 2 - third : len(mine) // 2 + third + 1]
-    range_m = float(np.median(ranges[middle]))
+    range_m = float(np.median(columns.ranges_m[middle]))
     width_m = range_m * (last - first + 1) * column_rad
     along = np.array([math.cos(bearing), math.sin(bearing)])
     across = np.array([-along[1], along[0]])
-    sigma_along = float(np.median(sigmas[middle]))
+    sigma_along = float(np.median(np.hypot(columns.own_m, columns.common_m)[middle]))
     sigma_across = math.hypot(range_m * column_rad, 0.05 * width_m)
     foot = strip.camera.t_base_camera[:2] + range_m * along
 

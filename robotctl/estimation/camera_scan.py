@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.camera_boundary import BLOCKED, FOUND, FREE, Boundary
+from robotctl.estimation.camera_boundary import BLOCKED, FOUND, FREE, UNSEEN, Boundary
 from robotctl.estimation.camera_config import GroundCameraConfig
 from robotctl.estimation.camera_strip import GroundStrip
 from robotctl.model.range_scan import RangeScan
@@ -17,10 +18,36 @@ _TOGETHER: Final = 0.1
 """Columns of one beam that differ by no more than this share of their range see one thing."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ColumnRanges:
+    """How far the floor goes in each column of the strip.
+
+    Attributes
+    ----------
+    ranges_m
+        (columns,) [m]: inf where nothing is in reach, nan where nothing was judged.
+    own_m
+        Standard deviation by what differs from column to column, (columns,) [m]; nan where there
+        is no range.
+    common_m
+        That by what all columns share, pitch and calibration, (columns,) [m]; nan as there.
+    floor_m
+        How far floor was seen, also where the picture ends before anything else, (columns,) [m].
+    """
+
+    ranges_m: NDArray[np.float64]
+    own_m: NDArray[np.float64]
+    common_m: NDArray[np.float64]
+    floor_m: NDArray[np.float64]
+
+
 def column_ranges(
     strip: GroundStrip, boundary: Boundary, config: GroundCameraConfig
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the range of each column and its standard deviation.
+) -> ColumnRanges:
+    """Return how far it is to the lowest boundary of each column.
+
+    To first order: with r = h / tan d, of the camera's height h and the depression d below the
+    horizon, dr/dd = -(r^2 + h^2) / h and dr/dh = r / h.
 
     Parameters
     ----------
@@ -30,61 +57,33 @@ def column_ranges(
         The lowest boundary of each column.
     config
         The noise of boundary, pitch, calibration and height.
-
-    Returns
-    -------
-    tuple
-        Ranges (columns,) [m]: inf where nothing is in reach, nan where nothing was judged; standard
-        deviations (columns,) [m], nan where there is no range.
     """
-    ranges = np.full(len(boundary.rows), np.nan)
-    sigmas = np.full(len(boundary.rows), np.nan)
+    ranges, own, common = (np.full(len(boundary.rows), np.nan) for _ in range(3))
     found = np.flatnonzero(boundary.kinds == FOUND)
-    rows = boundary.rows[found]
-    ranges[found] = strip.ranges_at(rows)
-    sigmas[found] = range_sigmas(strip, rows, found, boundary.noise_rows[found], config)
+    rows, h = boundary.rows[found], strip.height_m
+    r = ranges[found] = strip.ranges_at(rows)
+    nearest = np.clip(np.rint(rows).astype(np.intp), 0, len(strip.depression_rad) - 2)
+    row_rad = strip.depression_rad[nearest] - strip.depression_rad[nearest + 1]
+    pixel_rows = strip.pixel_rows[nearest, found]
+    noise_rows = np.hypot(config.boundary_sigma_px * pixel_rows, boundary.noise_rows[found])
+    per_rad = (r**2 + h**2) / h
+    own[found] = per_rad * noise_rows * row_rad
+    angle_rad = math.radians(math.hypot(config.pitch_sigma_deg, config.calibration_sigma_deg))
+    common[found] = np.hypot(per_rad * angle_rad, r * config.height_sigma)
     blocked = np.flatnonzero(boundary.kinds == BLOCKED)
     # It stands somewhere before the first floor that could be seen.
     ranges[blocked] = strip.ranges_m[strip.first_rows[blocked]]
-    sigmas[blocked] = ranges[blocked] / 3.0
+    own[blocked], common[blocked] = ranges[blocked] / 3.0, 0.0
     ranges[boundary.kinds == FREE] = np.inf
     far = ranges > config.max_range_m
     ranges[far] = np.inf
-    sigmas[far] = np.nan
-    return ranges, sigmas
-
-
-def range_sigmas(
-    strip: GroundStrip,
-    rows: NDArray[np.float64],
-    columns: NDArray[np.intp],
-    noise_rows: NDArray[np.float64],
-    config: GroundCameraConfig,
-) -> NDArray[np.float64]:
-    """Return the standard deviation of ranges on the floor, to first order, (n,) [m].
-
-    With r = h / tan d, of the camera's height h and the depression d below the horizon,
-    dr/dd = -(r^2 + h^2) / h and dr/dh = r / h.
-    """
-    ranges = strip.ranges_at(rows)
-    h = strip.height_m
-    nearest = np.clip(np.rint(rows).astype(np.intp), 0, len(strip.depression_rad) - 2)
-    row_rad = strip.depression_rad[nearest] - strip.depression_rad[nearest + 1]
-    sigma_rows = np.hypot(config.boundary_sigma_px * strip.pixel_rows[nearest, columns], noise_rows)
-    angle_rad = np.radians(math.hypot(config.pitch_sigma_deg, config.calibration_sigma_deg))
-    sigma_rad = np.hypot(sigma_rows * row_rad, angle_rad)
-    sigmas: NDArray[np.float64] = np.hypot(
-        (ranges**2 + h**2) / h * sigma_rad, ranges * config.height_sigma
-    )
-    return sigmas
+    own[far] = common[far] = np.nan
+    floor = np.where(boundary.kinds == UNSEEN, strip.floor_m, ranges)
+    return ColumnRanges(ranges, own, common, floor)
 
 
 def beam_scan(
-    strip: GroundStrip,
-    ranges: NDArray[np.float64],
-    sigmas: NDArray[np.float64],
-    stamp_ns: int,
-    config: GroundCameraConfig,
+    strip: GroundStrip, columns: ColumnRanges, stamp_ns: int, config: GroundCameraConfig
 ) -> RangeScan:
     """Return the columns as a fan of beams from the camera's foot point.
 
@@ -95,13 +94,14 @@ def beam_scan(
     ----------
     strip
         Tells the bearings of columns and the foot point.
-    ranges, sigmas
-        Of the columns, (columns,) [m].
+    columns
+        Their ranges.
     stamp_ns
         Time of the picture [ns].
     config
         Number of beams and reach.
     """
+    ranges, sigmas = columns.ranges_m, np.hypot(columns.own_m, columns.common_m)
     groups = np.array_split(np.arange(len(ranges)), min(config.beams, len(ranges)))
     angles, beam_ranges, beam_sigmas = (np.full(len(groups), np.nan) for _ in range(3))
     for k, group in enumerate(groups):

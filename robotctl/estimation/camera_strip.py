@@ -51,6 +51,8 @@ class GroundStrip:
     first_rows
         The first row that is judged, of each column, (columns,); the number of rows where there is
         none.
+    floor_m
+        How far the picture shows the floor without a break, (columns,) [m].
     horizon_row
         The first row that is not on the floor.
     edges
@@ -186,6 +188,9 @@ class GroundStrip:
         judged[self.horizon_row :] = False
         first = np.argmax(judged, axis=0)
         self.first_rows = np.where(judged.any(axis=0), first, rows)
+        after = ~self.seen & (np.arange(rows)[:, None] >= first)
+        ends = np.where(after.any(axis=0), np.argmax(after, axis=0), rows) - 1
+        self.floor_m = np.where(judged.any(axis=0), self.ranges_m[ends], 0.0)
 
     def _coarse(self, config: GroundCameraConfig) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the coarse rows' edges, and half their columns' windows."""
@@ -200,7 +205,7 @@ class GroundStrip:
             if row < self.horizon_row:
                 step = int(np.sum(self.depression_rad[row:] > top)) // 2
             edges.append(min(row + max(2, step), len(self.depression_rad)))
-            halves.append(int(config.least_width_m / range_m / column_rad / 4))
+            halves.append(max(1, int(config.least_width_m / range_m / column_rad / 4)))
         return np.array(edges), np.array(halves)
 
     def _nearest_m(self) -> float:
