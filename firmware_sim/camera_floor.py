@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -36,12 +37,14 @@ class Texture:
     starts: np.ndarray
 
 
+@lru_cache(maxsize=8)
 def floor_texture(name: str, seed: int) -> Texture:
     """Draw the pattern of a floor: `tiles`, `wood`, `carpet` or `concrete`."""
     rng = np.random.default_rng([seed, 1])
     return _with_copies(_PATTERNS[name](rng))
 
 
+@lru_cache(maxsize=8)
 def plaster_texture(seed: int) -> Texture:
     """Draw the grain of walls and furniture: grey, 128 in the mean."""
     rng = np.random.default_rng([seed, 2])
