@@ -15,13 +15,13 @@ from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.localiser import Seen, external_covariance
 from robotctl.app.mapper import Mapper
 from robotctl.app.odometry_history import OdometryHistory
-from robotctl.app.scan_messages import lidar_scan
+from robotctl.app.scan_messages import camera_scan, lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
-from robotctl.runtime.estimation_messages import LidarScan, LocalisationState
+from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
 from robotctl.runtime.located import located
 from robotctl.runtime.messages import ControlState, ExternalPose
 from tests.runtime.test_located import STATE
@@ -195,6 +195,48 @@ def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
     assert mapper.live_map(0) is None
     mapper.step(msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen)
     assert mapper.live_map(0) is not None
+
+
+def view(
+    stamp_ns: int, range_m: float, sigma_m: float, trouble: str = "", bearing_rad: float = 0.0
+) -> CameraView:
+    """Return what a camera at `base` sees of a wall across its line of sight."""
+    beams = np.linspace(0.4, -0.4, 41)
+    angles, ranges = (
+        tuple((bearing_rad + beams).tolist()),
+        tuple((range_m / np.cos(beams)).tolist()),
+    )
+    sigmas = (sigma_m,) * len(beams)
+    return CameraView(stamp_ns, 0.0, 0.0, 4.0, angles, ranges, sigmas, trouble=trouble)
+
+
+@pytest.mark.parametrize(("sigma_m", "drawn"), [(0.02, True), (0.2, False)])
+def test_the_camera_draws_what_it_is_sure_of(sigma_m: float, drawn: bool) -> None:
+    history = OdometryHistory()
+    history.add(0, SE2(1.0, 1.0, 0.0))
+    mapper = Mapper(OccupancyGrid(), (), history)
+    mapper.step(None, Seen(views=[camera_scan(view(0, 1.5, sigma_m))]))
+    grid = mapper.grid.to_map(0.6)
+    walls = grid.centre_of(np.argwhere(grid.occupied()))
+    assert bool(len(walls)) is drawn
+    assert np.all(np.abs(walls[:, 0] - 2.5) < 0.1)
+
+
+def test_particles_go_by_what_the_camera_sees_but_not_by_pictures_that_it_does_not_trust(
+    world: Path,
+) -> None:
+    settings = ('localisation.method="mcl"', 'localisation.sensors=["camera"]')
+    found = {}
+    for trouble in ("", "glare"):
+        several = estimators(world, *settings)
+        for step in range(60):
+            now_ns = 50 * MS * step
+            here = SE2(1.0 + 0.01 * step, 1.0, 0.0)
+            # The wall behind, at x 0: x is 0.15 m less than the robot was told.
+            behind = view(now_ns, here.x_m - 0.15, 0.02, trouble, bearing_rad=math.pi)
+            found[trouble] = several.step(control(now_ns, here), [behind], (), now_ns)
+    assert found[""].x_m == pytest.approx(-0.15, abs=0.06)
+    assert found["glare"].x_m == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,69 @@
+"""From pictures to messages and back to scans."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.ground_watch import GroundWatch
+from robotctl.app.scan_messages import camera_scan
+from robotctl.errors import ConfigError
+from robotctl.runtime.estimation_messages import CameraView
+
+
+@pytest.fixture(scope="module")
+def config():
+    return load_robot(find_file("diff_drive"), ("camera.enabled=true",))
+
+
+@pytest.fixture(scope="module")
+def watch(config):
+    return GroundWatch(config.camera, config.ground_camera)
+
+
+def picture(config, horizon_row=None, seed=0):
+    """A grey floor of noise under a red wall."""
+    lens = config.camera.intrinsics
+    rng = np.random.default_rng(seed)
+    image = rng.integers(110, 130, (lens.height_px, lens.width_px, 3), dtype=np.uint8)
+    if horizon_row is not None:
+        image[:horizon_row] = (40, 40, 200)
+    return image
+
+
+def test_a_view_survives_the_way_to_another_process(config, watch):
+    seen = watch.look(picture(config, 200), 17)
+    again = msgspec.msgpack.decode(msgspec.msgpack.encode(seen), type=CameraView)
+    scan = camera_scan(again)
+    assert again.trouble == ""
+    assert scan.stamp_ns == 17
+    assert len(scan.ranges_m) == config.ground_camera.beams
+    assert scan.x_m == pytest.approx(config.camera.mount.x_m)
+    measured = np.isfinite(scan.ranges_m)
+    assert measured.mean() > 0.8
+    assert np.all(scan.sigmas_m[measured] > 0.0)
+
+
+def test_a_wall_nearer_in_the_picture_is_nearer_in_metres(config, watch):
+    far, near = (
+        np.nanmedian(camera_scan(watch.look(picture(config, row), 0)).ranges_m)
+        for row in (200, 300)
+    )
+    assert near < 0.7 * far
+
+
+def test_a_picture_of_another_size_is_not_judged_and_says_so(watch):
+    seen = watch.look(np.zeros((10, 20, 3), np.uint8), 5)
+    assert seen.trouble == "a picture of 20 x 10 px, not as calibrated"
+    assert seen.stamp_ns == 5
+    assert seen.ranges_m == ()
+
+
+def test_a_camera_that_sees_no_floor_is_refused_with_its_table(config):
+    skywards = replace(config.camera, mount=replace(config.camera.mount, pitch_deg=-80.0))
+    with pytest.raises(ConfigError, match="camera: "):
+        GroundWatch(skywards, config.ground_camera)
