@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.camera_colour import LIT, SHADOWED
+from robotctl.estimation.camera_colour import L_BINS, LIT, SHADOWED
 from robotctl.estimation.compiled import compiled
 
 FREE: Final = 0
@@ -26,8 +27,12 @@ _ENOUGH: Final = 0.7
 _ABOVE_ROWS: Final = 3
 _WALL_ENOUGH: Final = 2.0
 """Evidence for a wall, summed from so many coarse rows above the horizon down to its foot."""
-_NOT_FLOOR: Final = 0.3
+_NOT_FLOOR: Final = 0.6
+"""A column is free only if so much of it above the horizon would have been told from floor."""
 _OBSTACLE_CELL: Final = 0.5
+_SHARP_BINS: Final = 5.0
+"""A thing differs from the floor right beside it by so many bins of brightness, 1.4 : 1."""
+_THING: Final = 1.5
 _NEIGHBOUR_SHARE: Final = 0.3
 """A dark blob is the shadow of obstacle cells beside it if they are at least this share of it."""
 _EDGE_ROWS: Final = 3
@@ -132,17 +137,21 @@ def wall_feet(walls: NDArray[np.float32], horizon: int) -> NDArray[np.intp]:
     return np.where(sure, foot, n)
 
 
-def judge_lights(evidence: NDArray[np.float32], widths: NDArray[np.float64]) -> None:
+def judge_lights(
+    evidence: NDArray[np.float32], bins: NDArray[np.int32], widths: NDArray[np.float64]
+) -> None:
     """Turn blobs of the floor's colour that no light explains into obstacles, in place.
 
     A shadow lies beside what casts it. A small dark blob that stands alone may be the shadow of
     something out of the picture, or a dark thing of the floor's colour; a small bright blob may be
-    a patch of sun, or a bright thing: the robot is told the thing.
+    a patch of sun, or a bright thing: the robot is told the thing, if its edge is sharp.
 
     Parameters
     ----------
     evidence
         For an obstacle, of coarse cells, (n, columns); changed.
+    bins
+        Their colours, (n, columns).
     widths
         Columns that a single obstacle covers at most, of each coarse row, (n,).
     """
@@ -158,10 +167,19 @@ def judge_lights(evidence: NDArray[np.float32], widths: NDArray[np.float64]) -> 
                 max(0, low - 1) : low + high[label] + 1, max(0, left - 1) : left + wide[label] + 1
             ]
             mine = labels[around] == label
-            near = cv2.dilate(mine.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-            touching = np.sum(near & obstacle[around])
-            if light == LIT or touching < _NEIGHBOUR_SHARE * 2.0 * np.sqrt(area[label]):
-                evidence[around][mine] = 1.0
+            near = (cv2.dilate(mine.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~mine
+            touching = near & obstacle[around]
+            brightness = bins[around] % L_BINS
+            step = _mean_of(brightness, mine) - _mean_of(brightness, near & ~touching)
+            if abs(step) < _SHARP_BINS:
+                continue
+            if light == LIT or touching.sum() < _NEIGHBOUR_SHARE * 2.0 * np.sqrt(area[label]):
+                evidence[around][mine] = _THING
+
+
+def _mean_of(values: NDArray[np.int32], which: NDArray[np.bool_]) -> float:
+    """Return the mean of some values, nan for none."""
+    return float(values[which].mean()) if which.any() else math.nan
 
 
 @compiled

@@ -2,8 +2,8 @@
 
 A colour is log brightness and two log ratios of its channels. A lamp that is nearer, a shadow or
 another exposure moves all channels alike, also behind the camera's gamma, so it moves the
-brightness and leaves the ratios. Densities are histograms, so tiles of two colours are no special case
-(Ulrich and Nourbakhsh 2000, "Appearance-based obstacle detection with monocular color vision",
+brightness and leaves the ratios. Densities are histograms, so tiles of two colours are no special
+case (Ulrich and Nourbakhsh 2000, "Appearance-based obstacle detection with monocular color vision",
 learn them from the area before the robot). What is seen above the horizon cannot be floor: its
 colours speak for an obstacle.
 """
@@ -307,12 +307,12 @@ def _speaks(logs: NDArray[np.float32], kind: int, seen: int, offset: int) -> flo
     base = seen // L_BINS * L_BINS
     shifted_back = base + min(max(seen - base - offset, 0), L_BINS - 1)
     obstacle, floor = logs[kind, seen], logs[FLOOR, shifted_back]
-    value = min(max(obstacle - floor, -_SURE), _SURE)
+    value = float(min(max(obstacle - floor, -_SURE), _SURE))
     # What is overexposed is so whatever its light.
     shade, sun = logs[SHADE, shifted_back], max(logs[SUN, shifted_back], logs[SUN, seen])
     other = max(shade, sun)
     if value > SHADOWED and other > floor:
-        value = min(value, obstacle - other)
+        value = min(value, float(obstacle - other))
         if value < 0.0:
             return SHADOWED if shade >= sun else LIT
     return value

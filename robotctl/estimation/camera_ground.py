@@ -36,7 +36,7 @@ class GroundView:
     scan
         Ranges to the lowest boundary of the floor, from the camera's foot point in `base`.
     obstacles
-        What stands free on the floor.
+        What stands free on the floor; none where not trusted.
     trusted
         Whether the floor was told from the rest. If not, the scan is all nan (nothing judged), or
         what the floor known from earlier pictures says, which errs to the near side.
@@ -119,7 +119,7 @@ class GroundCamera:
             why = "what is above the horizon looks like the floor: they cannot be told apart"
         logs = colour.log_densities(floor, above, self._prior)
         evidence, walls = colour.evidence(logs, self._prior, bins)
-        judge_lights(evidence[: self._horizon], self._widths)
+        judge_lights(evidence[: self._horizon], bins[: self._horizon], self._widths)
         boundary = find_boundary(
             evidence,
             walls,
@@ -133,8 +133,10 @@ class GroundCamera:
         )
         ranges = column_ranges(self.strip, boundary, self._config)
         scan = beam_scan(self.strip, ranges, stamp_ns, self._config)
-        obstacles = find_obstacles(self.strip, boundary, ranges, evidence, self._config)
-        return GroundView(scan, obstacles, not why, why)
+        obstacles = find_obstacles(
+            self.strip, boundary, ranges, np.maximum(evidence, walls), self._config
+        )
+        return GroundView(scan, () if why else obstacles, not why, why)
 
     def _learn(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> str:
         """Take the free patch into what is known of the floor; return why not, if not."""

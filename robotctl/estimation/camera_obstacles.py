@@ -152,8 +152,7 @@ def _goes_on_behind(columns: ColumnRanges, end: int, step: int, gap_m: float) ->
     if beside.size == 0:
         return None
     noise = np.hypot(np.nan_to_num(columns.own_m[beside]), columns.own_m[end])
-    farther = columns.floor_m[beside] - columns.ranges_m[end]
-    return bool(np.all(farther > gap_m + 3.0 * noise))
+    return bool(np.mean(farther[judged] > gap_m + 3.0 * noise) > 0.5)
 
 
 def _measure(
