@@ -1,11 +1,12 @@
 """Our own recordings as drives: the folder of `--record DIR`, or one `robot-0001.mcap` of it.
 
-Odometry and sonar ranges come from the topic `control`, scans from the topic `lidar`, what the
-robot believed of its place from `localisation`, where the sonars sit from `control-0001.rec` beside
-it, the reference from `truth.tum` in the folder, where there is one (its times are those of the
-log). All of a folder is taken for one robot. JSON knows no infinity: a beam of the lidar without a
-range is inf there; a sonar without one has heard no echo if its time is new, since the time of one
-that failed or is not there stays. See docs/logs.md.
+Odometry comes from the topic `control`, scans from the topic `lidar`, what the robot believed of
+its place from `localisation`. Where the sonars sit and what they heard is in `control-0001.rec`
+beside it; without that their ranges come from `control` too. The reference is `truth.tum` in the
+folder, where there is one (its times are those of the log). All of a folder is taken for one robot.
+JSON knows no infinity: a beam of the lidar without a range is inf there; a sonar without one has
+heard no echo if its time is new, since the time of one that failed or is not there stays. See
+docs/logs.md.
 """
 
 from __future__ import annotations
@@ -28,15 +29,17 @@ from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount, SonarReading
+from robotctl.model.sonar import SonarMount, SonarReading, listening_ns
 from robotctl.model.trajectory import Trajectory
-from robotctl.runtime.recorder import RecordError, read_record
+from robotctl.runtime.messages import SonarFeedback
+from robotctl.runtime.recorder import RecordError, Tick, read_record
 from robotctl.runtime.sonar_news import SonarNews
 from robotctl.telemetry.log_text import LogFormatError, in_order
 from robotctl.telemetry.mcap_log import whole_records
 from robotctl.telemetry.tum import read_tum
 
 TRUTH: Final = "truth.tum"
+_LATE_NS: Final = 500_000_000
 _REACH_M: Final = 4.0
 """So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
 
@@ -127,6 +130,7 @@ def read_own(path: Path) -> Recording:
         in_order(np.array([stamp_ns for stamp_ns, _ in content.control]))[0],
         np.array([(state.x_m, state.y_m, state.theta_rad) for _, state in content.control]),
     )
+    mounts, frames = _control_records(folder, content.notes)
     truth = folder / TRUTH
     reference = read_tum(truth) if truth.exists() else None
     return Recording(
@@ -135,8 +139,8 @@ def read_own(path: Path) -> Recording:
         odometry=odometry,
         reference=reference,
         believed=_believed(content.believed, odometry),
-        sonars=tuple(_sonars(content.control, odometry)),
-        sonar_mounts=_mounts(folder, content.notes),
+        sonars=tuple(_sonars(content.control, odometry, frames)),
+        sonar_mounts=mounts,
         notes=tuple(content.notes),
     )
 
@@ -174,16 +178,26 @@ def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
                 yield topics[record.channel_id], record
 
 
-def _mounts(folder: Path, notes: list[str]) -> tuple[SonarMount, ...]:
-    """Return where the sonars sit, by the configuration in a record of the control loop."""
+def _control_records(
+    folder: Path, notes: list[str]
+) -> tuple[tuple[SonarMount, ...], list[SonarFeedback]]:
+    """Return where the sonars sit and all that came from them, by the records of the control loop.
+
+    Both are empty where there is no such record.
+    """
+    mounts: tuple[SonarMount, ...] = ()
+    frames: list[SonarFeedback] = []
     for path in sorted(folder.glob("control-*.rec")):
         try:
             with path.open("rb") as file:
-                header, _ = read_record(file, str(path))
-            return msgspec.json.decode(header.robot_json, type=_Robot).sonar
+                header, entries = read_record(file, str(path))
+                mounts = msgspec.json.decode(header.robot_json, type=_Robot).sonar
+                for entry in entries:
+                    if isinstance(entry, Tick):
+                        frames += entry.inputs.feedback.sonars
         except (RecordError, msgspec.DecodeError) as error:
-            notes.append(f"where the sonars sit is not read: {error}")
-    return ()
+            notes.append(f"the record of the control loop is not read: {error}")
+    return mounts, frames
 
 
 def _believed(states: Sequence[tuple[int, _Believed]], odometry: Trajectory) -> Trajectory | None:
@@ -198,16 +212,44 @@ def _believed(states: Sequence[tuple[int, _Believed]], odometry: Trajectory) -> 
 
 
 def _sonars(
-    control: Sequence[tuple[int, _Control]], odometry: Trajectory
+    control: Sequence[tuple[int, _Control]],
+    odometry: Trajectory,
+    frames: Sequence[SonarFeedback],
 ) -> Iterator[RecordedSonar]:
-    """Yield the readings that are new in each state, with the times of the log."""
+    """Yield the readings with the times of the log.
+
+    States repeat the last range of each sonar and may miss one that was soon followed by another,
+    a missing echo most of all, which comes late. So the frames count where they were recorded.
+    """
     begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
-    news = SonarNews(_REACH_M)
-    for log_ns, state in control:
-        ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
-        for sent_ns, heard in news.take(state.stamp_ns, state.sonar_stamp_ns, ranges_m):
-            stamp_ns = min(max(sent_ns + log_ns - state.stamp_ns, begin_ns), end_ns)
+    epoch_ns = control[0][0] - control[0][1].stamp_ns
+    for sent_ns, heard in _of_frames(control, frames) if frames else _of_states(control):
+        stamp_ns = sent_ns + epoch_ns
+        if begin_ns - _LATE_NS <= stamp_ns <= end_ns + _LATE_NS:
+            stamp_ns = min(max(stamp_ns, begin_ns), end_ns)
             yield RecordedSonar(SonarReading(stamp_ns, heard), odometry.at(stamp_ns) or SE2())
+
+
+def _of_states(control: Sequence[tuple[int, _Control]]) -> Iterator[SonarReading]:
+    """Yield what is new in each state, with the robot's times."""
+    news = SonarNews(_REACH_M)
+    for _, state in control:
+        ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
+        yield from news.take(state.stamp_ns, state.sonar_stamp_ns, ranges_m)
+
+
+def _of_frames(
+    control: Sequence[tuple[int, _Control]], frames: Sequence[SonarFeedback]
+) -> Iterator[SonarReading]:
+    """Yield the ranges of each frame, with the robot's times."""
+    count = len(control[0][1].sonar_m)
+    for frame in frames:
+        heard = [math.nan] * count
+        own = frame.ranges_m[: max(count - frame.first, 0)]
+        heard[frame.first : frame.first + len(own)] = own
+        if not all(map(math.isnan, heard)):
+            sent_ns = frame.stamp_ns - listening_ns(heard, _REACH_M)
+            yield SonarReading(sent_ns, tuple(heard))
 
 
 def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:

@@ -1,0 +1,249 @@
+"""`robotctl characterise`: what a robot's sonars or lidar are like, from readings at known poses.
+
+The source is a log, or, without one, the simulated robot. See `docs/sensors.md`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.app.characterise_sources import (
+    LIDAR,
+    SENSORS,
+    SONAR,
+    Progress,
+    Source,
+    simulated_drive,
+    source_of_log,
+    taken,
+)
+from robotctl.app.config import RobotConfig, load_robot
+from robotctl.app.map_sensors import MapSensors
+from robotctl.app.tune_patch import round_figures
+from robotctl.errors import CalibrationError, ConfigError
+from robotctl.estimation.echo_expectations import EchoExpectations
+from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.estimation.log_likelihood import LogLikelihood
+from robotctl.estimation.sensor_fit import SensorFit, fit_sensor, reach_m
+from robotctl.model.se2 import SE2
+from robotctl.toml_source import nearest
+
+PARTICLE_SPREAD_M: Final = 0.05
+"""Particles stand about so far from the truth, so that even the best of them is off by it."""
+
+_CHECKED: Final = 400
+"""So many readings judge the new settings, at most."""
+_PLACES: Final = ((64, (0.05, 0.05, 0.03)), (256, (0.5, 0.5, 0.3)))
+"""Number and standard deviations of poses beside the true one: near and far [m, m, rad]."""
+_LEAST: Final = 0.01
+_MOST: Final = 0.45
+_BAND: Final = 2.0
+_NAMES: Final = {"garbage": "random", "short_per_m": "rate of short readings"}
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class CharacteriseOptions:
+    """What the user asked for.
+
+    Parameters
+    ----------
+    robot
+        The robot's file.
+    overrides
+        `key=value` settings on top of it.
+    log
+        A log; None: the simulated robot drives.
+    map
+        The room of a log: a world or a ROS map; for a simulated drive a world, else the mission's.
+    sensor
+        `sonar` or `lidar`; empty: sonar where the source has some.
+    seed
+        Of the simulated drive.
+    """
+
+    robot: Path
+    overrides: tuple[str, ...] = ()
+    log: Path | None = None
+    map: str = ""
+    sensor: str = ""
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.sensor not in ("", *SENSORS):
+            raise ConfigError(
+                f"--sensor {self.sensor}: must be {' or '.join(SENSORS)}"
+                f"{nearest(self.sensor, SENSORS)}"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Characterisation:
+    """What was found.
+
+    Parameters
+    ----------
+    options, config
+        What was asked for, and the robot as it is.
+    source
+        Where the readings come from.
+    fit
+        What they tell.
+    patched
+        The settings of the localiser with what was found.
+    told_before, told_after
+        How well a reading tells the true place from others near it, with the present settings and
+        with those found: see `_told` [nat].
+    """
+
+    options: CharacteriseOptions
+    config: RobotConfig
+    source: Source
+    fit: SensorFit
+    patched: LocalisationConfig
+    told_before: float
+    told_after: float
+
+    @property
+    def hidden(self) -> list[str]:
+        """What the data do not tell, in words."""
+        named = [(_NAMES.get(key, key), value) for key, value in self.fit.ranges.values.items()]
+        named.append(("max_incidence_deg", self.fit.incidence.limit))
+        if self.source.sensor == SONAR:
+            named.append(("max_range_m", self.fit.greatest_m))
+        return [f"{name}: {value.why_not}" for name, value in named if value.why_not]
+
+
+def characterise(
+    options: CharacteriseOptions, progress: Progress = lambda _line: None
+) -> Characterisation:
+    """Gather readings, fit, and try on them what follows for the localiser.
+
+    Raises
+    ------
+    ConfigError
+        If the robot, a setting, the map or an option is wrong.
+    LogFormatError
+        If the log cannot be read.
+    CalibrationError
+        If the data are too few, or their poses are not known.
+    SimulatorError
+        If the robot cannot be simulated.
+    """
+    config = load_robot(options.robot, options.overrides)
+    source = _source(options, config, progress)
+    have = taken(source, config)
+    room = source.chart.walls or source.chart.grid
+    progress(f"fitting {len(have.readings.ranges_m)} readings")
+    try:
+        expectations = EchoExpectations(room, have.mounts, have.beam_rad, reach_m(have.readings))
+        fit = fit_sensor(expectations, have.readings)
+    except ValueError as error:
+        raise CalibrationError(f"{source.recording.name}: {error}") from error
+    patched = patched_settings(fit, source.sensor, config.localisation)
+    progress("trying the new settings")
+    told = [
+        _told(source, MapSensors(source.chart, source.mounts, settings))
+        for settings in (config.localisation, patched)
+    ]
+    return Characterisation(options, config, source, fit, patched, *told)
+
+
+def _source(options: CharacteriseOptions, config: RobotConfig, progress: Progress) -> Source:
+    """Read the log, or record a simulated drive and read that."""
+    if options.log is not None:
+        progress(f"reading {options.log}")
+        return source_of_log(options.log, options.map, options.sensor, config)
+    with TemporaryDirectory() as folder:
+        world = simulated_drive(
+            options.robot,
+            options.overrides,
+            options.seed,
+            options.map,
+            options.sensor,
+            Path(folder),
+            progress,
+        )
+        return source_of_log(Path(folder), world, options.sensor, config)
+
+
+def patched_settings(
+    fit: SensorFit, sensor: str, present: LocalisationConfig
+) -> LocalisationConfig:
+    """Return the settings of the localiser that follow from a fit.
+
+    What is not told stays. Deviations are widened by the spread of particles; of probabilities the
+    upper ends of the intervals are taken, since a filter that trusts too much loses the robot.
+    """
+    values, mixture = fit.ranges.values, fit.ranges.mixture
+    sigma_m = float(mixture.sigma_at(np.array(fit.ranges.typical_m)))
+    if sensor == LIDAR:
+        wide_m = math.hypot(sigma_m, PARTICLE_SPREAD_M)
+        k = round_figures(min(values["robust_k"].high * wide_m / sigma_m, 1.0), 2)
+        lidar = replace(present.lidar, sigma_m=round_figures(wide_m, 2), robust_k=k)
+        return replace(present, lidar=lidar)
+    found = {
+        "sigma_m": math.hypot(mixture.sigma_m, PARTICLE_SPREAD_M),
+        "random": min(max(values["garbage"].high, _LEAST), _MOST),
+        "none": min(max(values["none"].high, _LEAST), _MOST),
+    }
+    if not values["sigma_per_m"].why_not:
+        found["sigma_per_m"] = mixture.sigma_per_m
+    if not fit.incidence.limit.why_not:
+        found["max_incidence_deg"] = math.degrees(fit.incidence.limit.value)
+    if not fit.greatest_m.why_not:
+        found["max_range_m"] = fit.greatest_m.value
+    sonar = replace(present.sonar, **{key: round_figures(v, 3) for key, v in found.items()})
+    band_m = max(_BAND * sigma_m, 0.5 * present.grid.resolution_m)
+    grid = replace(present.grid, sonar_band_m=round_figures(band_m, 2))
+    return replace(present, sonar=sonar, grid=grid)
+
+
+def _told(source: Source, sensors: MapSensors) -> float:
+    """Return how well a reading tells the true place from others, on the average [nat].
+
+    The log of how many times likelier a reading is within centimetres of the true pose, where
+    particles are, than at places within decimetres of it.
+    """
+    rng = np.random.default_rng(1)
+    near, far = (rng.normal(size=(n, 3)) * spread for n, spread in _PLACES)
+    logs = []
+    for pose, measurement in _measurements(source, sensors):
+        at = np.array([pose.x_m, pose.y_m, pose.theta_rad])
+        likelihoods = measurement(at + np.concatenate([near, far]))
+        logs.append(_log_mean(likelihoods[: len(near)]) - _log_mean(likelihoods[len(near) :]))
+    return float(np.mean(logs))
+
+
+def _measurements(source: Source, sensors: MapSensors) -> Iterator[tuple[SE2, LogLikelihood]]:
+    """Yield some of the measurements, evenly over the log, with the poses."""
+    entries: list[tuple[int, LogLikelihood]]
+    if source.sensor == LIDAR:
+        scans = source.recording.scans
+        entries = [(e.scan.stamp_ns, sensors.scan(e.scan)) for e in _some(scans)]
+    else:
+        readings = [entry.reading for entry in source.recording.sonars]
+        entries = [(reading.stamp_ns, sensors.sonar(reading)) for reading in _some(readings)]
+    for stamp_ns, measurement in entries:
+        pose = source.poses.at(stamp_ns)
+        if pose is not None:
+            yield pose, measurement
+
+
+def _some(entries: Sequence[_T]) -> Sequence[_T]:
+    """Return at most `_CHECKED` of them, evenly."""
+    return entries[:: max(1, len(entries) // _CHECKED)]
+
+
+def _log_mean(logs: NDArray[np.float64]) -> float:
+    """Return the log of the mean of likelihoods."""
+    greatest = float(logs.max())
+    return greatest + math.log(float(np.mean(np.exp(logs - greatest))))

@@ -1,0 +1,286 @@
+"""From recordings and simulated drives to readings at known poses in a known room."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.app.config import RobotConfig, find_file
+from robotctl.app.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.app.lockstep import LockstepRun
+from robotctl.app.mapping import choose_scans
+from robotctl.app.pilot import load_mission
+from robotctl.app.sim_options import SimOptions
+from robotctl.errors import CalibrationError, ConfigError
+from robotctl.estimation.echo_expectations import Sightlines
+from robotctl.estimation.occupancy_grid import OccupancyGrid
+from robotctl.estimation.sensor_fit import Readings
+from robotctl.model.range_scan import RangeScan
+from robotctl.model.recording import Recording
+from robotctl.model.sonar import SonarMount
+from robotctl.model.trajectory import Trajectory
+from robotctl.telemetry.own_log import TRUTH
+from robotctl.telemetry.recorded_log import read_recording
+
+Progress: TypeAlias = Callable[[str], None]
+
+SONAR: Final = "sonar"
+LIDAR: Final = "lidar"
+SENSORS: Final = (SONAR, LIDAR)
+MISSION: Final = "patrol"
+"""What the simulated robot drives."""
+
+_BEAMS: Final = 24
+"""Beams taken of each scan, evenly: neighbours see and err alike."""
+_TELL_EVERY_NS: Final = 20_000_000_000
+_LIDAR_BEAM_RAD: Final = math.radians(0.1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """Readings of one kind of sensor, and what is known of where they were taken.
+
+    Parameters
+    ----------
+    sensor
+        `sonar` or `lidar`.
+    recording
+        The drive; of its scans those that were measured with.
+    poses
+        `base` in `world` over time.
+    chart
+        The room.
+    mounts
+        The sonars.
+    poses_by, map_by
+        In words: where poses and map come from.
+    notes
+        Sentences for people.
+    """
+
+    sensor: str
+    recording: Recording
+    poses: Trajectory
+    chart: LocalisationMap
+    mounts: tuple[SonarMount, ...]
+    poses_by: str
+    map_by: str
+    notes: tuple[str, ...] = ()
+
+
+def source_of_log(log: Path, map_name: str, sensor: str, config: RobotConfig) -> Source:
+    """Read a log, and the map or make it of the log's own even scans.
+
+    Raises
+    ------
+    ConfigError
+        If the map is wrong or missing.
+    LogFormatError
+        If the log cannot be read.
+    CalibrationError
+        If the log has no such readings or no poses.
+    """
+    recording = read_recording(log)
+    sensor = sensor or (SONAR if recording.sonars else LIDAR)
+    if sensor == SONAR and not recording.sonars:
+        raise CalibrationError(f"{log}: no sonar readings in it{_has(recording)}")
+    if sensor == LIDAR and not recording.scans:
+        raise CalibrationError(f"{log}: no lidar scans in it{_has(recording)}")
+    poses, poses_by = _poses(log, recording)
+    notes = list(recording.notes)
+    mounts = recording.sonar_mounts
+    if sensor == SONAR and not mounts:
+        mounts = config.sonar
+        notes.append("where the sonars sit is taken from the robot's file, the log does not say it")
+    if map_name:
+        chart, map_by = load_localisation_map(map_name, Path()), Path(map_name).name
+    elif len(recording.scans) > 1:
+        chart = _map_of(log, recording, poses, config)
+        map_by = "the log's even scans; measured on the odd ones"
+        recording = replace(recording, scans=tuple(choose_scans(recording, "odd")))
+    else:
+        raise ConfigError(
+            f"--log {log}: no scans in it to make a map of; name its room by --map, a world "
+            "(.toml) or a ROS map (.yaml)"
+        )
+    return Source(sensor, recording, poses, chart, mounts, poses_by, map_by, tuple(notes))
+
+
+def _has(recording: Recording) -> str:
+    """Say what there is instead."""
+    has = [
+        f"{len(entries)} {name}"
+        for name, entries in (("sonar readings", recording.sonars), ("scans", recording.scans))
+        if entries
+    ]
+    return f", only {has[0]}" if has else ", neither of sonars nor of a lidar"
+
+
+def _poses(log: Path, recording: Recording) -> tuple[Trajectory, str]:
+    """Return the best poses of a log, and what they are."""
+    if recording.reference is not None and recording.reference_has_heading:
+        name = "the simulation's truth" if (log / TRUTH).exists() else "the log's reference"
+        return recording.reference, name
+    references = [
+        (entry.scan.stamp_ns, entry.reference)
+        for entry in recording.scans
+        if entry.reference is not None
+    ]
+    if references:
+        stamps_ns, poses = zip(*references, strict=True)
+        return Trajectory.of(stamps_ns, poses), "the log's reference"
+    if recording.believed is not None:
+        words = "the robot's own localiser, whose errors count as the sensor's here"
+        return recording.believed, words
+    raise CalibrationError(
+        f"{log}: neither reference poses nor those of a localiser in it, so nobody knows where "
+        "the readings were taken; record with a localiser: robotctl run --record, or in simulation"
+    )
+
+
+def _map_of(
+    log: Path, recording: Recording, poses: Trajectory, config: RobotConfig
+) -> LocalisationMap:
+    """Return a map of the even scans."""
+    grid = OccupancyGrid(config.localisation.grid)
+    chosen = [
+        (pose, entry.scan)
+        for entry in choose_scans(recording, "even")
+        if (pose := poses.at(entry.scan.stamp_ns)) is not None
+    ]
+    try:
+        rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose, _ in chosen])
+        grid.update_scans(rows.reshape(-1, 3), [scan for _, scan in chosen])
+    except ValueError as error:
+        raise CalibrationError(f"{log}: no map can be made of its scans: {error}") from error
+    return LocalisationMap(grid.to_map(), None)
+
+
+def simulated_drive(
+    robot: Path,
+    overrides: Sequence[str],
+    seed: int,
+    world: str,
+    sensor: str,
+    folder: Path,
+    progress: Progress,
+) -> str:
+    """Let the simulated robot drive its round in lockstep and record it; return its world.
+
+    Scans are taken and recorded where somebody wants them: a mapper does.
+
+    Raises
+    ------
+    ConfigError, SimulatorError
+        If a file is wrong or the robot does not fit into the world.
+    """
+    mission = find_file(MISSION, "missions")
+    run = LockstepRun(
+        SimOptions(
+            robot,
+            mission,
+            world,
+            seed=seed,
+            overrides=tuple(overrides),
+            record=folder,
+            localisation=("localisation.mapping=true",) if sensor == LIDAR else (),
+        )
+    )
+    told_ns = 0
+    for control, _ in run.steps():
+        if control.stamp_ns >= told_ns:
+            told_ns += _TELL_EVERY_NS
+            progress(f"the simulated robot drives: {control.stamp_ns * 1e-9:.0f} s")
+    return str(find_file(world or load_mission(mission).world, "worlds").resolve())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """Readings with the sensors that took them.
+
+    Parameters
+    ----------
+    readings
+        From where, and what.
+    mounts
+        Of the sensors in `base`, (k, 3): x, y, direction [m, m, rad].
+    beam_rad
+        Opening of their cones [rad].
+    """
+
+    readings: Readings
+    mounts: NDArray[np.float64]
+    beam_rad: float
+
+
+def taken(source: Source, config: RobotConfig) -> Taken:
+    """Return the readings of a source.
+
+    Raises
+    ------
+    CalibrationError
+        If none was taken at a known pose.
+    """
+    found = _by_lidar(source) if source.sensor == LIDAR else _by_sonars(source, config)
+    if len(found.readings.ranges_m) == 0:
+        raise CalibrationError(
+            f"{source.recording.name}: no reading was taken while the pose is known by "
+            f"{source.poses_by}"
+        )
+    return found
+
+
+def _by_sonars(source: Source, config: RobotConfig) -> Taken:
+    """Return the readings of sonars."""
+    poses, sensors, ranges = [], [], []
+    for entry in source.recording.sonars:
+        pose = source.poses.at(entry.reading.stamp_ns)
+        if pose is None:
+            continue
+        for sensor, range_m in enumerate(entry.reading.ranges_m[: len(source.mounts)]):
+            if not math.isnan(range_m):
+                poses.append((pose.x_m, pose.y_m, pose.theta_rad))
+                sensors.append(sensor)
+                ranges.append(range_m)
+    lines = Sightlines(np.array(poses).reshape(-1, 3), np.array(sensors, dtype=np.intp))
+    mounts = np.array([(m.x_m, m.y_m, m.heading_rad) for m in source.mounts])
+    beam_rad = math.radians(config.localisation.sonar.beam_deg)
+    return Taken(Readings(lines, np.array(ranges)), mounts.reshape(-1, 3), beam_rad)
+
+
+def _by_lidar(source: Source) -> Taken:
+    """Return some beams of all scans that are like the first."""
+    first = source.recording.scans[0].scan
+    beams = np.unique(np.linspace(0, len(first.ranges_m) - 1, _BEAMS).round().astype(np.intp))
+    poses, ranges = [], []
+    for entry in source.recording.scans:
+        scan = entry.scan
+        pose = source.poses.at(scan.stamp_ns)
+        if pose is not None and _same_beams(scan, first):
+            poses.append((pose.x_m, pose.y_m, pose.theta_rad))
+            ranges.append(scan.ranges_m[beams])
+    measured = np.array(ranges).reshape(-1)
+    lines = Sightlines(
+        np.repeat(np.array(poses).reshape(-1, 3), len(beams), axis=0),
+        np.tile(np.arange(len(beams)), len(poses)),
+    )
+    known = ~np.isnan(measured)
+    measured = np.where(measured < first.max_range_m, measured, np.inf)
+    at = np.full(len(beams), first.x_m), np.full(len(beams), first.y_m), first.angles_rad[beams]
+    readings = Readings(lines.some(known), measured[known], first.max_range_m)
+    return Taken(readings, np.stack(at, axis=1), _LIDAR_BEAM_RAD)
+
+
+def _same_beams(scan: RangeScan, first: RangeScan) -> bool:
+    """Whether two scans are of one sensor."""
+    return (
+        (scan.x_m, scan.y_m, scan.max_range_m) == (first.x_m, first.y_m, first.max_range_m)
+        and scan.angles_rad.shape == first.angles_rad.shape
+        and bool(np.allclose(scan.angles_rad, first.angles_rad))
+    )
