@@ -53,7 +53,7 @@ def read_picture_of(path: Path, intrinsics: CameraIntrinsics) -> NDArray[np.uint
     height, width = picture.shape[:2]
     if (width, height) != (intrinsics.width_px, intrinsics.height_px):
         raise ConfigError(
-            f"{path}: {width} x {height} pixels, but [camera.intrinsics] is for "
+            f"{path}: {width} x {height} pixels, but the lens is for "
             f"{intrinsics.width_px} x {intrinsics.height_px}; take pictures of that size: one "
             "that is cut or scaled has another lens"
         )

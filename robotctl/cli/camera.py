@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import typer
 
-from robotctl.cli import camera_floor
+from robotctl.cli import camera_calibrate, camera_floor
 
 app = typer.Typer(no_args_is_help=True, help="Measure on the floor with a camera.")
+app.command("calibrate")(camera_calibrate.calibrate)
 app.command("floor")(camera_floor.floor)
 
 

@@ -1,0 +1,80 @@
+"""The lens from pictures of a chessboard."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from robotctl.app.camera_pictures import read_picture
+from robotctl.errors import CalibrationError, ConfigError
+from robotctl.estimation.camera_intrinsics import LensFit, calibrate_lens
+from robotctl.estimation.camera_pattern import Board, find_corners
+from robotctl.model.camera import CameraIntrinsics
+from robotctl.model.camera_lens import straightened
+
+Progress: TypeAlias = Callable[[str], None]
+
+
+def lens_of_pictures(
+    paths: Sequence[Path], board: Board, progress: Progress
+) -> tuple[LensFit, list[Path], list[str]]:
+    """Calibrate the lens; return it, the pictures with the board, and sentences for people.
+
+    Raises
+    ------
+    ConfigError
+        If a file is no picture, or one has another size.
+    CalibrationError
+        If the pictures do not tell the lens.
+    OSError
+        If a file cannot be read.
+    """
+    found, seen, without = [], [], []
+    sizes: dict[tuple[int, ...], Path] = {}
+    for path in paths:
+        progress(f"looking for the board in {path.name}")
+        picture = read_picture(path)
+        sizes.setdefault(picture.shape[:2], path)
+        if len(sizes) > 1:
+            (first, other) = (f"{file}: {w} x {h}" for (h, w), file in sizes.items())
+            raise ConfigError(f"pictures of one lens have one size, not {first} and {other}")
+        corners = find_corners(picture, board)
+        if corners is None:
+            without.append(path.name)
+        else:
+            found.append(corners)
+            seen.append(path)
+    notes = []
+    if without:
+        notes.append(
+            f"no board of {board.columns} x {board.rows} inner corners in {', '.join(without)}"
+        )
+    progress("fitting the lens")
+    ((height, width),) = sizes
+    try:
+        lens = calibrate_lens(found, board, width, height)
+    except ValueError as error:
+        raise CalibrationError("; ".join([str(error), *notes])) from error
+    if not _invertible(lens.intrinsics):
+        notes.append(
+            "the distortion found bends back within the picture: what lies there has no place on "
+            "the floor. Take pictures with the board in the corners too"
+        )
+    out = [path.name for path, rms in zip(seen, lens.rms_px, strict=True) if math.isnan(rms)]
+    if out:
+        notes.append(f"left out, since they fit much worse than the others: {', '.join(out)}")
+    return lens, seen, notes
+
+
+def _invertible(lens: CameraIntrinsics) -> bool:
+    """Tell whether each pixel at the edge of the picture has a direction."""
+    u, v = np.arange(0.0, lens.width_px, 8.0), np.arange(0.0, lens.height_px, 8.0)
+    edge = np.vstack(
+        [np.column_stack([u, np.full(len(u), row)]) for row in (0.0, lens.height_px - 1.0)]
+        + [np.column_stack([np.full(len(v), column), v]) for column in (0.0, lens.width_px - 1.0)]
+    )
+    return bool(np.isfinite(straightened(edge, lens)).all())
