@@ -133,21 +133,35 @@ def _shots(rng: np.random.Generator, world: World, texture: str, poses: int) -> 
     camera = Camera(dataclasses.replace(robot, simulation=simulation), world, int(rng.integers(99)))
     sides = np.vstack([thing.sides() for thing in world.things])
     owner = np.repeat(np.arange(len(world.things)), [len(t.sides()) for t in world.things])
+    obstacles = [t.corners.mean(axis=0) for t in world.things if t.kind == "obstacle"]
     label = f"{texture}, exposure {light.exposure:.2f}, ambient {light.ambient:.2f}"
     for number in range(poses):
-        pose = _free_pose(rng, world, sides)
+        pose = _free_pose(rng, world, sides, obstacles)
         view = camera.look(*pose, number)
         yield Shot(view.picture, pose, world, sides, owner, label)
 
 
 def _free_pose(
-    rng: np.random.Generator, world: World, sides: NDArray[np.float64]
+    rng: np.random.Generator,
+    world: World,
+    sides: NDArray[np.float64],
+    targets: list[NDArray[np.float64]],
 ) -> tuple[float, float, float]:
-    """Return a pose at which the robot and the floor right before it are free."""
+    """Return a pose at which the robot and the floor right before it are free.
+
+    Where there are obstacles it looks about where one of them is.
+    """
     low_x, low_y, high_x, high_y = world.bounds
     while True:
         x, y = rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)
         theta = rng.uniform(-math.pi, math.pi)
+        if targets:
+            target = targets[rng.integers(len(targets))]
+            away = rng.uniform(0.9, 2.2)
+            x, y = target - away * np.array([math.cos(theta), math.sin(theta)])
+            theta += rng.uniform(-0.4, 0.4)
+            if not (low_x < x < high_x and low_y < y < high_y):
+                continue
         ahead = np.arange(0.0, 0.95, 0.05)[:, None] * [math.cos(theta), math.sin(theta)] + [x, y]
         a, b = sides[:, :2], sides[:, 2:]
         along = b - a
@@ -156,7 +170,7 @@ def _free_pose(
         )
         gaps = np.linalg.norm(a + t[..., None] * along - ahead[:, None], axis=2)
         if gaps.min() > _CLEARANCE_M and not world.solid_at(x, y):
-            return x, y, theta
+            return float(x), float(y), float(theta)
 
 
 def _lamp(rng: np.random.Generator) -> Lamp:

@@ -249,13 +249,23 @@ def _densities(
     """Fill `out`, one line of brightness after the other."""
     saturated = int((np.log(_SATURATED + _DARK_OFFSET) - _L_LEAST) / L_STEP)
     most = floor.max()
+    nothing = np.float32(1e-12)
     for start in range(0, len(floor), L_BINS):
+        end = start + L_BINS
+        out[WALL, start:end] = np.float32(0.5) * (prior[start:end] + above[start:end])
+        out[THING, start:end] = prior[start:end]
+        if shades[start:end].max() == 0.0:
+            out[FLOOR, start:end] = np.float32(1e-3) * prior[start:end]
+            out[SHADE, start:end] = nothing
+            out[SUN, start:end] = nothing
+            out[SUN, start + saturated : end] = np.float32(4.0 * _SUN_WEIGHT) * most
+            continue
         for light in range(L_BINS):
             k = start + light
             core = floor[k]
             for step in range(1, min(_BRIGHTER_BINS, light) + 1):
                 core = max(core, np.float32(0.5) * floor[k - step])
-            shade, sun = np.float32(1e-12), np.float32(1e-12)
+            shade, sun = nothing, nothing
             for step in range(1, min(_LIGHT_BINS, L_BINS - 1 - light) + 1):
                 shade = max(shade, shades[k + step])
             for step in range(1, min(_LIGHT_BINS, light) + 1):
@@ -265,8 +275,6 @@ def _densities(
             out[FLOOR, k] = core + np.float32(1e-3) * prior[k]
             out[SHADE, k] = np.float32(_SHADE_WEIGHT) * shade
             out[SUN, k] = np.float32(_SUN_WEIGHT) * sun
-            out[THING, k] = prior[k]
-            out[WALL, k] = np.float32(0.5) * (prior[k] + above[k])
 
 
 @compiled

@@ -113,7 +113,7 @@ class GroundCamera:
         why = self._learn(bins, means)
         if self._floor is None:
             return self._blind(stamp_ns, why)
-        floor = colour.smoothed(self._floor)
+        floor = self._floor
         above = colour.smoothed(colour.count(bins[self._above]))
         if not why and colour.overlap(floor, above) > _SAME_ABOVE:
             why = "what is above the horizon looks like the floor: they cannot be told apart"
@@ -144,16 +144,17 @@ class GroundCamera:
         before, self._light = self._light, bins % colour.L_BINS
         if self._floor is None:
             if not verdict.why:
-                self._floor = colour.count(verdict.bins)
+                self._floor = colour.smoothed(colour.count(verdict.bins))
             return verdict.why
-        patch = colour.count(bins[self._parts >= 0])
+        shown = verdict.bins if not verdict.why else bins[self._parts >= 0]
+        patch = colour.smoothed(colour.count(shown))
         if before is not None:
             self._floor = _exposed_alike(self._floor, patch, self._light - before)
-        if colour.overlap(colour.smoothed(self._floor), colour.smoothed(patch)) < _FAMILIAR:
+        if colour.overlap(self._floor, patch) < _FAMILIAR:
             return "what is in front does not look like the floor seen so far"
         if not verdict.why:
-            a = self._config.adaption
-            self._floor = (1.0 - a) * self._floor + a * colour.count(verdict.bins)
+            a = np.float32(self._config.adaption)
+            self._floor = (1 - a) * self._floor + a * patch
         return ""
 
     def _blind(self, stamp_ns: int, why: str) -> GroundView:

@@ -18,6 +18,7 @@ _GAP_SHARE: Final = 0.03
 """Ranges of one thing may differ by this share of them more than the gap, from column to column."""
 _BRIDGED: Final = 2
 """So many columns without a fitting range do not part one thing."""
+_LEAST_COLUMNS: Final = 2
 _CERTAIN: Final = 1.0
 """Mean evidence of a thing, at least."""
 _ASPECT_SIGMA: Final = 0.25
@@ -86,17 +87,18 @@ def find_obstacles(
     """
     found = []
     for first, last in _runs(columns.ranges_m, boundary.kinds == FOUND, config.obstacle_gap_m):
-        if np.nanmin(columns.ranges_m[first : last + 1]) > config.obstacle_range_m:
+        mine = np.arange(first, last + 1)
+        mine = mine[np.isfinite(columns.ranges_m[mine]) & (boundary.kinds[mine] == FOUND)]
+        if (
+            len(mine) < _LEAST_COLUMNS
+            or columns.ranges_m[mine].min() > config.obstacle_range_m
+            or _extent(strip, columns, mine) > config.obstacle_width_m
+            or not _certain(evidence, boundary.cells[mine], mine)
+        ):
             continue
         left = _goes_on_behind(columns, first, -1, config.obstacle_gap_m)
         right = _goes_on_behind(columns, last, 1, config.obstacle_gap_m)
         if left is False or right is False or (left is None and right is None):
-            continue
-        mine = np.arange(first, last + 1)
-        mine = mine[np.isfinite(columns.ranges_m[mine]) & (boundary.kinds[mine] == FOUND)]
-        if _extent(strip, columns, mine) > config.obstacle_width_m or not _certain(
-            evidence, boundary.cells[mine], mine
-        ):
             continue
         obstacle = _measure(strip, boundary, columns, evidence, mine, left is None or right is None)
         if (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robotctl.estimation.camera_boundary import BLOCKED, FOUND, FREE, UNSEEN, Boundary
 from robotctl.estimation.camera_config import GroundCameraConfig
 from robotctl.estimation.camera_strip import GroundStrip
+from robotctl.estimation.compiled import compiled
 from robotctl.model.range_scan import RangeScan
 
 _TOGETHER: Final = 0.1
@@ -101,31 +102,56 @@ def beam_scan(
     config
         Number of beams and reach.
     """
-    ranges, sigmas = columns.ranges_m, np.hypot(columns.own_m, columns.common_m)
-    groups = np.array_split(np.arange(len(ranges)), min(config.beams, len(ranges)))
-    angles, beam_ranges, beam_sigmas = (np.full(len(groups), np.nan) for _ in range(3))
-    for k, group in enumerate(groups):
-        angles[k] = strip.bearings_rad[group].mean()
-        r, s = ranges[group], sigmas[group]
-        judged = r[~np.isnan(r)]
-        if judged.size * 2 <= r.size:
-            continue
-        nearest = judged.min()
-        beam_ranges[k] = nearest
-        if math.isinf(nearest):
-            continue
-        same = r <= nearest * (1.0 + _TOGETHER)
-        beam_ranges[k] = r[same].mean()
-        # One calibration and one pitch for all columns: averaging makes them no smaller.
-        beam_sigmas[k] = math.hypot(s[same].mean(), float(r[same].std()))
+    n = len(columns.ranges_m)
+    edges = np.linspace(0, n, min(config.beams, n) + 1).astype(np.intp)
+    angles, ranges, sigmas = (np.full(len(edges) - 1, np.nan) for _ in range(3))
+    sigma = np.hypot(columns.own_m, columns.common_m)
+    _beams(edges, strip.bearings_rad, columns.ranges_m, sigma, angles, ranges, sigmas)
     x_m, y_m = (float(value) for value in strip.camera.t_base_camera[:2])
-    order = np.argsort(angles)
+    # Columns go from left to right, beams counter-clockwise.
     return RangeScan(
         stamp_ns,
-        angles[order],
-        beam_ranges[order],
+        angles[::-1].copy(),
+        ranges[::-1].copy(),
         config.max_range_m,
         x_m,
         y_m,
-        beam_sigmas[order],
+        sigmas[::-1].copy(),
     )
+
+
+@compiled
+def _beams(
+    edges: NDArray[np.intp],
+    bearings: NDArray[np.float64],
+    ranges: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    beam_angles: NDArray[np.float64],
+    beam_ranges: NDArray[np.float64],
+    beam_sigmas: NDArray[np.float64],
+) -> None:
+    """Fill the beams from the columns between edges."""
+    for k in range(len(beam_angles)):
+        first, end = edges[k], edges[k + 1]
+        beam_angles[k] = bearings[first:end].mean()
+        judged, nearest = 0, np.inf
+        for c in range(first, end):
+            if not np.isnan(ranges[c]):
+                judged += 1
+                nearest = min(nearest, ranges[c])
+        if 2 * judged <= end - first:
+            continue
+        if not nearest < np.inf:
+            beam_ranges[k] = np.inf
+            continue
+        count, total, squares, sigma = 0, 0.0, 0.0, 0.0
+        for c in range(first, end):
+            if ranges[c] <= nearest * (1.0 + _TOGETHER):
+                count += 1
+                total += ranges[c]
+                squares += ranges[c] ** 2
+                sigma += sigmas[c]
+        mean = total / count
+        beam_ranges[k] = mean
+        # One calibration and one pitch for all columns: averaging makes them no smaller.
+        beam_sigmas[k] = np.hypot(sigma / count, np.sqrt(max(squares / count - mean**2, 0.0)))
