@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -12,6 +14,8 @@ from robotctl.errors import ConfigError
 from robotctl.model.camera import CameraIntrinsics
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
+_AFTER_IHDR = 33
+"""Where the second chunk of a PNG begins: 8 bytes of signature, 25 of the first chunk."""
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
@@ -85,3 +89,19 @@ def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
     check_suffix(path)
     _, data = cv2.imencode(path.suffix.lower(), picture)
     path.write_bytes(data.tobytes())
+
+
+def write_print(path: Path, picture: NDArray[np.uint8], px_per_mm: int) -> None:
+    """Write a grey picture, (height, width), as PNG that says how large it is in print.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    _, data = cv2.imencode(".png", picture)
+    png = data.tobytes()
+    # Chunk pHYs of the PNG specification (11.3.4.3), behind IHDR: pixels per metre.
+    body = b"pHYs" + struct.pack(">IIB", 1000 * px_per_mm, 1000 * px_per_mm, 1)
+    chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
+    path.write_bytes(png[:_AFTER_IHDR] + chunk + png[_AFTER_IHDR:])

@@ -143,9 +143,7 @@ def advice_lines(result: CalibrateResult) -> list[str]:
     ]
     if places:
         then = ", ".join(
-            f"{1e3 * each.calibration_m:.0f} mm at {each.range_m:g} m"
-            for each in advice.expected
-            if each.range_m >= 1.0
+            f"{1e3 * each.calibration_m:.0f} mm at {each.range_m:g} m" for each in advice.expected
         )
         lines.append(f"  add markers on the floor at about (x, y) = {places} m: then {then}")
     return lines
