@@ -7,6 +7,7 @@ yaw in the other.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ from scipy.stats import chi2 as chi_square  # type: ignore[import-untyped]
 
 from robotctl.estimation.camera_homography import PointNoise
 from robotctl.model.camera_geometry import CameraGeometry
-import itertools
 
 BANDS_M = (0.0, 1.0, 2.0, 3.0, math.inf)
 SURE = 0.999
