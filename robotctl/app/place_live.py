@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import socket
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -100,9 +102,17 @@ def running(instance: str) -> Path:
         If there is none; names those that run.
     """
     folder = endpoint_directory(instance)
-    names = sorted(each.parent.name for each in folder.parent.glob("*/control.state"))
-    if instance in names:
+    found = sorted(file.parent for file in folder.parent.glob("*/control.state") if _answers(file))
+    if folder in found:
         return folder
-    folder.rmdir()  # it was made just now
+    with suppress(OSError):  # it may hold sockets of a robot that has ended
+        folder.rmdir()
+    names = [each.name for each in found]
     hint = nearest(instance, names) if names else "; none runs"
     raise PlaceError(f"--live {instance}: no robot of that name runs{hint}")
+
+
+def _answers(file: Path) -> bool:
+    """Return whether a process listens at a socket; a robot that was killed leaves its own."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
+        return end.connect_ex(str(file)) == 0

@@ -202,12 +202,12 @@ def marked(world: Path, name: str) -> SE2:
         If the world has no marks, or none of that name.
     """
     file = config_directory() / "places" / world.name
-    if not name or not file.is_file():
-        raise ConfigError(f"--at: needed is X,Y or X,Y,HEADING in {world.stem}, found {name!r}")
+    if not file.is_file():
+        raise ConfigError(f"--at {name or 'is missing'}: {world.stem} has no marks, X,Y is needed")
     marks = {mark.name: mark for mark in toml_source.load(file, Marks).mark}
     if name not in marks:
         raise ConfigError(
-            f"--at {name}: neither X,Y,HEADING nor a mark of {world.stem}"
+            f"--at {name or 'is missing'}: neither X,Y,HEADING nor a mark of {world.stem}"
             f"{nearest(name, list(marks))}"
         )
     mark = marks[name]

@@ -65,6 +65,8 @@ class RecognitionConfig:
             raise ValueError("prior_visits and independent_bearings must be > 0")
         if not (0.0 < self.ratio <= 1.0 and 0.0 <= self.least_echoes <= 1.0):
             raise ValueError("ratio must be in (0, 1], least_echoes in [0, 1]")
+        if not 0.0 <= self.turn_sigma_rad < math.inf:
+            raise ValueError(f"turn_sigma_rad must be finite and >= 0, found {self.turn_sigma_rad}")
         if not (
             self.within.mean < self.between.mean
             and min(self.within.sigma, self.between.sigma) > 0.0

@@ -7,9 +7,9 @@ prior ones. The threshold lies as many standard deviations above the first as be
 
     T = (mean_w sigma_b + mean_b sigma_w) / (sigma_w + sigma_b)
 
-A place is recognised if its D is at most T, and clearly below that of any other place (`ratio`).
-What else is at most T stays as a candidate: another place like it, or the same one turned, as a
-room of four like walls gives four headings.
+A place is recognised if its D is at most T and clearly below that of any other place (`ratio`;
+what is below mean_w counts as that). What else is at most T stays as a candidate: another place
+like it, or the same one turned, as a room of four like walls gives four headings.
 
 The position is the visit's own. Its covariance follows from D: moved by delta, the echo at bearing
 u comes from u . delta nearer, so D grows by delta^T J delta / 2, with J the mean of
@@ -163,7 +163,8 @@ class PlaceBook:
         bounds = self._index.bounds(signature)
         first = np.array([np.argmin(bounds)])
         some = float(self._index.differences(signature, first).min())
-        which = np.flatnonzero(bounds <= max(self.threshold, some / self.config.ratio))
+        limit = max(self.threshold, max(some, self.within.mean) / self.config.ratio)
+        which = np.flatnonzero(bounds <= limit)
         return which, self._index.differences(signature, which)
 
     def _refusal(
@@ -182,7 +183,8 @@ class PlaceBook:
             if self._visits[k][0].name != name
         ]
         next_difference, next_name = min(others, default=(math.inf, ""))
-        if difference > self.config.ratio * next_difference:
+        typical = self.within.mean  # below that, differences are chance
+        if max(difference, typical) > self.config.ratio * max(next_difference, typical):
             return (
                 f"ambiguous: {name} differs by {difference:.3f} and {next_name} by "
                 f"{next_difference:.3f}"
