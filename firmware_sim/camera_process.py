@@ -60,6 +60,11 @@ class CameraProcess:
         os.set_blocking(self._pipe.fileno(), False)
         self._lost = False
 
+    @property
+    def pid(self) -> int:
+        """Of the process that draws."""
+        return self._child.pid
+
     def expose(self, sequence: int, stamp_ns: int, pose: tuple[float, float, float]) -> None:
         """Ask for a picture; never waits. A process that has died is reported once, and missed."""
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,11 @@ from hypothesis import strategies as st
 
 from firmware_sim.config import load_robot
 from firmware_sim.errors import SimulationError
+from firmware_sim.lidar import Lidar
+from firmware_sim.parameters import LidarParameters
 from firmware_sim.plant import Plant
 from firmware_sim.shapes import Box, Pillar
+from firmware_sim.simulation import Simulation
 from firmware_sim.world import World, load_world
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -176,3 +180,86 @@ def test_a_start_outside_the_bounds_and_a_missing_file_are_errors(tmp_path: Path
         load_world(path)
     with pytest.raises(SimulationError, match="cannot be read"):
         load_world(tmp_path / "none.toml")
+
+
+THINGS = """
+[world]
+name = "things"
+start = {x_m = 0.0, y_m = 0.0}
+[[wall]]
+points = [[3.0, -2.0], [3.0, 2.0]]
+[[box]]
+centre = [2.0, 1.0]
+size = [0.2, 0.2]
+height_m = 0.05
+[[obstacle]]
+name = "cup"
+centre = [1.0, 0.0]
+radius_m = 0.05
+height_m = 0.09
+[[obstacle]]
+name = "bottle"
+centre = [1.0, 0.5]
+size = [0.1, 0.1]
+height_m = 0.3
+colour = "#00ff00"
+"""
+
+
+def things(folder: Path, text: str = THINGS) -> World:
+    path = folder / "things.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_world(path)
+
+
+def test_an_obstacle_is_on_no_map_but_in_the_way(tmp_path: Path) -> None:
+    world = things(tmp_path)
+    assert len(world.segments) == 1 + 4
+    assert len(world.touchable) == 1 + 4 + 16 + 4
+    assert world.solid_at(1.0, 0.0) == "cup"
+    plant = Plant(load_robot(CONFIGS / "diff_drive.toml"), world, np.random.default_rng(1))
+    with pytest.raises(SimulationError, match="cup is in the way"):
+        plant.place(1.0, 0.0, 0.0)
+    with pytest.raises(SimulationError, match="is in the way"):
+        plant.place(0.8, 0.0, 0.0)  # with its front on the cup
+
+
+def test_a_sensor_sees_what_is_higher_than_it_is_mounted(tmp_path: Path) -> None:
+    world = things(tmp_path)
+    assert len(world.seen_from(0.04).segments) == 1 + 4 + 16 + 4
+    assert len(world.seen_from(0.07).segments) == 1 + 16 + 4
+    assert [thing.name for thing in world.seen_from(0.1).things] == ["wall", "bottle"]
+    lidar = LidarParameters(beams=3, fov_deg=60.0, sigma_m=0.0, dropout_probability=0.0)
+    for z_m, ahead_m in ((0.05, 0.95), (0.2, 3.0)):
+        seen = Lidar(lidar, world.seen_from(z_m), np.random.default_rng(1)).scan(0.0, 0.0, 0.0)
+        assert seen[1] == pytest.approx(ahead_m, abs=2e-3)
+
+
+def test_the_robots_lidar_looks_over_low_obstacles(tmp_path: Path) -> None:
+    simulation = Simulation(load_robot(CONFIGS / "diff_drive.toml"), things(tmp_path))
+    scan = simulation.scan()
+    assert scan is not None
+    assert np.frombuffer(scan.ranges, "<f4")[180] == pytest.approx(3.0, abs=0.05)
+
+
+@pytest.mark.parametrize("path", WORLDS, ids=lambda path: path.stem)
+def test_sensors_see_worlds_without_obstacles_as_their_maps(path: Path) -> None:
+    world = load_world(path)
+    if not any(thing.kind == "obstacle" for thing in world.things):
+        assert world.seen_from(0.2) is world
+        assert np.array_equal(world.touchable, world.segments)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("radius_m = 0.05", "", "an obstacle has either radius_m or size"),
+        ("radius_m = 0.05", "radius_m = 0.05\nsize = [1.0, 1.0]", "either radius_m or size"),
+        ("height_m = 0.09", "", "obstacle.0.height_m: missing"),
+        ("#00ff00", "green", "obstacle.1.colour"),
+        ("height_m = 0.3", "heigth_m = 0.3", 'did you mean "height_m"?'),
+    ],
+)
+def test_a_wrong_obstacle_is_told_by_its_key(old: str, new: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(SimulationError, match=re.escape(said)):
+        things(tmp_path, THINGS.replace(old, new))
