@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_sim.camera import Camera
+from firmware_sim.camera_parameters import CameraParameters
 from firmware_sim.config import load_robot
 from firmware_sim.shapes import Box, Obstacle, Pillar, Thing
 from firmware_sim.world import Floor, Lamp, World, load_world
@@ -25,6 +26,8 @@ from robotctl.model.camera_geometry import CameraGeometry
 
 TEXTURES = ("tiles", "wood", "carpet", "concrete")
 _CLEARANCE_M = 0.3
+_OVEREXPOSED = 0.1
+"""Share of the pixels of a picture that may be saturated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,23 +125,35 @@ def free_shots(rng: np.random.Generator, worlds: int, poses: int) -> Iterator[Sh
 
 def _shots(rng: np.random.Generator, world: World, texture: str, poses: int) -> Iterator[Shot]:
     world = dataclasses.replace(world, floor=Floor(texture, int(rng.integers(1000))))
-    robot = load_robot(find_file("diff_drive"))
     light = dataclasses.replace(
-        robot.simulation.camera,
+        load_robot(find_file("diff_drive")).simulation.camera,
         exposure=float(rng.uniform(0.5, 1.0)),
         ambient=float(rng.uniform(0.4, 0.8)),
         read_noise=float(rng.uniform(1.0, 3.0)),
     )
-    simulation = dataclasses.replace(robot.simulation, camera=light)
-    camera = Camera(dataclasses.replace(robot, simulation=simulation), world, int(rng.integers(99)))
     sides = np.vstack([thing.sides() for thing in world.things])
     owner = np.repeat(np.arange(len(world.things)), [len(t.sides()) for t in world.things])
-    obstacles = [t.corners.mean(axis=0) for t in world.things if t.kind == "obstacle"]
+    targets = [t.corners.mean(axis=0) for t in world.things if t.kind == "obstacle"]
+    taken = [_free_pose(rng, world, sides, targets) for _ in range(poses)]
+    pictures, light = _exposed(world, taken, light, int(rng.integers(99)))
     label = f"{texture}, exposure {light.exposure:.2f}, ambient {light.ambient:.2f}"
-    for number in range(poses):
-        pose = _free_pose(rng, world, sides, obstacles)
-        view = camera.look(*pose, number)
-        yield Shot(view.picture, pose, world, sides, owner, label)
+    for pose, picture in zip(taken, pictures, strict=True):
+        yield Shot(picture, pose, world, sides, owner, label)
+
+
+def _exposed(
+    world: World, poses: list[tuple[float, float, float]], light: CameraParameters, seed: int
+) -> tuple[list[NDArray[np.uint8]], CameraParameters]:
+    """Take pictures, less exposed until hardly any of them is too bright, as a camera would."""
+    robot = load_robot(find_file("diff_drive"))
+    while True:
+        simulation = dataclasses.replace(robot.simulation, camera=light)
+        camera = Camera(dataclasses.replace(robot, simulation=simulation), world, seed)
+        pictures = [camera.look(*pose, k).picture for k, pose in enumerate(poses)]
+        bright = max(float(np.mean(picture.max(axis=2) >= 255)) for picture in pictures)
+        if bright <= _OVEREXPOSED:
+            return pictures, light
+        light = dataclasses.replace(light, exposure=0.8 * light.exposure)
 
 
 def _free_pose(

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import typer
 
-from robotctl.cli import camera_calibrate, camera_check, camera_floor, camera_pattern
+from robotctl.cli import (
+    camera_calibrate,
+    camera_check,
+    camera_floor,
+    camera_pattern,
+    camera_seeing,
+)
 
 app = typer.Typer(no_args_is_help=True, help="Measure on the floor with a camera.")
 app.command("calibrate")(camera_calibrate.calibrate)
 app.command("check")(camera_check.check)
 app.command("floor")(camera_floor.floor)
+app.command("obstacles")(camera_seeing.obstacles)
 app.command("pattern")(camera_pattern.pattern)
+app.command("ranges")(camera_seeing.ranges)
 
 
 @app.callback()

@@ -81,8 +81,10 @@ def place_of(text: str | None) -> SE2 | None:
     return SE2(x_m, y_m, math.radians(heading_deg))
 
 
-def pictures_of(names: list[str]) -> tuple[Path, ...]:
+def pictures_of(names: list[str], option: str = "--lens ") -> tuple[Path, ...]:
     """Return picture files: of folders all, of names with * those that fit, else the file itself.
+
+    `option` is what the user wrote before the name, for messages.
 
     Raises
     ------
@@ -101,6 +103,6 @@ def pictures_of(names: list[str]) -> tuple[Path, ...]:
         else:
             found = [path]
         if not found:
-            raise ConfigError(f"--lens {name}: no pictures there")
+            raise ConfigError(f"{option}{name}: no pictures there")
         files += sorted(found)
     return tuple(dict.fromkeys(files))

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.camera_colour import L_BINS, LIT, SHADOWED
+from robotctl.estimation.camera_colour import L_BINS, LIT, SATURATED_BIN, SHADOWED
 from robotctl.estimation.compiled import compiled
 
 FREE: Final = 0
@@ -27,14 +27,16 @@ _ENOUGH: Final = 0.7
 _ABOVE_ROWS: Final = 3
 _WALL_ENOUGH: Final = 2.0
 """Evidence for a wall, summed from so many coarse rows above the horizon down to its foot."""
+_WALL_DOUBT: Final = 0.15
+"""Less evidence than this in a row speaks against the wall going on."""
 _NOT_FLOOR: Final = 0.6
 """A column is free only if so much of it above the horizon would have been told from floor."""
 _OBSTACLE_CELL: Final = 0.5
 _SHARP_BINS: Final = 5.0
 """A thing differs from the floor right beside it by so many bins of brightness, 1.4 : 1."""
 _THING: Final = 1.5
-_NEIGHBOUR_SHARE: Final = 0.3
-"""A dark blob is the shadow of obstacle cells beside it if they are at least this share of it."""
+_CASTER_SHARE: Final = 0.5
+"""What casts a shadow touches it and covers at least this share of it."""
 _EDGE_ROWS: Final = 3
 """A step in brightness is spread over so many rows to either side at most."""
 _FLAT_ROWS: Final = 4
@@ -128,7 +130,8 @@ def wall_feet(walls: NDArray[np.float32], horizon: int) -> NDArray[np.intp]:
     top = min(horizon + _ABOVE_ROWS, n)
     if top <= horizon:
         return np.full(walls.shape[1], n)
-    wide = cv2.blur(np.clip(walls[:top], -1.5, 1.5), (5, 1), borderType=cv2.BORDER_REPLICATE)
+    each = np.clip(walls[:top], -1.5, 1.5) - np.float32(_WALL_DOUBT)
+    wide = cv2.blur(each, (5, 1), borderType=cv2.BORDER_REPLICATE)
     sums = np.cumsum(np.asarray(wide)[::-1], axis=0)
     best = np.argmax(sums, axis=0)
     columns = np.arange(walls.shape[1])
@@ -162,18 +165,21 @@ def judge_lights(
         wide, high, area = stats[:, 2], stats[:, 3], stats[:, 4]
         small = (wide >= 2) & (high >= 2) & (area >= 6) & (wide <= widths[stats[:, 1]])
         for label in np.flatnonzero(small[1:count]) + 1:
-            left, low = stats[label, :2]
-            around = np.s_[
-                max(0, low - 1) : low + high[label] + 1, max(0, left - 1) : left + wide[label] + 1
-            ]
+            left, low, across, up = (int(value) for value in stats[label, :4])
+            around = np.s_[max(0, low - 1) : low + up + 1, max(0, left - 1) : left + across + 1]
             mine = labels[around] == label
             near = (cv2.dilate(mine.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~mine
             touching = near & obstacle[around]
             brightness = bins[around] % L_BINS
-            step = _mean_of(brightness, mine) - _mean_of(brightness, near & ~touching)
-            if abs(step) < _SHARP_BINS:
+            level = _mean_of(brightness, mine)
+            step = level - _mean_of(brightness, near & ~touching)
+            if not abs(step) >= _SHARP_BINS or level > SATURATED_BIN - 1:
                 continue
-            if light == LIT or touching.sum() < _NEIGHBOUR_SHARE * 2.0 * np.sqrt(area[label]):
+            beside = obstacle[
+                max(0, low - up) : low + 2 * up, max(0, left - across) : left + 2 * across
+            ]
+            cast = touching.any() and beside.sum() >= _CASTER_SHARE * area[label]
+            if light == LIT or not cast:
                 evidence[around][mine] = _THING
 
 

@@ -41,7 +41,6 @@ _SUN_WEIGHT: Final = 0.03
 """Share of floor in a sharp shadow, and in the sun, against that in the light of the patch."""
 _BRIGHTER_BINS: Final = 2
 """Floor in the same light may be so much brighter than any of the patch."""
-_SATURATED: Final = 246.0
 _DRIFT_HALF: Final = 10
 """The light of a place is judged with so many columns to either side."""
 _DRIFT_GAIN: Final = 0.15
@@ -55,6 +54,8 @@ def _logarithms() -> NDArray[np.float32]:
 
 _LOGS: Final = _logarithms()
 _L_LEAST: Final = float(_LOGS[0])
+SATURATED_BIN: Final = int((_LOGS[_PER_LEVEL * 246] - _L_LEAST) / L_STEP)
+"""Brightness from here on is that of overexposed pixels."""
 # Rows of the densities.
 FLOOR, SHADE, SUN, THING, WALL = range(5)
 _SHAPE: Final = (C_BINS, C_BINS, L_BINS)
@@ -247,7 +248,6 @@ def _densities(
     out: NDArray[np.float32],
 ) -> None:
     """Fill `out`, one line of brightness after the other."""
-    saturated = int((np.log(_SATURATED + _DARK_OFFSET) - _L_LEAST) / L_STEP)
     most = floor.max()
     nothing = np.float32(1e-12)
     for start in range(0, len(floor), L_BINS):
@@ -258,7 +258,7 @@ def _densities(
             out[FLOOR, start:end] = np.float32(1e-3) * prior[start:end]
             out[SHADE, start:end] = nothing
             out[SUN, start:end] = nothing
-            out[SUN, start + saturated : end] = np.float32(4.0 * _SUN_WEIGHT) * most
+            out[SUN, start + SATURATED_BIN : end] = np.float32(4.0 * _SUN_WEIGHT) * most
             continue
         for light in range(L_BINS):
             k = start + light
@@ -270,7 +270,7 @@ def _densities(
                 shade = max(shade, shades[k + step])
             for step in range(1, min(_LIGHT_BINS, light) + 1):
                 sun = max(sun, shades[k - step])
-            if light >= saturated:
+            if light >= SATURATED_BIN:
                 sun = max(sun, np.float32(4.0) * most)
             out[FLOOR, k] = core + np.float32(1e-3) * prior[k]
             out[SHADE, k] = np.float32(_SHADE_WEIGHT) * shade

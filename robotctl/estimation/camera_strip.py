@@ -71,6 +71,7 @@ class GroundStrip:
 
     def __init__(self, camera: CameraGeometry, config: GroundCameraConfig) -> None:
         self.camera = camera
+        self._config = config
         self.height_m = camera.mount.z_m
         axis = camera.R_base_camera[:, 2]
         self._heading_rad = math.atan2(axis[1], axis[0])
@@ -106,6 +107,19 @@ class GroundStrip:
             )
         strip = cv2.remap(image_bgr, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(strip, np.uint8)
+
+    def patch_outline_base(self) -> NDArray[np.float64]:
+        """Return the corners of the free patch on the floor in `base`, (4, 2) [m]."""
+        near = self._nearest_m() + self._config.patch_near_m
+        far = near + self._config.patch_depth_m
+        halves = self._config.patch_near_width_m / 2, self._config.patch_far_width_m / 2
+        c, s = math.cos(self._heading_rad), math.sin(self._heading_rad)
+        corners = np.array(
+            [(near, halves[0]), (far, halves[1]), (far, -halves[1]), (near, -halves[0])]
+        )
+        turned = corners @ np.array([[c, s], [-s, c]])
+        outline: NDArray[np.float64] = turned + self.camera.t_base_camera[:2]
+        return outline
 
     def pixels(self, rows: NDArray[np.float64], columns: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return where in the picture places of the strip are, (n, 2) [px]."""
@@ -150,7 +164,8 @@ class GroundStrip:
         # Every other row will do where a pixel is a small share of the range.
         coarse = np.append(np.diff(ranges) < _SMALL_STEP * ranges[:-1], False)
         wanted = wanted[~coarse | (np.arange(len(wanted)) % 2 == 0)]
-        return np.interp(wanted, path, fine)
+        rows: NDArray[np.float64] = np.interp(wanted, path, fine)
+        return rows
 
     def _seen_depressions(self, fine: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell for depressions whether the picture shows them at any bearing."""

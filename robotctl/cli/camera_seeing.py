@@ -1,0 +1,183 @@
+"""`robotctl camera ranges` and `robotctl camera obstacles`: what pictures say of the floor."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from robotctl.app.config import find_file
+from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.camera_arguments import pictures_of
+from robotctl.cli.files import check_files, write_file
+from robotctl.errors import ConfigError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from robotctl.app.camera_seeing import Seeing, SeenPicture
+
+BLIND = 1
+
+Pictures = Annotated[
+    list[str], typer.Argument(help="Pictures of the robot's camera: files or folders.")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="Write annotated pictures: a file for one picture, else a folder that exists."
+    ),
+]
+CsvFile = Annotated[Path | None, typer.Option("--csv", help="Write the table here as CSV.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write all here as JSON.")]
+Sequence = Annotated[
+    bool,
+    typer.Option(
+        "--sequence",
+        help="The pictures follow each other: the floor is known from the earlier ones.",
+    ),
+]
+
+
+def ranges(
+    pictures: Pictures,
+    robot: RobotName = "diff_drive",
+    out: Out = None,
+    csv: CsvFile = None,
+    json: JsonFile = None,
+    sequence: Sequence = False,
+    overrides: Overrides = None,
+) -> None:
+    """Measure where the floor ends, as a range scan from below the camera.
+
+    Status 0: all pictures are trusted. 1: in some the floor could not be told from the rest; they
+    are named. 2: bad input.
+    """
+    _run("ranges", (pictures, robot, out, csv, json, sequence, overrides))
+
+
+def obstacles(
+    pictures: Pictures,
+    robot: RobotName = "diff_drive",
+    out: Out = None,
+    csv: CsvFile = None,
+    json: JsonFile = None,
+    sequence: Sequence = False,
+    overrides: Overrides = None,
+) -> None:
+    """Find what stands free on the floor: where, how wide, how high.
+
+    Status 0: all pictures are trusted. 1: in some the floor could not be told from the rest; they
+    are named. 2: bad input.
+    """
+    _run("obstacles", (pictures, robot, out, csv, json, sequence, overrides))
+
+
+def _run(name: str, arguments: tuple[Any, ...]) -> None:
+    """Look at all pictures, show and write what was asked for."""
+    pictures, robot, out, csv, json, sequence, overrides = arguments
+    robot_file = find_file(robot)
+    files = pictures_of(pictures, "")
+    targets = _targets(files, out)
+    check_files(csv, json)
+    from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
+
+    progress = Console(stderr=True, highlight=False)
+    if cache_is_cold():
+        progress.print(f"{COMPILING} …", markup=False)
+    from robotctl.app import camera_seeing as app  # noqa: PLC0415 - OpenCV and numba
+
+    seeing = app.Seeing(app.SeeingOptions(robot_file, tuple(overrides or ()), files, sequence))
+    keys = app.RANGE_KEYS if name == "ranges" else app.OBSTACLE_KEYS
+    rows_of: Callable[[SeenPicture], list[dict[str, Any]]]
+    rows_of = app.range_rows if name == "ranges" else app.obstacle_rows
+    rows, entries = [], []
+    for seen, target in zip(_read(seeing), targets, strict=True):
+        mine = rows_of(seen)
+        rows += mine
+        entries.append(app.report_entry(seen, name, mine))
+        if csv is None and json is None:
+            Console().print(_table(seen, keys[1:], mine))
+        else:
+            progress.print(f"{seen.name}: {_summary(name, mine)}", markup=False)
+        if not seen.view.trusted:
+            print(f"{seen.name}: not trusted: {seen.view.why}", file=sys.stderr)
+        if target is not None:
+            _write_annotated(target, seeing.annotated(seen))
+    if csv is not None:
+        write_file(csv, lambda file: app.write_rows(file, keys, rows))
+        print(f"table: {csv}")
+    if json is not None:
+        write_file(json, lambda file: app.write_report(file, name, entries))
+        print(f"report: {json}")
+    if not all(entry["trusted"] for entry in entries):
+        sys.exit(BLIND)
+
+
+def _write_annotated(target: Path, picture: NDArray[np.uint8]) -> None:
+    """Write an annotated picture and say where."""
+    from robotctl.app.camera_pictures import write_picture  # noqa: PLC0415 - OpenCV
+
+    write_file(target, lambda file: write_picture(file, picture))
+    print(f"annotated: {target}")
+
+
+def _read(seeing: Seeing) -> Any:
+    """Yield what is seen, with an error of one line where a file cannot be read."""
+    try:
+        yield from seeing.look()
+    except OSError as error:
+        raise ConfigError(f"{error.filename}: {error.strerror or error}") from error
+
+
+def _targets(files: tuple[Path, ...], out: Path | None) -> list[Path | None]:
+    """Return where each annotated picture goes; raises ConfigError where that cannot be."""
+    if out is None:
+        return [None] * len(files)
+    if out.is_dir():
+        targets = [out / f"{file.stem}_seen.png" for file in files]
+        if len(set(targets)) < len(targets):
+            raise ConfigError(f"--out {out}: two of the pictures have the same name")
+        return list(targets)
+    if len(files) > 1:
+        raise ConfigError(f"--out {out}: not a folder; for {len(files)} pictures make one first")
+    from robotctl.app.camera_pictures import check_suffix  # noqa: PLC0415 - OpenCV
+
+    check_files(out)
+    check_suffix(out)
+    return [out]
+
+
+def _table(seen: SeenPicture, keys: tuple[str, ...], rows: list[dict[str, Any]]) -> Table:
+    """Return the rows of one picture for a terminal."""
+    trust = "" if seen.view.trusted else ", not trusted"
+    table = Table(title=f"{seen.name}{trust}", title_justify="left")
+    for key in keys:
+        table.add_column(key.replace("_", " "), justify="right")
+    for row in rows:
+        table.add_row(*(_cell(row[key]) for key in keys))
+    return table
+
+
+def _cell(value: object) -> str:
+    """Return a value as it is shown."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else ""
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def _summary(name: str, rows: list[dict[str, Any]]) -> str:
+    """Return one line about a picture."""
+    if name == "obstacles":
+        return f"{len(rows)} obstacles"
+    hits = [row["range_m"] for row in rows if row["range_m"] is not None]
+    nearest = f", nearest {min(hits):.2f} m" if hits else ""
+    return f"{len(hits)} of {len(rows)} beams end at a boundary{nearest}"
