@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from robotctl.errors import ConfigError
 from robotctl.estimation.camera_config import GroundCameraConfig
-from robotctl.estimation.camera_ground import GroundCamera
+from robotctl.estimation.camera_ground import GroundCamera, GroundView
 from robotctl.estimation.camera_obstacles import GroundObstacle
 from robotctl.model.camera import CameraConfig
 from robotctl.model.camera_geometry import CameraGeometry
-from robotctl.model.range_scan import RangeScan
 from robotctl.runtime.estimation_messages import CameraView, SeenObstacle
 
 
@@ -39,6 +38,9 @@ class GroundWatch:
             self._camera = GroundCamera(CameraGeometry.of(camera), settings)
         except ValueError as error:
             raise ConfigError(f"camera: {error}") from error
+        strip = self._camera.strip
+        rows = np.minimum(strip.first_rows, len(strip.ranges_m) - 1)
+        self._bearings_rad, self._nearest_m = strip.bearings_rad[::-1], strip.ranges_m[rows][::-1]
         self._rehearse()
 
     def _rehearse(self) -> None:
@@ -64,13 +66,13 @@ class GroundWatch:
             return _blind(stamp_ns, f"a picture of {width} x {height} px, not as calibrated")
         view = self._camera.step(image_bgr, stamp_ns)
         took_us = (time.thread_time_ns() - begin_ns) / 1000.0
-        return camera_view(view.scan, view.obstacles, view.why, took_us)
+        nearest = np.interp(view.scan.angles_rad, self._bearings_rad, self._nearest_m)
+        return camera_view(view, nearest, took_us)
 
 
-def camera_view(
-    scan: RangeScan, obstacles: tuple[GroundObstacle, ...], trouble: str, step_us: float
-) -> CameraView:
-    """Return what was seen as a message."""
+def camera_view(view: GroundView, nearest_m: NDArray[np.float64], step_us: float) -> CameraView:
+    """Return what was seen as a message; floor nearer than `nearest_m` (n,) is not in sight."""
+    scan = view.scan
     sigmas = np.full(len(scan.ranges_m), np.nan) if scan.sigmas_m is None else scan.sigmas_m
     return CameraView(
         stamp_ns=scan.stamp_ns,
@@ -80,8 +82,9 @@ def camera_view(
         angles_rad=tuple(scan.angles_rad.tolist()),
         ranges_m=tuple(scan.ranges_m.tolist()),
         sigmas_m=tuple(sigmas.tolist()),
-        obstacles=tuple(map(_seen, obstacles)),
-        trouble=trouble,
+        nearest_m=tuple(nearest_m.tolist()),
+        obstacles=tuple(map(_seen, view.obstacles)),
+        trouble=view.why,
         step_us=step_us,
     )
 
@@ -95,4 +98,4 @@ def _seen(obstacle: GroundObstacle) -> SeenObstacle:
 
 def _blind(stamp_ns: int, trouble: str) -> CameraView:
     """Return a view of a picture that says nothing."""
-    return CameraView(stamp_ns, 0.0, 0.0, 1.0, (), (), (), (), trouble)
+    return CameraView(stamp_ns, 0.0, 0.0, 1.0, (), (), (), (), trouble=trouble)

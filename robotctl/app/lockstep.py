@@ -240,7 +240,8 @@ class LockstepRun:
                 if bench.ticks % every == 0:
                     control = bench.snapshot()
                     seen = self._see(control)
-                    navigation, requests = self._navigate(control)
+                    views = [each for each in seen if isinstance(each, CameraView)]
+                    navigation, requests = self._navigate(control, views)
                     if states is not None:
                         states.step((control, *seen, navigation), control.stamp_ns)
                     yield control, navigation
@@ -294,7 +295,7 @@ class LockstepRun:
         return seen
 
     def _navigate(
-        self, control: ControlState
+        self, control: ControlState, views: Sequence[CameraView]
     ) -> tuple[NavigationState, tuple[ControlRequest, ...]]:
         """Do what the navigation process and the operator do, 20 times a second."""
         now_ns = control.stamp_ns
@@ -305,7 +306,9 @@ class LockstepRun:
             and self._navigation.mode == Mode.HOLD
         ):
             wishes = (SetMode(now_ns, Mode.AUTO),)
-        command, self._navigation = self._pilot.step(control, self._localisation, wishes, now_ns)
+        command, self._navigation = self._pilot.step(
+            control, self._localisation, wishes, now_ns, views
+        )
         if control.state == SafetyState.STANDBY and now_ns - self._asked_ns >= _ARM_RETRY_NS:
             self._asked_ns = now_ns
             self._request_id += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import msgspec
 import zmq
@@ -48,31 +48,25 @@ class Place:
     ----------
     estimators
         Localiser and mapper.
-    context, endpoints
-        Where scans come from.
     publisher
         Of the process.
     """
 
-    def __init__(
-        self,
-        estimators: Estimators,
-        context: zmq.Context[Any],
-        endpoints: Endpoints,
-        publisher: Publisher,
-    ) -> None:
+    def __init__(self, estimators: Estimators, publisher: Publisher) -> None:
         self._estimators = estimators
-        self._scans = Subscriber[_Heard](context, (endpoints.lidar, endpoints.camera), _Heard)
         self._publisher = publisher
 
     def step(
-        self, control: ControlState, asked: Sequence[NavigationRequest], clock: Clock
+        self,
+        control: ControlState,
+        scans: Sequence[LidarScan | CameraView],
+        asked: Sequence[NavigationRequest],
+        clock: Clock,
     ) -> LocalisationState | None:
         """Take in what was seen since the last step; return where the robot is."""
         begin_ns = clock.now_ns()
         estimators, publisher = self._estimators, self._publisher
         poses = [each for each in asked if isinstance(each, ExternalPose)]
-        scans = [each for each in self._scans.receive() if not isinstance(each, Notice)]
         state = estimators.step(control, scans, poses, begin_ns)
         if state is not None:
             step_us = (clock.now_ns() - begin_ns) / 1000
@@ -106,7 +100,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         if saved.item:
             notes += (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)
     estimators = load_estimators(config, options)
-    place = None if estimators is None else Place(estimators, context, endpoints, publisher)
+    place = None if estimators is None else Place(estimators, publisher)
+    sensors = Subscriber[_Heard](context, (endpoints.lidar, endpoints.camera), _Heard)
     control: ControlState | None = None
     localisation: LocalisationState | None = None
     deadline_ns = clock.now_ns()
@@ -122,9 +117,11 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                     publisher.send(Notice(begin_ns, _SEVERITY_WARNING, note))
                 notes = ()
             asked = requests.receive()
+            scans = [each for each in sensors.receive() if not isinstance(each, Notice)]
             if place is not None and control is not None:
-                localisation = place.step(control, asked, clock)
-            command, state = pilot.step(control, localisation, asked, begin_ns)
+                localisation = place.step(control, scans, asked, clock)
+            views = [each for each in scans if isinstance(each, CameraView)]
+            command, state = pilot.step(control, localisation, asked, begin_ns, views)
             to_control.send(command)
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))

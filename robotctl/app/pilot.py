@@ -7,12 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robotctl import toml_source
 from robotctl.app.config import RobotConfig
+from robotctl.app.odometry_history import OdometryHistory
 from robotctl.app.options import StackOptions
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
+from robotctl.planning.floor_memory import FloorMemory, FloorView
 from robotctl.planning.mission import Mission
 from robotctl.planning.navigator import NavigationInputs, Navigator
 from robotctl.planning.requests import (
@@ -22,7 +27,7 @@ from robotctl.planning.requests import (
     StickRequest,
     VelocityRequest,
 )
-from robotctl.runtime.estimation_messages import LocalisationState
+from robotctl.runtime.estimation_messages import CameraView, LocalisationState
 from robotctl.runtime.located import located
 from robotctl.runtime.messages import (
     ControlState,
@@ -80,6 +85,8 @@ class Pilot:
             SE2(options.x_m, options.y_m, options.theta_rad),
         )
         self.period_ns = round(1e9 / config.navigation.rate_hz)
+        self._odometry = OdometryHistory()
+        self._floor: FloorMemory | None = None
 
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
@@ -91,16 +98,19 @@ class Pilot:
         localisation: LocalisationState | None,
         requests: Sequence[NavigationRequest],
         now_ns: int,
+        views: Sequence[CameraView] = (),
     ) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity command of this step and what to publish.
 
-        Without `localisation` the robot goes by its odometry.
+        Without `localisation` the robot goes by its odometry. `views` are those of the camera
+        since the last step.
         """
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
         ranges_m: tuple[float, ...]
         if control is None:
-            pose, twist, ranges_m = _UNKNOWN, Twist(0.0, 0.0), ()
+            pose, twist, ranges_m, floor = _UNKNOWN, Twist(0.0, 0.0), (), None
         else:
+            floor = self._look(control, views)
             control = located(control, localisation)
             pose = SE2(control.x_m, control.y_m, control.theta_rad)
             twist = Twist(control.v_m_s, control.omega_rad_s)
@@ -115,6 +125,7 @@ class Pilot:
             requests=tuple(
                 _request(each) for each in requests if not isinstance(each, ExternalPose)
             ),
+            floor_base=floor,
         )
         out = self._navigator.step(inputs, now_ns)
         command = VelocityCommand(
@@ -133,6 +144,28 @@ class Pilot:
             item_s_m=out.item_s_m,
         )
         return command, state
+
+    def _look(
+        self, control: ControlState, views: Sequence[CameraView]
+    ) -> NDArray[np.float64] | None:
+        """Return what lies on the floor around, by all that the camera saw since arming."""
+        odometry = SE2(control.x_m, control.y_m, control.theta_rad)
+        self._odometry.add(control.stamp_ns, odometry)
+        if control.state not in POWERED:
+            self._floor = None
+        for view in views:
+            seen_from = self._odometry.at(view.stamp_ns)
+            if seen_from is not None:
+                self._floor = self._floor or FloorMemory()
+                self._floor.see(seen_from, _floor_view(view))
+        return None if self._floor is None else self._floor.around(odometry)
+
+
+def _floor_view(view: CameraView) -> FloorView:
+    """Return a view of the camera for the planning layer."""
+    beams = (view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m)
+    angles, ranges, sigmas, nearest = (np.array(each, dtype=np.float64) for each in beams)
+    return FloorView(view.x_m, view.y_m, angles, ranges, sigmas, nearest, not view.trouble)
 
 
 def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl) -> Request:

@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robotctl.control.limiter import LimitsConfig
 from robotctl.model.drives import Drive
 from robotctl.model.se2 import SE2
@@ -54,6 +57,8 @@ class NavigationInputs(NamedTuple):
     """What came since the last step, oldest first."""
     localised: bool = True
     """The pose is more than a guess."""
+    floor_base: NDArray[np.float64] | None = None
+    """Points on the floor not to be driven over, (k, 2) in `base` [m]; None: no camera looks."""
 
 
 class NavigationOutputs(NamedTuple):
@@ -171,7 +176,7 @@ class Navigator:
         if len(ranges) != self._sonars:
             ranges = (math.nan,) * self._sonars
         situation = Situation(inputs.pose, inputs.twist, ranges)
-        self._guard.observe(ranges)
+        self._guard.observe(ranges, inputs.floor_base)
         if self._mode is not Mode.RTL and inputs.localised:
             self._crumbs.record(inputs.pose)
         if not inputs.enabled:

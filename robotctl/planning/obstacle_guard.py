@@ -1,4 +1,4 @@
-"""Slow down and stop ahead of what the sonars see in the direction of travel."""
+"""Slow down and stop ahead of what sonars and camera see in the direction of travel."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.model.angles import wrap_angle
 from robotctl.model.sonar import SonarMount
@@ -23,6 +26,9 @@ class GuardConfig:
         Braking that the robot manages for sure [m/s^2], > 0.
     reaction_s
         Time from an echo to the brakes, with the median filter and the ring's refresh [s], > 0.
+    nose_m
+        How far the robot reaches from `base` in the direction of travel [m], > 0: from there the
+        gap to what the camera sees is counted.
     half_width_m
         Half of the robot's width with a little room [m], > 0: slanting sonars count only what is
         in its way.
@@ -41,6 +47,7 @@ class GuardConfig:
     margin_m: float = 0.12
     deceleration_m_s2: float = 0.8
     reaction_s: float = 0.2
+    nose_m: float = 0.2
     half_width_m: float = 0.18
     cone_deg: float = 30.0
     blocked_max_s: float = 10.0
@@ -80,7 +87,8 @@ class ObstacleGuard:
     the last three readings of each sonar keeps single outliers and lost echoes out. A sonar ahead
     without reading (nan) makes the robot stand: it would drive blind. Without a sonar in the
     direction of travel there is nothing to guard, and the speed is free. Turning on the spot is
-    free, too.
+    free, too. Points on the floor, which a camera sees, count where the robot driving straight on
+    would meet them.
 
     Parameters
     ----------
@@ -100,9 +108,13 @@ class ObstacleGuard:
     def reset(self) -> None:
         """Forget past readings."""
         self._history = [[] for _ in range(self._count)]
+        self._floor = np.empty((0, 2))
 
-    def observe(self, ranges_m: Sequence[float]) -> None:
-        """Take one reading of each sonar [m]; call once a step."""
+    def observe(
+        self, ranges_m: Sequence[float], floor_base: NDArray[np.float64] | None = None
+    ) -> None:
+        """Take one reading of each sonar [m], and points of the floor (k, 2); once a step."""
+        self._floor = np.empty((0, 2)) if floor_base is None else floor_base
         for past, reading in zip(self._history, ranges_m, strict=True):
             past.append(reading)
             if len(past) > 3:
@@ -120,6 +132,9 @@ class ObstacleGuard:
             free = self._free_way(view, reading)
             if free < gap:
                 gap, obstacle = free, f"{view.name} sees {reading:.2f} m"
+        on_floor = self._free_floor(math.copysign(1.0, direction))
+        if on_floor < gap:
+            gap, obstacle = on_floor, f"something lies on the floor {on_floor:.2f} m away"
         v_max = self._speed_for(gap - self._config.margin_m)
         return GuardStep(v_max, obstacle)
 
@@ -131,6 +146,12 @@ class ObstacleGuard:
         if abs(view.lateral_m + reading * view.sine) < self._config.half_width_m:
             return reading * view.cosine
         return math.inf
+
+    def _free_floor(self, sign: float) -> float:
+        """Return the way from the robot's nose up to the nearest point on the floor [m]."""
+        ahead = sign * self._floor[:, 0]
+        met = ahead[(ahead > 0.0) & (np.abs(self._floor[:, 1]) < self._config.half_width_m)]
+        return float(met.min()) - self._config.nose_m if len(met) else math.inf
 
     def _speed_for(self, way_m: float) -> float:
         """Return the speed v with v reaction + v^2 / (2 a) = way [m/s]."""

@@ -42,8 +42,8 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
 
     Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
     (m): inf where the floor goes on up to `max_range_m`, nan where nothing was judged; `sigmas_m`
-    are their standard deviations. `trouble` says why the picture is not to be trusted; it is
-    empty where it is.
+    are their standard deviations. Floor nearer than `nearest_m` is not in the picture. `trouble`
+    says why the picture is not to be trusted; it is empty where it is.
     """
 
     stamp_ns: int
@@ -53,6 +53,7 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
     angles_rad: tuple[float, ...]
     ranges_m: tuple[float, ...]
     sigmas_m: tuple[float, ...]
+    nearest_m: tuple[float, ...]
     obstacles: tuple[SeenObstacle, ...] = ()
     trouble: str = ""
     step_us: float = 0.0

@@ -42,9 +42,8 @@ def score(tmp_path):
 
 def view(ranges=(), angles=(), sigma_m=0.02, **changes):
     sigmas = tuple(math.nan if math.isnan(r) else sigma_m for r in ranges)
-    return CameraView(
-        1_000, 0.2, 0.0, 4.0, tuple(angles), tuple(ranges), sigmas, step_us=2000.0, **changes
-    )
+    beams = (tuple(angles), tuple(ranges), sigmas, (0.3,) * len(sigmas))
+    return CameraView(1_000, 0.2, 0.0, 4.0, *beams, step_us=2000.0, **changes)
 
 
 def scored(score, *views):

@@ -207,7 +207,8 @@ def view(
         tuple((range_m / np.cos(beams)).tolist()),
     )
     sigmas = (sigma_m,) * len(beams)
-    return CameraView(stamp_ns, 0.0, 0.0, 4.0, angles, ranges, sigmas, trouble=trouble)
+    beams_seen = (angles, ranges, sigmas, (0.3,) * len(beams))
+    return CameraView(stamp_ns, 0.0, 0.0, 4.0, *beams_seen, trouble=trouble)
 
 
 @pytest.mark.parametrize(("sigma_m", "drawn"), [(0.02, True), (0.2, False)])

@@ -44,7 +44,7 @@ def test_a_view_survives_the_way_to_another_process(config, watch):
     assert len(scan.ranges_m) == config.ground_camera.beams
     assert scan.x_m == pytest.approx(config.camera.mount.x_m)
     measured = np.isfinite(scan.ranges_m)
-    assert measured.mean() > 0.8
+    assert measured.mean() > 0.7
     assert np.all(scan.sigmas_m[measured] > 0.0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from robotctl.app.config import find_file
 from tests.app.missions import drive, without_computing_times
 
 LOOKS = ("camera.enabled=true",)
@@ -40,3 +41,27 @@ def test_the_same_seed_sees_the_same():
     assert second["camera"].pop("step_ms") > 0.0
     assert first == second
     assert first["camera"]["pictures"] > 20
+
+
+@pytest.fixture(scope="module")
+def cup_in_the_way(tmp_path_factory):
+    """The flat, with a cup on the first side of the patrol's square."""
+    text = find_file("flat", "worlds").read_text(encoding="utf-8")
+    path = tmp_path_factory.mktemp("world") / "flat.toml"
+    cup = '[[obstacle]]\nname = "cup"\ncentre = [2.6, 1.02]\nradius_m = 0.04\nheight_m = 0.09\n'
+    path.write_text(text + cup, encoding="utf-8")
+    return path
+
+
+def test_a_robot_that_looks_stops_before_a_thing_that_its_sonars_do_not_hear(cup_in_the_way):
+    report = drive(overrides=LOOKS, world=str(cup_in_the_way), max_seconds=25)
+    assert report.collisions == 0
+    assert not report.mission_completed
+    assert "something lies on the floor" in report.message
+    assert 0.9 < report.distance_m < 1.4
+    assert report.camera.found > 0
+    assert report.camera.false == 0
+
+
+def test_without_its_camera_it_drives_into_that(cup_in_the_way):
+    assert drive(world=str(cup_in_the_way), max_seconds=10).collisions > 0

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -103,3 +104,36 @@ def test_without_a_sonar_in_the_direction_of_travel_there_is_nothing_to_guard():
 def test_a_setting_that_is_not_positive_is_refused_by_name(key):
     with pytest.raises(ValueError, match=key):
         GuardConfig(**{key: 0.0})
+
+
+def on_floor(*points, direction=1.0):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    guard.observe(FREE, np.array(points).reshape(-1, 2))
+    return guard.step(direction)
+
+
+@given(st.floats(0.12, 1.5))
+def test_braking_for_a_thing_on_the_floor_ends_before_the_margin_from_the_nose(gap):
+    v = on_floor((CONFIG.nose_m + gap, 0.0)).v_max_m_s
+    way = v * CONFIG.reaction_s + v * v / (2 * CONFIG.deceleration_m_s2)
+    assert way == pytest.approx(gap - CONFIG.margin_m, abs=1e-9)
+
+
+def test_things_on_the_floor_count_in_the_way_and_in_the_direction_of_travel():
+    assert on_floor((0.3, 0.17)).v_max_m_s == 0.0
+    assert on_floor((0.3, -0.17)).v_max_m_s == 0.0
+    assert on_floor((0.3, 0.19)).v_max_m_s == math.inf
+    assert on_floor((-0.3, 0.0)).v_max_m_s == math.inf
+    assert on_floor((-0.3, 0.0), direction=-1.0).v_max_m_s == 0.0
+    assert on_floor().v_max_m_s == math.inf
+
+
+def test_the_nearer_of_sonar_and_camera_counts_and_is_named():
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    for _ in range(3):
+        guard.observe((0.5, math.inf, math.inf, math.inf), np.array([[0.6, 0.0]]))
+    assert guard.step(1.0).obstacle == "something lies on the floor 0.40 m away"
+    guard.observe((0.5, math.inf, math.inf, math.inf), np.array([[0.8, 0.0]]))
+    assert guard.step(1.0).obstacle == "front sees 0.50 m"
+    guard.observe((0.5, math.inf, math.inf, math.inf))
+    assert guard.step(1.0).obstacle == "front sees 0.50 m"
