@@ -180,21 +180,31 @@ def patched_settings(
 ) -> LocalisationConfig:
     """Return the settings of the localiser that follow from a fit.
 
-    What is not told stays. Deviations are widened by the spread of particles; of probabilities the
-    upper ends of the intervals are taken, since a filter that trusts too much loses the robot.
+    What is not told stays. Deviations are widened by the spread of particles. A filter that trusts
+    too much loses the robot, so probabilities are the upper ends of their intervals, and outliers
+    at least the share of all readings, edges included, that is off by far.
     """
     values, mixture = fit.ranges.values, fit.ranges.mixture
-    sigma_m = float(mixture.sigma_at(np.array(fit.ranges.typical_m)))
+    typical_m = fit.ranges.typical_m
+    typical_sigma_m = float(mixture.sigma_at(np.array(typical_m)))
+    wide_m = math.hypot(typical_sigma_m, PARTICLE_SPREAD_M)
+    garbage = min(max(values["garbage"].high, fit.off_share(wide_m), _LEAST), _MOST)
+    none = min(max(values["none"].high, _LEAST), _MOST)
     if sensor == LIDAR:
-        wide_m = math.hypot(sigma_m, PARTICLE_SPREAD_M)
-        k = round_figures(min(values["robust_k"].high * wide_m / sigma_m, 1.0), 2)
+        as_used = replace(
+            mixture,
+            hit=1.0 - garbage - none,
+            short=0.5 * garbage,
+            random=0.5 * garbage,
+            none=none,
+            sigma_m=wide_m,
+            sigma_per_m=0.0,
+        )
+        k = round_figures(as_used.robust_k(typical_m, fit.greatest_m.value), 2)
         lidar = replace(present.lidar, sigma_m=round_figures(wide_m, 2), robust_k=k)
         return replace(present, lidar=lidar)
-    found = {
-        "sigma_m": math.hypot(mixture.sigma_m, PARTICLE_SPREAD_M),
-        "random": min(max(values["garbage"].high, _LEAST), _MOST),
-        "none": min(max(values["none"].high, _LEAST), _MOST),
-    }
+    sigma_m = math.hypot(mixture.sigma_m, PARTICLE_SPREAD_M)
+    found = {"sigma_m": sigma_m, "random": garbage, "none": none}
     if not values["sigma_per_m"].why_not:
         found["sigma_per_m"] = mixture.sigma_per_m
     if not fit.incidence.limit.why_not:
@@ -202,7 +212,7 @@ def patched_settings(
     if not fit.greatest_m.why_not:
         found["max_range_m"] = fit.greatest_m.value
     sonar = replace(present.sonar, **{key: round_figures(v, 3) for key, v in found.items()})
-    band_m = max(_BAND * sigma_m, 0.5 * present.grid.resolution_m)
+    band_m = max(_BAND * typical_sigma_m, 0.5 * present.grid.resolution_m)
     grid = replace(present.grid, sonar_band_m=round_figures(band_m, 2))
     return replace(present, sonar=sonar, grid=grid)
 

@@ -9,6 +9,7 @@ from robotctl.cli import (
     calibrate,
     camera,
     can,
+    characterise,
     config,
     doctor,
     install,
@@ -44,6 +45,7 @@ app.command("uninstall")(install.uninstall)
 app.command("replay")(replay.replay)
 app.command("localize")(localize.localize)
 app.command("map")(map_command.map_log)
+app.command("characterise")(characterise.characterise)
 
 
 @app.command()

@@ -62,6 +62,15 @@ class Fitted:
     high: float
     why_not: str = ""
 
+    def in_degrees(self) -> Fitted:
+        """Return an angle in degrees."""
+        return Fitted(
+            math.degrees(self.value),
+            math.degrees(self.low),
+            math.degrees(self.high),
+            self.why_not,
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangeFit:
@@ -229,9 +238,10 @@ class _Fit:
             ratio[inside] = np.nan_to_num(variance / np.diag(naive), nan=1.0)
         # On a bound the score alone tells how readings of a stretch go together.
         for i in np.flatnonzero(self._free & ~inside):
-            stretch = np.bincount(self._groups, score[:, i], count)
-            own = float(np.sum(score[:, i] ** 2))
-            ratio[i] = float(np.sum(stretch**2)) / own if own > 0.0 else 1.0
+            single = score[:, i] - score[:, i].mean()
+            own = float(np.sum(single**2))
+            together = float(np.sum(np.bincount(self._groups, single, count) ** 2))
+            ratio[i] = together / own if own > 0.0 else 1.0
         quantile: float = student.ppf(0.975, max(count - 1, 1))
         cuts: Array = quantile**2 * np.maximum(ratio, 1.0)
         return cuts

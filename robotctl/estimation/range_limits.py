@@ -29,6 +29,8 @@ from robotctl.estimation.range_mixture import BeamMixture, densities
 _TAIL: Final = 0.025
 _LEAST: Final = 8
 """Readings beyond a limit that show that there is one."""
+_ENDS: Final = 0.5
+"""Echoes end where less than this share of them is left."""
 _BIN_RAD: Final = math.radians(0.25)
 _CLEARLY: Final = 4.0
 """A logistic curve is taken if its log-likelihood is better than the step's by this."""
@@ -79,16 +81,20 @@ def incidence_limit(incidence_rad: Array, heard: NDArray[np.bool_]) -> Incidence
     edges = np.concatenate([[0.0], angles, [0.5 * math.pi]])
     low, middle, high = _quantiles(edges, logs)
     best = int(np.searchsorted(angles, middle))
-    step = IncidenceLimit(Fitted(middle, low, high), float(below[best]), float(above[best]))
-    farthest = float(angles[-1])
-    beyond = len(angles) - int(np.searchsorted(angles, middle))
-    if high > farthest or beyond < _LEAST or math.isnan(step.heard_above):
+    enough = len(angles) - best >= _LEAST
+    step = IncidenceLimit(
+        Fitted(middle, low, high), float(below[best]), float(above[best]) if enough else math.nan
+    )
+    if not step.heard_above < _ENDS * step.heard_below:
+        # The limit is beyond all angles from which some echoes come.
+        still = angles[echoes][-_LEAST:]
+        reached = float(still[0]) if len(still) else 0.0
         why = (
-            f"echoes do not end up to {math.degrees(farthest):.0f} deg of incidence, the greatest "
-            f"in the data: the limit is above {math.degrees(low):.0f} deg"
+            f"echoes do not end up to {math.degrees(reached):.0f} deg of incidence, the greatest "
+            "in the data: the limit is above that"
         )
         return IncidenceLimit(
-            Fitted(middle, low, 0.5 * math.pi, why), float(echoes.mean()), math.nan
+            Fitted(0.5 * math.pi, reached, 0.5 * math.pi, why), float(echoes.mean()), math.nan
         )
     return _logistic(angles, echoes, step) or step
 

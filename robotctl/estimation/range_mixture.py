@@ -86,10 +86,11 @@ class BeamMixture:
         """Return K of the robust likelihood exp(-(z - m)^2 / 2 sigma^2) + K (notes, section 4.1).
 
         It is the density of readings that have nothing to do with the map, short ones and random
-        ones, spread over all ranges, over the greatest density of a hit at `range_m` [m].
+        ones, over the greatest density of a hit at `range_m` [m]. They are taken as spread up to
+        twice that range: a sensor may reach far beyond the room in which it is used.
         """
         sigma_m = self.sigma_m + self.sigma_per_m * range_m
-        garbage = (self.short + self.random) / max_range_m
+        garbage = (self.short + self.random) / min(2.0 * range_m, max_range_m)
         return garbage * math.sqrt(math.tau) * sigma_m / self.hit
 
 

@@ -67,11 +67,11 @@ class SensorFit:
     greatest_m
         The greatest range [m].
     expected_m, measured_m
-        The readings that the mixture was fitted to, (k,) [m]; inf: nothing in range, no echo.
+        All readings, (m,) [m]; inf: nothing in range, no echo.
+    fitted
+        Those that the mixture was fitted to, (m,).
     incidences_rad, heard
         The readings that the incidence limit was found by, (n,).
-    readings
-        How many there were.
     """
 
     ranges: RangeFit
@@ -79,9 +79,15 @@ class SensorFit:
     greatest_m: Fitted
     expected_m: Array
     measured_m: Array
+    fitted: NDArray[np.bool_]
     incidences_rad: Array
     heard: NDArray[np.bool_]
-    readings: int
+
+    def off_share(self, sigma_m: float) -> float:
+        """Return which share of all ranges, edges included, is off by more than 4 sigma [m]."""
+        both = np.isfinite(self.expected_m) & np.isfinite(self.measured_m)
+        off = self.measured_m[both] - self.expected_m[both] - self.ranges.mixture.offset_m
+        return float(np.mean(np.abs(off) > _SIGMAS * sigma_m))
 
 
 def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
@@ -137,17 +143,19 @@ def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
         found,
         incidence,
         greatest,
-        np.where(expected < range_m, expected, np.inf)[chosen],
-        z[chosen],
+        np.where(expected < range_m, expected, np.inf),
+        z,
+        chosen,
         incidences[plain],
         heard[plain],
-        len(z),
     )
 
 
 def _as_known(found: IncidenceLimit, step_rad: float) -> IncidenceLimit:
     """Return a limit whose interval allows for incidences that are known in steps."""
     limit, half = found.limit, 0.5 * step_rad
+    if limit.why_not:
+        return found
     wider = replace(limit, low=max(limit.low - half, 0.0), high=limit.high + half)
     return replace(found, limit=wider)
 

@@ -1,0 +1,104 @@
+"""`robotctl characterise`: what a robot's sonars or lidar are like."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from robotctl.app.characterise import Characterisation
+
+ABORTED = 1
+WORSE = 3
+
+
+def characterise(
+    robot: RobotName = "diff_drive",
+    log: Annotated[
+        Path | None,
+        typer.Option(help="CARMEN log with poses, or a recording of ours: a folder of --record."),
+    ] = None,
+    map_file: Annotated[
+        str,
+        typer.Option(
+            "--map",
+            metavar="MAP",
+            help="Room of the log: a world, or a ROS map (.yaml); else made of its even scans.",
+        ),
+    ] = "",
+    sensor: Annotated[
+        str, typer.Option(help="sonar or lidar; default: sonar where there are readings of some.")
+    ] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drive.")] = 1,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw errors and echoes here: .png, .svg or .pdf.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Find noise, outliers and limits of sonars or lidar, with 95 % intervals.
+
+    Without --log the simulated robot drives a round. Status 0: found. 1: the data are too few, or
+    nobody knows where they were taken. 3: with the new settings readings say less about the place
+    than with the present ones, no patch. 2: bad input.
+    """
+    check_files(out, plot=plot)
+    # They take a second or more to load.
+    from robotctl.app.characterise import CharacteriseOptions  # noqa: PLC0415
+    from robotctl.app.characterise import characterise as run  # noqa: PLC0415
+    from robotctl.app.config import find_file  # noqa: PLC0415
+    from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+
+    options = CharacteriseOptions(
+        find_file(robot), tuple(overrides or ()), log, map_file, sensor, seed
+    )
+    progress = Console(stderr=True, highlight=False)
+    if cache_is_cold():
+        progress.print(COMPILING, soft_wrap=True)
+    try:
+        result = run(options, lambda line: progress.print(f"{line} …", markup=False))
+    except CalibrationError as error:
+        progress.print(f"robotctl: {error}", markup=False, soft_wrap=True)
+        sys.exit(ABORTED)
+    sys.exit(_show(result, plot, out))
+
+
+def _show(result: Characterisation, plot: Path | None, out: Path | None) -> int:
+    """Show all; return the exit status."""
+    from robotctl.app.characterise_patch import patch_overrides, patch_text  # noqa: PLC0415
+    from robotctl.cli.characterise_plot import save_plot  # noqa: PLC0415
+    from robotctl.cli.characterise_view import fit_table, patch_table, words  # noqa: PLC0415
+
+    console = Console()
+    console.print(fit_table(result))
+    for line in words(result):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if plot is not None:
+        write_file(plot, lambda file: save_plot(result, file))
+        print(f"plot: {plot}")
+    if result.told_after < result.told_before:
+        print("With the new settings readings would say less about the place: keep the present.")
+        if out is not None:
+            print(f"{out} was not written.")
+        return WORSE
+    console.print(patch_table(result))
+    give_patch(patch_text(result), out)
+    options = result.options
+    command = ["robotctl", "config", "check", str(options.robot)]
+    command += [word for setting in patch_overrides(result) for word in ("--set", setting)]
+    print(
+        f"To keep it, put its keys in place of those in {options.robot}. To see that they are "
+        f"allowed:\n  {shlex.join(command)}"
+    )
+    return 0

@@ -1,0 +1,86 @@
+"""A characterisation as tables for a terminal."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from robotctl.app.characterise import Characterisation
+from robotctl.app.characterise_patch import patch_values
+from robotctl.app.characterise_sources import SONAR
+from robotctl.estimation.range_fit import Fitted
+
+_ROWS = {
+    "hit": "hit",
+    "short": "short",
+    "none": "no echo where one is due",
+    "random": "random",
+    "garbage": "short or random",
+    "sigma_m": "sigma_m, m",
+    "sigma_per_m": "sigma_per_m",
+    "offset_m": "mean error of a hit, m",
+    "short_per_m": "rate of short readings, 1/m",
+}
+
+
+def fit_table(result: Characterisation) -> Table:
+    """Return what was measured, with the intervals."""
+    fit = result.fit
+    table = Table(
+        title=f"{result.config.robot.name}, {result.source.sensor}: {len(fit.fitted)} readings, "
+        f"{int(fit.fitted.sum())} of them away from edges and limits",
+        title_justify="left",
+    )
+    table.add_column("", no_wrap=True)
+    for heading in ("value", "95 % interval"):
+        table.add_column(heading, justify="right")
+    values = fit.ranges.values
+    for key, words in _ROWS.items():
+        _row(table, words, values[key])
+    at = f"K of the robust likelihood at {fit.ranges.typical_m:.2g} m"
+    _row(table, at, values["robust_k"])
+    _row(table, "incidence limit, deg", fit.incidence.limit.in_degrees())
+    if result.source.sensor == SONAR:
+        _row(table, "greatest range, m", fit.greatest_m)
+    return table
+
+
+def _row(table: Table, words: str, found: Fitted) -> None:
+    """Add a value, or that it is not told."""
+    ends = f"{found.low:.4g} to {found.high:.4g}"
+    if found.why_not:
+        table.add_row(words, "not told", ends if found.low > 0.0 else "")
+    else:
+        table.add_row(words, f"{found.value:.4g}", ends)
+
+
+def patch_table(result: Characterisation) -> Table:
+    """Return what changes for the localiser."""
+    table = Table(title="what follows for the robot's file", title_justify="left")
+    table.add_column("", no_wrap=True)
+    for heading in ("before", "after"):
+        table.add_column(heading, justify="right")
+    for name, changed in patch_values(result).items():
+        before = getattr(result.config.localisation, name.removeprefix("localisation."))
+        for key, value in changed.items():
+            table.add_row(f"{name}.{key}", f"{getattr(before, key):.4g}", f"{value:.4g}")
+    return table
+
+
+def words(result: Characterisation) -> list[str]:
+    """Return what else is to be said."""
+    source, fit = result.source, result.fit
+    origin = (
+        f"poses by {source.poses_by}; room: {source.map_by}; intervals by "
+        f"{fit.ranges.stretches} stretches of the readings"
+    )
+    lines = [origin, *source.notes, *result.hidden]
+    if fit.incidence.fades_rad > 0.0:
+        lines.append(
+            "echoes fade out with the incidence rather than end: at the limit half are left"
+        )
+    lines.append(
+        "a reading tells the true place from others near it by "
+        f"{result.told_before:.2f} nat with the present settings, {result.told_after:.2f} with "
+        "the new ones"
+    )
+    return lines
