@@ -68,7 +68,8 @@ def recorded_turns(
 ) -> list[Visited]:
     """Return all turns on the spot of a recording.
 
-    The recording's reference says where they ended, where it has one and `began` is None.
+    Where `began` is None the recording says where they ended: its reference, else what the robot
+    believed itself while it was localised.
 
     Parameters
     ----------
@@ -109,5 +110,6 @@ def recorded_turns(
     if began is not None:
         T_world_odom = began @ turns[0].began.inverse()
         return [Visited(turn, T_world_odom @ turn.odometry) for turn in turns]
-    reference = recording.reference if recording.reference_has_heading else None
-    return [Visited(turn, reference.at(turn.stamp_ns) if reference else None) for turn in turns]
+    known = recording.reference if recording.reference_has_heading else None
+    known = known or recording.believed
+    return [Visited(turn, known.at(turn.stamp_ns) if known else None) for turn in turns]

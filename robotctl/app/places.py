@@ -96,8 +96,16 @@ class Recognised:
     recognition: Recognition
 
 
-def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> PlaceBook:
-    """Add a place, or another visit to one, to a file; return the new book.
+@dataclass(frozen=True, slots=True, eq=False)
+class Learned:
+    """The new book, and the other places that the new visit would have been taken for."""
+
+    book: PlaceBook
+    alike: tuple[str, ...]
+
+
+def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> Learned:
+    """Add a place, or another visit to one, to a file.
 
     Raises
     ------
@@ -116,13 +124,16 @@ def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> Pla
     else:
         reach_m = robot.localisation.sonar.max_range_m
         known = PlaceBook(signatures=SignatureConfig(max_range_m=reach_m))
+    alike: set[str] = set()
     for visited in _at_one_place(_turns(source, robot, known.signatures, name, progress)):
+        candidates = known.recognise(visited.turn.signature).candidates
+        alike |= {each.place for each in candidates} - {name}
         try:
             known = known.learned(name, visited.turn.signature, visited.pose)
         except ValueError as error:
             raise PlaceError(f"{name} is not learnt: {error}") from error
     save_book(book, known)
-    return known
+    return Learned(known, tuple(sorted(alike)))
 
 
 def recognise(book: Path, source: PlaceSource, progress: Progress) -> list[Recognised]:

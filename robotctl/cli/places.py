@@ -69,13 +69,16 @@ def learn(
     check_files(book)
     source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
-        known = places.learn(name, book, source, progress)
+        learned = places.learn(name, book, source, progress)
+    known = learned.book
     place = next(each for each in known.places if each.name == name)
     pose, heard = place.visits[-1].pose, place.visits[-1].signature
     where = f" at x {pose.x_m:.2f} m, y {pose.y_m:.2f} m" if place.in_world else ""
     print(
         f"{name}: visit {len(place.visits)}{where}, echoes from {heard.echoes:.0%} of the bearings"
     )
+    for other in learned.alike:
+        print(f"{name} is hardly told from {other}: they may be taken for each other")
     print(
         f"{book}: {len(known.places)} places, accepted up to a difference of {known.threshold:.3f}"
     )
