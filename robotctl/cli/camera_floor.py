@@ -50,10 +50,10 @@ def floor(
     from robotctl.estimation.camera_floor import FloorView  # noqa: PLC0415
     from robotctl.model.camera_geometry import CameraGeometry  # noqa: PLC0415
 
-    if out is None and pixels is None:
-        raise ConfigError("nothing to do: give --out FILE.png, --pixels FILE.csv or both")
     if points is not None and pixels is None:
         raise ConfigError("--points needs --pixels FILE.csv with the columns u, v")
+    if out is None and pixels is None:
+        raise ConfigError("nothing to do: give --out FILE.png, --pixels FILE.csv or both")
     check_files(out, points)
     if out is not None:
         check_suffix(out)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +69,7 @@ class Advice:
 
 def expected_errors(fit: MountFit, sigma_px: float) -> tuple[Expected, ...]:
     """Return what a calibration is expected to err at `RANGES_M`, as far as the camera sees."""
-    probes = _probes(fit.camera)
-    return _expected(fit, probes, fit.P, sigma_px)
+    return _expected(_probes(fit), fit.P, sigma_px)
 
 
 def recommend(fit: MountFit, noise: PointNoise) -> Advice | None:
@@ -85,8 +85,8 @@ def recommend(fit: MountFit, noise: PointNoise) -> Advice | None:
     noise
         How well the new markers will be known.
     """
-    probes = _probes(fit.camera)
-    now = _expected(fit, probes, fit.P, noise.sigma_px)
+    probes = _probes(fit)
+    now = _expected(probes, fit.P, noise.sigma_px)
     if not now or all(each.enough for each in now):
         return None
     places = _candidates(fit.camera)
@@ -98,7 +98,7 @@ def recommend(fit: MountFit, noise: PointNoise) -> Advice | None:
         if not len(places):
             break
         outcomes = [
-            _worst(_expected(fit, probes, np.linalg.inv(information + gain), noise.sigma_px))
+            _worst(_expected(probes, np.linalg.inv(information + gain), noise.sigma_px))
             for gain in gains
         ]
         best = int(np.argmin(outcomes))
@@ -106,17 +106,23 @@ def recommend(fit: MountFit, noise: PointNoise) -> Advice | None:
             break
         information = information + gains[best]
         chosen.append((round(float(places[best, 0]), 3), round(float(places[best, 1]), 3)))
-        now = _expected(fit, probes, np.linalg.inv(information), noise.sigma_px)
+        now = _expected(probes, np.linalg.inv(information), noise.sigma_px)
         if all(each.enough for each in now):
             break
     return Advice(tuple(chosen), now)
 
 
-_Probe = tuple[float, NDArray[np.float64]]
+class _Probe(NamedTuple):
+    """Points of the floor at one distance, by the Jacobians of their pixels."""
+
+    range_m: float
+    by_keys: NDArray[np.float64]
+    by_ground: NDArray[np.float64]
 
 
-def _probes(camera: CameraGeometry) -> list[_Probe]:
-    """Return distances and the floor points there that the camera sees, those that it does."""
+def _probes(fit: MountFit) -> list[_Probe]:
+    """Return probes at those distances at which the camera sees the floor."""
+    camera = fit.camera
     foot = camera.t_base_camera[:2]
     probes = []
     for range_m in RANGES_M:
@@ -124,17 +130,16 @@ def _probes(camera: CameraGeometry) -> list[_Probe]:
         points = foot + range_m * np.column_stack([np.cos(bearings), np.sin(bearings)])
         seen = camera.inside(camera.project_ground(points))
         if seen.any():
-            probes.append((range_m, points[seen]))
+            probes.append(_Probe(range_m, *fit.jacobians(points[seen])))
     return probes
 
 
 def _expected(
-    fit: MountFit, probes: Sequence[_Probe], P: NDArray[np.float64], sigma_px: float
+    probes: Sequence[_Probe], P: NDArray[np.float64], sigma_px: float
 ) -> tuple[Expected, ...]:
     """Return the expected errors at the probes for the covariance `P` of the calibration."""
     expected = []
-    for range_m, points in probes:
-        by_keys, by_ground = fit.jacobians(points)
+    for range_m, by_keys, by_ground in probes:
         calibration = floor_covariance(by_keys, by_ground, P, 0.0)
         pixel = floor_covariance(by_keys, by_ground, np.zeros_like(P), sigma_px)
         errors = (
