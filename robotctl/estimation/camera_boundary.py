@@ -21,6 +21,8 @@ BLOCKED: Final = 2
 """No floor from the first row on: what stands there begins nearer than the picture."""
 UNSEEN: Final = 3
 """The picture ends before anything is found."""
+UNCLEAR: Final = 4
+"""No boundary, but what is above the horizon looks like the floor, too."""
 
 _ENOUGH: Final = 0.7
 """Mean evidence over two coarse rows and three columns that makes an obstacle."""
@@ -50,7 +52,7 @@ class Boundary:
     Attributes
     ----------
     kinds
-        `FREE`, `FOUND`, `BLOCKED` or `UNSEEN`, (columns,).
+        `FREE`, `FOUND`, `BLOCKED`, `UNSEEN` or `UNCLEAR`, (columns,).
     cells
         The coarse row of the boundary, (columns,).
     rows
@@ -106,7 +108,7 @@ def find_boundary(
     # A column that looks like floor even above the horizon shows no floor.
     above = walls[horizon + 1 :]
     if len(above):
-        kinds[(kinds == FREE) & (np.mean(above > 0.0, axis=0) < _NOT_FLOOR)] = UNSEEN
+        kinds[(kinds == FREE) & (np.mean(above > 0.0, axis=0) < _NOT_FLOOR)] = UNCLEAR
     rows = np.full(columns, np.nan)
     noise = np.full(columns, np.nan)
     _refine(strip, means, edges, first, kinds, cells, rows, noise)

@@ -133,9 +133,7 @@ class GroundCamera:
         )
         ranges = column_ranges(self.strip, boundary, self._config)
         scan = beam_scan(self.strip, ranges, stamp_ns, self._config)
-        obstacles = find_obstacles(
-            self.strip, boundary, ranges, np.maximum(evidence, walls), self._config
-        )
+        obstacles = find_obstacles(self.strip, boundary, ranges, evidence, walls, self._config)
         return GroundView(scan, () if why else obstacles, not why, why)
 
     def _learn(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> str:

@@ -18,6 +18,9 @@ _GAP_SHARE: Final = 0.03
 """Ranges of one thing may differ by this share of them more than the gap, from column to column."""
 _BRIDGED: Final = 2
 """So many columns without a fitting range do not part one thing."""
+_BESIDE: Final = 8
+_BEHIND: Final = 3
+"""So many of that many columns beside a thing must show floor behind it."""
 _LEAST_COLUMNS: Final = 2
 _CERTAIN: Final = 1.0
 """Mean evidence of a thing, at least."""
@@ -65,7 +68,8 @@ def find_obstacles(
     strip: GroundStrip,
     boundary: Boundary,
     columns: ColumnRanges,
-    evidence: NDArray[np.float32],
+    things: NDArray[np.float32],
+    walls: NDArray[np.float32],
     config: GroundCameraConfig,
 ) -> tuple[GroundObstacle, ...]:
     """Return what stands free: the floor goes on behind it on both sides.
@@ -80,12 +84,14 @@ def find_obstacles(
         The lowest boundary of each column.
     columns
         How far that is.
-    evidence
-        For an obstacle, of coarse cells, (n, columns).
+    things, walls
+        Evidence of coarse cells for any obstacle, and for one that reaches above the horizon,
+        (n, columns).
     config
         The least and the largest size.
     """
     found = []
+    evidence = np.maximum(things, walls)
     for first, last in _runs(columns.ranges_m, boundary.kinds == FOUND, config.obstacle_gap_m):
         mine = np.arange(first, last + 1)
         mine = mine[np.isfinite(columns.ranges_m[mine]) & (boundary.kinds[mine] == FOUND)]
@@ -96,8 +102,9 @@ def find_obstacles(
             or not _certain(evidence, boundary.cells[mine], mine)
         ):
             continue
-        left = _goes_on_behind(columns, first, -1, config.obstacle_gap_m)
-        right = _goes_on_behind(columns, last, 1, config.obstacle_gap_m)
+        distinct = _certain(things, boundary.cells[mine], mine)
+        left = _goes_on_behind(columns, first, -1, config.obstacle_gap_m, distinct)
+        right = _goes_on_behind(columns, last, 1, config.obstacle_gap_m, distinct)
         if left is False or right is False or (left is None and right is None):
             continue
         obstacle = _measure(strip, boundary, columns, evidence, mine, left is None or right is None)
@@ -143,10 +150,18 @@ def _runs(
     return [(int(columns[a]), int(columns[b])) for a, b in zip(starts, ends, strict=True)]
 
 
-def _goes_on_behind(columns: ColumnRanges, end: int, step: int, gap_m: float) -> bool | None:
-    """Tell whether the floor beside an end goes on behind it; None: nothing is known of there."""
-    beside = np.array([end + step * k for k in range(1, _BRIDGED + 2)])
+def _goes_on_behind(
+    columns: ColumnRanges, end: int, step: int, gap_m: float, distinct: bool
+) -> bool | None:
+    """Tell whether the floor beside an end goes on behind it; None: nothing is known of there.
+
+    Where floor and wall are hardly told from each other, only what is `distinct` from both stands
+    free: such a wall comes in pieces.
+    """
+    beside = end + step * np.arange(1, _BESIDE + 1)
     beside = beside[(beside >= 0) & (beside < len(columns.ranges_m))]
+    if np.sum(np.isnan(columns.floor_m[beside])) > _BESIDE / 2:
+        return distinct
     # Where the picture ends, what is seen of the floor has to reach beyond.
     farther = columns.floor_m[beside] - columns.ranges_m[end]
     judged = ~np.isnan(columns.ranges_m[beside]) | (farther > gap_m)
@@ -154,7 +169,8 @@ def _goes_on_behind(columns: ColumnRanges, end: int, step: int, gap_m: float) ->
     if beside.size == 0:
         return None
     noise = np.hypot(np.nan_to_num(columns.own_m[beside]), columns.own_m[end])
-    return bool(np.mean(farther[judged] > gap_m + 3.0 * noise) > 0.5)
+    behind = np.sum(farther[judged] > gap_m + 3.0 * noise)
+    return bool(behind >= min(_BEHIND, len(beside)))
 
 
 def _measure(

@@ -33,7 +33,8 @@ class ColumnRanges:
     common_m
         That by what all columns share, pitch and calibration, (columns,) [m]; nan as there.
     floor_m
-        How far floor was seen, also where the picture ends before anything else, (columns,) [m].
+        How far floor was seen, also where the picture ends before anything else, (columns,) [m];
+        nan where that is not clear.
     """
 
     ranges_m: NDArray[np.float64]
