@@ -47,6 +47,10 @@ class EkfLocaliser:
         """No particles: (0, 3)."""
         return np.empty((0, 3))
 
+    def news(self) -> list[str]:
+        """Nothing that its state does not say."""
+        return []
+
     def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
         ekf, self._innovation = self._ekf, None

@@ -19,6 +19,7 @@ from robotctl.app.map_sensors import MapSensors
 from robotctl.app.mapper import Mapper
 from robotctl.app.mcl_localiser import MclLocaliser
 from robotctl.app.odometry_history import OdometryHistory
+from robotctl.app.place_watch import load_place_watch
 from robotctl.app.scan_messages import camera_scan, lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.estimation.compiled import COMPILING, cache_is_cold
@@ -128,7 +129,7 @@ class Estimators:
 
     def news(self) -> list[str]:
         """Return sentences on what has changed since the last call."""
-        said = []
+        said = [] if self.localiser is None else self.localiser.news()
         if self._state is not None and self._state.status is not self._status:
             self._status = self._state.status
             said.append(_WORDS[self._status])
@@ -170,14 +171,18 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     if settings.method != "none":
         chart = load_localisation_map(settings.map, beside)
         make = _ekf if settings.method == "ekf" else _mcl
-        localiser = make(config, chart, start, history)
+        localiser = make(config, chart, start, history, beside)
     if settings.mapping:
         mapper = _mapper(config, history)
     return Estimators(localiser, mapper, history, settings.sonar.max_range_m)
 
 
 def _ekf(
-    config: RobotConfig, chart: LocalisationMap, start: SE2, _history: OdometryHistory
+    config: RobotConfig,
+    chart: LocalisationMap,
+    start: SE2,
+    _history: OdometryHistory,
+    _beside: Path,
 ) -> EkfLocaliser:
     """Return the EKF of a robot."""
     settings = config.localisation
@@ -193,7 +198,11 @@ def _ekf(
 
 
 def _mcl(
-    config: RobotConfig, chart: LocalisationMap, start: SE2, history: OdometryHistory
+    config: RobotConfig,
+    chart: LocalisationMap,
+    start: SE2,
+    history: OdometryHistory,
+    beside: Path,
 ) -> MclLocaliser:
     """Return the particles of a robot, their kernels compiled or loaded from the cache."""
     settings = config.localisation
@@ -211,7 +220,9 @@ def _mcl(
     mcl = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(settings.seed))
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
-    return MclLocaliser(mcl, sensors, settings.sensors, history)
+    area_m2 = float(chart.grid.free().sum()) * chart.grid.resolution_m**2
+    places = load_place_watch(settings.places, beside, config.sonar, area_m2)
+    return MclLocaliser(mcl, sensors, settings.sensors, history, places)
 
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:

@@ -39,6 +39,9 @@ class Localiser(Protocol):
     def particles(self) -> NDArray[np.float64]:
         """Particles, (n, 3) [m, m, rad]; (0, 3) where there are none."""
 
+    def news(self) -> list[str]:
+        """Return sentences for people since the last call."""
+
 
 def localisation_state(
     method: str, estimate: PoseEstimate, odometry: SE2, now_ns: int

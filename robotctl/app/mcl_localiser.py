@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from operator import itemgetter
 from typing import Final
@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from robotctl.app.localiser import Seen, external_covariance, localisation_state
 from robotctl.app.map_sensors import CAMERA, LIDAR, SONAR, MapSensors, sonar_name
 from robotctl.app.odometry_history import OdometryHistory
+from robotctl.app.place_watch import Fix, PlaceWatch
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarReading
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.messages import ControlState, ExternalPose
 
 _OUTSIDE: Final = "outside"
+_PLACE: Final = "place"
 
 
 class MclLocaliser:
@@ -36,6 +39,8 @@ class MclLocaliser:
         Which sensors are listened to.
     history
         Of the odometry; whoever steps the localiser keeps it up to date.
+    places
+        Recognises places; None: it knows none.
     """
 
     def __init__(
@@ -44,11 +49,13 @@ class MclLocaliser:
         sensors: MapSensors,
         used: Collection[str],
         history: OdometryHistory,
+        places: PlaceWatch | None = None,
     ) -> None:
         self._mcl = mcl
         self._sensors = sensors
         self._used = used
         self._history = history
+        self._places = places
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
 
@@ -56,6 +63,10 @@ class MclLocaliser:
     def particles(self) -> NDArray[np.float64]:
         """Particles, (n, 3) [m, m, rad]."""
         return self._mcl.poses
+
+    def news(self) -> list[str]:
+        """Return which places were recognised since the last call."""
+        return [] if self._places is None else self._places.news()
 
     def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
@@ -75,8 +86,20 @@ class MclLocaliser:
             yield view.stamp_ns, CAMERA, partial(self._sensors.view, view)
         for reading in seen.sonars if SONAR in self._used else ():
             yield reading.stamp_ns, sonar_name(reading), partial(self._sensors.sonar, reading)
+        for fix in self._recognised(seen.sonars):
+            yield fix.stamp_ns, _PLACE, partial(_given, fix.log_likelihood)
         for pose in seen.poses:
             yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose)
+
+    def _recognised(self, readings: Sequence[SonarReading]) -> Iterator[Fix]:
+        """Yield what places say that the robot has turned at."""
+        if self._places is None:
+            return
+        for reading in readings:
+            odometry = self._history.at(reading.stamp_ns)
+            fix = None if odometry is None else self._places.hear(reading, odometry)
+            if fix is not None:
+                yield fix
 
     def _move_to(self, stamp_ns: int) -> bool:
         """Move the particles to a time; False where that is too long ago.
@@ -91,6 +114,10 @@ class MclLocaliser:
             self._mcl.move(self._at[1].inverse() @ odometry)
             self._at = (stamp_ns, odometry)
         return True
+
+
+def _given(log_likelihood: LogLikelihood) -> LogLikelihood:
+    return log_likelihood
 
 
 def pose_measurement(pose: ExternalPose) -> LogLikelihood:

@@ -38,6 +38,9 @@ class LocalisationConfig:
         Most particles; a tracked robot needs far fewer, >= 1000.
     sensors
         Which sensors particles are weighed by, of those that the robot has.
+    places
+        File of the places that the robot knows by its sonars (`robotctl places learn`), which
+        particles are weighed by when it has turned on the spot; empty: none.
     lidar, camera, sonar, grid
         What is known of the sensors, for the particles and for the map. Ranges that a camera sees
         share the errors of its mount and of the robot's pitch, so they say less than a lidar's.
@@ -57,6 +60,7 @@ class LocalisationConfig:
     seed: int = 1
     particles_max: int = 20_000
     sensors: tuple[Literal["lidar", "camera", "sonar"], ...] = ("lidar", "camera", "sonar")
+    places: str = ""
     lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
     camera: LikelihoodFieldConfig = field(
         default_factory=lambda: LikelihoodFieldConfig(beams=40, beam_correlation=0.2)
@@ -73,6 +77,10 @@ class LocalisationConfig:
         if self.particles_max < _FEWEST:
             raise ValueError(
                 f"particles_max: {self.particles_max} found, {_FEWEST} or more allowed"
+            )
+        if self.places and self.method != "mcl":
+            raise ValueError(
+                f'places: needs method "mcl", found "{self.method}": only particles weigh places'
             )
         if self.start == "unknown" and self.method != "mcl":
             raise ValueError(
