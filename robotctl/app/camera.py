@@ -22,6 +22,9 @@ from robotctl.runtime.messages import Notice
 from robotctl.runtime.topics import Endpoints, Publisher, endpoint_directory
 
 _LOOK_NS = 5_000_000
+_SILENT_NS = 2_000_000_000
+_SILENT = "no picture comes"
+_UNKNOWN = "not yet known"
 _WARNING = 4
 _INFORMATION = 6
 
@@ -40,31 +43,39 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     clock = RealClock()
     if config.camera is None:
         raise ConfigError("camera: missing; a robot that is to look needs the table [camera]")
-    watch = GroundWatch(config.camera, config.ground_camera)
     endpoints = Endpoints(endpoint_directory(options.instance))
     camera = open_source(config.camera, endpoints.camera_frames)
     context = zmq.Context()
-    publisher = Publisher(context, endpoints.camera)
-    heartbeat = Heartbeat(os.environ)
-    trouble: str | None = None
     try:
+        publisher = Publisher(context, endpoints.camera)
+        watch = GroundWatch(config.camera, config.ground_camera)
+        heartbeat = Heartbeat(os.environ)
+        trouble, seen_ns = _UNKNOWN, clock.now_ns()
         while not stopped():
             heartbeat.beat()
             frame = camera.read()
-            if frame is None:
+            said = trouble
+            if frame is not None:
+                view = watch.look(frame.image, frame.stamp_ns)
+                publisher.send(view)
+                said, seen_ns = view.trouble, clock.now_ns()
+            else:
                 clock.sleep_until(clock.now_ns() + _LOOK_NS)
-                continue
-            view = watch.look(frame.image, frame.stamp_ns)
-            publisher.send(view)
-            if view.trouble != trouble:
-                words = f"the camera does not judge the floor: {view.trouble}"
-                severity = _WARNING if view.trouble else _INFORMATION
-                text = words if view.trouble else "the camera sees the floor"
-                publisher.send(Notice(clock.now_ns(), severity, text))
-                trouble = view.trouble
+                if clock.now_ns() - seen_ns > _SILENT_NS:
+                    said = _SILENT
+            if said != trouble:
+                trouble = said
+                publisher.send(_notice(clock.now_ns(), trouble))
     finally:
         camera.close()
         context.destroy(linger=0)
+
+
+def _notice(now_ns: int, trouble: str) -> Notice:
+    """Return what to tell people when a trouble begins or, empty, ends."""
+    if trouble:
+        return Notice(now_ns, _WARNING, f"the camera does not judge the floor: {trouble}")
+    return Notice(now_ns, _INFORMATION, "the camera sees the floor")
 
 
 def main() -> int:

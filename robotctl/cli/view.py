@@ -18,6 +18,7 @@ from robotctl.app.config import RobotConfig
 from robotctl.app.run_score import grid_of
 from robotctl.app.sim import Progress, SimRun
 from robotctl.cli.canvas import Canvas
+from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.messages import ControlState, SafetyState
 
@@ -188,7 +189,7 @@ class LiveView:
         return text
 
     def _map(self, progress: Progress) -> Panel:
-        """Walls or the growing map, trail, particles, estimate and truth."""
+        """Walls or the growing map, trail, particles, things that the camera sees, truth."""
         canvas = Canvas(_MAP_COLUMNS, _MAP_ROWS, self._walls.bounds)
         if progress.map is None:
             for x1_m, y1_m, x2_m, y2_m in self._walls.segments:
@@ -206,6 +207,9 @@ class LiveView:
             canvas.mark(progress.truth.x_m, progress.truth.y_m, "o")
         if progress.control is not None:
             control = progress.control
+            here = SE2(control.x_m, control.y_m, control.theta_rad)
+            for thing in progress.view.obstacles if progress.view is not None else ():
+                canvas.mark(*here.apply(thing.x_m, thing.y_m), "x")
             arrow = _ARROWS[round(control.theta_rad / (math.pi / 4)) % 8]
             canvas.mark(control.x_m, control.y_m, arrow)
         return Panel("\n".join(canvas.lines()), title=_map_title(progress), expand=False)

@@ -21,7 +21,16 @@ import zmq
 from robotctl.app.config import find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.restart import RestartPolicy
-from robotctl.app.stack import CONTROL, NAVIGATION, ROLES, TELEMETRY, Stack, StackError
+from robotctl.app.stack import (
+    CAMERA,
+    CAMERA_ROLE,
+    CONTROL,
+    NAVIGATION,
+    ROLES,
+    TELEMETRY,
+    Stack,
+    StackError,
+)
 from robotctl.app.supervised import Phase
 from robotctl.runtime.messages import ControlState, NavigationState, Notice, SafetyState
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
@@ -128,6 +137,37 @@ def test_navigation_and_telemetry_may_die_until_they_are_given_up_and_control_ti
     watch_until(stack, lambda: stack.ticks[1] > ticks[1] + 50, "control ticks on")
     assert stack.ticks[0] == 1
     assert stack.pid(CONTROL) == control
+
+
+def camera_stack(channel: str, *settings: str) -> Stack:
+    robot = str(find_file("diff_drive").resolve())
+    looks = (*overrides(channel), "camera.enabled=true", *settings)
+    return Stack(StackOptions("robot", robot, looks))
+
+
+def test_a_camera_process_is_there_where_the_robot_looks_and_is_started_again(
+    channel: str, ear: Ear, stack: Stack
+) -> None:
+    assert CAMERA not in stack.modules
+    stack.close()
+    with contextlib.closing(camera_stack(channel)) as looking:
+        watch_until(looking, lambda: looking.ready, "ready")
+        os.kill(looking.pid(CAMERA), signal.SIGKILL)
+        again = lambda: looking.starts(CAMERA) == 2 and looking.ready  # noqa: E731
+        lines = watch_until(looking, again, "it is back")
+        assert any("camera ended" in line and "SIGKILL" in line for line in lines)
+        assert looking.starts(CONTROL) == 1
+
+
+def test_a_camera_that_is_not_there_is_given_up_and_the_robot_is_ready_without(
+    channel: str, ear: Ear, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quick = replace(CAMERA_ROLE, restart=RestartPolicy(crashes=1, first_delay_s=0.1))
+    monkeypatch.setattr("robotctl.app.stack.CAMERA_ROLE", quick)
+    with contextlib.closing(camera_stack(channel, 'camera.source="/nowhere.avi"')) as looking:
+        watch_until(looking, lambda: looking.phase(CAMERA) is Phase.GIVEN_UP, "it is given up")
+        watch_until(looking, lambda: looking.ready, "ready without")
+        assert looking.starts(CONTROL) == 1
 
 
 def test_a_killed_control_process_comes_back_unarmed_and_navigation_begins_anew(
