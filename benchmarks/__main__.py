@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from benchmarks import (
+    camera_render,
     control_quality,
     ekf_cost,
     flight_recorder,
@@ -36,6 +37,7 @@ SUBJECTS = {
     "ekf": ekf_cost.run,
     "landmarks": landmark_accuracy.run,
     "sensors": sensor_models.run,
+    "camera-sim": camera_render.run,
     "mcl": localisation_accuracy.run,
     "mcl-sonar": localisation_sonar.run,
 }

@@ -115,11 +115,7 @@ class Camera:
     def look(self, x_m: float, y_m: float, theta_rad: float, number: int = 0) -> View:
         """Return the view from a pose of base in world; `number` of the picture draws its noise."""
         mount, scene, fan = self.mount, self._scene, self._fan
-        cos, sin = math.cos(theta_rad), math.sin(theta_rad)
-        x = x_m + cos * mount.x_m - sin * mount.y_m
-        y = y_m + sin * mount.x_m + cos * mount.y_m
-        heading = theta_rad + math.radians(mount.yaw_deg)
-        fan.turn(x, y, heading)
+        x, y, heading = self.turn(x_m, y_m, theta_rad)
         shape = self._pixels.shape
         labels = np.empty(shape, dtype=np.int16)
         distances = np.empty(shape, dtype=np.float32)
@@ -154,6 +150,16 @@ class Camera:
             picture.reshape(shape[0], -1),
         )
         return View(picture, np.append(scene.thing, (NOTHING, FLOOR))[labels], distances)
+
+    def turn(self, x_m: float, y_m: float, theta_rad: float) -> tuple[float, float, float]:
+        """Fill the sectors from a pose of base; return below the camera x, y [m], heading [rad]."""
+        mount = self.mount
+        cos, sin = math.cos(theta_rad), math.sin(theta_rad)
+        x = x_m + cos * mount.x_m - sin * mount.y_m
+        y = y_m + sin * mount.x_m + cos * mount.y_m
+        heading = theta_rad + math.radians(mount.yaw_deg)
+        self._fan.turn(x, y, heading)
+        return x, y, heading
 
     def _key(self, number: int) -> int:
         """Start of the stream of noise of one picture, in 63 bits."""
