@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TypeAlias
 
 from robotctl.app.camera_calibrate import CalibrateResult
+from robotctl.app.tune_patch import round_figures
 from robotctl.estimation.camera_mount import FOCAL, KEYS
 from robotctl.model.camera import CameraIntrinsics
 
@@ -13,6 +14,10 @@ Values: TypeAlias = dict[str, int | float | list[float]]
 
 _DIGITS = {"_m": 5, "_deg": 4, "_px": 3}
 _WITHIN = 1.96
+_WORDS = {
+    "calibration_sigma_deg": "of the pitch, for the intervals of ranges",
+    "height_sigma": "of the height, as a share of it",
+}
 
 
 def patch_values(result: CalibrateResult) -> dict[str, Values]:
@@ -25,6 +30,10 @@ def patch_values(result: CalibrateResult) -> dict[str, Values]:
         tables["camera.intrinsics"] = _lens_values(fit.intrinsics)
     if fit is not None:
         tables["camera.mount"] = {key: _rounded(key, getattr(fit.mount, key)) for key in KEYS}
+        tables["ground_camera"] = {
+            "calibration_sigma_deg": round_figures(fit.sigma["pitch_deg"], 2),
+            "height_sigma": round_figures(fit.sigma["z_m"] / fit.mount.z_m, 2),
+        }
     return tables
 
 
@@ -82,8 +91,9 @@ def _lines(table: str, values: Values, halves: Mapping[str, float]) -> list[str]
     lines = []
     for key, value in values.items():
         half = halves.get(f"{table}.{key}")
+        words = _WORDS.get(key, "") if half is None else f"95 %: ± {half:.2g}"
         text = f"{key} = {value}"
-        lines.append(text if half is None else f"{text:<32}# 95 %: ± {half:.2g}")
+        lines.append(f"{text:<32}# {words}" if words else text)
     return lines
 
 

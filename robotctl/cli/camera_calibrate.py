@@ -75,6 +75,7 @@ def calibrate(
     """
     from robotctl.app.camera_calibrate import CalibrateOptions, calibrate_camera  # noqa: PLC0415
     from robotctl.app.camera_pictures import check_suffix  # noqa: PLC0415
+    from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
 
     check_files(show, out)
     if show is not None:
@@ -96,6 +97,8 @@ def calibrate(
         seed,
     )
     progress = Console(stderr=True, highlight=False)
+    if (floor or points) and cache_is_cold():
+        progress.print(f"{COMPILING} …", markup=False, soft_wrap=True)
     try:
         result = calibrate_camera(options, lambda line: progress.print(f"{line} …", markup=False))
     except CalibrationError as error:

@@ -130,6 +130,10 @@ def test_the_patch_makes_the_robot_measure_right(folder: Path, tmp_path: Path) -
     }  # fmt: skip
     robot = load_robot(ROBOT, patch_overrides(result))
     assert robot.camera is not None
+    assert result.fit is not None
+    sigma_deg = robot.ground_camera.calibration_sigma_deg
+    assert sigma_deg == pytest.approx(result.fit.sigma["pitch_deg"], rel=0.05)
+    assert patch["ground_camera"]["calibration_sigma_deg"] == sigma_deg
     camera = CameraGeometry.of(robot.camera)
     truth = np.array([[1.0, 0.2], [2.0, -0.3]])
     off = camera.ground(CAMERA.project_ground(truth)) - truth
