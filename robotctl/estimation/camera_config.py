@@ -26,7 +26,7 @@ class GroundCameraConfig:
     patch_far_width_m: float = 0.4
     """Its width at the far side [m]."""
     adaption: float = 0.05
-    """Share of a new picture in what is known of the floor, where its patch is free, (0, 1]."""
+    """Share of a picture that is learned from in what is known of the floor, (0, 1]."""
     max_range_m: float = 4.0
     """Beyond it nothing is judged [m]."""
     beams: int = 80

@@ -23,6 +23,8 @@ _FAMILIAR: Final = 0.3
 _SAME_ABOVE: Final = 0.6
 """Above the horizon there is no floor: if so much there looks like it, the two are not told
 apart."""
+_LEARN_EVERY: Final = 4
+"""Once the floor is known, it is learned from each fourth picture."""
 _MOST_SHIFT: Final = 10
 _SHIFT_AGREES: Final = 2.0
 
@@ -92,6 +94,7 @@ class GroundCamera:
         """Forget the floor; it is learned anew from the next picture."""
         self._floor: NDArray[np.float32] | None = None
         self._light: NDArray[np.int32] | None = None
+        self._number = 0
 
     def step(self, image_bgr: NDArray[np.uint8], stamp_ns: int) -> GroundView:
         """Return what a picture says, and learn from it.
@@ -138,21 +141,24 @@ class GroundCamera:
 
     def _learn(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> str:
         """Take the free patch into what is known of the floor; return why not, if not."""
-        verdict = judge_patch(bins, means, self._parts)
         before, self._light = self._light, bins % colour.L_BINS
+        self._number += 1
         if self._floor is None:
+            verdict = judge_patch(bins, means, self._parts)
             if not verdict.why:
                 self._floor = colour.smoothed(colour.count(verdict.bins))
             return verdict.why
-        shown = verdict.bins if not verdict.why else bins[self._parts >= 0]
-        patch = colour.smoothed(colour.count(shown))
+        patch = colour.smoothed(colour.count(bins[self._parts >= 0]))
         if before is not None:
             self._floor = _exposed_alike(self._floor, patch, self._light - before)
         if colour.overlap(self._floor, patch) < _FAMILIAR:
             return "what is in front does not look like the floor seen so far"
-        if not verdict.why:
-            a = np.float32(self._config.adaption)
-            self._floor = (1 - a) * self._floor + a * patch
+        if self._number % _LEARN_EVERY == 0:
+            verdict = judge_patch(bins, means, self._parts)
+            if not verdict.why:
+                new = colour.smoothed(colour.count(verdict.bins))
+                a = np.float32(self._config.adaption)
+                self._floor = (1 - a) * self._floor + a * new
         return ""
 
     def _blind(self, stamp_ns: int, why: str) -> GroundView:

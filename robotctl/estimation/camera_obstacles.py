@@ -13,6 +13,7 @@ from robotctl.estimation.camera_boundary import FOUND, Boundary
 from robotctl.estimation.camera_config import GroundCameraConfig
 from robotctl.estimation.camera_scan import ColumnRanges
 from robotctl.estimation.camera_strip import GroundStrip
+from robotctl.estimation.compiled import compiled
 
 _GAP_SHARE: Final = 0.03
 """Ranges of one thing may differ by this share of them more than the gap, from column to column."""
@@ -21,6 +22,10 @@ _BRIDGED: Final = 2
 _BESIDE: Final = 8
 _BEHIND: Final = 3
 """So many of that many columns beside a thing must show floor behind it."""
+_YES: Final = 1
+_NO: Final = 0
+_CUT: Final = -1
+"""Nothing is known of the floor there: the picture ends."""
 _LEAST_COLUMNS: Final = 2
 _CERTAIN: Final = 1.0
 """Mean evidence of a thing, at least."""
@@ -99,15 +104,26 @@ def find_obstacles(
             len(mine) < _LEAST_COLUMNS
             or columns.ranges_m[mine].min() > config.obstacle_range_m
             or _extent(strip, columns, mine) > config.obstacle_width_m
-            or not _certain(evidence, boundary.cells[mine], mine)
         ):
             continue
         distinct = _certain(things, boundary.cells[mine], mine)
-        left = _goes_on_behind(columns, first, -1, config.obstacle_gap_m, distinct)
-        right = _goes_on_behind(columns, last, 1, config.obstacle_gap_m, distinct)
-        if left is False or right is False or (left is None and right is None):
+        ends = [
+            _goes_on_behind(
+                columns.ranges_m,
+                columns.floor_m,
+                columns.own_m,
+                end,
+                step,
+                config.obstacle_gap_m,
+                distinct,
+            )
+            for end, step in ((first, -1), (last, 1))
+        ]
+        if _NO in ends or ends == [_CUT, _CUT]:
             continue
-        obstacle = _measure(strip, boundary, columns, evidence, mine, left is None or right is None)
+        if not (distinct or _certain(evidence, boundary.cells[mine], mine)):
+            continue
+        obstacle = _measure(strip, boundary, columns, evidence, mine, _CUT in ends)
         if (
             obstacle.width_m >= config.least_width_m
             and obstacle.height_m >= config.least_height_m
@@ -150,27 +166,41 @@ def _runs(
     return [(int(columns[a]), int(columns[b])) for a, b in zip(starts, ends, strict=True)]
 
 
+@compiled
 def _goes_on_behind(
-    columns: ColumnRanges, end: int, step: int, gap_m: float, distinct: bool
-) -> bool | None:
-    """Tell whether the floor beside an end goes on behind it; None: nothing is known of there.
+    ranges: NDArray[np.float64],
+    floor: NDArray[np.float64],
+    own: NDArray[np.float64],
+    end: int,
+    step: int,
+    gap_m: float,
+    distinct: bool,
+) -> int:
+    """Tell whether the floor beside an end goes on behind it: `_YES`, `_NO` or `_CUT`.
 
     Where floor and wall are hardly told from each other, only what is `distinct` from both stands
     free: such a wall comes in pieces.
     """
-    beside = end + step * np.arange(1, _BESIDE + 1)
-    beside = beside[(beside >= 0) & (beside < len(columns.ranges_m))]
-    if np.sum(np.isnan(columns.floor_m[beside])) > _BESIDE / 2:
-        return distinct
-    # Where the picture ends, what is seen of the floor has to reach beyond.
-    farther = columns.floor_m[beside] - columns.ranges_m[end]
-    judged = ~np.isnan(columns.ranges_m[beside]) | (farther > gap_m)
-    beside = beside[judged]
-    if beside.size == 0:
-        return None
-    noise = np.hypot(np.nan_to_num(columns.own_m[beside]), columns.own_m[end])
-    behind = np.sum(farther[judged] > gap_m + 3.0 * noise)
-    return bool(behind >= min(_BEHIND, len(beside)))
+    judged, behind, unclear = 0, 0, 0
+    for k in range(1, _BESIDE + 1):
+        c = end + step * k
+        if not 0 <= c < len(ranges):
+            break
+        if np.isnan(floor[c]):
+            unclear += 1
+            continue
+        farther = floor[c] - ranges[end]
+        # Where the picture ends, what is seen of the floor has to reach beyond.
+        if np.isnan(ranges[c]) and farther <= gap_m:
+            continue
+        judged += 1
+        noise = own[end] if np.isnan(own[c]) else np.hypot(own[c], own[end])
+        behind += farther > gap_m + 3.0 * noise
+    if 2 * unclear > _BESIDE:
+        return _YES if distinct else _NO
+    if judged == 0:
+        return _CUT
+    return _YES if behind >= min(_BEHIND, judged) else _NO
 
 
 def _measure(

@@ -13,7 +13,8 @@ from robotctl.estimation.camera_colour import C_BINS, L_BINS
 
 PARTS: Final = 3
 """The patch is compared part by part: so many in depth, and across."""
-_COARSER: Final = 4
+_COARSER_RATIO: Final = 2
+_COARSER_LIGHT: Final = 4
 _MISFIT: Final = 0.5
 """A part of which less than this is seen elsewhere in the patch is no part of the floor."""
 _MOST_MISFITS: Final = 4
@@ -88,9 +89,10 @@ def _small_histograms(
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """Return a coarser place for each colour, and a histogram of those for each part."""
     light, ratios = bins % L_BINS, bins // L_BINS
-    shape = (C_BINS // _COARSER, C_BINS // _COARSER, L_BINS // _COARSER)
+    per = (_COARSER_RATIO, _COARSER_RATIO, _COARSER_LIGHT)
+    shape = (C_BINS // per[0], C_BINS // per[1], L_BINS // per[2])
     place = np.ravel_multi_index(
-        (ratios // C_BINS // _COARSER, ratios % C_BINS // _COARSER, light // _COARSER), shape
+        (ratios // C_BINS // per[0], ratios % C_BINS // per[1], light // per[2]), shape
     )
     size = int(np.prod(shape))
     counted = np.bincount(which * size + place, minlength=PARTS * PARTS * size)
