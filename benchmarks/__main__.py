@@ -6,7 +6,10 @@ import argparse
 import sys
 
 from benchmarks import (
+    camera_accuracy,
+    camera_homography,
     camera_render,
+    camera_step,
     control_quality,
     ekf_cost,
     flight_recorder,
@@ -19,6 +22,7 @@ from benchmarks import (
     machine,
     memory,
     odometry_calibration,
+    place_recognition,
     sensor_models,
     start_up,
     tick_cost,
@@ -38,8 +42,12 @@ SUBJECTS = {
     "landmarks": landmark_accuracy.run,
     "sensors": sensor_models.run,
     "camera-sim": camera_render.run,
+    "camera": camera_step.run,
+    "camera-accuracy": camera_accuracy.run,
     "mcl": localisation_accuracy.run,
     "mcl-sonar": localisation_sonar.run,
+    "places": place_recognition.run,
+    "camera-homography": camera_homography.run,
 }
 
 
