@@ -29,6 +29,8 @@ _ENOUGH: Final = 0.7
 _ABOVE_ROWS: Final = 3
 _WALL_ENOUGH: Final = 2.0
 """Evidence for a wall, summed from so many coarse rows above the horizon down to its foot."""
+_FOOT_COLUMNS: Final = 21
+_FOOT_LEAP: Final = 1.0
 _WALL_DOUBT: Final = 0.15
 """Less evidence than this in a row speaks against the wall going on."""
 _NOT_FLOOR: Final = 0.6
@@ -139,6 +141,10 @@ def wall_feet(walls: NDArray[np.float32], horizon: int) -> NDArray[np.intp]:
     columns = np.arange(walls.shape[1])
     foot = top - 1 - best
     sure = (sums[best, columns] >= _WALL_ENOUGH) & (foot < horizon)
+    # A foot that leaps down in few columns is floor that looks like the wall.
+    levels = np.clip(foot, 0, 255).astype(np.uint8)[None]
+    smooth = np.asarray(cv2.medianBlur(levels, _FOOT_COLUMNS), np.float64)[0]
+    sure &= foot >= smooth - _FOOT_LEAP
     return np.where(sure, foot, n)
 
 

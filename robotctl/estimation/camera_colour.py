@@ -54,7 +54,8 @@ def _logarithms() -> NDArray[np.float32]:
 
 _LOGS: Final = _logarithms()
 _L_LEAST: Final = float(_LOGS[0])
-SATURATED_BIN: Final = int((_LOGS[_PER_LEVEL * 246] - _L_LEAST) / L_STEP)
+_FULL: Final = float(_LOGS[_PER_LEVEL * 246])
+SATURATED_BIN: Final = int((_FULL - _L_LEAST) / L_STEP)
 """Brightness from here on is that of overexposed pixels."""
 # Rows of the densities.
 FLOOR, SHADE, SUN, THING, WALL = range(5)
@@ -254,11 +255,12 @@ def _densities(
         end = start + L_BINS
         out[WALL, start:end] = np.float32(0.5) * (prior[start:end] + above[start:end])
         out[THING, start:end] = prior[start:end]
+        overexposed = end - _overexposed(start // L_BINS)
         if shades[start:end].max() == 0.0:
             out[FLOOR, start:end] = np.float32(1e-3) * prior[start:end]
             out[SHADE, start:end] = nothing
             out[SUN, start:end] = nothing
-            out[SUN, start + SATURATED_BIN : end] = np.float32(4.0 * _SUN_WEIGHT) * most
+            out[SUN, overexposed:end] = np.float32(4.0 * _SUN_WEIGHT) * most
             continue
         for light in range(L_BINS):
             k = start + light
@@ -270,11 +272,22 @@ def _densities(
                 shade = max(shade, shades[k + step])
             for step in range(1, min(_LIGHT_BINS, light) + 1):
                 sun = max(sun, shades[k - step])
-            if light >= SATURATED_BIN:
+            if k >= overexposed:
                 sun = max(sun, np.float32(4.0) * most)
             out[FLOOR, k] = core + np.float32(1e-3) * prior[k]
             out[SHADE, k] = np.float32(_SHADE_WEIGHT) * shade
             out[SUN, k] = np.float32(_SUN_WEIGHT) * sun
+
+
+@compiled
+def _overexposed(ratios: int) -> int:
+    """Return how many of the brightest bins of one pair of ratios have a channel that is full."""
+    red = (ratios // C_BINS - C_BINS // 2) * C_STEP
+    blue = (ratios % C_BINS - C_BINS // 2) * C_STEP
+    # Of the channel with the largest logarithm, above the mean of the three.
+    above = max(red, blue, 0.0) - (red + blue) / 3.0
+    first = int((_FULL - above - _L_LEAST) / L_STEP)
+    return L_BINS - min(max(first, 0), L_BINS)
 
 
 @compiled

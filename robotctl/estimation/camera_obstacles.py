@@ -29,6 +29,8 @@ _CUT: Final = -1
 _LEAST_COLUMNS: Final = 2
 _CERTAIN: Final = 1.0
 """Mean evidence of a thing, at least."""
+_INDISTINCT_M: Final = 0.15
+"""What looks like the wall and hardly unlike the floor is a thing only if it is as wide."""
 _ASPECT_SIGMA: Final = 0.25
 """A thing is as deep as it is wide; the standard deviation of its middle is this share of it."""
 
@@ -125,7 +127,7 @@ def find_obstacles(
             continue
         obstacle = _measure(strip, boundary, columns, evidence, mine, _CUT in ends)
         if (
-            obstacle.width_m >= config.least_width_m
+            obstacle.width_m >= (config.least_width_m if distinct else _INDISTINCT_M)
             and obstacle.height_m >= config.least_height_m
             and not (obstacle.cut and math.isinf(obstacle.height_m))
         ):
