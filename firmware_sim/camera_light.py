@@ -60,6 +60,14 @@ def floor_light(world: World, scene: Scene, ambient: float) -> Light:
         for dx, dy in RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1):
             point = np.array([lamp.at[0] + dx, lamp.at[1] + dy, lamp.at[2], lamp.power])
             add_lamp(point, x_m, y_m, cell, scene.sides, height, hidden, direct)
+    # Within things it is dark, else light would show along their feet.
+    hidden[:] = 0
+    for first, count in zip(scene.first, scene.count, strict=True):
+        x, y = scene.sides[first : first + count, :2].T.copy()
+        if count > 1:
+            hide(x, y, x_m / cell, y_m / cell, cell, 0, shape[1], 0, shape[0],
+                 hidden)  # fmt: skip
+    direct[hidden == 1] = 0.0
     lit = direct[direct > 0.0]
     if len(lit):
         direct *= np.float32(0.9 / lit.mean())
@@ -135,14 +143,14 @@ def hide(
     j1: int,
     hidden: np.ndarray,
 ) -> None:
-    """Mark the cells whose middle lies in a convex quadrilateral, row by row."""
+    """Mark the cells whose middle lies in a convex polygon, row by row."""
     first = max(j0, math.ceil(py.min() / cell - y0))
     last = min(j1 - 1, math.floor(py.max() / cell - y0))
     for j in range(first, last + 1):
         y = (j + y0) * cell
         low, high = np.inf, -np.inf
-        for k in range(4):
-            n = (k + 1) % 4
+        for k in range(len(px)):
+            n = (k + 1) % len(px)
             if (py[k] > y) != (py[n] > y):
                 x = px[k] + (y - py[k]) * (px[n] - px[k]) / (py[n] - py[k])
                 low, high = min(low, x), max(high, x)
