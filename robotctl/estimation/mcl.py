@@ -188,10 +188,15 @@ class MonteCarloLocaliser:
         )
 
     def estimate(self, stamp_ns: int) -> PoseEstimate:
-        """Return what is believed now, moved on by the odometry since the last measurement."""
-        best = self._clusters[0]
-        pose, covariance = self._way.end(best.mean, best.covariance)
-        return PoseEstimate(stamp_ns, pose, covariance, self.status)
+        """Return what is believed now, moved on by the odometry since the last measurement.
+
+        A robot that was localised is no more where the odometry alone has made it uncertain.
+        """
+        best, status = self._clusters[0], self.status
+        faded = Cluster(best.weight, *self._way.end(best.mean, best.covariance))
+        if status is LocalisationStatus.LOCALISED and faded.sigma_m > self.config.localised_m:
+            status = LocalisationStatus.SEARCHING
+        return PoseEstimate(stamp_ns, faded.mean, faded.covariance, status)
 
     def _advance(self) -> None:
         """Resample where the belief calls for it, then move all particles by the odometry."""

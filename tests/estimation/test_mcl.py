@@ -208,3 +208,15 @@ def test_a_likelihood_of_the_wrong_shape_is_refused():
     mcl.start_at(SE2(5.0, 5.0, 0.0), 0.1, 0.05)
     with pytest.raises(ValueError, match=r"log-likelihoods must be \(1000,\)"):
         mcl.measure(lambda poses: np.zeros((len(poses), 1)))
+
+
+def test_a_robot_that_drives_on_without_measurements_is_localised_no_more_at_last():
+    mcl = localiser()
+    mcl.start_at(SE2(), 0.05, 0.02)
+    sigmas = []
+    while mcl.estimate(0).status is LocalisationStatus.LOCALISED:
+        mcl.move(SE2(0.1, 0.0, 0.0))
+        sigmas.append(math.sqrt(np.linalg.eigvalsh(mcl.estimate(0).covariance[:2, :2])[-1]))
+        assert len(sigmas) < 10_000
+    assert np.all(np.diff(sigmas) > 0.0)
+    assert sigmas[-2] <= MclConfig().localised_m < sigmas[-1]
