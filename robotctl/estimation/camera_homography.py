@@ -191,15 +191,9 @@ def fit_homography(
             "no camera sees these points so, some would lie behind it: are points exchanged, or u "
             "with v, or x with y?"
         )
-    # H = T_pixels^-1 H_n T_ground, by rows: vec(A X B) = (A kron B^T) vec(X)
-    A = np.array([[1.0 / t, 0.0, u], [0.0, 1.0 / t, v], [0.0, 0.0, 1.0]])
-    B = np.array([[s, 0.0, -s * x], [0.0, s, -s * y], [0.0, 0.0, 1.0]])
-    H = np.sign(sides[0]) * (A @ h.reshape(3, 3) @ B)
-    norm = float(np.linalg.norm(H))
-    H /= norm
-    L = (A[:, None, :, None] * B.T[None, :, None, :]).reshape(9, 9) / norm
-    L -= np.outer(H.ravel(), H.ravel() @ L)
-    return Homography(H, L @ P @ L.T, pixels - _mapped(H, ground), float(chi2))
+    h, P = kernels.unnormalised(h * np.sign(sides[0]), P, (s, x, y), (t, u, v))
+    H = h.reshape(3, 3)
+    return Homography(H, P, pixels - _mapped(H, ground), float(chi2))
 
 
 def find_homography(

@@ -220,6 +220,54 @@ def refine(
 
 
 @compiled
+def unnormalised(
+    h: Array, P: Array, of_ground: tuple[float, float, float], of_pixels: tuple[float, float, float]
+) -> tuple[Array, Array]:
+    """Return h and its covariance, (9,) and (9, 9), |h| = 1, for points before `normalised`.
+
+    H = B H_n A, where A normalises the ground and B undoes it for the pixels. It is linear in H_n;
+    scaling it to norm 1 takes its own direction out of the covariance.
+    """
+    s, x, y = of_ground
+    t, u, v = of_pixels
+    A = np.array([[s, 0.0, -s * x], [0.0, s, -s * y], [0.0, 0.0, 1.0]])
+    B = np.array([[1.0 / t, 0.0, u], [0.0, 1.0 / t, v], [0.0, 0.0, 1.0]])
+    L = np.empty((9, 9))
+    out = np.zeros(9)
+    norm = 0.0
+    for i in range(9):
+        for k in range(9):
+            L[i, k] = B[i // 3, k // 3] * A[k % 3, i % 3]
+            out[i] += L[i, k] * h[k]
+        norm += out[i] ** 2
+    norm = math.sqrt(norm)
+    for i in range(9):
+        out[i] /= norm
+    for k in range(9):
+        along = 0.0
+        for i in range(9):
+            along += out[i] * L[i, k]
+        for i in range(9):
+            L[i, k] = (L[i, k] - out[i] * along) / norm
+    return out, _sandwich(L, P)
+
+
+@compiled
+def _sandwich(L: Array, P: Array) -> Array:
+    """Return L P L^T, (9, 9)."""
+    LP, out = np.zeros((9, 9)), np.zeros((9, 9))
+    for i in range(9):
+        for k in range(9):
+            for j in range(9):
+                LP[i, j] += L[i, k] * P[k, j]
+    for i in range(9):
+        for j in range(9):
+            for k in range(9):
+                out[i, j] += LP[i, k] * L[j, k]
+    return out
+
+
+@compiled
 def _deviation(points: Array, chosen: NDArray[np.bool_], left_out: int) -> float:
     """Return how far the chosen points but one are from their best line, root mean square."""
     x = y = xx = xy = yy = 0.0

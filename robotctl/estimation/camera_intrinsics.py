@@ -1,8 +1,8 @@
 """The lens from pictures of a chessboard (Zhang 2000), through OpenCV.
 
 Intervals come from leaving out one picture at a time (jackknife): the corners of one picture err
-together, by a sheet that is not flat or by blur, and intervals from the residuals alone are several
-times too small.
+together, by a sheet that is not flat or by blur, and intervals from the residuals alone are too
+narrow.
 """
 
 from __future__ import annotations
