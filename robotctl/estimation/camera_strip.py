@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from robotctl.estimation.camera_config import GroundCameraConfig
 from robotctl.model.camera_geometry import CameraGeometry
 
-ABOVE_HORIZON_ROWS: Final = 48
+ABOVE_HORIZON_ROWS: Final = 32
 """So many rows above the horizon are looked at: floor cannot be there."""
 _DENSE: Final = 4000
 _SMALL_STEP: Final = 0.006
@@ -149,23 +149,28 @@ class GroundStrip:
         # A row is kept if any bearing shows it; the middle column alone tells how dense they lie.
         seen = self._seen_depressions(fine)
         if not np.any(seen & (fine > 1e-3)):
-            raise ValueError(
-                f"the camera sees no floor: height {self.camera.mount.z_m} m, pitch "
-                f"{self.camera.mount.pitch_deg} deg down"
-            )
+            raise self._no_floor()
         steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
         path = np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
         used = np.flatnonzero(seen & np.isfinite(pixels[:, 0]))
         horizon = float(np.interp(0.0, -fine, path))
         last = min(path[used[-1]], horizon + ABOVE_HORIZON_ROWS)
         wanted = np.arange(path[used[0]], last, 1.0)
-        with np.errstate(divide="ignore", over="ignore"):
-            ranges = self.height_m / np.tan(np.maximum(np.interp(wanted, path, fine), 1e-9))
+        down = np.interp(wanted, path, fine)
+        ranges = self.height_m / np.tan(np.maximum(down, 1e-6))
         # Every other row will do where a pixel is a small share of the range.
-        coarse = np.append(np.diff(ranges) < _SMALL_STEP * ranges[:-1], False)
+        coarse = np.append(np.diff(ranges) < _SMALL_STEP * ranges[:-1], False) & (down > 1e-6)
         wanted = wanted[~coarse | (np.arange(len(wanted)) % 2 == 0)]
         rows: NDArray[np.float64] = np.interp(wanted, path, fine)
         return rows
+
+    def _no_floor(self) -> ValueError:
+        """Return the error of a camera that looks elsewhere."""
+        mount = self.camera.mount
+        return ValueError(
+            f"the camera sees no floor before it: height {mount.z_m} m, pitch "
+            f"{mount.pitch_deg} deg down"
+        )
 
     def _seen_depressions(self, fine: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell for depressions whether the picture shows them at any bearing."""
@@ -185,6 +190,8 @@ class GroundStrip:
         pixels = self._project(grid_d.ravel(), grid_b.ravel())
         seen = self.camera.inside(pixels).reshape(grid_d.shape).any(axis=0)
         widest = np.flatnonzero(seen)
+        if widest.size == 0:
+            raise self._no_floor()
         count = max(1, self.camera.intrinsics.width_px // 2)
         edges = np.linspace(turns[widest[0]], turns[widest[-1]], count + 1)
         return self._heading_rad + (edges[:-1] + edges[1:]) / 2
@@ -235,7 +242,7 @@ class GroundStrip:
         middle = np.argmin(np.abs(self.bearings_rad - self._heading_rad))
         seen = np.flatnonzero(self.seen[: self.horizon_row, middle])
         if seen.size == 0:
-            raise ValueError("the camera sees no floor in front of it")
+            raise self._no_floor()
         return float(self.ranges_m[seen[0]])
 
     def _patch(self, config: GroundCameraConfig) -> NDArray[np.bool_]:

@@ -20,7 +20,8 @@ from robotctl.model.camera_geometry import CameraGeometry
 Colour = tuple[float, float, float]
 Texture = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
-LENS = CameraIntrinsics(640, 480, 500.0, 500.0, 319.5, 239.5, (-0.12, 0.02, 0.0, 0.0, 0.0))
+LENS = CameraIntrinsics(320, 240, 250.0, 250.0, 159.5, 119.5, (-0.12, 0.02, 0.0, 0.0, 0.0))
+"""Half of the usual size: the tests would take four times as long."""
 MOUNT = CameraMount(0.1, 0.0, 0.3, 0.0, 20.0, 0.0)
 CAMERA = CameraGeometry(LENS, MOUNT)
 
@@ -186,7 +187,7 @@ class Scene:
     def _lit(self, point):
         """Return the share of the lamp that points of the floor see; walls cast no shadow."""
         lit = np.zeros(point.shape[:2])
-        offsets = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
+        offsets = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]
         for a, b in offsets:
             towards = np.array(self.lamp) + self.lamp_width * np.array([a, b, 0.0])
             free = np.ones(point.shape[:2], bool)
