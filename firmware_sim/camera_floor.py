@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 
-SIDE = 1024
-PERIOD_M = 2.4
+SIDE: Final = 1024
+PERIOD_M: Final = 2.4
 TEXEL_M = PERIOD_M / SIDE
-LEVELS = 9
+LEVELS: Final = 9
 """The coarsest copy has 4 by 4 texels."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import colorsys
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -12,7 +13,12 @@ from firmware_sim.shapes import Thing
 from firmware_sim.world import OBSTACLE, World
 
 # Columns of a side.
-AX, AY, NX, NY, LENGTH, SHADE = range(6)
+AX: Final = 0
+AY: Final = 1
+NX: Final = 2
+NY: Final = 3
+LENGTH: Final = 4
+SHADE: Final = 5
 _LIGHT_RAD = math.radians(35.0)
 """Sides that face this way are the brightest."""
 
