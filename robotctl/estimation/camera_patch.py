@@ -69,10 +69,15 @@ def judge_patch(
     kept = np.zeros(len(mine), np.bool_)
     alike = np.ones(PARTS * PARTS, np.bool_)
     total = cubes.sum(axis=0)
+    nearer, row = np.zeros_like(total), np.zeros_like(total)
     for part in range(PARTS * PARTS):
+        if part % PARTS == 0:
+            nearer, row = nearer + row, np.zeros_like(total)
         common = _seen_in(total - cubes[part])
         if part >= PARTS:
-            common &= _seen_in(cubes[: part // PARTS * PARTS].sum(axis=0))
+            common &= _seen_in(nearer)
+        # Only what is kept speaks for what is farther.
+        row += np.where(common, cubes[part], np.float32(0.0))
         here = which == part
         kept[here] = common.reshape(-1)[place[here]]
         alike[part] = np.mean(kept[here]) >= _MISFIT
