@@ -45,7 +45,6 @@ _PLACES: Final = ((64, (0.05, 0.05, 0.03)), (256, (0.5, 0.5, 0.3)))
 """Number and standard deviations of poses beside the true one: near and far [m, m, rad]."""
 _LEAST: Final = 0.01
 _MOST: Final = 0.45
-_BAND: Final = 2.0
 _NAMES: Final = {"garbage": "random", "short_per_m": "rate of short readings"}
 _T = TypeVar("_T")
 
@@ -212,8 +211,7 @@ def patched_settings(
     if not fit.greatest_m.why_not:
         found["max_range_m"] = fit.greatest_m.value
     sonar = replace(present.sonar, **{key: round_figures(v, 3) for key, v in found.items()})
-    band_m = max(_BAND * typical_sigma_m, 0.5 * present.grid.resolution_m)
-    grid = replace(present.grid, sonar_band_m=round_figures(band_m, 2))
+    grid = replace(present.grid, sonar_band_m=round_figures(wide_m, 2))
     return replace(present, sonar=sonar, grid=grid)
 
 

@@ -70,7 +70,7 @@ def _line(result: Characterisation, key: str, value: float) -> str:
         "max_range_m": (fit.greatest_m, "95 %"),
         "max_incidence_deg": (limit, "95 %"),
     }.get(key)
-    words = "twice the deviation at the usual range"
+    words = "the deviation at the usual range"
     if measured is not None:
         interval, what = measured
         words = f"{what}: {interval.low:.3g} to {interval.high:.3g}"

@@ -9,6 +9,7 @@ from robotctl.app.characterise_patch import patch_values
 from robotctl.app.characterise_sources import SONAR
 from robotctl.estimation.range_fit import Fitted
 
+_NOTHING = 1e-6
 _ROWS = {
     "hit": "hit",
     "short": "short",
@@ -46,11 +47,13 @@ def fit_table(result: Characterisation) -> Table:
 
 def _row(table: Table, words: str, found: Fitted) -> None:
     """Add a value, or that it is not told."""
-    ends = f"{found.low:.4g} to {found.high:.4g}"
-    if found.why_not:
-        table.add_row(words, "not told", ends if found.low > 0.0 else "")
-    else:
-        table.add_row(words, f"{found.value:.4g}", ends)
+    ends = f"{_number(found.low)} to {_number(found.high)}"
+    table.add_row(words, "not told" if found.why_not else _number(found.value), ends)
+
+
+def _number(value: float) -> str:
+    """Return a number; what lies at the bound of the fit is 0."""
+    return f"{value if abs(value) > _NOTHING else 0.0:.5g}"
 
 
 def patch_table(result: Characterisation) -> Table:

@@ -118,12 +118,17 @@ class EchoExpectations:
         """
         return _least_incidences(self._echoes, lines)
 
-    def free_of_edges(self, lines: Sightlines) -> NDArray[np.bool_]:
-        """Return which do not meet an edge where they meet a surface most squarely, (m,)."""
+    def free_of_edges(
+        self, lines: Sightlines, incidences_rad: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Return which do not meet an edge where they meet a surface most squarely, (m,).
+
+        There, at their `incidences`, walls that are a little shorter do as well.
+        """
         if self._endless is None:
             return np.ones(len(lines.sensors), np.bool_)
-        usual, endless = self.incidences(lines), _least_incidences(self._endless, lines)
-        return _alike(usual, endless, np.full(len(usual), 0.5 * _STEP_RAD))
+        endless = _least_incidences(self._endless, lines)
+        return _alike(incidences_rad, endless, np.full(len(endless), 0.5 * _STEP_RAD))
 
     def steady(self, lines: Sightlines, max_incidence_rad: float) -> NDArray[np.bool_]:
         """Return which readings hardly change with small changes of robot, cone and walls, (m,).

@@ -1,7 +1,7 @@
 """What a range sensor is like, by what it measured and should have: mixture and intervals.
 
-Expectation maximisation (`range_mixture.learned`) finds the mixture, Newton-like steps (L-BFGS-B)
-take it to the top of the likelihood. An interval holds all values of a parameter for which the
+Expectation maximisation (`range_mixture.learned`) finds the mixture, Newton-like steps take it to
+the top of the likelihood. An interval holds all values of a parameter for which the
 likelihood, with the other parameters at their best, is not too far below the top (profile
 likelihood). Unlike a symmetric interval it is right near a bound too, where a part of the mixture
 is rare or absent: then it begins at the bound.
@@ -20,7 +20,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize  # type: ignore[import-untyped]
 from scipy.stats import t as student  # type: ignore[import-untyped]
 
 from robotctl.estimation.range_likelihood import (
@@ -38,6 +37,11 @@ _EM_STEPS: Final = 30
 _LEAST_HITS: Final = 50
 _SPREAD: Final = 1.5
 """How sigma grows is told by hits whose far tenth is so many times as far as their near tenth."""
+_CLIMBS: Final = 200
+_LITTLE: Final = 1e-6
+_SHORT: Final = 1e-4
+_SHORTEST: Final = 1e8
+_MOST_NO_HITS: Final = 0.98
 _STEPS: Final = 10
 _NEAR: Final = 0.01
 """Ends of intervals are found to this share of their distance, in so many steps at most."""
@@ -129,6 +133,21 @@ def fit_ranges(
     ValueError
         If shapes differ, or fewer than 50 readings are hits.
     """
+    return _prepared(expected_m, measured_m, max_range_m, stretches).result()
+
+
+def best_mixture(expected_m: Array, measured_m: Array, max_range_m: float) -> BeamMixture:
+    """Return the mixture that fits readings best, as `fit_ranges`, without the intervals."""
+    return mixture_of(_prepared(expected_m, measured_m, max_range_m, None).best)
+
+
+def _prepared(
+    expected_m: Array,
+    measured_m: Array,
+    max_range_m: float,
+    stretches: NDArray[np.intp] | None,
+) -> _Fit:
+    """Check readings and climb to the top of their likelihood."""
     if expected_m.shape != measured_m.shape or expected_m.ndim != 1:
         raise ValueError(
             f"expected_m {expected_m.shape} and measured_m {measured_m.shape} must both be (m,)"
@@ -136,18 +155,13 @@ def fit_ranges(
     valid = ~np.isnan(measured_m)
     m, z = expected_m[valid], measured_m[valid]
     m = np.where(m < max_range_m, m, np.inf)
-    groups = np.arange(len(z)) if stretches is None else stretches[valid]
-    _check(m, z, max_range_m)
-    return _Fit(m, z, max_range_m, groups).result()
-
-
-def _check(m: Array, z: Array, max_range_m: float) -> None:
-    """Refuse what nothing can be learned from."""
     both = int(np.count_nonzero(np.isfinite(m) & (z < max_range_m)))
     if both < _LEAST_HITS:
         raise ValueError(
             f"{both} readings with a range where one was expected, at least {_LEAST_HITS} needed"
         )
+    groups = np.arange(len(z)) if stretches is None else stretches[valid]
+    return _Fit(m, z, max_range_m, groups)
 
 
 class _Fit:
@@ -180,28 +194,34 @@ class _Fit:
     def _climb(self, start: Array, free: NDArray[np.bool_]) -> tuple[Array, float]:
         """Return where the likelihood is greatest with only some parameters free, and its log.
 
-        In units of what the readings tell each parameter to, so that few steps suffice.
+        Steps are those of Berndt, Hall, Hall and Hausman (1974), with the outer products of the
+        scores for the curvature, shortened as by Marquardt until they climb. A parameter that
+        would leave its bounds stays on them.
         """
-        scale = self._scale[free]
-
-        def cost(x: Array) -> tuple[float, Array]:
-            at = start.copy()
-            at[free] = x * scale
-            logs, score = self._likelihood.logs(at)
-            return -float(logs.sum()), -score.sum(axis=0)[free] * scale
-
-        bounds = list(zip(LOW[free] / scale, HIGH[free] / scale, strict=True))
-        found = minimize(
-            cost,
-            start[free] / scale,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=bounds,
-            options={"maxiter": 200, "ftol": 1e-12, "gtol": 1e-5},
-        )
-        best = start.copy()
-        best[free] = np.clip(found.x * scale, LOW[free], HIGH[free])
-        return best, -float(found.fun)
+        at, short = np.clip(start, LOW, HIGH), _SHORT
+        log, score, outer = self._likelihood.total(at)
+        for _ in range(_CLIMBS):
+            open_ = free & ~((at <= LOW) & (score < 0.0)) & ~((at >= HIGH) & (score > 0.0))
+            chosen = np.flatnonzero(open_)
+            unit = np.sqrt(np.maximum(np.diag(outer)[chosen], 1e-30))
+            curvature = outer[np.ix_(chosen, chosen)] / np.outer(unit, unit)
+            curvature[np.diag_indices(len(chosen))] += short
+            new = at.copy()
+            new[chosen] += np.linalg.solve(curvature, score[chosen] / unit) / unit
+            new = np.clip(new, LOW, HIGH)
+            gain = -math.inf
+            if new[0] + new[2] < _MOST_NO_HITS:
+                found = self._likelihood.total(new)
+                gain = found[0] - log
+            if gain <= 0.0:
+                short *= 8.0
+                if short > _SHORTEST:
+                    break
+                continue
+            at, (log, score, outer), short = new, found, max(short / 8.0, _SHORT)
+            if gain < _LITTLE:
+                break
+        return at, log
 
     def result(self) -> RangeFit:
         """Return all values with intervals."""
@@ -252,8 +272,8 @@ class _Fit:
         for i in np.flatnonzero(inside):
             step = np.zeros(7)
             step[i] = 1e-4 * min(self._scale[i], abs(self.best[i]) + 1e-3 * self._scale[i])
-            more = self._likelihood.logs(self.best + step)[1].sum(axis=0)
-            less = self._likelihood.logs(self.best - step)[1].sum(axis=0)
+            more = self._likelihood.total(self.best + step)[1]
+            less = self._likelihood.total(self.best - step)[1]
             rows.append((less - more)[inside] / (2.0 * step[i]))
         differences = np.array(rows)
         information: Array = 0.5 * (differences + differences.T)
@@ -354,11 +374,12 @@ def _start(m: Array, z: Array) -> BeamMixture:
 
 
 def _product(a: Fitted, b: Fitted) -> Fitted:
-    """Return the product of two positive values that err independently."""
+    """Return the product of two values >= 0 that err independently; one may be told by nothing."""
     value = a.value * b.value
-    below = math.hypot(_log_ratio(a.value, a.low), _log_ratio(b.value, b.low))
-    above = math.hypot(_log_ratio(a.high, a.value), _log_ratio(b.high, b.value))
-    return Fitted(value, value * math.exp(-below), value * math.exp(above))
+    below = math.hypot((a.value - a.low) * b.value, a.value * (b.value - b.low))
+    up_a, up_b = a.high - a.value, b.high - b.value
+    above = math.hypot(up_a * b.value, a.value * up_b, up_a * up_b)
+    return Fitted(value, max(value - below, 0.0), value + above)
 
 
 def _log_ratio(greater: float, less: float) -> float:

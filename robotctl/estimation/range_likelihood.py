@@ -14,7 +14,6 @@ All intervals of `range_fit.py` rest on this one function; its derivatives are e
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -70,7 +69,6 @@ def mixture_of(parameters: Array) -> BeamMixture:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class RangeLikelihood:
     """Readings, ready to be weighed by any mixture.
 
@@ -86,47 +84,77 @@ class RangeLikelihood:
         The sensor's greatest range [m].
     """
 
-    expected_m: Array
-    measured_m: Array
-    missing: NDArray[np.bool_]
-    max_range_m: float
+    def __init__(
+        self,
+        expected_m: Array,
+        measured_m: Array,
+        missing: NDArray[np.bool_],
+        max_range_m: float,
+    ) -> None:
+        self.expected_m = expected_m
+        self.measured_m = measured_m
+        self.missing = missing
+        self.max_range_m = max_range_m
+        anything = np.isfinite(expected_m)
+        self._m = np.where(anything, expected_m, 0.0)
+        self._off = measured_m - self._m
+        self._anything = anything.astype(np.float64)
+        ends = np.where(anything, expected_m, max_range_m)
+        self._before = (measured_m < ends).astype(np.float64)
+        self._cut = np.clip(ends, 1e-9, max_range_m)
 
     def logs(self, parameters: Array) -> tuple[Array, Array]:
         """Return log p of each reading, those with a range first, (m,), and its score (m, 7)."""
-        heard, by_heard = self._heard(parameters)
+        p, parts = self._heard(parameters)
         garbage, none = parameters[0], parameters[2]
-        p = np.where(self.missing, none, 1.0 - garbage)
-        by_missing = np.zeros((len(p), 7))
-        by_missing[:, 0] = np.where(self.missing, 0.0, -1.0) / p
-        by_missing[:, 2] = np.where(self.missing, 1.0, 0.0) / p
-        return np.concatenate([heard, np.log(p)]), np.concatenate([by_heard, by_missing])
+        silent = np.where(self.missing, none, 1.0 - garbage)
+        by_silent = np.zeros((len(silent), 7))
+        by_silent[:, 0] = np.where(self.missing, 0.0, -1.0) / silent
+        by_silent[:, 2] = np.where(self.missing, 1.0, 0.0) / silent
+        by_heard = np.stack(parts, axis=1) / p[:, np.newaxis]
+        return np.log(np.concatenate([p, silent])), np.concatenate([by_heard, by_silent])
 
-    def _heard(self, parameters: Array) -> tuple[Array, Array]:
-        """Return logs and score of the readings with a range."""
+    def total(self, parameters: Array) -> tuple[float, Array, Array]:
+        """Return the sum of all logs, its score (7,), and the outer products of the scores (7, 7).
+
+        The latter are what the readings tell of the parameters, near the best ones.
+        """
+        p, parts = self._heard(parameters)
+        garbage, none = float(parameters[0]), float(parameters[2])
+        each = np.array(parts) / p
+        score, outer = each.sum(axis=1), each @ each.T
+        due = int(np.count_nonzero(self.missing))
+        not_due = len(self.missing) - due
+        score[0] -= not_due / (1.0 - garbage)
+        score[2] += due / none
+        outer[0, 0] += not_due / (1.0 - garbage) ** 2
+        outer[2, 2] += due / none**2
+        logs = float(np.log(p).sum()) + due * math.log(none) + not_due * math.log1p(-garbage)
+        return logs, score, outer
+
+    def _heard(self, parameters: Array) -> tuple[Array, tuple[Array, ...]]:
+        """Return densities (h,) of the readings with a range, and their seven derivatives."""
         garbage, share, none, a, b, offset, rate = parameters.tolist()
-        anything = np.isfinite(self.expected_m)
-        m = np.where(anything, self.expected_m, 0.0)
-        sigma = a + b * m
-        off = self.measured_m - m - offset
-        hit = np.exp(-0.5 * (off / sigma) ** 2) / (math.sqrt(math.tau) * sigma)
-        hit[~anything] = 0.0
-        before = self.measured_m < np.where(anything, m, self.max_range_m)
-        cut = np.where(anything, np.minimum(m, self.max_range_m), self.max_range_m)
-        short, by_rate = _exponential(self.measured_m, np.maximum(cut, 1e-9), rate)
-        short, by_rate = short * before, by_rate * before
+        weight = 1.0 - garbage - none
+        sigma = a + b * self._m
+        off = (self._off - offset) / sigma
+        hit = np.exp(-0.5 * off * off) * self._anything / (math.sqrt(math.tau) * sigma)
+        short, by_rate = _exponential(self.measured_m, self._cut, rate)
+        short *= self._before
         uniform = 1.0 / self.max_range_m
-        p = (1.0 - garbage - none) * hit + garbage * (share * short + (1.0 - share) * uniform)
-        score = np.empty((len(p), 7))
-        score[:, 0] = share * short + (1.0 - share) * uniform - hit
-        score[:, 1] = garbage * (short - uniform)
-        score[:, 2] = -hit
-        by_sigma = (1.0 - garbage - none) * hit * ((off / sigma) ** 2 - 1.0) / sigma
-        score[:, 3] = by_sigma
-        score[:, 4] = by_sigma * m
-        score[:, 5] = (1.0 - garbage - none) * hit * off / sigma**2
-        score[:, 6] = garbage * share * by_rate
-        p = np.maximum(p, 1e-300)
-        return np.log(p), score / p[:, np.newaxis]
+        other = share * short + (1.0 - share) * uniform
+        p = np.maximum(weight * hit + garbage * other, 1e-300)
+        by_offset = weight * hit * off / sigma
+        by_sigma = by_offset * off - weight * hit / sigma
+        return p, (
+            other - hit,
+            garbage * (short - uniform),
+            -hit,
+            by_sigma,
+            by_sigma * self._m,
+            by_offset,
+            garbage * share * (by_rate * self._before),
+        )
 
 
 def _exponential(z: Array, cut: Array, rate: float) -> tuple[Array, Array]:

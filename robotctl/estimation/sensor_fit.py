@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.echo_expectations import EchoExpectations, Sightlines
-from robotctl.estimation.range_fit import Fitted, RangeFit, fit_ranges
+from robotctl.estimation.range_fit import Fitted, RangeFit, best_mixture, fit_ranges
 from robotctl.estimation.range_likelihood import Array
 from robotctl.estimation.range_limits import IncidenceLimit, greatest_range, incidence_limit
 
@@ -31,6 +31,8 @@ _SAFE: Final = 0.9
 _MARGIN_RAD: Final = math.radians(1.0)
 _SIGMAS: Final = 4.0
 _FADES: Final = 3.0
+_HITS: Final = 0.4
+_ROUGH: Final = 0.1
 _STRETCHES: Final = 100
 _LEAST_IN_STRETCH: Final = 20
 
@@ -113,7 +115,7 @@ def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
     heard = np.isfinite(z)
     farthest = readings.max_range_m or float(z[heard].max())
     incidences = expectations.incidences(lines)
-    plain = np.isfinite(incidences) & expectations.free_of_edges(lines)
+    plain = np.isfinite(incidences) & expectations.free_of_edges(lines, incidences)
     at_least = expectations.ranges_at(lines, incidences)
     plain &= at_least < _SAFE * farthest
     incidence = _as_known(incidence_limit(incidences[plain], heard[plain]), expectations.step_rad)
@@ -121,34 +123,40 @@ def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
     sides = _sure_side(incidences, incidence)
     usable = sides & expectations.steady(lines, limit)
     expected = expectations.ranges(lines, limit)
-    stretches = _stretches(len(z))
 
-    def fitted(range_m: float, margin_m: float) -> tuple[RangeFit, NDArray[np.bool_]]:
-        chosen = usable & (np.abs(expected - range_m) > margin_m)
-        m = np.where(expected < range_m, expected, np.inf)
-        return fit_ranges(m[chosen], z[chosen], range_m, stretches[chosen]), chosen
+    def chosen(range_m: float, margin_m: float) -> tuple[Array, NDArray[np.bool_]]:
+        within = np.where(expected < range_m, expected, np.inf)
+        return within, usable & (np.abs(expected - range_m) > margin_m)
 
     if readings.max_range_m is None:
-        first, _ = fitted(math.nextafter(farthest, math.inf), (1.0 - _SAFE) * farthest)
-        greatest = greatest_range(expected[usable], z[usable], first.mixture)
-        range_m = max(greatest.value, math.nextafter(farthest, math.inf))
-        margin_m = _SIGMAS * float(first.mixture.sigma_at(np.array(range_m)))
+        range_m = math.nextafter(farthest, math.inf)
+        within, some = chosen(range_m, (1.0 - _SAFE) * farthest)
+        first = best_mixture(within[some], z[some], range_m)
+        greatest = greatest_range(expected[usable], z[usable], first)
+        range_m = max(greatest.value, range_m)
+        margin_m = _SIGMAS * float(first.sigma_at(np.array(range_m)))
         margin_m += greatest.high - greatest.low if not greatest.why_not else 0.0
     else:
         range_m = readings.max_range_m
         greatest = Fitted(range_m, range_m, range_m, "given, not found")
         margin_m = (1.0 - _SAFE) * range_m
-    found, chosen = fitted(range_m, margin_m)
-    return SensorFit(
-        found,
-        incidence,
-        greatest,
-        np.where(expected < range_m, expected, np.inf),
-        z,
-        chosen,
-        incidences[plain],
-        heard[plain],
-    )
+    within, some = chosen(range_m, margin_m)
+    found = fit_ranges(within[some], z[some], range_m, _stretches(len(z))[some])
+    _check_room(found)
+    return SensorFit(found, incidence, greatest, within, z, some, incidences[plain], heard[plain])
+
+
+def _check_room(found: RangeFit) -> None:
+    """Refuse what is no fit: most readings have another cause than the room."""
+    hit, typical_m = found.mixture.hit, found.typical_m
+    sigma_m = float(found.mixture.sigma_at(np.array(typical_m)))
+    if hit < _HITS or sigma_m > _ROUGH * typical_m:
+        raise ValueError(
+            f"the readings do not fit to the room: {100 * hit:.0f} % of them hit its surfaces, to "
+            f"{sigma_m:.2g} m at {typical_m:.2g} m; at least {100 * _HITS:.0f} % to a "
+            f"{1 / _ROUGH:.0f}th of the range are needed. Is it the right map, and are the poses "
+            "in its frame?"
+        )
 
 
 def _as_known(found: IncidenceLimit, step_rad: float) -> IncidenceLimit:

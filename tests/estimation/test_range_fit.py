@@ -50,26 +50,26 @@ def truth_of(mixture: BeamMixture, typical_m: float) -> dict[str, float]:
 
 
 def test_every_value_lies_in_its_interval_for_most_seeds():
-    # The whole measurement is benchmarks/sensor_fit.py; of 12 seeds at 95 % at most 3 miss, but
-    # once in 500 runs.
+    # The whole measurement is benchmarks/sensor_fit.py; of 6 seeds at 95 % more than 2 miss
+    # once in 450 runs, for one value.
     missed = dict.fromkeys(truth_of(MIXTURE, 1.0), 0)
-    for seed in range(12):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
-        expected = rooms(1500, rng)
+        expected = rooms(800, rng)
         fit = fit_ranges(expected, drawn(MIXTURE, expected, rng), FAR_M)
         for name, value in truth_of(MIXTURE, fit.typical_m).items():
             missed[name] += not fit.values[name].low <= value <= fit.values[name].high
-    assert max(missed.values()) <= 3, missed
+    assert max(missed.values()) <= 2, missed
 
 
 def test_intervals_narrow_with_the_root_of_the_readings():
     widths = []
-    for n in (1000, 16_000):
+    for n in (500, 4500):
         rng = np.random.default_rng(1)
         expected = rooms(n, rng)
         found = fit_ranges(expected, drawn(MIXTURE, expected, rng), FAR_M).values["sigma_m"]
         widths.append(found.high - found.low)
-    assert widths[0] / widths[1] == pytest.approx(4.0, rel=0.3)
+    assert widths[0] / widths[1] == pytest.approx(3.0, rel=0.3)
 
 
 def test_the_likelihood_is_that_of_the_mixture_and_its_score_the_derivative():
@@ -87,15 +87,20 @@ def test_the_likelihood_is_that_of_the_mixture_and_its_score_the_derivative():
     ]
     logs, _ = likelihood.logs(at)
     assert logs.sum() == pytest.approx(sum(pairs), rel=1e-4)
+    log, score, outer = likelihood.total(at)
+    scores = likelihood.logs(at)[1]
+    assert log == pytest.approx(logs.sum())
+    np.testing.assert_allclose(score, scores.sum(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(outer, scores.T @ scores, rtol=1e-9)
     for rate in (0.8, 1e-3, 20.0):
         at[6] = rate
         error = check_grad(
-            lambda x: likelihood.logs(x)[0].sum(),
-            lambda x: likelihood.logs(x)[1].sum(axis=0),
+            lambda x: likelihood.total(x)[0],
+            lambda x: likelihood.total(x)[1],
             at,
             epsilon=1e-8,
         )
-        assert error < 1e-4 * np.linalg.norm(likelihood.logs(at)[1].sum(axis=0)) + 0.5
+        assert error < 1e-4 * np.linalg.norm(likelihood.total(at)[1]) + 0.5
 
 
 def test_parameters_and_mixture_are_two_forms_of_one_thing():
@@ -117,10 +122,10 @@ def test_learning_finds_how_noise_grows():
 
 def test_no_step_of_learning_how_noise_grows_makes_the_ranges_less_likely():
     rng = np.random.default_rng(4)
-    expected = rooms(2000, rng)
+    expected = rooms(500, rng)
     measured = drawn(MIXTURE, expected, rng)
     mixture, before = BeamMixture(sigma_m=0.2, short_per_m=3.0), -math.inf
-    for _ in range(25):
+    for _ in range(12):
         pairs = zip(expected, measured, strict=True)
         total = sum(
             log_density(mixture, np.array([[m]]), np.array([z]), FAR_M).item() for m, z in pairs
@@ -132,14 +137,14 @@ def test_no_step_of_learning_how_noise_grows_makes_the_ranges_less_likely():
 
 def test_readings_that_err_together_widen_the_intervals():
     rng = np.random.default_rng(5)
-    expected = np.repeat(rng.uniform(0.5, 3.5, 100), 30)
+    expected = np.repeat(rng.uniform(0.5, 3.5, 100), 10)
     # One error of the pose for all readings of a stretch, besides their own.
-    measured = expected + 0.005 * rng.standard_normal(3000)
-    measured += np.repeat(0.02 * rng.standard_normal(100), 30)
+    measured = expected + 0.005 * rng.standard_normal(1000)
+    measured += np.repeat(0.02 * rng.standard_normal(100), 10)
     alone = fit_ranges(expected, measured, FAR_M).values["offset_m"]
-    stretches = np.repeat(np.arange(100), 30)
+    stretches = np.repeat(np.arange(100), 10)
     together = fit_ranges(expected, measured, FAR_M, stretches).values["offset_m"]
-    assert together.high - together.low > 3.0 * (alone.high - alone.low)
+    assert together.high - together.low > 2.0 * (alone.high - alone.low)
     assert together.high - together.low == pytest.approx(2 * 1.98 * 0.02 / math.sqrt(100), rel=0.35)
 
 
@@ -154,12 +159,12 @@ def test_one_range_alone_does_not_tell_how_noise_grows():
 
 def test_a_sensor_without_outliers_has_intervals_that_begin_at_none():
     rng = np.random.default_rng(7)
-    expected = rng.uniform(0.5, 3.5, 3000)
-    fit = fit_ranges(expected, expected + 0.01 * rng.standard_normal(3000), FAR_M)
-    for name in ("garbage", "none"):
+    expected = rng.uniform(0.5, 3.5, 800)
+    fit = fit_ranges(expected, expected + 0.01 * rng.standard_normal(800), FAR_M)
+    for name in ("garbage", "none", "short", "random"):
         assert fit.values[name].low < 1e-6
         # The rule of three, for one-sided bounds: 3 / n; two-sided ones are a little less strict.
-        assert 0.3 / 3000 < fit.values[name].high < 4.0 / 3000
+        assert 0.3 / 800 < fit.values[name].high < 4.0 / 800
     assert "too few" in fit.values["short_per_m"].why_not
 
 
@@ -201,12 +206,12 @@ def test_a_sharp_incidence_limit_lies_in_its_interval(n):
 
 def test_a_sensor_that_fades_out_is_told_from_a_sharp_limit():
     missed = 0
-    for seed in range(12):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         found = incidence_limit(*echoes(35.0, 2000, rng, fades_deg=4.0))
         assert math.degrees(found.fades_rad) == pytest.approx(4.0, rel=0.4)
         missed += not found.limit.low <= math.radians(35.0) <= found.limit.high
-    assert missed <= 3
+    assert missed <= 2
     rng = np.random.default_rng(1)
     assert incidence_limit(*echoes(35.0, 2000, rng)).fades_rad == 0.0
 

@@ -1,0 +1,118 @@
+"""`robotctl characterise`, from the drive or the log to the patch."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robotctl import toml_source
+from robotctl.app.characterise import CharacteriseOptions, characterise
+from robotctl.app.characterise_patch import patch_overrides, patch_text, patch_values
+from robotctl.app.characterise_sources import source_of_log, taken
+from robotctl.app.config import RobotConfig, find_file, load_robot
+from robotctl.app.lockstep import LockstepRun
+from robotctl.app.sim_options import SimOptions
+from robotctl.cli.characterise_plot import save_plot
+from robotctl.errors import CalibrationError, ConfigError
+from robotctl.model.se2 import SE2
+from robotctl.model.trajectory import Trajectory
+from robotctl.telemetry.own_log import TRUTH
+from robotctl.telemetry.tum import write_tum
+
+QUIET = "simulation.sonar.crosstalk_probability=0.0"
+ROBOT = find_file("diff_drive")
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return characterise(CharacteriseOptions(ROBOT, (QUIET,), seed=2))
+
+
+def test_a_simulated_drive_recovers_the_sonars_of_the_simulation(simulated):
+    values, limit = simulated.fit.ranges.values, simulated.fit.incidence.limit
+    truth = {"sigma_m": 0.003, "sigma_per_m": 0.004, "none": 0.005, "garbage": 0.995 * 0.005}
+    for name, value in truth.items():
+        assert values[name].low <= value <= values[name].high, name
+        assert values[name].value == pytest.approx(value, rel=0.5), name
+    assert math.degrees(limit.low) <= 35.0 <= math.degrees(limit.high)
+    assert simulated.fit.greatest_m.low <= 4.0 <= simulated.fit.greatest_m.high
+    assert simulated.hidden == []
+
+
+def test_the_patch_is_what_the_localiser_would_read(simulated, tmp_path):
+    file = tmp_path / "robot.toml"
+    text = ROBOT.read_text() + "\n" + patch_text(simulated)
+    file.write_text(text)
+    assert load_robot(file).localisation == simulated.patched
+    by_settings = toml_source.load(ROBOT, RobotConfig, patch_overrides(simulated))
+    assert by_settings.localisation == simulated.patched
+
+
+def test_the_patch_helps_to_tell_places_and_is_no_narrower_than_particles_are(simulated):
+    assert simulated.told_after > simulated.told_before
+    sonar = patch_values(simulated)["localisation.sonar"]
+    assert sonar["sigma_m"] >= 0.05
+    assert sonar["random"] >= simulated.fit.ranges.values["garbage"].high
+
+
+def test_the_plot_is_drawn(simulated, tmp_path):
+    file = tmp_path / "plot.png"
+    save_plot(simulated, file)
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    options = SimOptions(
+        ROBOT, find_file("patrol", "missions"), seed=2, overrides=(QUIET,), record=folder
+    )
+    for i, _ in enumerate(LockstepRun(options).steps()):
+        if i > 200:
+            break
+    write_tum(folder / TRUTH, Trajectory.of([0, 20 * 10**9], [SE2(1.0, 1.0), SE2(1.0, 1.0)]))
+    return folder
+
+
+def test_a_recording_of_ours_is_read_with_its_truth_and_each_frame_of_its_sonars(recorded):
+    config = load_robot(ROBOT)
+    source = source_of_log(recorded, "flat", "", config)
+    assert source.sensor == "sonar"
+    assert source.poses_by == "the simulation's truth"
+    assert source.mounts == config.sonar
+    have = taken(source, config)
+    # 10 s, eight sonars, twenty times a second each, but for the start.
+    assert len(have.readings.ranges_m) == pytest.approx(1600, rel=0.1)
+    assert np.isinf(have.readings.ranges_m).any()
+
+
+def test_what_a_recording_cannot_tell_is_said(recorded):
+    config = load_robot(ROBOT)
+    with pytest.raises(ConfigError, match="name its room by --map"):
+        source_of_log(recorded, "", "", config)
+    with pytest.raises(CalibrationError, match="no lidar scans"):
+        source_of_log(recorded, "flat", "lidar", config)
+    (recorded / TRUTH).rename(recorded / "away.tum")
+    try:
+        with pytest.raises(CalibrationError, match="nobody knows where"):
+            source_of_log(recorded, "flat", "", config)
+    finally:
+        (recorded / "away.tum").rename(recorded / TRUTH)
+
+
+def test_another_sensor_is_refused():
+    with pytest.raises(ConfigError, match='must be sonar or lidar; did you mean "lidar"'):
+        CharacteriseOptions(ROBOT, sensor="lider")
+
+
+@pytest.mark.recordings("carmen/seattle-corrected.log.gz")
+def test_a_lidar_log_is_measured_against_the_map_of_its_even_scans(recordings):
+    log = recordings / "carmen" / "seattle-corrected.log.gz"
+    found = characterise(CharacteriseOptions(ROBOT, log=log))
+    values = found.fit.ranges.values
+    assert values["hit"].value > 0.9
+    assert 0.01 < values["sigma_m"].value < 0.05
+    assert "echoes do not end" in found.fit.incidence.limit.why_not
+    assert "even scans" in found.source.map_by
