@@ -42,7 +42,7 @@ class CameraProcess:
     Raises
     ------
     SimulationError
-        If the process did not become ready; it has said why.
+        If the process did not become ready; says why.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
@@ -53,10 +53,11 @@ class CameraProcess:
         if self._child.stdin is None or self._child.stdout is None:
             raise AssertionError("both are pipes")
         self._pipe = self._child.stdin
-        said = self._child.stdout.readline().decode().strip()
-        if said != _READY:
+        said = self._child.stdout.readline().decode()
+        if said.strip() != _READY:
+            said += self._child.stdout.read().decode()
             self.close()
-            raise SimulationError(f"--camera: its process did not start: {said or 'see above'}")
+            raise SimulationError(f"--camera: {said.strip() or 'its process has died'}")
         os.set_blocking(self._pipe.fileno(), False)
         self._lost = False
 
@@ -116,7 +117,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _serve(options)
     except SimulationError as error:
-        sys.stderr.write(f"{error}\n")
+        # The simulator passes it on.
+        sys.stdout.write(f"{error}\n")
         return 2
     return 0
 

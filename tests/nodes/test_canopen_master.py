@@ -331,6 +331,14 @@ def signals_kept():
             ["--robot", str(CONFIGS / "tricycle.toml"), "--lidar", "ipc:///tmp/x/y"],
             "no table [simulation.lidar]",
         ),
+        (
+            ["--robot", str(CONFIGS / "tricycle.toml"), "--camera", "ipc:///tmp/x/y"],
+            "no table [camera]",
+        ),
+        (
+            ["--robot", str(CONFIGS / "diff_drive.toml"), "--camera", "tcp://*:1"],
+            "allowed is ipc:///ABSOLUTE/PATH",
+        ),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(tmp_path, capsys, signals_kept, options, text):
