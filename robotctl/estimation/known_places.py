@@ -40,7 +40,7 @@ class RecognitionConfig:
     ratio
         The best place's difference is at most this share of that of the next place, (0, 1].
     least_echoes
-        Share of echoes that a signature needs to say anything, [0, 1].
+        Share of echoes that a place needs to be learnt, [0, 1].
     independent_bearings
         How many bearings are worth as much as all, since cones overlap, > 0: 360 deg / 25 deg.
     turn_sigma_rad

@@ -114,19 +114,23 @@ class PlaceBook:
         return float(own[mine].max()), least, "" if mine[nearest] else self._visits[nearest][0].name
 
     def too_little(self, signature: Signature) -> str:
-        """Return why a signature says too little to tell any place by it, a sentence; "" if not."""
-        seen = float(signature.seen.mean())
-        if seen < self.signatures.least_seen:
-            return (
-                f"the sonars looked at {seen:.0%} of the bearings, "
-                f"{self.signatures.least_seen:.0%} are needed"
-            )
+        """Return why no place can be learnt from a signature, a sentence; "" if one can."""
         if signature.echoes < self.config.least_echoes:
             return (
                 f"the sonars heard an echo from {signature.echoes:.0%} of the bearings, "
                 f"{self.config.least_echoes:.0%} are needed to tell a place"
             )
-        return ""
+        return self._too_narrow(signature)
+
+    def _too_narrow(self, signature: Signature) -> str:
+        """Return why a signature cannot be compared, a sentence; "" if it can."""
+        seen = float(signature.seen.mean())
+        if seen >= self.signatures.least_seen:
+            return ""
+        return (
+            f"the sonars looked at {seen:.0%} of the bearings, "
+            f"{self.signatures.least_seen:.0%} are needed"
+        )
 
     def recognise(self, signature: Signature) -> Recognition:
         """Return the place where a signature was taken, or why none is recognised.
@@ -136,7 +140,7 @@ class PlaceBook:
         ValueError
             If it has another number of bearings than the book.
         """
-        refusal = self.too_little(signature)
+        refusal = self._too_narrow(signature)
         if not refusal and not self._visits:
             refusal = "no place is known yet"
         if refusal:
