@@ -32,7 +32,8 @@ def open_camera(source: str, size: Size, rate_hz: float, clock: Clock) -> Camera
     Parameters
     ----------
     source
-        Number of a device, URL, path of a video, or pattern of images such as `left%02d.jpg`.
+        Number or path of a device, URL, path of a video, or pattern of images such as
+        `left%02d.jpg`.
     size
         Width and height that the pictures must have [px]: those of the calibration.
     rate_hz
@@ -45,12 +46,12 @@ def open_camera(source: str, size: Size, rate_hz: float, clock: Clock) -> Camera
     LinkError
         If it cannot be opened or gives other pictures; says what to do.
     """
-    if source.isdecimal() or "://" in source:
+    if _is_device(source) or "://" in source:
         return LiveCamera(source, size, rate_hz, clock)
     if "%" not in source and not Path(source).is_file():
         raise LinkError(
-            f"camera: {source}: no such file; allowed are the number of a device, a URL, the path "
-            "of a video, or a pattern of images such as left%02d.jpg"
+            f"camera: {source}: no such file; allowed are the number or path of a device, a URL, "
+            "the path of a video, or a pattern of images such as left%02d.jpg"
         )
     return VideoFile(source, size, rate_hz, clock)
 
@@ -107,7 +108,7 @@ class LiveCamera:
         self._source = source
         self._clock = clock
         self._capture = _opened(source)
-        if source.isdecimal():
+        if _is_device(source):
             width, height = size
             for key, value in (
                 (cv2.CAP_PROP_FRAME_WIDTH, width),
@@ -177,13 +178,19 @@ def _opened(source: str) -> cv2.VideoCapture:
         cv2.utils.logging.setLogLevel(loud)
     if capture.isOpened():
         return capture
-    if not source.isdecimal():
+    if not _is_device(source):
         raise LinkError(f"camera: {source}: cannot be opened as a video or stream")
+    device = f"/dev/video{source}" if source.isdecimal() else source
     there = ", ".join(sorted(str(path) for path in Path("/dev").glob("video*"))) or "none"
     raise LinkError(
-        f"camera {source}: /dev/video{source} cannot be opened: look whether it is plugged in, not "
-        f"in use (`fuser /dev/video{source}`) and open to this user (group video); devices: {there}"
+        f"camera: {device}: cannot be opened: look whether it is plugged in, not in use "
+        f"(`fuser {device}`) and open to this user (group video); devices: {there}"
     )
+
+
+def _is_device(source: str) -> bool:
+    """Whether a source is the number or the path of a device."""
+    return source.isdecimal() or Path(source).is_char_device()
 
 
 def _told_size(capture: cv2.VideoCapture) -> Size:

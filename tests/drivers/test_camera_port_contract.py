@@ -219,8 +219,9 @@ def test_a_stream_that_ends_is_an_error_that_says_so(tmp_path):
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ("none.avi", "no such file; allowed are the number of a device, a URL"),
-        ("77", "/dev/video77 cannot be opened: look whether it is plugged in"),
+        ("none.avi", "no such file; allowed are the number or path of a device, a URL"),
+        ("77", "/dev/video77: cannot be opened: look whether it is plugged in"),
+        ("/dev/null", "/dev/null: cannot be opened: look whether it is plugged in"),
         ("http://127.0.0.1:9/nobody", "cannot be opened as a video or stream"),
         ("none%02d.png", "cannot be opened"),
     ],
