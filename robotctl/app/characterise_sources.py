@@ -92,7 +92,7 @@ def source_of_log(log: Path, map_name: str, sensor: str, config: RobotConfig) ->
         raise CalibrationError(f"{log}: no sonar readings in it{_has(recording)}")
     if sensor == LIDAR and not recording.scans:
         raise CalibrationError(f"{log}: no lidar scans in it{_has(recording)}")
-    poses, poses_by = _poses(log, recording)
+    poses, poses_by = best_poses(log, recording)
     notes = list(recording.notes)
     mounts = recording.sonar_mounts
     if sensor == SONAR and not mounts:
@@ -122,8 +122,14 @@ def _has(recording: Recording) -> str:
     return f", only {has[0]}" if has else ", neither of sonars nor of a lidar"
 
 
-def _poses(log: Path, recording: Recording) -> tuple[Trajectory, str]:
-    """Return the best poses of a log, and what they are."""
+def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str]:
+    """Return the best poses of a log, and what they are.
+
+    Raises
+    ------
+    CalibrationError
+        If there are none with a heading.
+    """
     if recording.reference is not None and recording.reference_has_heading:
         name = "the simulation's truth" if (log / TRUTH).exists() else "the log's reference"
         return recording.reference, name

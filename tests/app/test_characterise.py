@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +12,13 @@ import pytest
 from robotctl import toml_source
 from robotctl.app.characterise import CharacteriseOptions, characterise
 from robotctl.app.characterise_patch import patch_overrides, patch_text, patch_values
-from robotctl.app.characterise_sources import source_of_log, taken
+from robotctl.app.characterise_sources import best_poses, source_of_log, taken
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.lockstep import LockstepRun
 from robotctl.app.sim_options import SimOptions
 from robotctl.cli.characterise_plot import save_plot
 from robotctl.errors import CalibrationError, ConfigError
+from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.own_log import TRUTH
@@ -100,6 +103,20 @@ def test_what_a_recording_cannot_tell_is_said(recorded):
             source_of_log(recorded, "flat", "", config)
     finally:
         (recorded / "away.tum").rename(recorded / TRUTH)
+
+
+def test_the_robots_own_belief_stands_in_for_a_reference_that_is_missing():
+    there, here = (Trajectory.of([0, 10], [SE2(x_m), SE2(x_m + 1.0)]) for x_m in (5.0, 0.0))
+    log = Path("log")
+    both = Recording("log", reference=there, believed=here)
+    assert best_poses(log, both) == (there, "the log's reference")
+    poses, words = best_poses(log, replace(both, reference=None))
+    assert poses is here
+    assert "errors count as the sensor's" in words
+    # Positions without a heading do not say where a sensor looked.
+    assert best_poses(log, replace(both, reference_has_heading=False))[0] is here
+    with pytest.raises(CalibrationError, match="nobody knows where"):
+        best_poses(log, Recording("log"))
 
 
 def test_another_sensor_is_refused():
