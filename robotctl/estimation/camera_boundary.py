@@ -22,7 +22,7 @@ BLOCKED: Final = 2
 UNSEEN: Final = 3
 """The picture ends before anything is found."""
 UNCLEAR: Final = 4
-"""No boundary, but what is above the horizon looks like the floor, too."""
+"""No boundary, but floor and wall are not told from each other there."""
 
 _ENOUGH: Final = 0.7
 """Mean evidence over two coarse rows and three columns that makes an obstacle."""
@@ -107,10 +107,10 @@ def find_boundary(
     cells = np.zeros(columns, np.intp)
     feet = wall_feet(walls, horizon)
     _first_cells(evidence, feet, first, beyond, last, kinds, cells)
-    # A column that looks like floor even above the horizon shows no floor.
-    above = walls[horizon + 1 :]
-    if len(above):
-        kinds[(kinds == FREE) & (np.mean(above > 0.0, axis=0) < _NOT_FLOOR)] = UNCLEAR
+    # Only a column that does not look like floor above the horizon can be trusted to be free.
+    differs = walls[horizon + 1 :] > 0.0
+    share = differs.mean(axis=0) if len(differs) else np.zeros(columns)
+    kinds[(kinds == FREE) & (share < _NOT_FLOOR)] = UNCLEAR
     rows = np.full(columns, np.nan)
     noise = np.full(columns, np.nan)
     _refine(strip, means, edges, first, kinds, cells, rows, noise)

@@ -53,7 +53,7 @@ class GroundObstacle:
     width_m
         Across the line of sight [m].
     height_m
-        At most so high [m]: the farther edge of its upper face; inf if it ends above the horizon.
+        At most so high [m]: the farther edge of its upper face; inf where no floor is seen above.
     first_column, last_column
         Of the strip.
     cut
