@@ -16,7 +16,8 @@ from firmware_sim.world import World, load_world
 from robotctl.app.config import RobotConfig
 from robotctl.app.score import CameraReport, StampedPose, TruthMatcher
 from robotctl.app.sim_options import SimOptions, SimulatorError, simulation_overrides
-from robotctl.runtime.estimation_messages import CameraView, SeenObstacle
+from robotctl.model.se2 import SE2
+from robotctl.runtime.estimation_messages import CameraView
 
 _REACH_M: Final = 2.0
 """Things on the floor are to be found up to here from below the camera [m]."""
@@ -25,6 +26,7 @@ _WHOLE: Final = 0.95
 _SAME_M: Final = 0.15
 """A thing is found where one is reported so near to its foot; nothing stands where a ray goes on
 for so much farther [m]."""
+_ALIKE_M: Final = 1e-6
 _NEAR_M, _FAR_M = 0.5, 3.0
 """Ranges are judged between these [m]."""
 
@@ -88,7 +90,8 @@ class CameraScore:
         for thing in sightings(self._world, pose, self._intrinsics, self._mount):
             if thing.kind != "obstacle" or self._distance_m(thing) > _REACH_M:
                 continue
-            offsets = [_offset_m(seen, thing) for seen in view.obstacles]
+            foot = self._foot(thing, pose)
+            offsets = [math.dist(foot, (seen.x_m, seen.y_m)) for seen in view.obstacles]
             nearest = min(offsets, default=math.inf)
             if nearest <= _SAME_M:
                 self._wanted += 1
@@ -99,6 +102,22 @@ class CameraScore:
             at = np.array([(seen.x_m - view.x_m, seen.y_m - view.y_m) for seen in view.obstacles])
             goes_m = true_ranges(self._world, pose, self._mount, np.arctan2(at[:, 1], at[:, 0]))
             self._false += int(np.sum(goes_m > np.hypot(at[:, 0], at[:, 1]) + _SAME_M))
+
+    def _foot(self, sighting: Sighting, pose: tuple[float, float, float]) -> tuple[float, float]:
+        """Return the foot of a thing halfway between its left and right end, in base [m]."""
+        mount, base = self._mount, SE2(*pose).inverse()
+        (thing,) = (
+            each
+            for each in self._world.things
+            if each.name == sighting.name
+            and math.dist(base.apply(*each.corners.mean(axis=0)), (sighting.x_m, sighting.y_m))
+            < _ALIKE_M
+        )
+        corners = np.array([base.apply(*corner) for corner in thing.corners.tolist()])
+        bearings = np.arctan2(corners[:, 1] - mount.y_m, corners[:, 0] - mount.x_m)
+        middle = 0.5 * (bearings.min() + bearings.max())
+        (range_m,) = true_ranges(self._world, pose, mount, np.array([middle]))
+        return mount.x_m + range_m * math.cos(middle), mount.y_m + range_m * math.sin(middle)
 
     def _distance_m(self, thing: Sighting) -> float:
         """Return how far a thing is from below the camera [m]."""
@@ -124,11 +143,6 @@ class CameraScore:
             ),
             step_ms=float(np.median(self._steps_us)) / 1000.0,
         )
-
-
-def _offset_m(seen: SeenObstacle, thing: Sighting) -> float:
-    """Return how far a reported foot is from the true one [m]."""
-    return math.hypot(seen.x_m - thing.near_x_m, seen.y_m - thing.near_y_m)
 
 
 def camera_score(config: RobotConfig, options: SimOptions, world: Path) -> CameraScore | None:
