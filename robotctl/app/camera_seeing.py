@@ -38,7 +38,7 @@ OBSTACLE_KEYS: Final = (
 _BOUNDARY: Final = (0, 0, 255)
 _BOX: Final = (0, 230, 0)
 _PATCH: Final = (255, 200, 0)
-_NO_FOCUS: Final = (0, 165, 255)
+_NOT_TRUSTED: Final = (0, 165, 255)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +130,7 @@ class Seeing:
             self._draw(image, obstacle)
         if seen.view.why:
             words = f"not trusted: {seen.view.why}"
-            cv2.putText(image, words, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.45, _NO_FOCUS, 1)
+            _write(image, words, (8, 20), _NOT_TRUSTED)
         return image
 
     def _draw(self, image: NDArray[np.uint8], obstacle: GroundObstacle) -> None:
@@ -149,13 +149,21 @@ class Seeing:
         whole = np.rint(pixels).astype(np.int32)
         cv2.polylines(image, [whole], True, _BOX, 2, cv2.LINE_AA)
         words = f"{np.hypot(*along):.2f} m, {100 * obstacle.width_m:.0f} cm"
-        place = (int(whole[:, 0].min()), int(whole[:, 1].max()) + 14)
-        cv2.putText(image, words, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _BOX, 1, cv2.LINE_AA)
+        place = (max(2, int(whole[:, 0].min())), int(whole[:, 1].max()) + 14)
+        _write(image, words, place, _BOX)
 
     def _pixels(self, ground: NDArray[np.float64]) -> NDArray[np.int32]:
         """Return the pixels of points of the floor that the lens shows, (k, 2)."""
         pixels = self.geometry.project_ground(ground)
         return np.rint(pixels[~np.isnan(pixels).any(axis=1)]).astype(np.int32)
+
+
+def _write(
+    image: NDArray[np.uint8], words: str, place: tuple[int, int], colour: tuple[int, int, int]
+) -> None:
+    """Write words that can be read on any ground."""
+    for width, ink in ((3, (0, 0, 0)), (1, colour)):
+        cv2.putText(image, words, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, ink, width, cv2.LINE_AA)
 
 
 def range_rows(seen: SeenPicture) -> list[dict[str, Any]]:

@@ -24,6 +24,22 @@ if TYPE_CHECKING:
     from robotctl.app.camera_seeing import Seeing, SeenPicture
 
 BLIND = 1
+_RANGE_CELLS = {
+    "angle deg": "angle_deg",
+    "range m": "range_m",
+    "σ m": "sigma_m",
+    "x, y m": "x_m y_m",
+    "": "seen",
+}
+_OBSTACLE_CELLS = {
+    "foot x, y m": "foot_x_m foot_y_m",
+    "σ far, wide": "sigma_along_m sigma_across_m",
+    "centre x, y": "centre_x_m centre_y_m",
+    "width": "width_m",
+    "height": "height_m",
+    "cut": "cut",
+}
+"""Headings of the tables, and what stands below them."""
 
 Pictures = Annotated[
     list[str], typer.Argument(help="Pictures of the robot's camera: files or folders.")
@@ -56,8 +72,8 @@ def ranges(
 ) -> None:
     """Measure where the floor ends, as a range scan from below the camera.
 
-    Status 0: all pictures are trusted. 1: in some the floor could not be told from the rest; they
-    are named. 2: bad input.
+    Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be told
+    from the rest. 2: bad input.
     """
     _run("ranges", (pictures, robot, out, csv, json, sequence, overrides))
 
@@ -73,8 +89,8 @@ def obstacles(
 ) -> None:
     """Find what stands free on the floor: where, how wide, how high.
 
-    Status 0: all pictures are trusted. 1: in some the floor could not be told from the rest; they
-    are named. 2: bad input.
+    Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be told
+    from the rest. 2: bad input.
     """
     _run("obstacles", (pictures, robot, out, csv, json, sequence, overrides))
 
@@ -103,7 +119,7 @@ def _run(name: str, arguments: tuple[Any, ...]) -> None:
         rows += mine
         entries.append(app.report_entry(seen, name, mine))
         if csv is None and json is None:
-            Console().print(_table(seen, keys[1:], mine))
+            Console().print(_table(name, seen, mine))
         else:
             progress.print(f"{seen.name}: {_summary(name, mine)}", markup=False)
         if not seen.view.trusted:
@@ -154,24 +170,25 @@ def _targets(files: tuple[Path, ...], out: Path | None) -> list[Path | None]:
     return [out]
 
 
-def _table(seen: SeenPicture, keys: tuple[str, ...], rows: list[dict[str, Any]]) -> Table:
+def _table(name: str, seen: SeenPicture, rows: list[dict[str, Any]]) -> Table:
     """Return the rows of one picture for a terminal."""
     trust = "" if seen.view.trusted else ", not trusted"
     table = Table(title=f"{seen.name}{trust}", title_justify="left")
-    for key in keys:
-        table.add_column(key.replace("_", " "), justify="right")
+    cells = _RANGE_CELLS if name == "ranges" else _OBSTACLE_CELLS
+    for heading in cells:
+        table.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
-        table.add_row(*(_cell(row[key]) for key in keys))
+        table.add_row(*(_cell([row[key] for key in keys.split()]) for keys in cells.values()))
     return table
 
 
-def _cell(value: object) -> str:
-    """Return a value as it is shown."""
-    if value is None:
+def _cell(values: list[object]) -> str:
+    """Return values as they are shown together."""
+    if isinstance(values[0], bool):
+        return "yes" if values[0] else ""
+    if values[0] is None:
         return ""
-    if isinstance(value, bool):
-        return "yes" if value else ""
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
+    return ", ".join(f"{v:.3f}" if isinstance(v, float) else str(v) for v in values)
 
 
 def _summary(name: str, rows: list[dict[str, Any]]) -> str:
