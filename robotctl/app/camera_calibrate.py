@@ -27,7 +27,7 @@ from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.camera_homography import PointNoise
 from robotctl.estimation.camera_intrinsics import LensFit
 from robotctl.estimation.camera_mount import MountFit, fit_mount
-from robotctl.estimation.camera_pattern import Board
+from robotctl.estimation.camera_pattern import Board, larger_board
 from robotctl.estimation.camera_spread import Advice, Expected, expected_errors, recommend
 from robotctl.model.camera import CameraIntrinsics
 from robotctl.model.se2 import SE2
@@ -279,7 +279,14 @@ def _about(options: CalibrateOptions, fit: MountFit, points: FloorPoints) -> lis
         )
     if fit.degrees <= _FEW:
         notes.append("so few points hardly check each other: measure some more")
-    if options.at is not None:
+    if options.at is not None and options.floor is not None:
+        board = options.board
+        larger = larger_board(read_picture(options.floor), board)
+        if larger is not None:
+            notes.append(
+                f"the board looks as if it had {larger.columns} x {larger.rows} inner corners, not "
+                f"{board.columns} x {board.rows}: count them, its middle would be another"
+            )
         notes.append(
             "the place of the board counts in full: what --at is off, all places on the floor are"
         )

@@ -349,9 +349,10 @@ def agreeing(
 @compiled
 def _area(points: Array, a: int, b: int, c: int) -> float:
     """Return twice the area of a triangle, > 0 counter-clockwise."""
-    return (points[b, 0] - points[a, 0]) * (points[c, 1] - points[a, 1]) - (
+    area: float = (points[b, 0] - points[a, 0]) * (points[c, 1] - points[a, 1]) - (
         points[b, 1] - points[a, 1]
     ) * (points[c, 0] - points[a, 0])
+    return area
 
 
 @compiled

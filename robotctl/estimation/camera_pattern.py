@@ -6,7 +6,7 @@ up, y to the left, as `base` has it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -23,6 +23,8 @@ MARKERS: Final = {
 }
 """The families of markers that are known: ArUco (Garrido-Jurado 2014) and AprilTag (Olson 2011)."""
 PX_PER_MM: Final = 10
+MOST_CORNERS: Final = 50
+"""Of a board, on a side."""
 _BORDER_MM = 10
 _ENLARGED = 2
 _LEAST_WINDOW_PX = 2
@@ -51,7 +53,7 @@ class Board:
     square_m: float = 0.025
 
     def __post_init__(self) -> None:
-        if not (3 <= self.columns <= 50 and 3 <= self.rows <= 50):
+        if not (min(self.columns, self.rows) >= 3 and max(self.columns, self.rows) <= MOST_CORNERS):
             raise ValueError(
                 f"a board has 3 to 50 inner corners a side, not {self.columns} x {self.rows}"
             )
@@ -116,6 +118,25 @@ def find_corners(picture: NDArray[np.uint8], board: Board) -> NDArray[np.float64
     if right[0] * down[1] - right[1] * down[0] < 0.0:
         grid = grid[:, ::-1]
     return grid.reshape(-1, 2).copy()
+
+
+def larger_board(picture: NDArray[np.uint8], board: Board) -> Board | None:
+    """Return the board that a picture, (height, width, 3), shows, where `board` is a part of it.
+
+    Up to two corners more on a side; None: there is none. Where the board ends at something dark
+    it may see a row too many: ask, do not refuse.
+    """
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    for more in ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2)):
+        size = (board.columns + more[0], board.rows + more[1])
+        if (
+            max(size) <= MOST_CORNERS
+            and cv2.findChessboardCorners(
+                grey, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_FAST_CHECK
+            )[0]
+        ):
+            return replace(board, columns=size[0], rows=size[1])
+    return None
 
 
 def find_markers(picture: NDArray[np.uint8], family: str) -> dict[int, NDArray[np.float64]]:

@@ -263,6 +263,15 @@ def test_the_mount_from_a_real_picture_is_the_pose_of_opencv(recordings: Path) -
     assert fit.camera.t_base_camera == pytest.approx(-(R @ translation).ravel(), abs=1e-3)
 
 
+@pytest.mark.recordings("camera")
+def test_a_part_of_a_board_is_pointed_out(recordings: Path) -> None:
+    picture = recordings / "camera" / "left02.jpg"
+    for columns, said in ((8, True), (9, False)):
+        result = calibrated(floor=picture, board=Board(columns, 6, 0.025), at=SE2())
+        notes = [note for note in result.notes if "as if it had 9 x 6 inner corners" in note]
+        assert bool(notes) == said
+
+
 def test_a_picture_of_another_size_is_refused(folder: Path, tmp_path: Path) -> None:
     small = cv2.resize(read_picture(folder / "board.png"), (320, 240))
     write_picture(tmp_path / "small.png", small.astype(np.uint8))
