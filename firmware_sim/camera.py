@@ -22,6 +22,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from firmware_sim.camera_board import board_rows
 from firmware_sim.camera_fan import Fan
 from firmware_sim.camera_floor import LEVELS, TEXEL_M, floor_texture, plaster_texture
 from firmware_sim.camera_lens import PixelRays, pixel_rays
@@ -100,6 +101,7 @@ class Camera:
         light = floor_light(world, self._scene, self.parameters.ambient)
         self._light = light.cells
         self._light_at = np.array([light.x_m, light.y_m, 1.0 / light.cell_m])
+        self._boards = board_rows(world.boards)
         self._shade = np.ascontiguousarray(self._scene.sides[:, SHADE])
         floor = floor_texture(world.floor.texture, world.floor.seed)
         self._floor, self._starts = floor.texels, floor.starts
@@ -140,6 +142,7 @@ class Camera:
             self._starts,
             self._light,
             self._light_at,
+            self._boards,
             0.5 * self.parameters.blur_px**2,
             self._sigma,
             self._quantiles,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from firmware_sim.camera_board import add_board
 from firmware_sim.camera_fan import cut
 from firmware_sim.camera_floor import LEVELS, PERIOD_M, SIDE
 from firmware_sim.compiled import compiled
@@ -53,6 +54,7 @@ def draw(
     starts: np.ndarray,
     light: np.ndarray,
     light_at: np.ndarray,
+    boards: np.ndarray,
     blur: float,
     sigma: np.ndarray,
     quantiles: np.ndarray,
@@ -76,12 +78,17 @@ def draw(
     """
     n, width = pixels.shape
     faces = np.empty(width, dtype=np.int32)
+    bright = np.empty(width)
     for v in range(n + 1):
         if v < n:
             # Whole rows at a time: a call with many arrays costs more than a pixel.
             meet(pixels[v], camera_height, local, first, count, height, near, thing, side, listed,
                  labels[v], distances[v], faces)  # fmt: skip
-            floor_row(pixels[v], labels[v], pose, floor, starts, light, light_at, rows[v % 3])
+            floor_row(pixels[v], labels[v], pose, floor, starts, light, light_at, bright,
+                      rows[v % 3])  # fmt: skip
+            for k in range(len(boards)):
+                add_board(boards[k], pixels[v], labels[v] == FLOOR, pose, camera_height, turn,
+                          bright, rows[v % 3])  # fmt: skip
             thing_row(pixels[v], labels[v], distances[v], faces, pose, camera_height, turn,
                       local, shade, colour, plaster, starts, rows[v % 3])  # fmt: skip
         if v > 0:
@@ -149,9 +156,13 @@ def floor_row(
     starts: np.ndarray,
     light: np.ndarray,
     light_at: np.ndarray,
+    brights: np.ndarray,
     row: np.ndarray,
 ) -> None:
-    """Light of the pixels of a row that show the floor, and of those that show nothing."""
+    """Light of the pixels of a row that show the floor, and of those that show nothing.
+
+    `brights` gets the light on the floor, times the gain of its pixel.
+    """
     last_x, last_y = light.shape[1] - 1.001, light.shape[0] - 1.001
     for u in range(len(pixels)):
         p = pixels[u]
@@ -176,6 +187,7 @@ def floor_row(
         bright = (1.0 - y) * ((1.0 - x) * light[j, i] + x * light[j, i + 1]) + y * (
             (1.0 - x) * light[j + 1, i] + x * light[j + 1, i + 1]
         )
+        brights[u] = bright * p.gain
         bright *= p.gain / p.taps
         row[3 * u] = bright * b
         row[3 * u + 1] = bright * g

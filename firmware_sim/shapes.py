@@ -19,6 +19,8 @@ Corner: TypeAlias = tuple[float, float]
 Colour: TypeAlias = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")]
 """Red, green and blue as in `#c03020`."""
 
+BoardSide: TypeAlias = Annotated[int, Field(strict=True, ge=2, le=50)]
+
 WALL_M = 2.5
 FURNITURE_M = 0.8
 
@@ -144,6 +146,20 @@ class Obstacle:
         if self.size is None:
             raise AssertionError("checked when it was made")
         return [_rectangle(self.centre, self.size, self.heading_deg)]
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class Board:
+    """A chessboard printed on paper, flat on the floor, with a margin of one square.
+
+    `at` is its middle, `corners` how many inner corners it has across and along `heading_deg`.
+    """
+
+    at: Point
+    heading_deg: Real = 0.0
+    corners: tuple[BoardSide, BoardSide] = (9, 6)
+    square_m: Positive = 0.025
 
 
 def _rectangle(centre: Point, size: tuple[float, float], heading_deg: float) -> list[Corner]:

@@ -1,7 +1,8 @@
 """The room: walls, boxes, furniture and obstacles of a TOML.
 
 A world's file has a table `[world]` (name, bounds, start pose), perhaps a table `[floor]`
-(`texture`, `seed`) and `[[lamp]]` (`at`, `power`) for the camera, and any number of
+(`texture`, `seed`), `[[lamp]]` (`at`, `power`) and `[[board]]` (a chessboard on the floor) for the
+camera, and any number of
 
 - `[[wall]]`: `points` of a polyline, `closed` or not, `thickness_m` (0: a bare line, else each
   straight part becomes a rectangle about it),
@@ -31,7 +32,7 @@ from pydantic import Field, TypeAdapter
 from firmware_sim.config import read_toml, validate
 from firmware_sim.errors import SimulationError
 from firmware_sim.quantities import Positive, Real, closed
-from firmware_sim.shapes import WALL_M, Box, Obstacle, Pillar, Thing, Wall
+from firmware_sim.shapes import WALL_M, Board, Box, Obstacle, Pillar, Thing, Wall
 
 OBSTACLE = "obstacle"
 _TOUCHING_M = 1.0e-6
@@ -86,6 +87,7 @@ class WorldFile:
     obstacle: tuple[Obstacle, ...] = ()
     floor: Floor = Floor()
     lamp: tuple[Lamp, ...] = ()
+    board: tuple[Board, ...] = ()
 
     __pydantic_config__ = {"extra": "forbid"}  # noqa: RUF012
 
@@ -118,6 +120,8 @@ class World:
         What the camera sees below.
     lamps
         What lights it; none: lamps under the ceiling, some 3.6 m apart.
+    boards
+        Printed chessboards on it.
     """
 
     name: str
@@ -128,6 +132,7 @@ class World:
     things: tuple[Thing, ...] = ()
     floor: Floor = Floor()
     lamps: tuple[Lamp, ...] = ()
+    boards: tuple[Board, ...] = ()
 
     @property
     def solids(self) -> tuple[tuple[str, np.ndarray], ...]:
@@ -202,7 +207,12 @@ def load_world(path: Path) -> World:
             f"{path}: world.start: ({pose[0]}, {pose[1]}) is outside the bounds {bounds}"
         )
     return dataclasses.replace(
-        world, bounds=bounds, things=things, floor=file.floor, lamps=file.lamp
+        world,
+        bounds=bounds,
+        things=things,
+        floor=file.floor,
+        lamps=file.lamp,
+        boards=file.board,
     )
 
 
