@@ -162,8 +162,10 @@ def _write(
     image: NDArray[np.uint8], words: str, place: tuple[int, int], colour: tuple[int, int, int]
 ) -> None:
     """Write words that can be read on any ground."""
-    for width, ink in ((3, (0, 0, 0)), (1, colour)):
-        cv2.putText(image, words, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, ink, width, cv2.LINE_AA)
+    (width, height), below = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, 0.45, 1)
+    u, v = place
+    cv2.rectangle(image, (u - 2, v - height - 2), (u + width + 2, v + below), (0, 0, 0), -1)
+    cv2.putText(image, words, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
 
 
 def range_rows(seen: SeenPicture) -> list[dict[str, Any]]:
