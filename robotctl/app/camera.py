@@ -15,7 +15,9 @@ from robotctl.app.config import RobotConfig
 from robotctl.app.ground_watch import GroundWatch
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.signals import StopFlag
+from robotctl.drivers.simulated_camera import picture_message
 from robotctl.errors import ConfigError, RobotctlError
+from robotctl.model.camera import SIMULATED
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import Notice
@@ -48,6 +50,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     context = zmq.Context()
     try:
         publisher = Publisher(context, endpoints.camera)
+        onlookers: Publisher | None = None
+        if config.camera.source != SIMULATED:
+            onlookers = Publisher(context, endpoints.camera_frames, queue=1)
         watch = GroundWatch(config.camera, config.ground_camera)
         heartbeat = Heartbeat(os.environ)
         trouble, seen_ns = _UNKNOWN, clock.now_ns()
@@ -58,6 +63,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             if frame is not None:
                 view = watch.look(frame.image, frame.stamp_ns)
                 publisher.send(view)
+                if onlookers is not None:
+                    onlookers.send_bytes(picture_message(frame))
                 said, seen_ns = view.trouble, clock.now_ns()
             else:
                 clock.sleep_until(clock.now_ns() + _LOOK_NS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import time
 import zlib
 from pathlib import Path
 
@@ -10,12 +11,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.errors import ConfigError
+from robotctl.app.running_robot import running
+from robotctl.drivers.simulated_camera import SimulatedCamera
+from robotctl.errors import ConfigError, LinkError
 from robotctl.model.camera import CameraIntrinsics
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
 _AFTER_IHDR = 33
 """Where the second chunk of a PNG begins: 8 bytes of signature, 25 of the first chunk."""
+
+
+LIVE = "live:"
+"""`live:NAME` is what the camera of the running robot NAME sees now."""
+_PATIENCE_S = 5.0
+_LOOK_S = 0.02
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
@@ -24,7 +33,7 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
     Parameters
     ----------
     path
-        The file, in any format that OpenCV reads.
+        The file, in any format that OpenCV reads, or `live:NAME`.
 
     Returns
     -------
@@ -37,7 +46,11 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
         If the file is no picture.
     OSError
         If it cannot be read.
+    LinkError
+        If no such robot runs, or it does not look.
     """
+    if str(path).startswith(LIVE):
+        return _live_picture(str(path).removeprefix(LIVE))
     data = np.frombuffer(path.read_bytes(), np.uint8)
     picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if picture is None:
@@ -62,6 +75,24 @@ def read_picture_of(path: Path, intrinsics: CameraIntrinsics) -> NDArray[np.uint
             "that is cut or scaled has another lens"
         )
     return picture
+
+
+def _live_picture(instance: str) -> NDArray[np.uint8]:
+    """Return the next picture of a running robot's camera, simulated or real."""
+    camera = SimulatedCamera(running(instance).camera_frames)
+    try:
+        began_s = time.monotonic()
+        while time.monotonic() - began_s < _PATIENCE_S:
+            frame = camera.read()
+            if frame is not None:
+                return frame.image
+            time.sleep(_LOOK_S)
+    finally:
+        camera.close()
+    raise LinkError(
+        f"{LIVE}{instance}: no picture within {_PATIENCE_S:g} s; does the robot look? It does with "
+        "camera.enabled = true, a simulated one with --camera"
+    )
 
 
 def check_suffix(path: Path) -> None:

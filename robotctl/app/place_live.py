@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import socket
 import time
-from contextlib import suppress
-from pathlib import Path
 from typing import Any, Final
 
 import zmq
 
 from robotctl.app.config import RobotConfig
 from robotctl.app.place_turns import Progress, StateTurns, Visited
+from robotctl.app.running_robot import running
 from robotctl.errors import PlaceError
 from robotctl.estimation.signature_turn import Turn
 from robotctl.estimation.signatures import SignatureConfig
@@ -19,8 +17,7 @@ from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.messages import ControlState
-from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
-from robotctl.toml_source import nearest
+from robotctl.runtime.topics import Subscriber
 
 _SILENT_S: Final = 5.0
 """A running robot says something within this time."""
@@ -41,12 +38,14 @@ def live_turn(
 
     Raises
     ------
+    LinkError
+        If no robot of that name runs.
     PlaceError
-        If no robot of that name runs, it falls silent, or it does not turn.
+        If it falls silent, or does not turn.
     """
     context: zmq.Context[Any] = zmq.Context()
     try:
-        endpoints = Endpoints(running(instance))
+        endpoints = running(instance)
         kinds = ControlState | LocalisationState
         states = Subscriber[ControlState | LocalisationState](context, endpoints.published, kinds)
         turns = StateTurns(robot, signatures)
@@ -91,28 +90,3 @@ def _located(turn: Turn, state: LocalisationState | None) -> SE2 | None:
 def _ended(turn: Turn, began: SE2) -> SE2:
     """Return where a turn ended that began at a pose in `world`."""
     return began @ turn.began.inverse() @ turn.odometry
-
-
-def running(instance: str) -> Path:
-    """Return the folder of the sockets of a running robot.
-
-    Raises
-    ------
-    PlaceError
-        If there is none; names those that run.
-    """
-    folder = endpoint_directory(instance)
-    found = sorted(file.parent for file in folder.parent.glob("*/control.state") if _answers(file))
-    if folder in found:
-        return folder
-    with suppress(OSError):  # it may hold sockets of a robot that has ended
-        folder.rmdir()
-    names = [each.name for each in found]
-    hint = nearest(instance, names) if names else "; none runs"
-    raise PlaceError(f"--live {instance}: no robot of that name runs{hint}")
-
-
-def _answers(file: Path) -> bool:
-    """Return whether a process listens at a socket; a robot that was killed leaves its own."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
-        return end.connect_ex(str(file)) == 0

@@ -37,7 +37,9 @@ def calibrate(
     robot: RobotName = "diff_drive",
     lens: Annotated[
         list[str] | None,
-        typer.Option(help="Pictures of the board for the lens: file, folder or 'left*.jpg'."),
+        typer.Option(
+            help="Pictures of the board for the lens: file, folder, 'left*.jpg' or live:ROBOT."
+        ),
     ] = None,
     lens_unknown: Annotated[
         bool, typer.Option("--lens-unknown", help="Find the focal length from the floor instead.")
@@ -45,7 +47,8 @@ def calibrate(
     board: BoardName = "9x6",
     square_mm: Square = 25.0,
     floor: Annotated[
-        Path | None, typer.Option(help="Picture of the board or of markers on the floor.")
+        Path | None,
+        typer.Option(help="Picture of the board or of markers on the floor, or live:ROBOT."),
     ] = None,
     at: Annotated[
         str | None,

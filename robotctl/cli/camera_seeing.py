@@ -42,7 +42,10 @@ _OBSTACLE_CELLS = {
 """Headings of the tables, and what stands below them."""
 
 Pictures = Annotated[
-    list[str], typer.Argument(help="Pictures of the robot's camera: files or folders.")
+    list[str],
+    typer.Argument(
+        help="Pictures of the robot's camera: files, folders, or live:ROBOT, one that runs."
+    ),
 ]
 Out = Annotated[
     Path | None,

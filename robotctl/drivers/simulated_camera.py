@@ -1,4 +1,7 @@
-"""The twin of a real camera: the pictures that firmware_sim publishes on a local socket."""
+"""Pictures on a local socket: those of firmware_sim's camera, the twin of a real one.
+
+The camera process publishes a real camera's there too, so that others can look on.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,15 @@ class _Picture(msgspec.Struct, frozen=True, tag="CameraFrame"):
     height: int
     encoding: str
     pixels: memoryview
+
+
+def picture_message(frame: CameraFrame) -> bytes:
+    """Return a picture as it goes over the socket."""
+    height, width = frame.image.shape[:2]
+    pixels = frame.image.data.cast("B")
+    return msgspec.msgpack.encode(
+        _Picture(frame.stamp_ns, frame.sequence, width, height, ENCODING, pixels)
+    )
 
 
 class SimulatedCamera:

@@ -112,10 +112,19 @@ class Endpoints:
 
 
 class Publisher:
-    """Publishes messages, or ready-made bytes, to whoever listens."""
+    """Publishes messages, or ready-made bytes, to whoever listens.
 
-    def __init__(self, context: zmq.Context[Any], address: str) -> None:
+    Parameters
+    ----------
+    context, address
+        Where.
+    queue
+        So many messages are kept for a listener that is too slow; newer ones are dropped.
+    """
+
+    def __init__(self, context: zmq.Context[Any], address: str, queue: int = _QUEUE) -> None:
         self._socket = _socket(context, zmq.PUB)
+        self._socket.setsockopt(zmq.SNDHWM, queue)
         _bind(self._socket, address)
         self._encoder = msgspec.msgpack.Encoder()
 

@@ -11,7 +11,8 @@ import zmq
 from robotctl.app import place_live
 from robotctl.app.place_file import load_book
 from robotctl.app.places import PlaceSource, learn, marked, recognise
-from robotctl.errors import ConfigError, PlaceError
+from robotctl.app.running_robot import running
+from robotctl.errors import ConfigError, LinkError, PlaceError
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.recorder import Recorder, RecordHeader
@@ -177,12 +178,12 @@ def test_a_running_robot_that_knows_no_place_can_be_told_where_it_stood(book):
 def test_a_robot_of_another_name_is_offered(tmp_path):
     robot = Published("rover", ())
     try:
-        with pytest.raises(PlaceError, match='no robot of that name runs; did you mean "rover"'):
-            place_live.running("rovr")
+        with pytest.raises(LinkError, match='no robot of that name runs; did you mean "rover"'):
+            running("rovr")
     finally:
         robot.close()
-    with pytest.raises(PlaceError, match="none runs"):
-        place_live.running("rover")
+    with pytest.raises(LinkError, match="none runs"):
+        running("rover")
 
 
 @pytest.mark.usefixtures("sockets")
