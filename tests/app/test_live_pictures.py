@@ -23,8 +23,11 @@ def robot(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     context = zmq.Context()
     endpoints = Endpoints(endpoint_directory("rover"))
-    Publisher(context, endpoints.control_state)
-    yield Publisher(context, endpoints.camera_frames, queue=1)
+    states = Publisher(context, endpoints.control_state)
+    pictures = Publisher(context, endpoints.camera_frames, queue=1)
+    yield pictures
+    pictures.close()
+    states.close()
     context.destroy(linger=0)
 
 
