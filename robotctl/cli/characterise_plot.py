@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr  # type: ignore[import-untyped]
 
 from robotctl.app.characterise import Characterisation
 from robotctl.estimation.range_mixture import densities
@@ -44,14 +45,15 @@ def _errors(panel: Any, result: Characterisation, edges: np.ndarray[Any, Any]) -
     m, z = fit.expected_m[both], fit.measured_m[both]
     panel.hist(z - m, edges, color="tab:blue", alpha=0.5, label="readings")
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
-    range_m = fit.greatest_m.value
-    some = m[:: max(1, len(m) // 1000)]
-    at = some[:, np.newaxis] + middle
-    possible = (at >= 0.0) & (at < range_m)
-    mixture = fit.ranges.mixture
-    hit, short = densities(mixture, some[:, np.newaxis], np.maximum(at, 0.0), range_m)
-    density = (hit + short + mixture.random / range_m) * possible
-    panel.plot(middle, density.mean(axis=0) * width * len(m), "k-", label="fitted mixture")
+    mixture, range_m = fit.ranges.mixture, fit.greatest_m.value
+    some = m[:: max(1, len(m) // 1000), np.newaxis]
+    at = some + middle
+    _, short = densities(mixture, some, np.maximum(at, 0.0), range_m)
+    garbage = (short + mixture.random / range_m) * ((at >= 0.0) & (at < range_m)) * width
+    # Hits are far narrower than a bin may be.
+    below = ndtr((edges - mixture.offset_m) / mixture.sigma_at(some))
+    expected = (mixture.hit * np.diff(below, axis=1) + garbage).mean(axis=0) * len(m)
+    panel.plot(middle, expected, "k-", label="fitted mixture")
     panel.set_ylim(bottom=0.3)
     panel.set_xlabel("measured - expected, m")
     panel.set_ylabel("readings")
@@ -78,7 +80,7 @@ def _echoes(panel: Any, result: Characterisation) -> None:
         label = f"limit {math.degrees(limit.value):.1f}°"
         panel.axvline(math.degrees(limit.value), color="tab:red", linewidth=1.0, label=label)
     panel.set_ylim(-0.02, 1.05)
-    panel.set_xlabel("least incidence in the cone, °")
+    panel.set_xlabel("least incidence, °")
     panel.set_title("echoes")
     panel.grid(visible=True, alpha=0.3)
     panel.legend(loc="lower left")
