@@ -103,6 +103,21 @@ def test_a_picture_that_is_not_trusted_is_named_and_gives_status_1(tmp_path: Pat
     assert "too dark" in output
 
 
+def test_pictures_of_a_sequence_are_seen_on_the_floor_of_the_first(
+    pictures: Path, tmp_path: Path
+) -> None:
+    red = np.full((240, 320, 3), (40, 60, 200), np.uint8)
+    noise = np.random.default_rng(1).integers(-8, 8, red.shape)
+    red[120:] = np.clip(red[120:] + noise[120:], 0, 255)
+    red[:120] = (200, 180, 90)
+    cv2.imwrite(str(tmp_path / "red.png"), red)
+    files = (pictures / "empty.png", tmp_path / "red.png")
+    assert run("ranges", *files)[0] == 0
+    code, output = run("ranges", *files, "--sequence")
+    assert code == 1
+    assert "red.png: not trusted: what is in front does not look like the floor" in output
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
