@@ -6,19 +6,16 @@ The source is a log, or, without one, the simulated robot. See `docs/sensors.md`
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.app.characterise_sources import (
-    LIDAR,
     SENSORS,
-    SONAR,
     Progress,
     Source,
     simulated_drive,
@@ -26,14 +23,14 @@ from robotctl.app.characterise_sources import (
     taken,
 )
 from robotctl.app.config import RobotConfig, load_robot
-from robotctl.app.map_sensors import MapSensors
+from robotctl.app.map_sensors import LIDAR, SONAR, MapSensors
+from robotctl.app.sensor_kinds import SENSOR_KINDS
 from robotctl.app.tune_patch import round_figures
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.echo_expectations import EchoExpectations
 from robotctl.estimation.localisation_config import LocalisationConfig
-from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.sensor_fit import SensorFit, fit_sensor, reach_m
-from robotctl.model.se2 import SE2
+from robotctl.model.odometry_noise import MotionNoise
 from robotctl.toml_source import nearest
 
 PARTICLE_SPREAD_M: Final = 0.05
@@ -46,7 +43,6 @@ _PLACES: Final = ((64, (0.05, 0.05, 0.03)), (256, (0.5, 0.5, 0.3)))
 _LEAST: Final = 0.01
 _MOST: Final = 0.45
 _NAMES: Final = {"garbage": "random", "short_per_m": "rate of short readings"}
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +94,9 @@ class Characterisation:
         What they tell.
     patched
         The settings of the localiser with what was found.
+    within
+        Share of ranges away from edges that lie within three standard deviations, by the present
+        settings, of what they should be; 0.997 would be right for a sensor without outliers.
     told_before, told_after
         How well a reading tells the true place from others near it, with the present settings and
         with those found: see `_told` [nat].
@@ -108,6 +107,7 @@ class Characterisation:
     source: Source
     fit: SensorFit
     patched: LocalisationConfig
+    within: float
     told_before: float
     told_after: float
 
@@ -150,10 +150,11 @@ def characterise(
     patched = patched_settings(fit, source.sensor, config.localisation)
     progress("trying the new settings")
     told = [
-        _told(source, MapSensors(source.chart, source.mounts, settings))
+        _told(source, MapSensors(source.chart, source.mounts, settings), config.odometry)
         for settings in (config.localisation, patched)
     ]
-    return Characterisation(options, config, source, fit, patched, *told)
+    within = fit.within(have.sigmas_m)
+    return Characterisation(options, config, source, fit, patched, within, *told)
 
 
 def _source(options: CharacteriseOptions, config: RobotConfig, progress: Progress) -> Source:
@@ -215,7 +216,7 @@ def patched_settings(
     return replace(present, sonar=sonar, grid=grid)
 
 
-def _told(source: Source, sensors: MapSensors) -> float:
+def _told(source: Source, sensors: MapSensors, noise: MotionNoise) -> float:
     """Return how well a reading tells the true place from others, on the average [nat].
 
     The log of how many times likelier a reading is within centimetres of the true pose, where
@@ -224,31 +225,15 @@ def _told(source: Source, sensors: MapSensors) -> float:
     rng = np.random.default_rng(1)
     near, far = (rng.normal(size=(n, 3)) * spread for n, spread in _PLACES)
     logs = []
-    for pose, measurement in _measurements(source, sensors):
+    kind = SENSOR_KINDS[source.sensor]
+    for stamp_ns, measurement in kind.likelihoods(source.recording, sensors, _CHECKED):
+        pose = source.pose_at(stamp_ns, noise)
+        if pose is None:
+            continue
         at = np.array([pose.x_m, pose.y_m, pose.theta_rad])
         likelihoods = measurement(at + np.concatenate([near, far]))
         logs.append(_log_mean(likelihoods[: len(near)]) - _log_mean(likelihoods[len(near) :]))
     return float(np.mean(logs))
-
-
-def _measurements(source: Source, sensors: MapSensors) -> Iterator[tuple[SE2, LogLikelihood]]:
-    """Yield some of the measurements, evenly over the log, with the poses."""
-    entries: list[tuple[int, LogLikelihood]]
-    if source.sensor == LIDAR:
-        scans = source.recording.scans
-        entries = [(e.scan.stamp_ns, sensors.scan(e.scan)) for e in _some(scans)]
-    else:
-        readings = [entry.reading for entry in source.recording.sonars]
-        entries = [(reading.stamp_ns, sensors.sonar(reading)) for reading in _some(readings)]
-    for stamp_ns, measurement in entries:
-        pose = source.poses.at(stamp_ns)
-        if pose is not None:
-            yield pose, measurement
-
-
-def _some(entries: Sequence[_T]) -> Sequence[_T]:
-    """Return at most `_CHECKED` of them, evenly."""
-    return entries[:: max(1, len(entries) // _CHECKED)]
 
 
 def _log_mean(logs: NDArray[np.float64]) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,15 +13,18 @@ from numpy.typing import NDArray
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.app.lockstep import LockstepRun
+from robotctl.app.map_sensors import LIDAR, SONAR
 from robotctl.app.mapping import choose_scans
 from robotctl.app.pilot import load_mission
+from robotctl.app.sensor_kinds import SENSOR_KINDS, motion_between
 from robotctl.app.sim_options import SimOptions
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.echo_expectations import Sightlines
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.estimation.sensor_fit import Readings
-from robotctl.model.range_scan import RangeScan
+from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.recording import Recording
+from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.own_log import TRUTH
@@ -30,16 +32,15 @@ from robotctl.telemetry.recorded_log import read_recording
 
 Progress: TypeAlias = Callable[[str], None]
 
-SONAR: Final = "sonar"
-LIDAR: Final = "lidar"
-SENSORS: Final = (SONAR, LIDAR)
+SENSORS: Final = tuple(SENSOR_KINDS)
 MISSION: Final = "patrol"
 """What the simulated robot drives."""
 
-_BEAMS: Final = 24
-"""Beams taken of each scan, evenly: neighbours see and err alike."""
 _TELL_EVERY_NS: Final = 20_000_000_000
-_LIDAR_BEAM_RAD: Final = math.radians(0.1)
+_DENSE_NS: Final = 100_000_000
+"""Between poses no farther apart the robot moves evenly."""
+_SURE: Final = (0.02, 0.02, 0.02)
+"""Greatest standard deviations of what odometry adds to a pose [m, m, rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +73,25 @@ class Source:
     poses_by: str
     map_by: str
     notes: tuple[str, ...] = ()
+
+    def pose_at(self, stamp_ns: int, noise: MotionNoise) -> SE2 | None:
+        """Return `base` in `world` at a time; None where it is not known well enough.
+
+        Between poses that lie far apart in time the robot's odometry says how it moved on.
+        """
+        stamps_ns, odometry = self.poses.stamps_ns, self.recording.odometry
+        after = int(np.searchsorted(stamps_ns, stamp_ns))
+        if not 0 < after < len(stamps_ns) or odometry is None:
+            return self.poses.at(stamp_ns)
+        begin_ns = int(stamps_ns[after - 1])
+        if stamps_ns[after] in (stamp_ns, begin_ns) or stamps_ns[after] - begin_ns <= _DENSE_NS:
+            return self.poses.at(stamp_ns)
+        moved = motion_between(odometry, begin_ns, stamp_ns, noise)
+        begin = self.poses.at(begin_ns)
+        if moved is None or begin is None:
+            return None
+        sigmas = np.sqrt(np.diag(moved.covariance))
+        return begin @ moved.motion if np.all(sigmas <= _SURE) else None
 
 
 def source_of_log(log: Path, map_name: str, sensor: str, config: RobotConfig) -> Source:
@@ -214,6 +234,8 @@ class Taken:
     ----------
     readings
         From where, and what.
+    sigmas_m
+        Their standard deviations by the present settings, (m,) [m].
     mounts
         Of the sensors in `base`, (k, 3): x, y, direction [m, m, rad].
     beam_rad
@@ -221,6 +243,7 @@ class Taken:
     """
 
     readings: Readings
+    sigmas_m: NDArray[np.float64]
     mounts: NDArray[np.float64]
     beam_rad: float
 
@@ -233,60 +256,24 @@ def taken(source: Source, config: RobotConfig) -> Taken:
     CalibrationError
         If none was taken at a known pose.
     """
-    found = _by_lidar(source) if source.sensor == LIDAR else _by_sonars(source, config)
-    if len(found.readings.ranges_m) == 0:
+    kind, settings = SENSOR_KINDS[source.sensor], config.localisation
+    poses, sensors, ranges, sigmas = [], [], [], []
+    beams, max_range_m = np.empty((0, 3)), None
+    for measurement in kind.measurements(source.recording, source.mounts, settings):
+        pose = source.pose_at(measurement.stamp_ns, config.odometry)
+        if pose is None:
+            continue
+        beams, max_range_m = measurement.beams, measurement.max_range_m
+        fired = np.flatnonzero(~np.isnan(measurement.ranges_m))
+        poses.append(np.tile((pose.x_m, pose.y_m, pose.theta_rad), (len(fired), 1)))
+        sensors.append(fired)
+        ranges.append(measurement.ranges_m[fired])
+        sigmas.append(measurement.sigmas_m[fired])
+    if not any(len(each) for each in ranges):
         raise CalibrationError(
             f"{source.recording.name}: no reading was taken while the pose is known by "
             f"{source.poses_by}"
         )
-    return found
-
-
-def _by_sonars(source: Source, config: RobotConfig) -> Taken:
-    """Return the readings of sonars."""
-    poses, sensors, ranges = [], [], []
-    for entry in source.recording.sonars:
-        pose = source.poses.at(entry.reading.stamp_ns)
-        if pose is None:
-            continue
-        for sensor, range_m in enumerate(entry.reading.ranges_m[: len(source.mounts)]):
-            if not math.isnan(range_m):
-                poses.append((pose.x_m, pose.y_m, pose.theta_rad))
-                sensors.append(sensor)
-                ranges.append(range_m)
-    lines = Sightlines(np.array(poses).reshape(-1, 3), np.array(sensors, dtype=np.intp))
-    mounts = np.array([(m.x_m, m.y_m, m.heading_rad) for m in source.mounts])
-    beam_rad = math.radians(config.localisation.sonar.beam_deg)
-    return Taken(Readings(lines, np.array(ranges)), mounts.reshape(-1, 3), beam_rad)
-
-
-def _by_lidar(source: Source) -> Taken:
-    """Return some beams of all scans that are like the first."""
-    first = source.recording.scans[0].scan
-    beams = np.unique(np.linspace(0, len(first.ranges_m) - 1, _BEAMS).round().astype(np.intp))
-    poses, ranges = [], []
-    for entry in source.recording.scans:
-        scan = entry.scan
-        pose = source.poses.at(scan.stamp_ns)
-        if pose is not None and _same_beams(scan, first):
-            poses.append((pose.x_m, pose.y_m, pose.theta_rad))
-            ranges.append(scan.ranges_m[beams])
-    measured = np.array(ranges).reshape(-1)
-    lines = Sightlines(
-        np.repeat(np.array(poses).reshape(-1, 3), len(beams), axis=0),
-        np.tile(np.arange(len(beams)), len(poses)),
-    )
-    known = ~np.isnan(measured)
-    measured = np.where(measured < first.max_range_m, measured, np.inf)
-    at = np.full(len(beams), first.x_m), np.full(len(beams), first.y_m), first.angles_rad[beams]
-    readings = Readings(lines.some(known), measured[known], first.max_range_m)
-    return Taken(readings, np.stack(at, axis=1), _LIDAR_BEAM_RAD)
-
-
-def _same_beams(scan: RangeScan, first: RangeScan) -> bool:
-    """Whether two scans are of one sensor."""
-    return (
-        (scan.x_m, scan.y_m, scan.max_range_m) == (first.x_m, first.y_m, first.max_range_m)
-        and scan.angles_rad.shape == first.angles_rad.shape
-        and bool(np.allclose(scan.angles_rad, first.angles_rad))
-    )
+    lines = Sightlines(np.concatenate(poses), np.concatenate(sensors))
+    readings = Readings(lines, np.concatenate(ranges), max_range_m)
+    return Taken(readings, np.concatenate(sigmas), beams, kind.beam_rad(settings))

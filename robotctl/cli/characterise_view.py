@@ -6,7 +6,7 @@ from rich.table import Table
 
 from robotctl.app.characterise import Characterisation
 from robotctl.app.characterise_patch import patch_values
-from robotctl.app.characterise_sources import SONAR
+from robotctl.app.map_sensors import SONAR
 from robotctl.estimation.range_fit import Fitted
 
 _NOTHING = 1e-6
@@ -76,7 +76,11 @@ def words(result: Characterisation) -> list[str]:
         f"poses by {source.poses_by}; room: {source.map_by}; intervals by "
         f"{fit.ranges.stretches} stretches of the readings"
     )
-    lines = [origin, *source.notes, *result.hidden]
+    within = (
+        f"{100 * result.within:.1f} % of the ranges away from edges lie within three of the "
+        "present standard deviations, which forgive particles beside the truth too"
+    )
+    lines = [origin, *source.notes, within, *result.hidden]
     if fit.incidence.fades_rad > 0.0:
         lines.append(
             "echoes fade out with the incidence rather than end: at the limit half are left"

@@ -85,6 +85,12 @@ class SensorFit:
     incidences_rad: Array
     heard: NDArray[np.bool_]
 
+    def within(self, sigmas_m: Array) -> float:
+        """Return which share of the fitted ranges lies within 3 of some sigmas, (m,) [m]."""
+        both = self.fitted & np.isfinite(self.expected_m) & np.isfinite(self.measured_m)
+        off = self.measured_m[both] - self.expected_m[both]
+        return float(np.mean(np.abs(off) <= 3.0 * sigmas_m[both]))
+
     def off_share(self, sigma_m: float) -> float:
         """Return which share of all ranges, edges included, is off by more than 4 sigma [m]."""
         both = np.isfinite(self.expected_m) & np.isfinite(self.measured_m)

@@ -12,14 +12,19 @@ import pytest
 from robotctl import toml_source
 from robotctl.app.characterise import CharacteriseOptions, characterise
 from robotctl.app.characterise_patch import patch_overrides, patch_text, patch_values
-from robotctl.app.characterise_sources import best_poses, source_of_log, taken
+from robotctl.app.characterise_sources import Source, best_poses, source_of_log, taken
 from robotctl.app.config import RobotConfig, find_file, load_robot
+from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.lockstep import LockstepRun
+from robotctl.app.sensor_kinds import SENSOR_KINDS
 from robotctl.app.sim_options import SimOptions
 from robotctl.cli.characterise_plot import save_plot
 from robotctl.errors import CalibrationError, ConfigError
-from robotctl.model.recording import Recording
+from robotctl.model.measurement import MotionMeasurement, RangeMeasurement
+from robotctl.model.odometry_noise import MotionNoise
+from robotctl.model.recording import RecordedSonar, Recording
 from robotctl.model.se2 import SE2
+from robotctl.model.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.own_log import TRUTH
 from robotctl.telemetry.tum import write_tum
@@ -75,7 +80,8 @@ def recorded(tmp_path_factory):
     for i, _ in enumerate(LockstepRun(options).steps()):
         if i > 200:
             break
-    write_tum(folder / TRUTH, Trajectory.of([0, 20 * 10**9], [SE2(1.0, 1.0), SE2(1.0, 1.0)]))
+    stamps_ns = range(0, 20 * 10**9, 10**8)
+    write_tum(folder / TRUTH, Trajectory.of(stamps_ns, [SE2(1.0, 1.0) for _ in stamps_ns]))
     return folder
 
 
@@ -117,6 +123,52 @@ def test_the_robots_own_belief_stands_in_for_a_reference_that_is_missing():
     assert best_poses(log, replace(both, reference_has_heading=False))[0] is here
     with pytest.raises(CalibrationError, match="nobody knows where"):
         best_poses(log, Recording("log"))
+
+
+def along(x_m: float, stamp_s: float) -> tuple[int, SE2]:
+    return round(1e9 * stamp_s), SE2(x_m, 0.0, 0.0)
+
+
+def test_between_sparse_references_odometry_says_where_the_robot_was():
+    # It stands for 0.9 s, then drives 0.1 m; the reference has a pose each second alone.
+    odometry = Trajectory.of(
+        *zip(*[along(5.0, 0.0), along(5.0, 0.9), along(5.1, 1.0)], strict=True)
+    )
+    poses = Trajectory.of(*zip(*[along(1.0, 0.0), along(1.1, 1.0)], strict=True))
+    chart = load_localisation_map("flat", Path())
+    source = Source("sonar", Recording("log", odometry=odometry), poses, chart, (), "", "")
+    noise = MotionNoise()
+    assert source.pose_at(900_000_000, noise).x_m == pytest.approx(1.0)
+    assert source.pose_at(950_000_000, noise).x_m == pytest.approx(1.05)
+    assert source.pose_at(10**9, noise).x_m == pytest.approx(1.1)
+    assert source.pose_at(2 * 10**9, noise) is None
+    # An odometry that is rough leaves nobody sure.
+    assert source.pose_at(950_000_000, MotionNoise(0.2, 0.2, 0.2)) is None
+    alone = replace(source, recording=Recording("log"))
+    assert alone.pose_at(900_000_000, noise).x_m == pytest.approx(1.09)
+
+
+def test_readings_become_measurements_with_time_frame_and_covariance():
+    config = load_robot(ROBOT)
+    heard = (1.0, math.inf, *(6 * [math.nan]))
+    recording = Recording("log", sonars=(RecordedSonar(SonarReading(7, heard), SE2()),))
+    kind = SENSOR_KINDS["sonar"]
+    (found,) = kind.measurements(recording, config.sonar, config.localisation)
+    assert found.stamp_ns == 7
+    assert found.beams[0].tolist() == [
+        config.sonar[0].x_m,
+        config.sonar[0].y_m,
+        config.sonar[0].heading_rad,
+    ]
+    sigma_m = config.localisation.sonar.sigma_m + config.localisation.sonar.sigma_per_m
+    assert found.covariance[0, 0] == pytest.approx(sigma_m**2)
+    assert found.covariance[0, 1] == 0.0
+    with pytest.raises(ValueError, match="must be"):
+        RangeMeasurement(0, np.zeros((2, 3)), np.zeros(3), np.zeros(3))
+    with pytest.raises(ValueError, match="before"):
+        MotionMeasurement(5, 4, SE2(), np.eye(3))
+    with pytest.raises(ValueError, match="covariance"):
+        MotionMeasurement(4, 5, SE2(), np.eye(2))
 
 
 def test_another_sensor_is_refused():
