@@ -54,7 +54,7 @@ def _table(title: str, work: Callable[[int], dict[str, tuple[float, Fitted]]]) -
     for seed in range(SEEDS):
         for name, (truth, found) in work(seed).items():
             inside.setdefault(name, []).append(found.low <= truth <= found.high)
-            widths.setdefault(name, []).append((found.high - found.low) / truth)
+            widths.setdefault(name, []).append((found.high - found.low) / abs(truth))
     spent = (time.process_time() - began) / SEEDS
     rows = [
         (name, f"{sum(each)} of {len(each)}", f"{100 * np.median(widths[name]):.1f} %")
