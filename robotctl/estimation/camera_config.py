@@ -31,9 +31,9 @@ class GroundCameraConfig:
     """Beyond it nothing is judged [m]."""
     beams: int = 80
     """Beams of the range scan, evenly over the picture's width."""
-    least_height_m: float = 0.03
+    least_height_m: float = 0.04
     """What rises less is not looked for [m]."""
-    least_width_m: float = 0.03
+    least_width_m: float = 0.04
     """What is narrower is not looked for [m]."""
     boundary_sigma_px: float = 0.7
     """Standard deviation of a boundary in the picture [px]."""
