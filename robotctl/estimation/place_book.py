@@ -11,9 +11,9 @@ A place is recognised if its D is at most T and clearly below that of any other 
 what is below mean_w counts as that). What else is at most T stays as a candidate: another place
 like it, or the same one turned, as a room of four like walls gives four headings.
 
-The position is the visit's own. Its covariance follows from D: moved by delta, the echo at bearing
-u comes from u . delta nearer, so D grows by delta^T J delta / 2, with J the mean of
-u u^T / (2 sigma^2) over the bearings with an echo; so much motion as would explain all of D is
+The position is the visit's own. Its covariance follows from D: moved by delta, an echo comes from
+v . delta nearer (`_nearer`), so D grows by delta^T J delta / 2, with J the mean of
+v v^T / (2 sigma^2) over the bearings with an echo; so much motion as would explain all of D is
 P = D J^-1. Silent bearings say nothing of it.
 """
 
@@ -42,6 +42,8 @@ from robotctl.model.se2 import SE2
 
 _APART_RAD: Final = math.radians(25.0)
 """Headings nearer than a sonar's cone are one."""
+_STEEPEST: Final = 1.5
+"""Where the depth grows faster with the bearing, in depths a radian, another surface begins."""
 
 
 class PlaceBook:
@@ -236,15 +238,12 @@ class PlaceBook:
 
     def _position_covariance(self, visit: Visit, difference: float) -> NDArray[np.float64]:
         """Return how far the robot may stand from a visit, (2, 2) [m^2], in the visit's frame."""
-        n = self.signatures.bearings
-        bearings = visit.pose.theta_rad + (np.arange(n) + 0.5) * (math.tau / n)
-        u = np.stack([np.cos(bearings), np.sin(bearings)])
         echo = np.nan_to_num(1.0 - visit.signature.silence)
+        nearer = echo * _nearer(visit.signature.depth_m, visit.pose.theta_rad)
         seen = np.count_nonzero(visit.signature.seen)
-        sharpness = (np.square(echo) * u) @ u.T / (2.0 * self.signatures.depth_sigma_m**2 * seen)
+        sharpness = nearer @ nearer.T / (2.0 * self.signatures.depth_sigma_m**2 * seen)
         anywhere = np.eye(2) / self.signatures.max_range_m**2
-        covariance: NDArray[np.float64] = np.linalg.inv(sharpness / difference + anywhere)
-        return covariance
+        return np.asarray(np.linalg.inv(sharpness / difference + anywhere), dtype=np.float64)
 
     def learned(self, name: str, signature: Signature, pose: SE2 | None = None) -> PlaceBook:
         """Return this book with one more visit.
@@ -325,6 +324,22 @@ def _rotation(
     offset = 0.5 * float(before - after) / bend
     variance = 2.0 * difference * step**2 / (independent * bend)
     return wrap_angle((shift + offset) * step), min(variance, ANY_HEADING)
+
+
+def _nearer(depth_m: NDArray[np.float64], heading_rad: float) -> NDArray[np.float64]:
+    """Return by how much the echo of each bearing comes nearer for a step in x and in y, (2, n).
+
+    That is n / (n . u) for a surface of normal n at bearing u, or u - (r' / r) t with t across u
+    and r' the slope of the depth over the bearing, by the neighbours of the same surface; where
+    there is none, u.
+    """
+    step = math.tau / len(depth_m)
+    u = heading_rad + (np.arange(len(depth_m)) + 0.5) * step
+    rises = np.stack([np.roll(depth_m, -1) - depth_m, depth_m - np.roll(depth_m, 1)])
+    slopes = rises / (step * depth_m)
+    same = np.abs(slopes) < _STEEPEST  # not where one is nan
+    slope = np.where(same, slopes, 0.0).sum(axis=0) / np.maximum(same.sum(axis=0), 1)
+    return np.stack([np.cos(u) + slope * np.sin(u), np.sin(u) - slope * np.cos(u)])
 
 
 def _alike(a: Candidate, b: Candidate) -> bool:

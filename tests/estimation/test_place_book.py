@@ -85,8 +85,22 @@ def test_a_wall_on_one_side_says_nothing_of_the_way_along_it():
     book = PlaceBook(config=relaxed).learned("wall", heard(floor, 0.0, 1.0, 0.7), SE2(0, 1, 0.7))
     (candidate,) = book.recognise(heard(floor, 0.0, 1.0, 0.7)).candidates
     along, away = candidate.covariance[0, 0], candidate.covariance[1, 1]
-    assert along > 3.0 * away
+    assert along > 10.0 * away
     assert candidate.covariance[0, 1] == pytest.approx(0.0, abs=0.05 * along)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.9, -2.0])
+def test_an_ideal_wall_fixes_the_way_to_it_and_leaves_the_way_along_it_open(heading):
+    n, reach_m = CONFIG.bearings, CONFIG.max_range_m
+    off = np.angle(np.exp(1j * (np.arange(n) + 0.5) * math.tau / n))
+    depth = np.where(np.abs(off) < 0.9, 1.2 / np.cos(off), np.nan)
+    wall = Signature(depth, np.isnan(depth).astype(float))
+    book = PlaceBook().learned("wall", wall, SE2(0.0, 0.0, heading))
+    covariance = book.recognise(wall).candidates[0].covariance[:2, :2]
+    to_wall = np.array([math.cos(heading), math.sin(heading)])
+    along = np.array([-math.sin(heading), math.cos(heading)])
+    assert 0.3 * reach_m**2 < along @ covariance @ along <= reach_m**2
+    assert to_wall @ covariance @ to_wall < 0.01
 
 
 def test_a_square_room_leaves_four_headings_and_says_so():
