@@ -10,11 +10,6 @@ prior ones. The threshold lies as many standard deviations above the first as be
 A place is recognised if its D is at most T and clearly below that of any other place (`ratio`;
 what is below mean_w counts as that). What else is at most T stays as a candidate: another place
 like it, or the same one turned, as a room of four like walls gives four headings.
-
-The position is the visit's own. Its covariance follows from D: moved by delta, an echo comes from
-v . delta nearer (`_nearer`), so D grows by delta^T J delta / 2, with J the mean of
-v v^T / (2 sigma^2) over the bearings with an echo; so much motion as would explain all of D is
-P = D J^-1. Silent bearings say nothing of it.
 """
 
 from __future__ import annotations
@@ -36,14 +31,13 @@ from robotctl.estimation.known_places import (
     Spread,
     Visit,
 )
+from robotctl.estimation.place_uncertainty import position_covariance, rotation
 from robotctl.estimation.signatures import Signature, SignatureConfig, SignatureIndex
 from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 
 _APART_RAD: Final = math.radians(25.0)
 """Headings nearer than a sonar's cone are one."""
-_STEEPEST: Final = 1.5
-"""Where the depth grows faster with the bearing, in depths a radian, another surface begins."""
 
 
 class PlaceBook:
@@ -219,10 +213,12 @@ class PlaceBook:
         place, visit = self._visits[index]
         difference = float(curve[shift])
         effective = max(difference, self.within.mean)
-        turn, variance = _rotation(curve, shift, effective, self.config.independent_bearings)
+        turn, variance = rotation(curve, shift, effective, self.config.independent_bearings)
         heading = wrap_angle(visit.pose.theta_rad + turn)
         covariance = np.zeros((3, 3))
-        covariance[:2, :2] = self._position_covariance(visit, effective)
+        covariance[:2, :2] = position_covariance(
+            visit.signature, visit.pose.theta_rad, effective, self.signatures
+        )
         # Both turns, the one that was learnt and this one, have their error.
         covariance[2, 2] = min(variance + 2.0 * self.config.turn_sigma_rad**2, ANY_HEADING)
         off = max(difference - self.within.mean, 0.0) / self.within.sigma
@@ -235,15 +231,6 @@ class PlaceBook:
             covariance,
             math.exp(-0.5 * off * off),
         )
-
-    def _position_covariance(self, visit: Visit, difference: float) -> NDArray[np.float64]:
-        """Return how far the robot may stand from a visit, (2, 2) [m^2], in the visit's frame."""
-        echo = np.nan_to_num(1.0 - visit.signature.silence)
-        nearer = echo * _nearer(visit.signature.depth_m, visit.pose.theta_rad)
-        seen = np.count_nonzero(visit.signature.seen)
-        sharpness = nearer @ nearer.T / (2.0 * self.signatures.depth_sigma_m**2 * seen)
-        anywhere = np.eye(2) / self.signatures.max_range_m**2
-        return np.asarray(np.linalg.inv(sharpness / difference + anywhere), dtype=np.float64)
 
     def learned(self, name: str, signature: Signature, pose: SE2 | None = None) -> PlaceBook:
         """Return this book with one more visit.
@@ -305,41 +292,6 @@ def _spread(samples: NDArray[np.float64], prior: Spread, strength: float) -> Spr
     apart = (strength * n / total) * (mean - prior.mean) ** 2
     squares = strength * prior.sigma**2 + n * float(np.var(samples)) + apart
     return Spread((strength * prior.mean + n * mean) / total, math.sqrt(squares / total), n)
-
-
-def _rotation(
-    curve: NDArray[np.float64], shift: int, difference: float, independent: float
-) -> tuple[float, float]:
-    """Return the turn at a minimum of D over shifts [rad], and its variance [rad^2].
-
-    By the parabola through three shifts; the variance is that of least squares, 2 D / (n D''), with
-    n independent bearings.
-    """
-    n = len(curve)
-    step = math.tau / n
-    before, here, after = curve[shift - 1], curve[shift], curve[(shift + 1) % n]
-    bend = float(before - 2.0 * here + after)
-    if not 0.0 < bend < math.inf:
-        return wrap_angle(shift * step), ANY_HEADING
-    offset = 0.5 * float(before - after) / bend
-    variance = 2.0 * difference * step**2 / (independent * bend)
-    return wrap_angle((shift + offset) * step), min(variance, ANY_HEADING)
-
-
-def _nearer(depth_m: NDArray[np.float64], heading_rad: float) -> NDArray[np.float64]:
-    """Return by how much the echo of each bearing comes nearer for a step in x and in y, (2, n).
-
-    That is n / (n . u) for a surface of normal n at bearing u, or u - (r' / r) t with t across u
-    and r' the slope of the depth over the bearing, by the neighbours of the same surface; where
-    there is none, u.
-    """
-    step = math.tau / len(depth_m)
-    u = heading_rad + (np.arange(len(depth_m)) + 0.5) * step
-    rises = np.stack([np.roll(depth_m, -1) - depth_m, depth_m - np.roll(depth_m, 1)])
-    slopes = rises / (step * depth_m)
-    same = np.abs(slopes) < _STEEPEST  # not where one is nan
-    slope = np.where(same, slopes, 0.0).sum(axis=0) / np.maximum(same.sum(axis=0), 1)
-    return np.stack([np.cos(u) + slope * np.sin(u), np.sin(u) - slope * np.cos(u)])
 
 
 def _alike(a: Candidate, b: Candidate) -> bool:
