@@ -10,6 +10,7 @@ colours speak for an obstacle.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import cv2
@@ -41,6 +42,9 @@ _SUN_WEIGHT: Final = 0.03
 """Share of floor in a sharp shadow, and in the sun, against that in the light of the patch."""
 _BRIGHTER_BINS: Final = 2
 """Floor in the same light may be so much brighter than any of the patch."""
+_LOG_RARE: Final = math.log(1e-3)
+"""Floor of a colour that it was never seen in, against an obstacle of that colour."""
+_LOG_HALF: Final = math.log(0.5)
 _DRIFT_HALF: Final = 10
 """The light of a place is judged with so many columns to either side."""
 _DRIFT_GAIN: Final = 0.15
@@ -129,7 +133,7 @@ def overlap(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
 
 
 def log_densities(
-    floor: NDArray[np.float32], above: NDArray[np.float32], prior: NDArray[np.float32]
+    floor: NDArray[np.float32], above: NDArray[np.float32], log_prior: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return what each colour says, as logarithms of densities, (5, bins).
 
@@ -137,8 +141,8 @@ def log_densities(
     ----------
     floor, above
         Densities of the floor and of what is seen above the horizon, (bins,).
-    prior
-        Density of obstacles' colours before anything is seen.
+    log_prior
+        Of `log_obstacle_prior`, (bins,).
 
     Returns
     -------
@@ -149,13 +153,12 @@ def log_densities(
     # Dark pixels are noisy, and what light is left may have another colour.
     shades = cv2.blur(floor.reshape(_SHAPE), (3, 3), borderType=cv2.BORDER_REPLICATE).reshape(-1)
     logs = np.empty((5, len(floor)), np.float32)
-    _densities(floor, np.asarray(shades, np.float32), above, prior, logs)
-    np.log(logs, out=logs)
+    _log_densities(floor, np.asarray(shades, np.float32), above, log_prior, logs)
     return logs
 
 
 def evidence(
-    logs: NDArray[np.float32], prior: NDArray[np.float32], bins: NDArray[np.int32]
+    logs: NDArray[np.float32], bins: NDArray[np.int32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return how much cells speak for an obstacle, in the light that they are in.
 
@@ -166,8 +169,6 @@ def evidence(
     ----------
     logs
         Of `log_densities`.
-    prior
-        As there.
     bins
         Colours of the cells, nearest row first, (n, columns).
 
@@ -179,16 +180,16 @@ def evidence(
         one that reaches above the horizon.
     """
     found = np.empty((2, *bins.shape), np.float32)
-    _evidence(logs, logs[FLOOR] - np.log(prior), bins, found)
+    _evidence(logs, bins, found)
     return found[0], found[1]
 
 
-def obstacle_prior() -> NDArray[np.float32]:
-    """Return the density of obstacles' colours: any brightness, rather grey than not."""
+def log_obstacle_prior() -> NDArray[np.float32]:
+    """Return the log density of obstacles' colours: any brightness, rather grey than not."""
     ratio = (np.arange(C_BINS) - C_BINS // 2) * C_STEP
     one = 0.5 * np.exp(-0.5 * (ratio / 0.15) ** 2) + 0.1
     cube = np.repeat((one[:, None] * one)[:, :, None], L_BINS, axis=2)
-    return np.asarray(cube / cube.sum(), np.float32).reshape(-1)
+    return np.asarray(np.log(cube / cube.sum()), np.float32).reshape(-1)
 
 
 @compiled
@@ -241,42 +242,43 @@ def _bin(colour: NDArray[np.float32], logs: NDArray[np.float32]) -> int:
 
 
 @compiled
-def _densities(
+def _log_densities(
     floor: NDArray[np.float32],
     shades: NDArray[np.float32],
     above: NDArray[np.float32],
-    prior: NDArray[np.float32],
+    log_prior: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
-    """Fill `out`, one line of brightness after the other."""
-    most = floor.max()
-    nothing = np.float32(1e-12)
+    """Fill `out`, one line of brightness after the other; most are empty."""
+    full = np.log(np.float32(4.0 * _SUN_WEIGHT) * floor.max())
+    nothing = np.float32(-28.0)
     for start in range(0, len(floor), L_BINS):
         end = start + L_BINS
-        out[WALL, start:end] = np.float32(0.5) * (prior[start:end] + above[start:end])
-        out[THING, start:end] = prior[start:end]
         overexposed = end - _overexposed(start // L_BINS)
-        if shades[start:end].max() == 0.0:
-            out[FLOOR, start:end] = np.float32(1e-3) * prior[start:end]
-            out[SHADE, start:end] = nothing
-            out[SUN, start:end] = nothing
-            out[SUN, overexposed:end] = np.float32(4.0 * _SUN_WEIGHT) * most
+        prior = np.exp(log_prior[start])
+        seen_above, seen_floor = above[start:end].max() > 0.0, shades[start:end].max() > 0.0
+        for k in range(start, end):
+            out[THING, k] = log_prior[k]
+            out[WALL, k] = log_prior[k] + np.float32(_LOG_HALF)
+            if seen_above:
+                out[WALL, k] = np.log(np.float32(0.5) * (prior + above[k]))
+            out[FLOOR, k] = log_prior[k] + np.float32(_LOG_RARE)
+            out[SHADE, k] = nothing
+            out[SUN, k] = full if k >= overexposed else nothing
+        if not seen_floor:
             continue
-        for light in range(L_BINS):
-            k = start + light
+        for k in range(start, end):
             core = floor[k]
-            for step in range(1, min(_BRIGHTER_BINS, light) + 1):
+            for step in range(1, min(_BRIGHTER_BINS, k - start) + 1):
                 core = max(core, np.float32(0.5) * floor[k - step])
-            shade, sun = nothing, nothing
-            for step in range(1, min(_LIGHT_BINS, L_BINS - 1 - light) + 1):
+            shade, sun = np.float32(1e-11), np.float32(1e-11)
+            for step in range(1, min(_LIGHT_BINS, end - 1 - k) + 1):
                 shade = max(shade, shades[k + step])
-            for step in range(1, min(_LIGHT_BINS, light) + 1):
+            for step in range(1, min(_LIGHT_BINS, k - start) + 1):
                 sun = max(sun, shades[k - step])
-            if k >= overexposed:
-                sun = max(sun, np.float32(4.0) * most)
-            out[FLOOR, k] = core + np.float32(1e-3) * prior[k]
-            out[SHADE, k] = np.float32(_SHADE_WEIGHT) * shade
-            out[SUN, k] = np.float32(_SUN_WEIGHT) * sun
+            out[FLOOR, k] = np.log(core + np.float32(1e-3) * prior)
+            out[SHADE, k] = np.log(np.float32(_SHADE_WEIGHT) * shade)
+            out[SUN, k] = max(out[SUN, k], np.log(np.float32(_SUN_WEIGHT) * sun))
 
 
 @compiled
@@ -293,11 +295,10 @@ def _overexposed(ratios: int) -> int:
 @compiled
 def _evidence(
     logs: NDArray[np.float32],
-    fit: NDArray[np.float32],
     bins: NDArray[np.int32],
     found: NDArray[np.float32],
 ) -> None:
-    """Fill `found`, one row after the other; `fit` is of the floor to each colour."""
+    """Fill `found`, one row after the other."""
     n, columns = bins.shape
     offset = np.zeros(columns, np.int32)
     sums = np.zeros((3, columns + 1), np.float32)
@@ -308,7 +309,8 @@ def _evidence(
             at = bins[i, c] - base - offset[c]
             for k in range(3):
                 place = base + min(max(at + 1 - k, 0), L_BINS - 1)
-                sums[k, c + 1] = sums[k, c] + min(max(fit[place], -most), most)
+                fit = logs[FLOOR, place] - logs[THING, place]
+                sums[k, c + 1] = sums[k, c] + min(max(fit, -most), most)
         for c in range(columns):
             left, right = max(c - _DRIFT_HALF, 0), min(c + _DRIFT_HALF + 1, columns)
             least = np.float32(_DRIFT_GAIN * (right - left)) + sums[1, right] - sums[1, left]

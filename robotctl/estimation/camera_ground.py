@@ -72,7 +72,7 @@ class GroundCamera:
         self.strip = GroundStrip(camera, config)
         self._config = config
         strip = self.strip
-        self._prior = colour.obstacle_prior()
+        self._log_prior = colour.log_obstacle_prior()
         middle = (strip.edges[:-1] + strip.edges[1:]) // 2
         self._seen = strip.seen[middle]
         self._parts = _parts(strip.patch[middle])
@@ -113,15 +113,20 @@ class GroundCamera:
         """
         pixels = self.strip.look(image_bgr)
         means, bins = colour.colour_bins(pixels, self.strip.edges, self.strip.halves)
+        known = self._floor is not None
         why = self._learn(bins, means)
         if self._floor is None:
             return self._blind(stamp_ns, why)
-        floor = self._floor
         above = colour.smoothed(colour.count(bins[self._above]))
-        if not why and colour.overlap(floor, above) > _SAME_ABOVE:
-            why = "what is above the horizon looks like the floor: they cannot be told apart"
-        logs = colour.log_densities(floor, above, self._prior)
-        evidence, walls = colour.evidence(logs, self._prior, bins)
+        if colour.overlap(self._floor, above) > _SAME_ABOVE:
+            # A wall fills the picture, or the floor has its colour: the first must not be learned.
+            self._floor = self._floor if known else None
+            return self._blind(
+                stamp_ns,
+                "what is above the horizon looks like the floor: they cannot be told apart",
+            )
+        logs = colour.log_densities(self._floor, above, self._log_prior)
+        evidence, walls = colour.evidence(logs, bins)
         judge_lights(evidence[: self._horizon], bins[: self._horizon], self._widths)
         boundary = find_boundary(
             evidence,

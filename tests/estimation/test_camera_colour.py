@@ -7,9 +7,9 @@ import pytest
 
 from robotctl.estimation import camera_colour as colour
 
-PRIOR = colour.obstacle_prior()
+LOG_PRIOR = colour.log_obstacle_prior()
 GREY_BROWN = np.array([90.0, 110.0, 130.0])
-NONE = np.zeros_like(PRIOR)
+NONE = np.zeros_like(LOG_PRIOR)
 
 
 def bins_of(pixels: np.ndarray) -> np.ndarray:
@@ -29,8 +29,8 @@ def noisy(mean: np.ndarray, n: int = 2000, sigma: float = 4.0) -> np.ndarray:
 
 def evidence(floor: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Evidence of one row of cells of given bins."""
-    logs = colour.log_densities(floor, NONE, PRIOR)
-    return colour.evidence(logs, PRIOR, seen[None].astype(np.int32))[0][0]
+    logs = colour.log_densities(floor, NONE, LOG_PRIOR)
+    return colour.evidence(logs, seen[None].astype(np.int32))[0][0]
 
 
 def test_means_are_those_of_a_textbook_loop() -> None:
@@ -77,6 +77,20 @@ def test_floor_of_two_colours_is_floor_and_a_third_is_an_obstacle() -> None:
     assert found[2] == pytest.approx(3.0)
 
 
+def test_densities_of_obstacles_are_densities() -> None:
+    assert np.exp(LOG_PRIOR.astype(float)).sum() == pytest.approx(1.0, abs=1e-4)
+    floor, above = density(noisy(GREY_BROWN)), density(noisy(GREY_BROWN[::-1]))
+    logs = colour.log_densities(floor, above, LOG_PRIOR).astype(float)
+    assert logs[colour.THING] == pytest.approx(LOG_PRIOR)
+    walls = 0.5 * (np.exp(LOG_PRIOR.astype(float)) + above)
+    assert np.exp(logs[colour.WALL]) == pytest.approx(walls, rel=1e-3, abs=1e-9)
+    # Floor is as dense as it was seen, or half as dense as what is a little darker.
+    cube = floor.reshape(-1, colour.L_BINS)
+    darker = [np.pad(cube, ((0, 0), (k, 0)))[:, : colour.L_BINS] / 2 for k in (1, 2)]
+    core = np.max([cube, *darker], axis=0).ravel() + 1e-3 * np.exp(LOG_PRIOR.astype(float))
+    assert np.exp(logs[colour.FLOOR]) == pytest.approx(core, rel=1e-3, abs=1e-9)
+
+
 def test_a_sharp_shadow_and_the_sun_are_told_as_such() -> None:
     floor = density(noisy(GREY_BROWN))
     found = evidence(floor, bins_of(np.array([0.6 * GREY_BROWN, GREY_BROWN, 1.7 * GREY_BROWN])))
@@ -89,21 +103,21 @@ def test_a_sharp_shadow_and_the_sun_are_told_as_such() -> None:
 
 def test_light_that_changes_slowly_over_the_floor_stays_floor() -> None:
     floor = density(noisy(GREY_BROWN))
-    logs = colour.log_densities(floor, NONE, PRIOR)
+    logs = colour.log_densities(floor, NONE, LOG_PRIOR)
     gains = np.exp(np.linspace(0.0, -0.7, 40))
     rows = np.repeat(bins_of(gains[:, None] * GREY_BROWN)[:, None], 30, axis=1)
-    slowly, _ = colour.evidence(logs, PRIOR, rows.astype(np.int32))
+    slowly, _ = colour.evidence(logs, rows.astype(np.int32))
     assert np.all(slowly < -1.0)
-    at_once, _ = colour.evidence(logs, PRIOR, rows[::39].astype(np.int32))
+    at_once, _ = colour.evidence(logs, rows[::39].astype(np.int32))
     assert np.all(at_once[1] == colour.SHADOWED)
 
 
 def test_an_obstacle_in_the_floor_does_not_change_the_light() -> None:
     floor = density(noisy(GREY_BROWN))
-    logs = colour.log_densities(floor, NONE, PRIOR)
+    logs = colour.log_densities(floor, NONE, LOG_PRIOR)
     rows = np.repeat(bins_of(np.repeat(GREY_BROWN[None], 20, axis=0))[:, None], 40, axis=1)
     rows[5:15, 10:30] = bins_of(np.array([[40.0, 60.0, 200.0]]))[0]
-    found, _ = colour.evidence(logs, PRIOR, rows.astype(np.int32))
+    found, _ = colour.evidence(logs, rows.astype(np.int32))
     assert np.all(found[5:15, 10:30] > 2.0)
     assert np.all(np.delete(found, np.s_[10:30], axis=1) < -1.0)
     assert np.all(found[15:] < -1.0)
@@ -112,9 +126,9 @@ def test_an_obstacle_in_the_floor_does_not_change_the_light() -> None:
 def test_what_reaches_above_the_horizon_in_a_colour_near_the_floors_is_a_wall() -> None:
     floor = density(noisy(GREY_BROWN))
     wall = 1.35 * GREY_BROWN + [6.0, 0.0, 0.0]
-    logs = colour.log_densities(floor, density(noisy(wall)), PRIOR)
+    logs = colour.log_densities(floor, density(noisy(wall)), LOG_PRIOR)
     seen = bins_of(wall[None])[None].astype(np.int32)
-    any_thing, as_wall = colour.evidence(logs, PRIOR, seen)
+    any_thing, as_wall = colour.evidence(logs, seen)
     assert as_wall[0, 0] > any_thing[0, 0]
     assert as_wall[0, 0] > 1.0
 

@@ -128,6 +128,8 @@ def test_a_patch_that_is_all_wall_is_not_learned(fresh: GroundCamera) -> None:
     assert view.why
     assert view.obstacles == ()
     assert not np.any(np.isinf(view.scan.ranges_m))
+    # As soon as there is floor in sight, that is learned.
+    assert fresh.step(picture("speckled", False), 2).trusted
 
 
 @pytest.mark.parametrize(("level", "message"), [(0, "too dark"), (255, "overexposed")])
