@@ -36,6 +36,8 @@ from robotctl.estimation.signatures import Signature, SignatureConfig, Signature
 from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 
+_ONE_PLACE_M: Final = 0.5
+"""Visits to one place are no farther apart."""
 _APART_RAD: Final = math.radians(25.0)
 """Headings nearer than a sonar's cone are one."""
 
@@ -248,8 +250,8 @@ class PlaceBook:
         Raises
         ------
         ValueError
-            If the signature says too little; or if the visit cannot be brought into the frame of a
-            known place: it is not alike, or only one of both is in `world`.
+            If the signature says too little; or if the place is known, and the visit is not alike,
+            is elsewhere or turned otherwise, or only one of both is in `world`.
         """
         problem = self.too_little(signature)
         if problem:
@@ -263,18 +265,33 @@ class PlaceBook:
                 f"place {name} is{'' if known.in_world else ' not'} known in world, so a visit "
                 f"{'needs' if known.in_world else 'must not have'} a pose in world"
             )
-        visit = Visit(pose or self._pose_at(known, signature), signature)
+        visit = Visit(self._pose_at(known, signature, pose), signature)
         added = dataclasses.replace(known, visits=(*known.visits, visit))
         places = [added if place is known else place for place in self.places]
         return PlaceBook(places, self.signatures, self.config)
 
-    def _pose_at(self, place: Place, signature: Signature) -> SE2:
-        """Return the pose of a visit in the frame of a place, by its signature."""
-        alone = PlaceBook([place], self.signatures, self.config)
-        found = alone.recognise(signature)
+    def _pose_at(self, place: Place, signature: Signature, told: SE2 | None) -> SE2:
+        """Return the pose of another visit to a place: as it was told, if that can be."""
+        found = PlaceBook([place], self.signatures, self.config).recognise(signature)
         if found.place is None:
             raise ValueError(f"this is not {place.name} ({found.refusal})")
-        return found.place.pose
+        if told is None:
+            return found.place.pose
+        at = place.visits[0].pose
+        away_m = math.hypot(told.x_m - at.x_m, told.y_m - at.y_m)
+        if away_m > _ONE_PLACE_M:
+            raise ValueError(
+                f"{place.name} is {away_m:.2f} m away from there, "
+                f"{_ONE_PLACE_M:g} m at most are allowed"
+            )
+        turns = [wrap_angle(told.theta_rad - each.pose.theta_rad) for each in found.candidates]
+        off = min(turns, key=abs)
+        if abs(off) > _APART_RAD:
+            raise ValueError(
+                f"by its sonars the robot is turned by {math.degrees(-off):.0f} deg against that "
+                "pose"
+            )
+        return told
 
 
 def _finite(differences: NDArray[np.float64]) -> NDArray[np.float64]:

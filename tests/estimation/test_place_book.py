@@ -236,6 +236,36 @@ def test_a_visit_that_is_elsewhere_is_not_taken_for_the_place():
         book.learned("west", heard(L_ROOM, *PLACES["east"], 0.0))
 
 
+@pytest.mark.parametrize(
+    ("pose", "says"),
+    [
+        (SE2(1.0, 1.5, 0.5), None),
+        (SE2(1.1, 1.4, 0.6), None),
+        (SE2(3.0, 1.5, 0.5), r"west is 2\.00 m away from there"),
+        (SE2(1.0, 1.5, 2.1), r"turned by -9\d deg against that pose"),
+    ],
+)
+def test_a_visit_whose_pose_cannot_be_is_refused(pose, says):
+    x, y = PLACES["west"]
+    book = PlaceBook().learned("west", heard(L_ROOM, x, y, 0.0), SE2(x, y, 0.0))
+    again = heard(L_ROOM, x, y, 0.5)
+    if says is None:
+        assert book.learned("west", again, pose).places[0].visits[1].pose == pose
+    else:
+        with pytest.raises(ValueError, match=says):
+            book.learned("west", again, pose)
+
+
+def test_a_square_room_takes_a_pose_at_any_of_its_four_headings():
+    book = PlaceBook().learned("cell", heard(SQUARE, 1.5, 1.5, 0.0), SE2(1.5, 1.5, 0.0))
+    again = heard(SQUARE, 1.5, 1.5, 0.3)
+    for quarter in range(4):
+        pose = SE2(1.5, 1.5, wrap_angle(0.3 + quarter * math.pi / 2))
+        assert len(book.learned("cell", again, pose).places[0].visits) == 2
+    with pytest.raises(ValueError, match="deg against that pose"):
+        book.learned("cell", again, SE2(1.5, 1.5, 0.3 + math.pi / 4))
+
+
 @pytest.mark.parametrize(("first", "second"), [(SE2(1, 1, 0), None), (None, SE2(1, 1, 0))])
 def test_a_place_is_in_world_with_all_its_visits_or_with_none(first, second):
     signature = heard(L_ROOM, *PLACES["west"], 0.0)
