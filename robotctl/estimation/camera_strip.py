@@ -21,6 +21,8 @@ from robotctl.model.camera_geometry import CameraGeometry
 
 ABOVE_HORIZON_ROWS: Final = 32
 """So many rows above the horizon are looked at: floor cannot be there."""
+_CELL_SHARE: Final = 0.375
+"""Of the least obstacle: a coarse cell, so that two lie within it wherever it begins."""
 _DENSE: Final = 4000
 _SMALL_STEP: Final = 0.006
 
@@ -58,10 +60,10 @@ class GroundStrip:
     horizon_row
         The first row that is not on the floor.
     edges
-        Rows at which the coarse rows begin and, last, end, (n + 1,): the least obstacle is at least
-        two of them high.
+        Rows at which the coarse rows begin and, last, end, (n + 1,): the least obstacle is more
+        than two of them high.
     halves
-        So many columns to either side are about half as wide as the least obstacle, (n,).
+        So many columns to either side belong to a cell of about that width, (n,).
 
     Raises
     ------
@@ -232,9 +234,11 @@ class GroundStrip:
             top = math.atan2(self.height_m - config.least_height_m, range_m)
             step = 4
             if row < self.horizon_row:
-                step = int(np.sum(self.depression_rad[row:] > top)) // 2
+                step = int(_CELL_SHARE * np.sum(self.depression_rad[row:] > top))
             edges.append(min(row + max(2, step), len(self.depression_rad)))
-            halves.append(max(1, int(config.least_width_m / range_m / column_rad / 4)))
+            halves.append(
+                max(1, int(_CELL_SHARE / 2 * config.least_width_m / range_m / column_rad))
+            )
         return np.array(edges), np.array(halves)
 
     def _nearest_m(self) -> float:
