@@ -10,6 +10,7 @@ from robotctl.app.map_sensors import SONAR
 from robotctl.estimation.range_fit import Fitted
 
 _NOTHING = 1e-6
+_ANYTHING = 999.0
 _ROWS = {
     "hit": "hit",
     "short": "short",
@@ -47,7 +48,8 @@ def fit_table(result: Characterisation) -> Table:
 
 def _row(table: Table, words: str, found: Fitted) -> None:
     """Add a value, or that it is not told."""
-    ends = f"{_number(found.low)} to {_number(found.high)}"
+    told = found.high < _ANYTHING
+    ends = f"{_number(found.low)} to {_number(found.high)}" if told else ""
     table.add_row(words, "not told" if found.why_not else _number(found.value), ends)
 
 

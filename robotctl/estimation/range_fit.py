@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.range_likelihood import (
+    LOW,
     NAMES,
     Array,
     RangeLikelihood,
@@ -116,9 +117,7 @@ def fit_ranges(
         If shapes differ, or fewer than 50 readings are hits.
     """
     profile, likelihood = _climbed(expected_m, measured_m, max_range_m, stretches)
-    values = {
-        name: Fitted(float(profile.best[i]), *profile.interval(i)) for i, name in enumerate(NAMES)
-    }
+    values = {name: _fitted(profile, i) for i, name in enumerate(NAMES)}
     values |= _parts(values)
     mixture = mixture_of(profile.best)
     seen = likelihood.expected_m[np.isfinite(likelihood.expected_m)]
@@ -128,6 +127,17 @@ def fit_ranges(
     readings = len(likelihood.measured_m) + len(likelihood.missing)
     _say(values, readings, seen)
     return RangeFit(mixture, values, readings, typical_m, profile.stretches)
+
+
+def _fitted(profile: RangeProfile, i: int) -> Fitted:
+    """Return a parameter with its interval; what lies on its lower bound, if any, is 0."""
+    low, high = profile.interval(i)
+    bound = float(LOW[i])
+    value, low, high = (
+        0.0 if math.isfinite(bound) and each <= bound else each
+        for each in (float(profile.best[i]), low, high)
+    )
+    return Fitted(value, low, high)
 
 
 def best_mixture(expected_m: Array, measured_m: Array, max_range_m: float) -> BeamMixture:
