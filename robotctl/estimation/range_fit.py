@@ -202,11 +202,12 @@ def _robust_k(
     mixture: BeamMixture, values: dict[str, Fitted], typical_m: float, max_range_m: float
 ) -> Fitted:
     """Return K at the typical range: as uncertain as garbage, sigma and hit together."""
-    k = mixture.robust_k(typical_m, max_range_m)
-    parts = [values["garbage"], values["hit"], values["sigma_m"]]
-    below = math.sqrt(sum(_log_ratio(p.value, p.low) ** 2 for p in parts))
-    above = math.sqrt(sum(_log_ratio(p.high, p.value) ** 2 for p in parts))
-    return Fitted(k, k * math.exp(-below), k * math.exp(above))
+    of_garbage = mixture.robust_k(typical_m, max_range_m) / (mixture.short + mixture.random)
+    hit, sigma = values["hit"], values["sigma_m"]
+    below = math.hypot(_log_ratio(hit.high, hit.value), _log_ratio(sigma.value, sigma.low))
+    above = math.hypot(_log_ratio(hit.value, hit.low), _log_ratio(sigma.high, sigma.value))
+    factor = Fitted(of_garbage, of_garbage * math.exp(-below), of_garbage * math.exp(above))
+    return _product(values["garbage"], factor)
 
 
 def _say(values: dict[str, Fitted], readings: int, seen_m: Array) -> None:
