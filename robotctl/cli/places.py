@@ -61,8 +61,8 @@ def learn(
 ) -> None:
     """Learn a place from a turn on the spot; learnt again, it is another visit.
 
-    Give one of --log, --world and --live. Without --at a place has its pose in the world from the
-    log's reference or the robot's localiser, or none, and can then be recognised but not located.
+    Give one of --log, --world and --live. Without --at the log's reference or the robot's own
+    localiser says where the place is; without these it can be recognised, but not located.
     """
     from robotctl.app import places  # noqa: PLC0415 - it loads numba
 
