@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.compiled import compiled
 
-# One bin of brightness and of each ratio, and how many.
+# One bin of brightness and of each ratio, squeezed, and how many.
 L_STEP: Final = 0.07
 C_STEP: Final = 0.02
 L_BINS: Final = 52
-C_BINS: Final = 48
+C_BINS: Final = 64
 _DARK_OFFSET: Final = 10.0
 """Added to a channel of 0 to 255 before its logarithm: dark pixels are mostly noise."""
 _PER_LEVEL: Final = 4
@@ -62,7 +62,7 @@ _FULL: Final = float(_LOGS[_PER_LEVEL * 246])
 SATURATED_BIN: Final = int((_FULL - _L_LEAST) / L_STEP)
 """Brightness from here on is that of overexposed pixels."""
 # Rows of the densities.
-FLOOR, SHADE, SUN, THING, WALL = range(5)
+FLOOR, SHADE, SUN, FULL, THING, WALL = range(6)
 _SHAPE: Final = (C_BINS, C_BINS, L_BINS)
 
 
@@ -135,7 +135,7 @@ def overlap(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
 def log_densities(
     floor: NDArray[np.float32], above: NDArray[np.float32], log_prior: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return what each colour says, as logarithms of densities, (5, bins).
+    """Return what each colour says, as logarithms of densities, (6, bins).
 
     Parameters
     ----------
@@ -148,11 +148,12 @@ def log_densities(
     -------
     ndarray
         Rows `FLOOR`: floor in the light of the patch; `SHADE` and `SUN`: floor in less or more
-        light; `THING`: any obstacle; `WALL`: what may reach above the horizon.
+        light; `FULL`: overexposed floor; `THING`: any obstacle; `WALL`: what may reach above the
+        horizon.
     """
     # Dark pixels are noisy, and what light is left may have another colour.
     shades = cv2.blur(floor.reshape(_SHAPE), (3, 3), borderType=cv2.BORDER_REPLICATE).reshape(-1)
-    logs = np.empty((5, len(floor)), np.float32)
+    logs = np.empty((6, len(floor)), np.float32)
     _log_densities(floor, np.asarray(shades, np.float32), above, log_prior, logs)
     return logs
 
@@ -186,7 +187,8 @@ def evidence(
 
 def log_obstacle_prior() -> NDArray[np.float32]:
     """Return the log density of obstacles' colours: any brightness, rather grey than not."""
-    ratio = (np.arange(C_BINS) - C_BINS // 2) * C_STEP
+    squeezed = (np.arange(C_BINS) - C_BINS // 2) * C_STEP
+    ratio = squeezed / (1.0 - np.abs(squeezed))
     one = 0.5 * np.exp(-0.5 * (ratio / 0.15) ** 2) + 0.1
     cube = np.repeat((one[:, None] * one)[:, :, None], L_BINS, axis=2)
     return np.asarray(np.log(cube / cube.sum()), np.float32).reshape(-1)
@@ -234,8 +236,8 @@ def _bin(colour: NDArray[np.float32], logs: NDArray[np.float32]) -> int:
     r = logs[int(colour[2] * scale + half)]
     middle = np.float32(C_BINS / 2) + half
     light = int(((b + g + r) / np.float32(3.0) - np.float32(_L_LEAST)) * np.float32(1.0 / L_STEP))
-    red = int((r - g) * np.float32(1.0 / C_STEP) + middle)
-    blue = int((b - g) * np.float32(1.0 / C_STEP) + middle)
+    red = int(_squeezed(r - g) * np.float32(1.0 / C_STEP) + middle)
+    blue = int(_squeezed(b - g) * np.float32(1.0 / C_STEP) + middle)
     red = min(max(red, 0), C_BINS - 1)
     blue = min(max(blue, 0), C_BINS - 1)
     return (red * C_BINS + blue) * L_BINS + min(light, L_BINS - 1)
@@ -264,7 +266,8 @@ def _log_densities(
                 out[WALL, k] = np.log(np.float32(0.5) * (prior + above[k]))
             out[FLOOR, k] = log_prior[k] + np.float32(_LOG_RARE)
             out[SHADE, k] = nothing
-            out[SUN, k] = full if k >= overexposed else nothing
+            out[SUN, k] = nothing
+            out[FULL, k] = full if k >= overexposed else nothing
         if not seen_floor:
             continue
         for k in range(start, end):
@@ -278,18 +281,30 @@ def _log_densities(
                 sun = max(sun, shades[k - step])
             out[FLOOR, k] = np.log(core + np.float32(1e-3) * prior)
             out[SHADE, k] = np.log(np.float32(_SHADE_WEIGHT) * shade)
-            out[SUN, k] = max(out[SUN, k], np.log(np.float32(_SUN_WEIGHT) * sun))
+            out[SUN, k] = np.log(np.float32(_SUN_WEIGHT) * sun)
 
 
 @compiled
 def _overexposed(ratios: int) -> int:
     """Return how many of the brightest bins of one pair of ratios have a channel that is full."""
-    red = (ratios // C_BINS - C_BINS // 2) * C_STEP
-    blue = (ratios % C_BINS - C_BINS // 2) * C_STEP
+    red = _ratio((ratios // C_BINS - C_BINS // 2) * C_STEP)
+    blue = _ratio((ratios % C_BINS - C_BINS // 2) * C_STEP)
     # Of the channel with the largest logarithm, above the mean of the three.
     above = max(red, blue, 0.0) - (red + blue) / 3.0
     first = int((_FULL - above - _L_LEAST) / L_STEP)
     return L_BINS - min(max(first, 0), L_BINS)
+
+
+@compiled
+def _squeezed(ratio: np.float32) -> np.float32:
+    """Return a log ratio so that strong colours, too, are told apart in few bins."""
+    return ratio / (np.float32(1.0) + abs(ratio))
+
+
+@compiled
+def _ratio(squeezed: float) -> float:
+    """Return the log ratio that `_squeezed` took."""
+    return squeezed / (1.0 - abs(squeezed))
 
 
 @compiled
@@ -332,7 +347,7 @@ def _speaks(logs: NDArray[np.float32], kind: int, seen: int, offset: int) -> flo
     obstacle, floor = logs[kind, seen], logs[FLOOR, shifted_back]
     value = float(min(max(obstacle - floor, -_SURE), _SURE))
     # What is overexposed is so whatever its light.
-    shade, sun = logs[SHADE, shifted_back], max(logs[SUN, shifted_back], logs[SUN, seen])
+    shade, sun = logs[SHADE, shifted_back], max(logs[SUN, shifted_back], logs[FULL, seen])
     other = max(shade, sun)
     if value > SHADOWED and other > floor:
         value = min(value, float(obstacle - other))
