@@ -6,7 +6,8 @@ with noise, outliers and cross-talk, two groups of four fired in turn; while it 
 drifts, and its odometry has the turn wrong by scale and by noise. In the first row the whole
 simulated robot turns, in lockstep, at the marks of the office.
 
-Then a recognition is the only measurement of a particle filter that starts anywhere.
+Then a recognition is the only measurement of a particle filter that starts anywhere; visits are
+made farther away from the places; and sonars break after the places were learnt.
 """
 
 from __future__ import annotations
@@ -51,6 +52,17 @@ APART_M = 1.0
 """Unknown places are farther than this from all known ones, and these from each other."""
 SCALE, TURNING, DRIFT_M = 0.01, 0.02, 0.02
 """Odometry: error of a turn by scale, and after 1 rad [rad]; the robot's drift in a turn [m]."""
+AWAY_M = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
+BROKEN = {
+    "one missing": {2: math.nan},
+    "one deaf": {2: math.inf},
+    "one stuck at 1 m": {2: 1.0},
+    "two deaf": {2: math.inf, 5: math.inf},
+    "four missing": dict.fromkeys((0, 2, 5, 7), math.nan),
+}
+"""What broken sonars say, by their index."""
+FEW = 4
+"""Visits to a place from each distance, and with each broken sonar."""
 _CLEARANCE_M = 0.35
 _TURN_RAD_S, _PERIOD_S = 0.6, 0.025
 _CONFIG = SignatureConfig()
@@ -80,6 +92,7 @@ class Room:
         grid = grid_of_walls(WallMap(np.ascontiguousarray(world.segments)))
         self._grid, self.sample_free = grid, free_poses(grid)
         self.area_m2 = float(np.count_nonzero(grid.free())) * grid.resolution_m**2
+        self.broken: dict[int, float] = {}
         self._clearance = ndimage.distance_transform_edt(grid.free()) * grid.resolution_m
 
     def clear_pose(self, away: Sequence[SE2] = ()) -> SE2:
@@ -92,9 +105,9 @@ class Room:
             ):
                 return pose
 
-    def near(self, place: SE2) -> SE2:
-        """Return a pose near a place, with any heading."""
-        away_m = SPOT_M * math.sqrt(self._rng.random())
+    def near(self, place: SE2, away_m: float | None = None) -> SE2:
+        """Return a pose near a place, or so far away, with any heading."""
+        away_m = SPOT_M * math.sqrt(self._rng.random()) if away_m is None else away_m
         angle, theta = self._rng.uniform(-math.pi, math.pi, 2).tolist()
         return SE2(
             place.x_m + away_m * math.cos(angle), place.y_m + away_m * math.sin(angle), theta
@@ -113,6 +126,8 @@ class Room:
             ranges[GROUP * group : GROUP * (group + 1)] = self._ring.fire(
                 group, pose.x_m, pose.y_m, pose.theta_rad
             )
+            for k, says in self.broken.items():
+                ranges[k] = np.nan if np.isnan(ranges[k]) else says
             turn = collector.add(SonarReading(i, tuple(ranges.tolist())), odometry)
             if turn is not None:
                 return turn, pose
@@ -171,16 +186,21 @@ class Outcome:
         return float(np.trace(self.confusion[:-1]) / self.confusion[:-1].sum())
 
     @property
+    def mistaken(self) -> float:
+        """Share of the visits to known places that were taken for another one."""
+        known = self.confusion[:-1, :-1]
+        return float((known.sum() - np.trace(known)) / self.confusion[:-1].sum())
+
+    @property
     def refused(self) -> float:
         """Share of the visits to unknown places that were refused."""
         return float(self.confusion[-1, -1] / self.confusion[-1].sum())
 
-    def visit(self, book: PlaceBook, index: SignatureIndex, turn: Turn, end: SE2, i: int) -> None:
+    def visit(self, book: PlaceBook, turn: Turn, end: SE2, i: int) -> None:
         """Recognise a turn at place `i`."""
         began = time.process_time()
         recognition = book.recognise(turn.signature)
         self.busy_us.append(1e6 * (time.process_time() - began))
-        self.ruled_out.append(float(np.mean(index.bounds(turn.signature) > book.threshold)))
         found = recognition.place
         self.confusion[i, PLACES if found is None else int(found.place)] += 1
         if found is not None and int(found.place) == i:
@@ -206,11 +226,12 @@ def trial(room: Room, places: Sequence[SE2], turned: Turned, outcome: Outcome) -
     book = learnt(room, places, turned)
     visits = [visit.signature for place in book.places for visit in place.visits]
     index = SignatureIndex(visits, _CONFIG)
-    for i, place in enumerate(places):
-        for _ in range(VISITS):
-            outcome.visit(book, index, *turned(room.near(place)), i)
-    for _ in range(PLACES * VISITS):
-        outcome.visit(book, index, *turned(room.clear_pose(places)), PLACES)
+    starts = [(i, room.near(place)) for i, place in enumerate(places) for _ in range(VISITS)]
+    starts += [(PLACES, room.clear_pose(places)) for _ in range(PLACES * VISITS)]
+    for i, start in starts:
+        turn, end = turned(start)
+        outcome.visit(book, turn, end, i)
+        outcome.ruled_out.append(float(np.mean(index.bounds(turn.signature) > book.threshold)))
     return book
 
 
@@ -226,6 +247,39 @@ def located(room: Room, places: Sequence[SE2], book: PlaceBook, seed: int) -> li
         pose = mcl.estimate(0).pose
         found.append(math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m))
     return found
+
+
+def harder(rounds: int) -> None:
+    """Visit the places of the office from farther away, and with broken sonars."""
+    away = {away_m: Outcome() for away_m in AWAY_M}
+    broken = {name: Outcome() for name in BROKEN}
+    for seed in range(rounds):
+        room = Room("office", np.random.default_rng(100 + seed))
+        places = room.telling_places()
+        book = learnt(room, places, room.turned)
+        for i, place in FEW * list(enumerate(places)):
+            for away_m, outcome in away.items():
+                outcome.visit(book, *room.turned(room.near(place, away_m)), i)
+            for name, outcome in broken.items():
+                room.broken = BROKEN[name]
+                outcome.visit(book, *room.turned(room.near(place)), i)
+                outcome.visit(book, *room.turned(room.clear_pose(places)), PLACES)
+                room.broken = {}
+    rows = [
+        (f"{away_m} m away", f"{100 * each.right:.0f}", f"{100 * each.mistaken:.0f}", "")
+        for away_m, each in away.items()
+    ]
+    rows += [
+        (
+            f"sonars: {name}",
+            f"{100 * each.right:.0f}",
+            f"{100 * each.mistaken:.0f}",
+            f"{100 * each.refused:.0f}",
+        )
+        for name, each in broken.items()
+    ]
+    heads = ("office", "right %", "taken for another place %", "unknown refused %")
+    machine.table(f"Harder, {rounds} seeds, {FEW * PLACES} visits each", heads, rows)
 
 
 def run(rounds: int, _seconds: float) -> None:
@@ -257,6 +311,7 @@ def run(rounds: int, _seconds: float) -> None:
         for name, off in off_m.items()
     ]
     machine.table("Particles anywhere, after one recognition", heads, rows)
+    harder(rounds)
     for name, outcome in outcomes.items():
         columns = ("", *(f"place {i + 1}" for i in range(PLACES)), "refused")
         names = (*columns[1:-1], "unknown")
