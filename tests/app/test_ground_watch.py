@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 
+from firmware_sim.camera import Camera
+from firmware_sim.camera_truth import sightings
+from firmware_sim.config import load_robot as load_simulated_robot
+from firmware_sim.world import load_world
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.ground_watch import GroundWatch
 from robotctl.app.scan_messages import camera_scan
@@ -67,3 +72,29 @@ def test_a_camera_that_sees_no_floor_is_refused_with_its_table(config):
     skywards = replace(config.camera, mount=replace(config.camera.mount, pitch_deg=-80.0))
     with pytest.raises(ConfigError, match="camera: "):
         GroundWatch(skywards, config.ground_camera)
+
+
+@pytest.mark.parametrize(
+    ("pose", "thing"),
+    [
+        ((2.91, 3.57, -3.12), "toy block"),  # yellow on brown wood, in dimmer light than the patch
+        ((2.10, 3.57, 3.13), "toy block"),
+        ((1.50, 1.30, 0.20), "shoe"),
+    ],
+)
+def test_small_things_of_the_cluttered_room_are_seen_where_they_lie(config, pose, thing):
+    robot, world = find_file("diff_drive"), find_file("clutter", "worlds")
+    camera = Camera(load_simulated_robot(robot), load_world(world), seed=3)
+    frame = camera.look(*pose, 0).framed(0, 0)
+    image = np.frombuffer(frame.pixels, np.uint8).reshape(frame.height, frame.width, 3)
+    eye = GroundWatch(config.camera, config.ground_camera)
+    seen = eye.look(image, 0)
+    assert seen.trouble == ""
+    true = {
+        each.name: each
+        for each in sightings(load_world(world), pose, camera.intrinsics, camera.mount)
+    }[thing]
+    offsets = [
+        math.hypot(each.x_m - true.near_x_m, each.y_m - true.near_y_m) for each in seen.obstacles
+    ]
+    assert min(offsets, default=math.inf) < 0.15
