@@ -240,7 +240,8 @@ class SignatureIndex:
         enough = both >= max(1.0, self.config.least_seen * n)
         found = np.full(total.shape, np.inf)
         np.divide(total, both, out=found, where=enough)
-        return np.maximum(found, 0.0)
+        squared: NDArray[np.float64] = np.maximum(found, 0.0)
+        return squared
 
 
 class _Spectra:
