@@ -18,6 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from robotctl.estimation.known_places import Place, Visit
 from robotctl.estimation.place_book import PlaceBook
 from robotctl.estimation.signatures import Signature, SignatureConfig, SignatureIndex
 from robotctl.model.se2 import SE2
@@ -113,10 +114,11 @@ class Revisits:
 def revisits(ring: Ring, rows: int) -> Revisits:
     """Learn places in one round of so many rows, two rows each, and try the other rounds."""
     learnt = [FIRST + round(k * rows / PLACES) for k in range(PLACES)]
-    book = PlaceBook(signatures=CONFIG)
-    for k, row in enumerate(learnt):
-        for each in (row, row + 2):
-            book = book.learned(str(k), ring.signatures[each], SE2())
+    visits = [
+        [Visit(SE2(), ring.signatures[each]) for each in (row, row + 2)] for row in learnt
+    ]  # of a piece of the way, since the robot drives
+    places = [Place(str(k), in_world=False, visits=tuple(two)) for k, two in enumerate(visits)]
+    book = PlaceBook(places, CONFIG)
     others = [i for i in range(0, len(ring.signatures), EVERY) if not -60 <= i - FIRST < rows + 60]
     found = []
     for i in others:
