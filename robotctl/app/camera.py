@@ -20,8 +20,8 @@ from robotctl.errors import ConfigError, RobotctlError
 from robotctl.model.camera import SIMULATED
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
-from robotctl.runtime.messages import Notice
-from robotctl.runtime.topics import Endpoints, Publisher, endpoint_directory
+from robotctl.runtime.messages import ControlState, Notice
+from robotctl.runtime.topics import Endpoints, Publisher, Subscriber, endpoint_directory
 
 _LOOK_NS = 5_000_000
 _SILENT_NS = 2_000_000_000
@@ -53,11 +53,17 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         onlookers: Publisher | None = None
         if config.camera.source != SIMULATED:
             onlookers = Publisher(context, endpoints.camera_frames, queue=1)
+        states = Subscriber[ControlState | Notice](
+            context, (endpoints.control_state,), ControlState | Notice
+        )
         watch = GroundWatch(config.camera, config.ground_camera)
         heartbeat = Heartbeat(os.environ)
         trouble, seen_ns = _UNKNOWN, clock.now_ns()
         while not stopped():
             heartbeat.beat()
+            for message in states.receive():
+                if isinstance(message, ControlState):
+                    watch.attend(message)
             frame = camera.read()
             said = trouble
             if frame is not None:

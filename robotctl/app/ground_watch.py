@@ -14,10 +14,15 @@ from robotctl.estimation.camera_obstacles import GroundObstacle
 from robotctl.model.camera import CameraConfig
 from robotctl.model.camera_geometry import CameraGeometry
 from robotctl.runtime.estimation_messages import CameraView, SeenObstacle
+from robotctl.runtime.messages import ControlState
+from robotctl.runtime.safety import POWERED
 
 
 class GroundWatch:
     """Looks at the floor and says it as messages.
+
+    Another floor than the one that was learnt is not trusted, since a thing that fills the picture
+    looks the same. So the floor is learnt anew when somebody arms the robot, who sees it.
 
     Parameters
     ----------
@@ -41,7 +46,15 @@ class GroundWatch:
         strip = self._camera.strip
         rows = np.minimum(strip.first_rows, len(strip.ranges_m) - 1)
         self._bearings_rad, self._nearest_m = strip.bearings_rad[::-1], strip.ranges_m[rows][::-1]
+        self._powered = False
         self._rehearse()
+
+    def attend(self, control: ControlState) -> None:
+        """Take in what the robot is at."""
+        powered = control.state in POWERED
+        if powered and not self._powered:
+            self._camera.reset()
+        self._powered = powered
 
     def _rehearse(self) -> None:
         """Compile, or load from the cache, what a picture needs."""

@@ -271,7 +271,7 @@ class LockstepRun:
         self._score.control(control)
         seen: list[LidarScan | CameraView | LocalisationState] = []
         if self._camera is not None:
-            for view in self._camera.step(simulation, now_ns):
+            for view in self._camera.step(simulation, control):
                 self._score.view(view)
                 seen.append(view)
         if self._estimators is None:

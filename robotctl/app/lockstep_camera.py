@@ -9,6 +9,7 @@ import numpy as np
 
 from robotctl.app.config import RobotConfig
 from robotctl.runtime.estimation_messages import CameraView
+from robotctl.runtime.messages import ControlState
 
 if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
@@ -44,8 +45,10 @@ class LockstepCamera:
             GroundWatch(config.camera, config.ground_camera), config.camera.rate_hz
         )
 
-    def step(self, simulation: Simulation, now_ns: int) -> list[CameraView]:
+    def step(self, simulation: Simulation, control: ControlState) -> list[CameraView]:
         """Look if it is time; return the views that have arrived."""
+        now_ns = control.stamp_ns
+        self._watch.attend(control)
         latency_ns = simulation.config.simulation.camera.latency_ms * 1_000_000
         if now_ns >= self._due_ns:
             self._due_ns = max(self._due_ns + self._period_ns, now_ns)

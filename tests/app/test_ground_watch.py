@@ -18,6 +18,8 @@ from robotctl.app.ground_watch import GroundWatch
 from robotctl.app.scan_messages import camera_scan
 from robotctl.errors import ConfigError
 from robotctl.runtime.estimation_messages import CameraView
+from robotctl.runtime.messages import SafetyState
+from tests.runtime.test_located import STATE
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +61,20 @@ def test_a_wall_nearer_in_the_picture_is_nearer_in_metres(config, watch):
         for row in (200, 300)
     )
     assert near < 0.7 * far
+
+
+def test_the_floor_is_learnt_anew_when_the_robot_is_armed(config):
+    eye = GroundWatch(config.camera, config.ground_camera)
+    blue = picture(config, 200)
+    blue[200:] = (np.int16(blue[200:]) * (1.6, 1.0, 0.5)).clip(0, 255).astype(np.uint8)
+    assert eye.look(picture(config, 200), 0).trouble == ""
+    assert "does not look like the floor" in eye.look(blue, 1).trouble
+    eye.attend(msgspec.structs.replace(STATE, state=SafetyState.STANDBY))
+    assert eye.look(blue, 2).trouble != ""
+    eye.attend(msgspec.structs.replace(STATE, state=SafetyState.ARMED))
+    assert eye.look(blue, 3).trouble == ""
+    eye.attend(msgspec.structs.replace(STATE, state=SafetyState.DRIVING))
+    assert eye.look(picture(config, 200), 4).trouble != ""
 
 
 def test_a_picture_of_another_size_is_not_judged_and_says_so(watch):
