@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 
-from firmware_sim.camera_process import QUEUE_LIMIT
 from firmware_sim.truth import Picture, Publisher
 from robotctl.drivers.simulated_camera import SimulatedCamera
 from robotctl.drivers.video_capture import open_camera
@@ -35,7 +34,8 @@ class Simulated:
 
     def __init__(self, folder):
         address = f"ipc://{folder}/camera/pictures"
-        self.publisher = Publisher(address, QUEUE_LIMIT)
+        # With room for all: what is shown within a millisecond must not be dropped here already.
+        self.publisher = Publisher(address, len(VALUES) + 1)
         self.camera = SimulatedCamera(address)
         self.sequence = 0
 
