@@ -111,6 +111,22 @@ def test_a_crash_is_dumped_by_whoever_comes_next(tmp_path: Path, loop: Loop) -> 
     assert dumps.step([], 0) == ()
 
 
+def test_a_stop_that_a_crash_follows_is_in_the_dump_of_the_crash_and_in_no_other(
+    tmp_path: Path, loop: Loop
+) -> None:
+    dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    loop.ticks(100)
+    assert dumps.step([state(SafetyState.FAULT)], 0) == ()
+    die(loop.ring)
+    second = Loop(tmp_path / "a.ring")
+    (note,) = dumps.step([state(SafetyState.BOOT)], AFTERMATH_NS)
+    assert "crash-" in note
+    assert dumps.step([], 2 * AFTERMATH_NS) == ()
+    (file,) = (tmp_path / "flights").iterdir()
+    assert replay_file(file).result.agreed == 100
+    second.ring.close()
+
+
 def test_the_oldest_dumps_go(tmp_path: Path, loop: Loop, monkeypatch: pytest.MonkeyPatch) -> None:
     flights = tmp_path / "flights"
     flights.mkdir()
