@@ -30,8 +30,10 @@ INTERFACE = "vcan0"
 # Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
 DRIVERS = ("tests/vcan", "tests/drivers/test_can_port_contract.py")
 HIL = tuple(sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("hil_tests/test_*.py")))
-ROWS = ("hil_tests/test_12_robot_faults.py",)
-"""As long as all other HIL tests together."""
+LONG = tuple(
+    f"hil_tests/test_{name}.py" for name in ("8_mission", "9_host_faults", "12_robot_faults")
+)
+"""As long as all other HIL tests together, in a guest."""
 
 ON_VCAN = ("--bus", INTERFACE)
 SMOKE = ("tests/vcan", "hil_tests/test_1_link.py", *ON_VCAN)
@@ -115,8 +117,8 @@ def vcan_stages(wanted: str, run: Callable[..., Outcome]) -> list[Outcome]:
         run("vcan guest: the tool's own tests", (*PYTEST, "tests/guest")),
         run(  # a guest has one processor
             "HIL on vcan, two guests, virtual time",
-            (*guest, *PYTEST, *ROWS, *ON_VCAN),
-            (*guest, *PYTEST, *DRIVERS, *(file for file in HIL if file not in ROWS), *ON_VCAN),
+            (*guest, *PYTEST, *LONG, *ON_VCAN),
+            (*guest, *PYTEST, *DRIVERS, *(file for file in HIL if file not in LONG), *ON_VCAN),
         ),
         run("smoke on vcan, guest, real time", (*guest, "--real-time", *PYTEST, *SMOKE)),
     ]
