@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robotctl import toml_source
 from robotctl.app.config import RobotConfig
@@ -20,6 +19,7 @@ from robotctl.model.twist import Twist
 from robotctl.planning.floor_memory import FloorMemory, FloorView
 from robotctl.planning.mission import Mission
 from robotctl.planning.navigator import NavigationInputs, Navigator
+from robotctl.planning.obstacle_guard import Point
 from robotctl.planning.requests import (
     ModeRequest,
     PositionRequest,
@@ -108,7 +108,7 @@ class Pilot:
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
         ranges_m: tuple[float, ...]
         if control is None:
-            pose, twist, ranges_m, floor = _UNKNOWN, Twist(0.0, 0.0), (), None
+            pose, twist, ranges_m, floor = _UNKNOWN, Twist(0.0, 0.0), (), []
         else:
             floor = self._look(control, views)
             control = located(control, localisation)
@@ -145,9 +145,7 @@ class Pilot:
         )
         return command, state
 
-    def _look(
-        self, control: ControlState, views: Sequence[CameraView]
-    ) -> NDArray[np.float64] | None:
+    def _look(self, control: ControlState, views: Sequence[CameraView]) -> list[Point]:
         """Return what lies on the floor around, by all that the camera saw since arming."""
         odometry = SE2(control.x_m, control.y_m, control.theta_rad)
         self._odometry.add(control.stamp_ns, odometry)
@@ -158,7 +156,7 @@ class Pilot:
             if seen_from is not None:
                 self._floor = self._floor or FloorMemory()
                 self._floor.see(seen_from, _floor_view(view))
-        return None if self._floor is None else self._floor.around(odometry)
+        return [] if self._floor is None else self._floor.around(odometry)
 
 
 def _floor_view(view: CameraView) -> FloorView:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.se2 import SE2
+from robotctl.planning.obstacle_guard import Point
 
 _REACH_M: Final = 1.5
 """Farther things are not near."""
@@ -69,12 +70,10 @@ class FloorMemory:
         self._points = _once(np.concatenate([kept, new[_near(new, self._last)]]))
         self._last = new
 
-    def around(self, T_odom_base: SE2) -> NDArray[np.float64]:
-        """Return the points in `base`, (k, 2) [m]."""
-        c, s = np.cos(T_odom_base.theta_rad), np.sin(T_odom_base.theta_rad)
-        offset = self._points - [T_odom_base.x_m, T_odom_base.y_m]
-        points: NDArray[np.float64] = offset @ np.array([[c, -s], [s, c]])
-        return points
+    def around(self, T_odom_base: SE2) -> list[Point]:
+        """Return the points in `base` [m]."""
+        T_base_odom = T_odom_base.inverse()
+        return [T_base_odom.apply(*point) for point in self._points.tolist()]
 
 
 def _free_now(points: NDArray[np.float64], camera: SE2, view: FloorView) -> NDArray[np.bool_]:

@@ -6,9 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from robotctl.control.limiter import LimitsConfig
 from robotctl.model.drives import Drive
 from robotctl.model.se2 import SE2
@@ -22,7 +19,7 @@ from robotctl.planning.look_around import LookAround
 from robotctl.planning.mission import Mission
 from robotctl.planning.mission_runner import MissionRunner
 from robotctl.planning.mode import Mode
-from robotctl.planning.obstacle_guard import ObstacleGuard
+from robotctl.planning.obstacle_guard import ObstacleGuard, Point
 from robotctl.planning.requests import (
     ModeRequest,
     PositionRequest,
@@ -57,8 +54,8 @@ class NavigationInputs(NamedTuple):
     """What came since the last step, oldest first."""
     localised: bool = True
     """The pose is more than a guess."""
-    floor_base: NDArray[np.float64] | None = None
-    """Points on the floor not to be driven over, (k, 2) in `base` [m]; None: no camera looks."""
+    floor_base: Sequence[Point] = ()
+    """Points on the floor not to be driven over."""
 
 
 class NavigationOutputs(NamedTuple):

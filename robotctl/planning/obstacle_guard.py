@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple, TypeAlias
 
 from robotctl.model.angles import wrap_angle
 from robotctl.model.sonar import SonarMount
+
+Point: TypeAlias = tuple[float, float]
+"""x, y of `base` [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,13 +108,11 @@ class ObstacleGuard:
     def reset(self) -> None:
         """Forget past readings."""
         self._history = [[] for _ in range(self._count)]
-        self._floor = np.empty((0, 2))
+        self._floor: Sequence[Point] = ()
 
-    def observe(
-        self, ranges_m: Sequence[float], floor_base: NDArray[np.float64] | None = None
-    ) -> None:
-        """Take one reading of each sonar [m], and points of the floor (k, 2); once a step."""
-        self._floor = np.empty((0, 2)) if floor_base is None else floor_base
+    def observe(self, ranges_m: Sequence[float], floor_base: Sequence[Point] = ()) -> None:
+        """Take one reading of each sonar, and points of the floor in `base` [m]; once a step."""
+        self._floor = floor_base
         for past, reading in zip(self._history, ranges_m, strict=True):
             past.append(reading)
             if len(past) > 3:
@@ -149,9 +147,9 @@ class ObstacleGuard:
 
     def _free_floor(self, sign: float) -> float:
         """Return the way from the robot's nose up to the nearest point on the floor [m]."""
-        ahead = sign * self._floor[:, 0]
-        met = ahead[(ahead > 0.0) & (np.abs(self._floor[:, 1]) < self._config.half_width_m)]
-        return float(met.min()) - self._config.nose_m if len(met) else math.inf
+        half_m = self._config.half_width_m
+        met = (sign * x_m for x_m, y_m in self._floor if sign * x_m > 0.0 and abs(y_m) < half_m)
+        return min(met, default=math.inf) - self._config.nose_m
 
     def _speed_for(self, way_m: float) -> float:
         """Return the speed v with v reaction + v^2 / (2 a) = way [m/s]."""

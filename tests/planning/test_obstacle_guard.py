@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -108,7 +107,7 @@ def test_a_setting_that_is_not_positive_is_refused_by_name(key):
 
 def on_floor(*points, direction=1.0):
     guard = ObstacleGuard(CONFIG, MOUNTS)
-    guard.observe(FREE, np.array(points).reshape(-1, 2))
+    guard.observe(FREE, points)
     return guard.step(direction)
 
 
@@ -131,9 +130,9 @@ def test_things_on_the_floor_count_in_the_way_and_in_the_direction_of_travel():
 def test_the_nearer_of_sonar_and_camera_counts_and_is_named():
     guard = ObstacleGuard(CONFIG, MOUNTS)
     for _ in range(3):
-        guard.observe((0.5, math.inf, math.inf, math.inf), np.array([[0.6, 0.0]]))
+        guard.observe((0.5, math.inf, math.inf, math.inf), [(0.6, 0.0)])
     assert guard.step(1.0).obstacle == "something lies on the floor 0.40 m away"
-    guard.observe((0.5, math.inf, math.inf, math.inf), np.array([[0.8, 0.0]]))
+    guard.observe((0.5, math.inf, math.inf, math.inf), [(0.8, 0.0)])
     assert guard.step(1.0).obstacle == "front sees 0.50 m"
     guard.observe((0.5, math.inf, math.inf, math.inf))
     assert guard.step(1.0).obstacle == "front sees 0.50 m"
