@@ -5,7 +5,18 @@ import sys
 
 import pytest
 
-HEAVY = ("mcap", "zstandard", "lz4", "numba", "scipy", "matplotlib", "cv2", "typer", "rich")
+HEAVY = (
+    "numpy",
+    "mcap",
+    "zstandard",
+    "lz4",
+    "numba",
+    "scipy",
+    "matplotlib",
+    "cv2",
+    "typer",
+    "rich",
+)
 
 
 @pytest.mark.parametrize("module", ["robotctl.app.control"])
