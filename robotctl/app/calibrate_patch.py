@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from robotctl.app.calibrate_odometry import CalibrateResult
-from robotctl.app.tune_patch import round_figures
+from robotctl.app.patch import as_toml, round_figures
 from robotctl.estimation.odometry_calibration import Interval
 
 _WORDS = {
@@ -37,15 +36,6 @@ def patch_values(result: CalibrateResult) -> dict[str, dict[str, float]]:
     return {name: table for name, table in (("drive", drive), ("odometry", noise)) if table}
 
 
-def patch_overrides(result: CalibrateResult) -> list[str]:
-    """Return the same values as `--set` takes them."""
-    return [
-        f"{table}.{key}={value!r}"
-        for table, values in patch_values(result).items()
-        for key, value in values.items()
-    ]
-
-
 def patch_text(result: CalibrateResult) -> str:
     """Return the TOML, under comments that say where it comes from."""
     options = result.options
@@ -66,25 +56,22 @@ def patch_text(result: CalibrateResult) -> str:
         *errors,
         *result.hidden,
     ]
-    lines = [f"# {comment}".rstrip() for comment in comments]
-    for table, values in patch_values(result).items():
-        lines += ["", f"[{table}]", *_lines(result, values)]
-    return "\n".join(lines) + "\n"
+    tables = patch_values(result)
+
+    def said(table: str, key: str) -> str:
+        low, high = _interval(result, key, tables[table][key])
+        return f"{_WORDS[key]}; 95 %: {low:.5g} to {high:.5g}"
+
+    return as_toml(tables, comments, said)
 
 
-def _lines(result: CalibrateResult, values: Mapping[str, float]) -> list[str]:
-    """Return the lines of one table, with intervals."""
+def _interval(result: CalibrateResult, key: str, value: float) -> tuple[float, float]:
+    """Return the 95 % interval of a value."""
     found = result.found
-    lines = []
-    for key, value in values.items():
-        if key in found.model.keys:
-            low, high = _ends(found.interval(key))
-        else:
-            fold = found.noise_fold[found.noise.__slots__.index(key)]
-            low, high = value / fold, value * fold
-        words = f"{_WORDS[key]}; 95 %: {low:.5g} to {high:.5g}"
-        lines.append(f"{f'{key} = {value!r}':<32}# {words}")
-    return lines
+    if key in found.model.keys:
+        return _ends(found.interval(key))
+    fold = found.noise_fold[found.noise.__slots__.index(key)]
+    return value / fold, value * fold
 
 
 def _ends(interval: Interval | None) -> tuple[float, float]:

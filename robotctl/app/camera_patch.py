@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TypeAlias
-
 from robotctl.app.camera_calibrate import CalibrateResult
-from robotctl.app.tune_patch import round_figures
+from robotctl.app.patch import Value, as_toml, round_figures
 from robotctl.estimation.camera_mount import FOCAL, KEYS
 from robotctl.model.camera import CameraIntrinsics
-
-Values: TypeAlias = dict[str, int | float | list[float]]
 
 _DIGITS = {"_m": 5, "_deg": 4, "_px": 3}
 _WITHIN = 1.96
@@ -20,9 +15,9 @@ _WORDS = {
 }
 
 
-def patch_values(result: CalibrateResult) -> dict[str, Values]:
+def patch_values(result: CalibrateResult) -> dict[str, dict[str, Value]]:
     """Return table, key and value of all that was found, rounded."""
-    tables: dict[str, Values] = {}
+    tables: dict[str, dict[str, Value]] = {}
     fit = result.fit
     if result.lens is not None:
         tables["camera.intrinsics"] = _lens_values(result.lens.intrinsics)
@@ -35,15 +30,6 @@ def patch_values(result: CalibrateResult) -> dict[str, Values]:
             "height_sigma": round_figures(fit.sigma["z_m"] / fit.mount.z_m, 2),
         }
     return tables
-
-
-def patch_overrides(result: CalibrateResult) -> list[str]:
-    """Return the same values as `--set` takes them."""
-    return [
-        f"{table}.{key}={value}"
-        for table, values in patch_values(result).items()
-        for key, value in values.items()
-    ]
 
 
 def intervals(result: CalibrateResult) -> dict[str, float]:
@@ -79,27 +65,18 @@ def patch_text(result: CalibrateResult) -> str:
         f"{1e3 * each.pixel_m:.0f} mm from {options.noise.sigma_px:g} px (standard deviations)"
         for each in result.expected
     ]
-    lines = [f"# {comment}" for comment in comments]
     halves = intervals(result)
-    for table, values in patch_values(result).items():
-        lines += ["", f"[{table}]", *_lines(table, values, halves)]
-    return "\n".join(lines) + "\n"
 
-
-def _lines(table: str, values: Values, halves: Mapping[str, float]) -> list[str]:
-    """Return the lines of one table, with intervals."""
-    lines = []
-    for key, value in values.items():
+    def words(table: str, key: str) -> str:
         half = halves.get(f"{table}.{key}")
-        words = _WORDS.get(key, "") if half is None else f"95 %: ± {half:.2g}"
-        text = f"{key} = {value}"
-        lines.append(f"{text:<32}# {words}" if words else text)
-    return lines
+        return _WORDS.get(key, "") if half is None else f"95 %: ± {half:.2g}"
+
+    return as_toml(patch_values(result), comments, words)
 
 
-def _lens_values(lens: CameraIntrinsics) -> Values:
+def _lens_values(lens: CameraIntrinsics) -> dict[str, Value]:
     """Return the keys of `[camera.intrinsics]`."""
-    values: Values = {"width_px": lens.width_px, "height_px": lens.height_px}
+    values: dict[str, Value] = {"width_px": lens.width_px, "height_px": lens.height_px}
     for key in ("fx_px", "fy_px", "cx_px", "cy_px"):
         values[key] = _rounded(key, getattr(lens, key))
     values["distortion"] = [round(each, 6) for each in lens.distortion]

@@ -24,8 +24,8 @@ from robotctl.app.characterise_sources import (
 )
 from robotctl.app.config import RobotConfig, load_robot
 from robotctl.app.map_sensors import LIDAR, SONAR, MapSensors
+from robotctl.app.patch import round_figures
 from robotctl.app.sensor_kinds import SENSOR_KINDS
-from robotctl.app.tune_patch import round_figures
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.echo_expectations import EchoExpectations
 from robotctl.estimation.localisation_config import LocalisationConfig

@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Final
 
 from robotctl.app.characterise import PARTICLE_SPREAD_M, Characterisation
+from robotctl.app.patch import as_toml
 
 _TABLES: Final = ("sonar", "lidar", "grid")
 
@@ -27,15 +28,6 @@ def patch_values(result: Characterisation) -> dict[str, dict[str, float]]:
     return found
 
 
-def patch_overrides(result: Characterisation) -> list[str]:
-    """Return the same values as `--set` takes them."""
-    return [
-        f"{table}.{key}={value!r}"
-        for table, values in patch_values(result).items()
-        for key, value in values.items()
-    ]
-
-
 def patch_text(result: Characterisation) -> str:
     """Return the TOML, under comments that say where it comes from."""
     told = (
@@ -51,14 +43,11 @@ def patch_text(result: Characterisation) -> str:
         f"deviations are widened by {PARTICLE_SPREAD_M:g} m, the spread of particles",
         *result.hidden,
     ]
-    lines = [f"# {comment}".rstrip() for comment in comments]
-    for table, values in patch_values(result).items():
-        lines += ["", f"[{table}]", *(_line(result, key, value) for key, value in values.items())]
-    return "\n".join(lines) + "\n"
+    return as_toml(patch_values(result), comments, lambda _table, key: _words(result, key))
 
 
-def _line(result: Characterisation, key: str, value: float) -> str:
-    """Return one line, with what was measured."""
+def _words(result: Characterisation, key: str) -> str:
+    """Return what was measured of a key."""
     fit = result.fit
     limit = fit.incidence.limit.in_degrees()
     measured = {
@@ -70,11 +59,10 @@ def _line(result: Characterisation, key: str, value: float) -> str:
         "max_range_m": (fit.greatest_m, "95 %"),
         "max_incidence_deg": (limit, "95 %"),
     }.get(key)
-    words = "the deviation at the usual range"
-    if measured is not None:
-        interval, what = measured
-        words = f"{what}: {interval.low:.3g} to {interval.high:.3g}"
-    return f"{f'{key} = {value!r}':<32}# {words}"
+    if measured is None:
+        return "the deviation at the usual range"
+    interval, what = measured
+    return f"{what}: {interval.low:.3g} to {interval.high:.3g}"
 
 
 def _command(result: Characterisation) -> str:

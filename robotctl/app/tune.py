@@ -13,6 +13,7 @@ from statistics import fmean
 from typing import Final, Literal, TypeAlias
 
 from robotctl.app.config import RobotConfig, load_robot
+from robotctl.app.patch import round_figures
 from robotctl.app.tune_fit import (
     WheelFit,
     relay_fit,
@@ -21,7 +22,7 @@ from robotctl.app.tune_fit import (
     wheel_feedforward,
 )
 from robotctl.app.tune_open_loop import OpenLoop, find_duty, relay_run, staircase
-from robotctl.app.tune_patch import patch_text, round_figures
+from robotctl.app.tune_patch import patch_text
 from robotctl.app.tune_track import ExperimentError, SpeedStep, Track, speed_step
 from robotctl.control.pid import PidConfig
 from robotctl.control.step_metrics import StepMetrics, step_metrics

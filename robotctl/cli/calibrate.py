@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -11,12 +10,12 @@ import typer
 from rich.console import Console
 
 from robotctl.app.calibrate_odometry import CalibrateOptions, CalibrateResult, calibrate_odometry
-from robotctl.app.calibrate_patch import patch_overrides, patch_text
+from robotctl.app.calibrate_patch import patch_text, patch_values
 from robotctl.app.config import find_file
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.calibrate_plot import save_plot
 from robotctl.cli.calibrate_view import check_table, drive_table, reference_lines
-from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
 
 ABORTED = 1
@@ -92,11 +91,5 @@ def _conclude(result: CalibrateResult, out: Path | None) -> int:
             print(f"{out} was not written.")
         return WORSE
     give_patch(patch_text(result), out)
-    options = result.options
-    command = ["robotctl", "config", "check", str(options.robot)]
-    command += [word for setting in patch_overrides(result) for word in ("--set", setting)]
-    print(
-        f"To keep it, put its keys in place of those in {options.robot}. To see that they are "
-        f"allowed:\n  {shlex.join(command)}"
-    )
+    advise_keeping(result.options.robot, patch_values(result))
     return 0

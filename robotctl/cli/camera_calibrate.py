@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,7 +23,7 @@ from robotctl.cli.camera_arguments import (
     pictures_of,
     place_of,
 )
-from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
@@ -165,18 +164,13 @@ def _patch(result: CalibrateResult) -> str:
 
 def _advise(result: CalibrateResult) -> None:
     """Say how to use the patch."""
-    from robotctl.app.camera_patch import patch_overrides, patch_values  # noqa: PLC0415
+    from robotctl.app.camera_patch import patch_values  # noqa: PLC0415
 
-    robot = result.options.robot
-    if result.config.camera is None and len(patch_values(result)) < 2:
+    robot, tables = result.options.robot, patch_values(result)
+    if result.config.camera is None and len(tables) < 2:
         print(
             f"{robot} has no table [camera] yet, and needs both, intrinsics and mount: give --lens "
             "and --floor or --points together, or --lens-unknown."
         )
         return
-    command = ["robotctl", "config", "check", str(robot)]
-    command += [word for setting in patch_overrides(result) for word in ("--set", setting)]
-    print(
-        f"To keep it, put its keys in place of those in {robot}. To see that they are allowed:\n"
-        f"  {shlex.join(command)}"
-    )
+    advise_keeping(robot, tables)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,7 @@ import typer
 from rich.console import Console
 
 from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -76,7 +75,7 @@ def characterise(
 
 def _show(result: Characterisation, plot: Path | None, out: Path | None) -> int:
     """Show all; return the exit status."""
-    from robotctl.app.characterise_patch import patch_overrides, patch_text  # noqa: PLC0415
+    from robotctl.app.characterise_patch import patch_text, patch_values  # noqa: PLC0415
     from robotctl.cli.characterise_plot import save_plot  # noqa: PLC0415
     from robotctl.cli.characterise_view import fit_table, patch_table, words  # noqa: PLC0415
 
@@ -94,11 +93,5 @@ def _show(result: Characterisation, plot: Path | None, out: Path | None) -> int:
         return WORSE
     console.print(patch_table(result))
     give_patch(patch_text(result), out)
-    options = result.options
-    command = ["robotctl", "config", "check", str(options.robot)]
-    command += [word for setting in patch_overrides(result) for word in ("--set", setting)]
-    print(
-        f"To keep it, put its keys in place of those in {options.robot}. To see that they are "
-        f"allowed:\n  {shlex.join(command)}"
-    )
+    advise_keeping(result.options.robot, patch_values(result))
     return 0

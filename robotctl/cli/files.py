@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from robotctl.app.patch import Tables, as_overrides
 from robotctl.errors import ConfigError
 
 PLOTS: Final = (".png", ".svg", ".pdf")
@@ -56,3 +58,13 @@ def give_patch(patch: str, file: Path | None) -> None:
     else:
         write_file(file, lambda path: path.write_text(patch, encoding="utf-8"))
         print(f"patch: {file}")
+
+
+def advise_keeping(robot: Path, tables: Tables) -> None:
+    """Say how a patch gets into the robot's file."""
+    command = ["robotctl", "config", "check", str(robot)]
+    command += [word for setting in as_overrides(tables) for word in ("--set", setting)]
+    print(
+        f"To keep it, put its keys in place of those in {robot}. To see that they are allowed:\n"
+        f"  {shlex.join(command)}"
+    )

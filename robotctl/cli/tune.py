@@ -11,9 +11,10 @@ import typer
 from rich.console import Console
 
 from robotctl.app.config import find_file
+from robotctl.app.patch import as_overrides
 from robotctl.app.tune import TuneOptions, TuneResult
 from robotctl.app.tune import tune as run_tuning
-from robotctl.app.tune_patch import patch_overrides
+from robotctl.app.tune_patch import patch_values
 from robotctl.app.tune_track import ExperimentError
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.files import check_files, give_patch, write_file
@@ -76,7 +77,7 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
     options = result.options
     give_patch(result.patch(), out)
     tables = ", ".join(f"[control.{wheel}]" for wheel in result.gains)
-    settings = [*options.overrides, *patch_overrides(result.gains)]
+    settings = [*options.overrides, *as_overrides(patch_values(result.gains))]
     command = ["robotctl", "sim", "--lockstep", "--robot", str(options.robot)]
     command += [word for setting in settings for word in ("--set", setting)]
     print(

@@ -10,11 +10,12 @@ import pytest
 from robotctl.app import calibrate_sources, calibrate_squares
 from robotctl.app.calibrate_checks import Check
 from robotctl.app.calibrate_odometry import CalibrateOptions, calibrate_odometry
-from robotctl.app.calibrate_patch import patch_overrides, patch_text
+from robotctl.app.calibrate_patch import patch_text, patch_values
 from robotctl.app.calibrate_sources import run_of_recording, wheels_of
 from robotctl.app.calibrate_squares import Campaign
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.lockstep import LockstepRun
+from robotctl.app.patch import as_overrides
 from robotctl.app.sim_options import SimOptions
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.odometry_model import OdometryModel
@@ -70,7 +71,7 @@ def test_with_the_new_values_the_squares_close(squares):
 def test_the_patch_is_toml_that_the_robot_takes(squares):
     tables = tomllib.loads(patch_text(squares))
     assert set(tables["drive"]) == {"wheel_radius_m", "wheel_radius_ratio", "track_width_m"}
-    config = load_robot(squares.options.robot, patch_overrides(squares))
+    config = load_robot(squares.options.robot, as_overrides(patch_values(squares)))
     for key, value in tables["drive"].items():
         assert getattr(config.drive, key) == value
         assert value == pytest.approx(getattr(squares.found.drive, key), rel=1e-5)

@@ -14,8 +14,9 @@ from firmware_sim import camera_parameters as simulated
 from firmware_sim.camera_lens import pixel_rays
 from firmware_sim.camera_truth import project
 from robotctl.app.camera_calibrate import CalibrateOptions, calibrate_camera
-from robotctl.app.camera_patch import patch_overrides
+from robotctl.app.camera_patch import patch_values
 from robotctl.app.config import find_file, load_robot
+from robotctl.app.patch import as_overrides
 from robotctl.estimation.camera_homography import PointNoise
 from robotctl.model.camera import CameraConfig, CameraIntrinsics, CameraMount
 from robotctl.model.camera_geometry import CameraGeometry
@@ -90,7 +91,7 @@ def test_a_simulated_camera_that_is_mounted_wrong_is_found_out_by_calibration(
     assert result.fit is not None
     for key, sigma in result.fit.sigma.items():
         assert abs(getattr(result.fit.mount, key) - getattr(mount, key)) < 3.5 * sigma, key
-    found = load_robot(ROBOT, patch_overrides(result)).camera
+    found = load_robot(ROBOT, as_overrides(patch_values(result))).camera
     assert found is not None
     probe = np.array([[1.0, 0.2, 0.0], [2.0, -0.5, 0.0]])
     seen = project(probe, twin(config.intrinsics), mount)

@@ -11,9 +11,10 @@ import pytest
 
 from robotctl.app.camera_calibrate import CalibrateOptions, CalibrateResult, calibrate_camera
 from robotctl.app.camera_check import CheckOptions, check_camera
-from robotctl.app.camera_patch import patch_overrides, patch_text
+from robotctl.app.camera_patch import patch_text, patch_values
 from robotctl.app.camera_pictures import read_picture, write_picture
 from robotctl.app.config import find_file, load_robot
+from robotctl.app.patch import as_overrides
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.camera_homography import PointNoise
 from robotctl.estimation.camera_pattern import Board, draw_board, draw_marker
@@ -128,7 +129,7 @@ def test_the_patch_makes_the_robot_measure_right(folder: Path, tmp_path: Path) -
     assert patch["camera"]["mount"].keys() == {
         "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg"
     }  # fmt: skip
-    robot = load_robot(ROBOT, patch_overrides(result))
+    robot = load_robot(ROBOT, as_overrides(patch_values(result)))
     assert robot.camera is not None
     assert result.fit is not None
     sigma_deg = robot.ground_camera.calibration_sigma_deg
@@ -138,7 +139,7 @@ def test_the_patch_makes_the_robot_measure_right(folder: Path, tmp_path: Path) -
     truth = np.array([[1.0, 0.2], [2.0, -0.3]])
     off = camera.ground(CAMERA.project_ground(truth)) - truth
     assert np.abs(off).max() < 0.03
-    options = (ROBOT, tuple(patch_overrides(result)), folder / "markers.png")
+    options = (ROBOT, tuple(as_overrides(patch_values(result))), folder / "markers.png")
     check = check_camera(
         CheckOptions(*options, folder / "markers.csv", "apriltag_36h11", None, PointNoise(1.0))
     )

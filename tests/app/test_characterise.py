@@ -11,11 +11,12 @@ import pytest
 
 from robotctl import toml_source
 from robotctl.app.characterise import CharacteriseOptions, characterise
-from robotctl.app.characterise_patch import patch_overrides, patch_text, patch_values
+from robotctl.app.characterise_patch import patch_text, patch_values
 from robotctl.app.characterise_sources import Source, best_poses, source_of_log, taken
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.lockstep import LockstepRun
+from robotctl.app.patch import as_overrides
 from robotctl.app.sensor_kinds import SENSOR_KINDS
 from robotctl.app.sim_options import SimOptions
 from robotctl.cli.characterise_plot import save_plot
@@ -54,7 +55,7 @@ def test_the_patch_is_what_the_localiser_would_read(simulated, tmp_path):
     text = ROBOT.read_text() + "\n" + patch_text(simulated)
     file.write_text(text)
     assert load_robot(file).localisation == simulated.patched
-    by_settings = toml_source.load(ROBOT, RobotConfig, patch_overrides(simulated))
+    by_settings = toml_source.load(ROBOT, RobotConfig, as_overrides(patch_values(simulated)))
     assert by_settings.localisation == simulated.patched
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from robotctl.app import tune as tuning
 from robotctl.app.config import find_file, load_robot
+from robotctl.app.patch import round_figures
 from robotctl.app.tune import TuneOptions, identify, responses, tune
 from robotctl.app.tune_fit import (
     WheelFit,
@@ -21,7 +22,6 @@ from robotctl.app.tune_fit import (
     wheel_feedforward,
 )
 from robotctl.app.tune_open_loop import OpenLoopRecord, find_duty
-from robotctl.app.tune_patch import round_figures
 from robotctl.app.tune_track import ExperimentError
 from robotctl.cli import files
 from robotctl.cli import main as command_line
