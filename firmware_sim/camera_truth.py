@@ -31,6 +31,8 @@ class Sighting:
         Middle of its foot, in base.
     near_x_m, near_y_m
         The point of its foot that is nearest to the camera, in base.
+    front_x_m, front_y_m
+        The point of its foot that the camera has halfway between its left and right end, in base.
     height_m
         Of the thing.
     seen
@@ -43,6 +45,8 @@ class Sighting:
     y_m: float
     near_x_m: float
     near_y_m: float
+    front_x_m: float
+    front_y_m: float
     height_m: float
     seen: float
 
@@ -71,8 +75,13 @@ def true_ranges(
     x, y = _camera_place(pose, mount)
     bearings = pose[2] + np.asarray(angles_rad, dtype=np.float64)
     ray = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    return _first_met(world.touchable, x, y, ray)
+
+
+def _first_met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.ndarray:
+    """Return the distance from a point to the first of the sides along each ray, (n,) [m]."""
     nearest = np.full(len(ray), np.inf)
-    for ax, ay, bx, by in world.touchable:
+    for ax, ay, bx, by in sides:
         ex, ey = bx - ax, by - ay
         across = ray[:, 0] * ey - ray[:, 1] * ex
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -139,6 +148,7 @@ def sightings(
                 float(middle[1]),
                 float(near[0]),
                 float(near[1]),
+                *_front(thing, pose, mount),
                 thing.height_m,
                 float(np.mean(seen)),
             )
@@ -157,6 +167,19 @@ def _to_base(points: np.ndarray, pose: tuple[float, float, float]) -> np.ndarray
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turned: np.ndarray = (points - np.array(pose[:2])) @ np.array([[c, -s], [s, c]])
     return turned
+
+
+def _front(
+    thing: Thing, pose: tuple[float, float, float], mount: CameraMount
+) -> tuple[float, float]:
+    """Return the point of a foot halfway in bearing between its ends, in base [m]."""
+    corners = _to_base(thing.corners, pose) - [mount.x_m, mount.y_m]
+    bearings = np.arctan2(corners[:, 1], corners[:, 0])
+    middle = 0.5 * (bearings.min() + bearings.max())
+    ray = np.array([[math.cos(middle), math.sin(middle)]])
+    sides = np.hstack([corners, np.roll(corners, -1, axis=0)])
+    (distance,) = _first_met(sides, 0.0, 0.0, ray)
+    return mount.x_m + distance * ray[0, 0], mount.y_m + distance * ray[0, 1]
 
 
 def _visible_foot(thing: Thing, pose: tuple[float, float, float], mount: CameraMount) -> np.ndarray:

@@ -16,7 +16,6 @@ from firmware_sim.world import World, load_world
 from robotctl.app.config import RobotConfig
 from robotctl.app.score import CameraReport, StampedPose, TruthMatcher
 from robotctl.app.sim_options import SimOptions, SimulatorError, simulation_overrides
-from robotctl.model.se2 import SE2
 from robotctl.runtime.estimation_messages import CameraView
 
 _REACH_M: Final = 2.0
@@ -26,7 +25,6 @@ _WHOLE: Final = 0.95
 _SAME_M: Final = 0.15
 """A thing is found where one is reported so near to its foot; nothing stands where a ray goes on
 for so much farther [m]."""
-_ALIKE_M: Final = 1e-6
 _NEAR_M, _FAR_M = 0.5, 3.0
 """Ranges are judged between these [m]."""
 
@@ -90,34 +88,16 @@ class CameraScore:
         for thing in sightings(self._world, pose, self._intrinsics, self._mount):
             if thing.kind != "obstacle" or self._distance_m(thing) > _REACH_M:
                 continue
-            foot = self._foot(thing, pose)
+            foot = (thing.front_x_m, thing.front_y_m)
             offsets = [math.dist(foot, (seen.x_m, seen.y_m)) for seen in view.obstacles]
             nearest = min(offsets, default=math.inf)
-            if nearest <= _SAME_M:
-                self._wanted += 1
-                self._offsets_m.append(nearest)
-            elif thing.seen >= _WHOLE:
-                self._wanted += 1
+            found = nearest <= _SAME_M
+            self._wanted += found or thing.seen >= _WHOLE
+            self._offsets_m += [nearest] if found else []
         if view.obstacles:
             at = np.array([(seen.x_m - view.x_m, seen.y_m - view.y_m) for seen in view.obstacles])
             goes_m = true_ranges(self._world, pose, self._mount, np.arctan2(at[:, 1], at[:, 0]))
             self._false += int(np.sum(goes_m > np.hypot(at[:, 0], at[:, 1]) + _SAME_M))
-
-    def _foot(self, sighting: Sighting, pose: tuple[float, float, float]) -> tuple[float, float]:
-        """Return the foot of a thing halfway between its left and right end, in base [m]."""
-        mount, base = self._mount, SE2(*pose).inverse()
-        (thing,) = (
-            each
-            for each in self._world.things
-            if each.name == sighting.name
-            and math.dist(base.apply(*each.corners.mean(axis=0)), (sighting.x_m, sighting.y_m))
-            < _ALIKE_M
-        )
-        corners = np.array([base.apply(*corner) for corner in thing.corners.tolist()])
-        bearings = np.arctan2(corners[:, 1] - mount.y_m, corners[:, 0] - mount.x_m)
-        middle = 0.5 * (bearings.min() + bearings.max())
-        (range_m,) = true_ranges(self._world, pose, mount, np.array([middle]))
-        return mount.x_m + range_m * math.cos(middle), mount.y_m + range_m * math.sin(middle)
 
     def _distance_m(self, thing: Sighting) -> float:
         """Return how far a thing is from below the camera [m]."""

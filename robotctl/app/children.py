@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import os
+import queue
 import signal
 import subprocess
+import threading
+import time
+from collections.abc import Callable
 from typing import Any
 
 _PR_SET_PDEATHSIG = 1
+_POLL_S = 0.05
 _libc = ctypes.CDLL(None)
 
 
@@ -41,3 +46,41 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
         preexec_fn=prepare,  # noqa: PLW1509 - nothing but a few system calls
         **options,
     )
+
+
+def lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:
+    """Return the lines that a process will print, None at their end; its pipe never fills up."""
+    lines: queue.Queue[str | None] = queue.Queue()
+
+    def read() -> None:
+        if process.stdout is not None:
+            for line in process.stdout:
+                lines.put(line)
+        lines.put(None)
+
+    threading.Thread(target=read, daemon=True).start()
+    return lines
+
+
+def said_ready(lines: queue.Queue[str | None], seconds: float, stopped: Callable[[], bool]) -> bool:
+    """Wait for the line `ready`.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where the wait was ended.
+    """
+    deadline_s = time.monotonic() + seconds
+    while True:
+        if stopped():
+            raise KeyboardInterrupt
+        try:
+            line = lines.get(timeout=_POLL_S)
+        except queue.Empty:
+            if time.monotonic() > deadline_s:
+                return False
+            continue
+        if line is None:
+            return False
+        if line.startswith("ready"):
+            return True

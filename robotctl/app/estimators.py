@@ -167,23 +167,19 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     """
     settings = config.localisation
     history = OdometryHistory()
-    localiser = mapper = None
-    if settings.method != "none":
+    localiser: Localiser | None = None
+    mapper = None
+    if settings.method == "ekf":
+        localiser = _ekf(config, load_localisation_map(settings.map, beside), start)
+    elif settings.method == "mcl":
         chart = load_localisation_map(settings.map, beside)
-        make = _ekf if settings.method == "ekf" else _mcl
-        localiser = make(config, chart, start, history, beside)
+        localiser = _mcl(config, chart, start, history, beside)
     if settings.mapping:
         mapper = _mapper(config, history)
     return Estimators(localiser, mapper, history, settings.sonar.max_range_m)
 
 
-def _ekf(
-    config: RobotConfig,
-    chart: LocalisationMap,
-    start: SE2,
-    _history: OdometryHistory,
-    _beside: Path,
-) -> EkfLocaliser:
+def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocaliser:
     """Return the EKF of a robot."""
     settings = config.localisation
     if chart.walls is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
@@ -23,6 +24,8 @@ SONAR: Final = "sonar"
 
 _SCAN: Final = RangeScan(0, np.linspace(-1.0, 1.0, 21), np.full(21, 2.0), 10.0)
 """Of no meaning, for rehearsals."""
+_VAGUE_M: Final = 0.5
+"""Ranges of a camera are seldom less sure [m]."""
 
 
 class MapSensors:
@@ -69,7 +72,9 @@ class MapSensors:
         """Return a measurement of no meaning by each sensor, to compile what it takes."""
         measurements = [self.scan(_SCAN)]
         if camera:
-            measurements.append(self.view(_SCAN))
+            # Vague ranges, so that the fields for them are made now.
+            sigmas = np.full(len(_SCAN.ranges_m), _VAGUE_M)
+            measurements.append(self.view(replace(_SCAN, sigmas_m=sigmas)))
         if self._count:
             measurements.append(self._sonars.measurement(np.full(self._count, 1.5)))
         return measurements

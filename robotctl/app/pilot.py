@@ -86,7 +86,7 @@ class Pilot:
         )
         self.period_ns = round(1e9 / config.navigation.rate_hz)
         self._odometry = OdometryHistory()
-        self._floor: FloorMemory | None = None
+        self._floor = FloorMemory()
 
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
@@ -150,13 +150,12 @@ class Pilot:
         odometry = SE2(control.x_m, control.y_m, control.theta_rad)
         self._odometry.add(control.stamp_ns, odometry)
         if control.state not in POWERED:
-            self._floor = None
+            self._floor.reset()
         for view in views:
             seen_from = self._odometry.at(view.stamp_ns)
             if seen_from is not None:
-                self._floor = self._floor or FloorMemory()
                 self._floor.see(seen_from, _floor_view(view))
-        return [] if self._floor is None else self._floor.around(odometry)
+        return self._floor.around(odometry)
 
 
 def _floor_view(view: CameraView) -> FloorView:

@@ -8,7 +8,6 @@ import queue
 import shutil
 import subprocess
 import sys
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -19,7 +18,7 @@ import msgspec
 import zmq
 
 from robotctl.app.camera_score import camera_score
-from robotctl.app.children import start_child
+from robotctl.app.children import lines_of, said_ready, start_child
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
@@ -231,8 +230,8 @@ class SimRun:
         if options.faults is not None:
             command += ["--faults", str(options.faults)]
         self._firmware = start_child(command, stdout=subprocess.PIPE, text=True)
-        self._said = _lines_of(self._firmware)
-        if not _said_ready(self._said, _READY_S, self._stopped):
+        self._said = lines_of(self._firmware)
+        if not said_ready(self._said, _READY_S, self._stopped):
             self._firmware.kill()
             status = self._firmware.wait()
             raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
@@ -376,43 +375,3 @@ class SimRun:
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,
         )
-
-
-def _lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:
-    """Return the lines that a process will print, None at their end; its pipe never fills up."""
-    lines: queue.Queue[str | None] = queue.Queue()
-
-    def read() -> None:
-        if process.stdout is not None:
-            for line in process.stdout:
-                lines.put(line)
-        lines.put(None)
-
-    threading.Thread(target=read, daemon=True).start()
-    return lines
-
-
-def _said_ready(
-    lines: queue.Queue[str | None], seconds: float, stopped: Callable[[], bool]
-) -> bool:
-    """Wait for the line `ready`.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Where the wait was ended.
-    """
-    deadline_s = time.monotonic() + seconds
-    while True:
-        if stopped():
-            raise KeyboardInterrupt
-        try:
-            line = lines.get(timeout=_POLL_S)
-        except queue.Empty:
-            if time.monotonic() > deadline_s:
-                return False
-            continue
-        if line is None:
-            return False
-        if line.startswith("ready"):
-            return True

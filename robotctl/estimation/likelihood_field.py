@@ -60,13 +60,9 @@ class LikelihoodField:
 
     def __init__(self, grid: GridMap, config: LikelihoodFieldConfig | None = None) -> None:
         self.config = config or LikelihoodFieldConfig()
-        occupied = grid.occupied()
-        if not occupied.any():
+        if not grid.occupied().any():
             raise ValueError("the map has no obstacle: no cell is occupied with 50 % or more")
-        distance_m = ndimage.distance_transform_edt(~occupied) * grid.resolution_m
-        # A border of one cell takes all that lies outside.
-        self._distance_m = np.pad(distance_m.astype(np.float32), 1, constant_values=np.inf)
-        self._log_fields = self._log(self._distance_m, 1.0)[None]
+        self._log_fields = self._log(_distances(grid), 1.0)[None]
         self._grid = grid
         origin = grid.origin
         self._map_from_world = np.array(
@@ -140,7 +136,8 @@ class LikelihoodField:
         """Make the fields up to a level, if they are not there."""
         there = len(self._log_fields)
         if level >= there:
-            more = [self._log(self._distance_m, 2.0 ** (0.5 * k)) for k in range(there, level + 1)]
+            distance_m = _distances(self._grid)
+            more = [self._log(distance_m, 2.0 ** (0.5 * k)) for k in range(there, level + 1)]
             self._log_fields = np.concatenate([self._log_fields, np.stack(more)])
 
     def _summed(self, poses: NDArray[np.float64], beams: _Beams) -> NDArray[np.float64]:
@@ -169,6 +166,15 @@ class LikelihoodField:
         )
         kept = self.config.skipping.kept(agreeing / len(few))
         return _Beams(np.ascontiguousarray(beams.points[:, kept]), beams.levels[kept])
+
+
+def _distances(grid: GridMap) -> NDArray[np.float32]:
+    """Return how far each cell is from the nearest obstacle [m].
+
+    A border of one cell takes all that lies outside.
+    """
+    distance_m = ndimage.distance_transform_edt(~grid.occupied()) * grid.resolution_m
+    return np.pad(distance_m.astype(np.float32), 1, constant_values=np.inf)
 
 
 class _Beams(NamedTuple):
