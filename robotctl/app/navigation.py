@@ -101,7 +101,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             notes += (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)
     estimators = load_estimators(config, options)
     place = None if estimators is None else Place(estimators, publisher)
-    sensors = Subscriber[_Heard](context, (endpoints.lidar, endpoints.camera), _Heard)
+    heard = [endpoints.lidar] if place is not None else []
+    heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
+    sensors = Subscriber[_Heard](context, tuple(heard), _Heard)
     control: ControlState | None = None
     localisation: LocalisationState | None = None
     deadline_ns = clock.now_ns()
