@@ -31,7 +31,8 @@ INTERFACE = "vcan0"
 DRIVERS = ("tests/vcan", "tests/drivers/test_can_port_contract.py")
 HIL = tuple(sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("hil_tests/test_*.py")))
 LONG = tuple(
-    f"hil_tests/test_{name}.py" for name in ("8_mission", "9_host_faults", "12_robot_faults")
+    f"hil_tests/test_{name}.py"
+    for name in ("8_mission", "11_emergency_stop_faults", "12_robot_faults")
 )
 """As long as all other HIL tests together, in a guest."""
 
