@@ -81,15 +81,20 @@ def true_ranges(
 def _first_met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.ndarray:
     """Return the distance from a point to the first of the sides along each ray, (n,) [m]."""
     nearest = np.full(len(ray), np.inf)
-    for ax, ay, bx, by in sides:
-        ex, ey = bx - ax, by - ay
-        across = ray[:, 0] * ey - ray[:, 1] * ex
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = ((ax - x) * ey - (ay - y) * ex) / across
-            along = ((ax - x) * ray[:, 1] - (ay - y) * ray[:, 0]) / across
-        hit = (distance > 0.0) & (along >= 0.0) & (along <= 1.0)
-        nearest = np.where(hit & (distance < nearest), distance, nearest)
+    for side in sides:
+        nearest = np.minimum(nearest, _met(side, x, y, ray))
     return nearest
+
+
+def _met(side: np.ndarray, x: float, y: float, way: np.ndarray) -> np.ndarray:
+    """Return at how many of its lengths each way from a point meets a side, (n,); inf: never."""
+    ax, ay, bx, by = side
+    ex, ey = bx - ax, by - ay
+    across = way[:, 0] * ey - way[:, 1] * ex
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lengths = ((ax - x) * ey - (ay - y) * ex) / across
+        along = ((ax - x) * way[:, 1] - (ay - y) * way[:, 0]) / across
+    return np.where((lengths > 0.0) & (along >= 0.0) & (along <= 1.0), lengths, np.inf)
 
 
 def project(points_base: np.ndarray, intrinsics: Intrinsics, mount: CameraMount) -> np.ndarray:
@@ -174,8 +179,10 @@ def _front(
 ) -> tuple[float, float]:
     """Return the point of a foot halfway in bearing between its ends, in base [m]."""
     corners = _to_base(thing.corners, pose) - [mount.x_m, mount.y_m]
-    bearings = np.arctan2(corners[:, 1], corners[:, 0])
-    middle = 0.5 * (bearings.min() + bearings.max())
+    # Bearings about that of the centre, from which no corner is as far as half a turn.
+    x, y = corners.mean(axis=0)
+    aside = np.arctan2(x * corners[:, 1] - y * corners[:, 0], corners @ [x, y])
+    middle = math.atan2(y, x) + 0.5 * (aside.min() + aside.max())
     ray = np.array([[math.cos(middle), math.sin(middle)]])
     sides = np.hstack([corners, np.roll(corners, -1, axis=0)])
     (distance,) = _first_met(sides, 0.0, 0.0, ray)
@@ -218,19 +225,14 @@ def _hidden(
     mount: CameraMount,
 ) -> np.ndarray:
     """Whether something else stands between the camera and each point of a foot, (n,)."""
-    place = np.array(_camera_place(pose, mount))
-    way = foot - place
+    place = _camera_place(pose, mount)
+    way = foot - np.array(place)
     hidden = np.zeros(len(foot), dtype=bool)
     for other in world.things:
         if other is thing:
             continue
-        for ax, ay, bx, by in other.sides():
-            ex, ey = bx - ax, by - ay
-            across = way[:, 0] * ey - way[:, 1] * ex
-            with np.errstate(divide="ignore", invalid="ignore"):
-                t = ((ax - place[0]) * ey - (ay - place[1]) * ex) / across
-                u = ((ax - place[0]) * way[:, 1] - (ay - place[1]) * way[:, 0]) / across
-            meets = (t > 0.0) & (t < 1.0 - 1.0e-6) & (u >= 0.0) & (u <= 1.0)
+        for side in other.sides():
+            t = _met(side, *place, way)
             # The line of sight has come down to z_m (1 - t) where it meets the side.
-            hidden |= meets & (mount.z_m * (1.0 - t) <= other.height_m)
+            hidden |= (t < 1.0 - 1.0e-6) & (mount.z_m * (1.0 - t) <= other.height_m)
     return hidden

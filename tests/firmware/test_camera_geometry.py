@@ -297,6 +297,32 @@ def test_what_is_said_to_be_in_the_picture_is_in_it() -> None:
     assert checked >= 6
 
 
+def test_a_camera_that_looks_backward_has_the_truth_of_one_that_looks_ahead() -> None:
+    world = load_world(CONFIGS / "worlds" / "clutter.toml")
+    ahead = CameraMount(0.12, 0.03, 0.3, yaw_deg=0.0, pitch_deg=25.0)
+    backward = CameraMount(-0.12, -0.03, 0.3, yaw_deg=180.0, pitch_deg=25.0)
+    checked = 0
+    for x, y, theta in [(0.8, 2.5, 0.0), (1.2, 1.4, 0.6), (4.8, 2.4, 2.9), (3.0, 2.2, -1.2)]:
+        seen = sightings(world, (x, y, theta), LENS, ahead)
+        turned = sightings(world, (x, y, theta + math.pi), LENS, backward)
+        assert [each.name for each in turned] == [each.name for each in seen]
+        for one, other in zip(seen, turned, strict=True):
+            for what in ("x_m", "y_m", "near_x_m", "near_y_m", "front_x_m", "front_y_m"):
+                assert getattr(other, what) == pytest.approx(-getattr(one, what), abs=1e-9), what
+            assert (other.height_m, other.seen) == (one.height_m, one.seen)
+            checked += 1
+    assert checked >= 10
+
+
+def test_the_front_of_a_foot_is_where_a_ray_halfway_between_its_ends_meets_it(
+    tmp_path: Path,
+) -> None:
+    world = room(tmp_path, "[[box]]\ncentre = [-2.0, 0.0]\nsize = [1.0, 1.0]\nheight_m = 0.2\n")
+    mount = CameraMount(0.0, 0.0, 0.3, yaw_deg=180.0, pitch_deg=15.0)
+    (seen,) = sightings(world, (0.0, 0.0, 0.0), LENS, mount)
+    assert (seen.front_x_m, seen.front_y_m) == pytest.approx((-1.5, 0.0))
+
+
 def test_a_camera_that_cannot_be_is_refused_by_name() -> None:
     world = load_world(CONFIGS / "worlds" / "clutter.toml")
     with pytest.raises(SimulationError, match="diff_drive: camera: z_error_m: puts the camera at"):
