@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import msgspec
@@ -40,6 +42,55 @@ def picture(config, horizon_row=None, seed=0):
     if horizon_row is not None:
         image[:horizon_row] = (40, 40, 200)
     return image
+
+
+COMPILED_LATE = """
+import sys
+import numpy as np
+from numba.core.registry import CPUDispatcher
+from robotctl.app import ground_watch
+from robotctl.app.config import find_file, load_robot
+
+def compiled():
+    return {
+        f"{name}.{key}": len(value.signatures)
+        for name, module in sys.modules.items()
+        if name.startswith("robotctl.estimation.camera")
+        for key, value in vars(module).items()
+        if isinstance(value, CPUDispatcher)
+    }
+
+if sys.argv[1] == "without":
+    ground_watch._rehearse = lambda: None
+config = load_robot(find_file("diff_drive"))
+watch = ground_watch.GroundWatch(config.camera, config.ground_camera)
+before = compiled()
+picture = np.random.default_rng(1).integers(110, 130, (480, 640, 3), dtype=np.uint8)
+picture[:100] = (90, 30, 30)
+picture[150:250, 250:350] = (30, 30, 200)
+view = watch.look(picture, 0)
+assert view.trouble == "" and len(view.obstacles) == 1, view
+print(*sorted(key for key, number in compiled().items() if number > before[key]))
+"""
+
+
+def compiled_by_a_picture(rehearsal: str) -> set[str]:
+    """Names of the kernels that a process has to compile when its first picture has come."""
+    run = subprocess.run(
+        [sys.executable, "-c", COMPILED_LATE, rehearsal],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return {name.rpartition(".")[2] for name in run.stdout.split()}
+
+
+def test_nothing_is_compiled_when_the_first_picture_comes():
+    assert compiled_by_a_picture("with") == set()
+    # So many would be; other kernels call the rest.
+    assert {"_evidence", "_first_cells", "_refine", "_beams", "_goes_on_behind"} <= (
+        compiled_by_a_picture("without")
+    )
 
 
 def test_a_view_survives_the_way_to_another_process(config, watch):
