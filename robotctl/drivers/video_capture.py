@@ -81,17 +81,18 @@ class VideoFile:
     def read(self) -> CameraFrame | None:
         """Return the picture whose time has come, if it was not yet read; None if none."""
         due = int((self._clock.now_ns() - self._begin_ns) * self._rate_hz / 1e9)
-        if due < self._next:
-            return None
-        while self._next < due and self._capture.grab():
+        newest = None
+        while self._next <= due:
+            found, image = self._capture.read()
+            if not found:
+                break
+            newest = image
             self._next += 1
-        found, image = self._capture.read()
-        if not found:
+        if newest is None:
             return None
-        number = self._next
-        self._next += 1
+        number = self._next - 1
         stamp_ns = self._begin_ns + round(number / self._rate_hz * 1e9)
-        return CameraFrame(stamp_ns, number, _pixels(image))
+        return CameraFrame(stamp_ns, number, _pixels(newest))
 
     def close(self) -> None:
         """Close the file."""
@@ -124,6 +125,7 @@ class LiveCamera:
         self._lock = threading.Lock()
         self._newest: CameraFrame | None = None
         self._lost = False
+        self._why = ""
         self._closing = False
         self._thread = threading.Thread(target=self._take, name=f"camera {source}", daemon=True)
         self._thread.start()
@@ -140,8 +142,8 @@ class LiveCamera:
             frame, self._newest = self._newest, None
         if frame is None and self._lost:
             raise LinkError(
-                f"camera {self._source}: gives no more pictures; look whether it is still plugged "
-                "in or its stream still there, then start again"
+                f"camera {self._source}: gives no more pictures{self._why}; look whether it is "
+                "still plugged in or its stream still there, then start again"
             )
         return frame
 
@@ -151,12 +153,20 @@ class LiveCamera:
         self._thread.join(_END_S)
 
     def _take(self) -> None:
-        """Take pictures until the end; the capture belongs to this thread."""
+        """Take pictures until the end, whatever it is; the capture belongs to this thread."""
+        try:
+            self._take_pictures()
+        except (cv2.error, ValueError) as error:
+            self._why = f" ({str(error).strip()})"
+        finally:
+            self._lost = not self._closing
+            self._capture.release()
+
+    def _take_pictures(self) -> None:
         number = 0
         while not self._closing:
             if not self._capture.grab():
-                self._lost = not self._closing
-                break
+                return
             arrived_ns = self._clock.now_ns()
             stamp_ns = _exposed_ns(self._capture.get(cv2.CAP_PROP_POS_MSEC), arrived_ns)
             found, image = self._capture.retrieve()
@@ -165,7 +175,6 @@ class LiveCamera:
                 with self._lock:
                     self._newest = frame
             number += 1
-        self._capture.release()
 
 
 def _opened(source: str) -> cv2.VideoCapture:

@@ -207,6 +207,17 @@ def test_who_reads_late_gets_the_newest_and_sees_the_gap(tmp_path):
     images.close()
 
 
+@pytest.mark.parametrize("video", [False, True])
+def test_who_reads_after_the_end_gets_the_last_picture_and_then_none(tmp_path, video):
+    images = Images(tmp_path, video=video)
+    images.clock.sleep_until(images.clock.now_ns() + 3 * len(VALUES) * PERIOD_NS)
+    frame = images.camera.read()
+    assert (shown(frame), frame.sequence) == (VALUES[-1], len(VALUES) - 1)
+    assert frame.stamp_ns == 5_000_000_000 + (len(VALUES) - 1) * PERIOD_NS
+    assert images.camera.read() is None
+    images.close()
+
+
 def test_a_stream_that_ends_is_an_error_that_says_so(tmp_path):
     stream = Stream(tmp_path)
     stream.show(VALUES[0])
@@ -291,10 +302,13 @@ class Device:
         }[key]
 
     def grab(self):
-        return self.wanted.get() is not None
+        self.image = self.wanted.get()
+        return self.image is not None
 
     def retrieve(self):
-        return True, picture(VALUES[0])
+        if isinstance(self.image, Exception):
+            raise self.image
+        return True, self.image
 
     def release(self):
         self.released.set()
@@ -312,7 +326,7 @@ def test_a_device_is_asked_for_its_size_and_its_own_stamp_is_taken(monkeypatch, 
         cv2.CAP_PROP_FPS: RATE_HZ,
     }
     assert camera.read() is None
-    device.wanted.put(True)
+    device.wanted.put(picture(VALUES[0]))
     deadline = time.monotonic() + DEADLINE_S
     while (frame := camera.read()) is None and time.monotonic() < deadline:
         time.sleep(0.001)
@@ -320,3 +334,22 @@ def test_a_device_is_asked_for_its_size_and_its_own_stamp_is_taken(monkeypatch, 
     device.wanted.put(None)
     camera.close()
     assert device.released.is_set()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (cv2.error("decoder: corrupt"), r"camera 3: gives no more pictures \(decoder: corrupt\)"),
+        (np.zeros((48, 64), dtype=np.uint8), r"gives no more pictures \(image must be"),
+        (None, "gives no more pictures; look"),
+    ],
+)
+def test_a_device_that_fails_is_told_and_let_go(monkeypatch, given, said):
+    device = Device(SIZE, VirtualClock(), 0.0)
+    monkeypatch.setattr(cv2, "VideoCapture", lambda _number: device)
+    camera = open_camera("3", SIZE, RATE_HZ, VirtualClock())
+    device.wanted.put(given)
+    assert device.released.wait(DEADLINE_S)
+    with pytest.raises(LinkError, match=said):
+        camera.read()
+    camera.close()
