@@ -114,17 +114,20 @@ class GroundCamera:
         pixels = self.strip.look(image_bgr)
         means, bins = colour.colour_bins(pixels, self.strip.edges, self.strip.halves)
         known = self._floor is not None
-        why = self._learn(bins, means)
-        if self._floor is None:
+        floor, why = self._look_of_floor(bins, means)
+        if floor is None:
             return self._blind(stamp_ns, why)
         above = colour.smoothed(colour.count(bins[self._above]))
-        if colour.overlap(self._floor, above) > _SAME_ABOVE:
-            # A wall fills the picture, or the floor has its colour: the first must not be learned.
-            self._floor = self._floor if known else None
+        if colour.overlap(floor, above) > _SAME_ABOVE:
+            # A wall fills the picture, or the floor has its colour: nothing is learned from it.
+            self._floor = floor if known else None
             return self._blind(
                 stamp_ns,
                 "what is above the horizon looks like the floor: they cannot be told apart",
             )
+        self._floor = floor
+        if known and not why and self._number % _LEARN_EVERY == 0:
+            self._adapt(bins, means)
         logs = colour.log_densities(self._floor, above, self._log_prior)
         evidence, walls = colour.evidence(logs, bins)
         judge_lights(evidence[: self._horizon], bins[: self._horizon], self._widths)
@@ -144,27 +147,35 @@ class GroundCamera:
         obstacles = find_obstacles(self.strip, boundary, ranges, evidence, walls, self._config)
         return GroundView(scan, () if why else obstacles, not why, why)
 
-    def _learn(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> str:
-        """Take the free patch into what is known of the floor; return why not, if not."""
+    def _look_of_floor(
+        self, bins: NDArray[np.int32], means: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32] | None, str]:
+        """Return the floor's density in a picture's exposure, and why that is not trusted.
+
+        None where it was not known and the free patch does not tell it.
+        """
         before, self._light = self._light, bins % colour.L_BINS
         self._number += 1
         if self._floor is None:
             verdict = judge_patch(bins, means, self._parts)
-            if not verdict.why:
-                self._floor = colour.smoothed(colour.count(verdict.bins))
-            return verdict.why
+            if verdict.why:
+                return None, verdict.why
+            return colour.smoothed(colour.count(verdict.bins)), ""
         patch = colour.smoothed(colour.count(bins[self._parts >= 0]))
+        floor = self._floor
         if before is not None:
-            self._floor = _exposed_alike(self._floor, patch, self._light - before)
-        if colour.overlap(self._floor, patch) < _FAMILIAR:
-            return "what is in front does not look like the floor seen so far"
-        if self._number % _LEARN_EVERY == 0:
-            verdict = judge_patch(bins, means, self._parts)
-            if not verdict.why:
-                new = colour.smoothed(colour.count(verdict.bins))
-                a = np.float32(self._config.adaption)
-                self._floor = (1 - a) * self._floor + a * new
-        return ""
+            floor = _exposed_alike(floor, patch, self._light - before)
+        if colour.overlap(floor, patch) < _FAMILIAR:
+            return floor, "what is in front does not look like the floor seen so far"
+        return floor, ""
+
+    def _adapt(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> None:
+        """Take some of the free patch into what is known of the floor."""
+        verdict = judge_patch(bins, means, self._parts)
+        if not verdict.why and self._floor is not None:
+            new = colour.smoothed(colour.count(verdict.bins))
+            a = np.float32(self._config.adaption)
+            self._floor = (1 - a) * self._floor + a * new
 
     def _blind(self, stamp_ns: int, why: str) -> GroundView:
         """Return a view that judges nothing."""

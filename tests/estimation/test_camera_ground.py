@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -130,6 +131,28 @@ def test_a_patch_that_is_all_wall_is_not_learned(fresh: GroundCamera) -> None:
     assert not np.any(np.isinf(view.scan.ranges_m))
     # As soon as there is floor in sight, that is learned.
     assert fresh.step(picture("speckled", False), 2).trusted
+
+
+def test_a_wall_of_the_colour_of_most_of_the_floor_is_not_learned() -> None:
+    # All of a picture is learned: the wall once, and the rest of the floor would be forgotten.
+    camera = GroundCamera(CAMERA, replace(CONFIG, adaption=1.0))
+    grey, brown = (0.35, 0.4, 0.45), (0.2, 0.3, 0.45)
+
+    def striped(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Each fifth board is brown."""
+        return np.where((np.floor(y / 0.06) % 5 == 0)[..., None], brown, speckled(grey)(x, y))
+
+    free = Scene((), striped, room(2.6, WALL)).picture(CAMERA)
+    wall = Scene((), striped, (Block(0.35, 0.0, 0.1, 4.0, 2.0, grey),), texture=0.2)
+    near = wall.picture(CAMERA)
+    first = camera.step(free, 0)
+    for k in range(9):
+        view = camera.step(near, 1 + k)
+        assert "above the horizon looks like the floor" in view.why
+        assert np.all(np.isnan(view.scan.ranges_m))
+    again = camera.step(free, 10)
+    assert again.trusted
+    assert np.array_equal(again.scan.ranges_m, first.scan.ranges_m, equal_nan=True)
 
 
 @pytest.mark.parametrize(("level", "message"), [(0, "too dark"), (255, "overexposed")])
