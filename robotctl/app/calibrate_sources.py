@@ -103,7 +103,7 @@ def runs_of_file(path: Path, model: OdometryModel) -> tuple[MeasuredRuns, tuple[
         log = path.parent / each.log
         if not log.exists():
             raise ConfigError(f"{path}: run.log: {log}: no such file or folder")
-        stamps_ns, wheels = wheels_of(read_recording(log), model)
+        stamps_ns, wheels = wheels_of(read_recording(log, with_sonars=False), model)
         runs.append(measured_run(each.name or each.log, stamps_ns, wheels, each, measured))
     return measured, tuple(runs)
 

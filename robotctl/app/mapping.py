@@ -115,7 +115,7 @@ def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = 
         If a file cannot be read or written.
     """
     grid = _empty_grid(options)
-    recording = read_recording(options.log)
+    recording = read_recording(options.log, with_sonars=False)
     scans = choose_scans(recording, options.scans)
     references = [scan.reference for scan in scans if scan.reference is not None]
     from_reference = len(references) == len(scans)

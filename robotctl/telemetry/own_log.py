@@ -2,17 +2,17 @@
 
 Odometry comes from the topic `control`, scans from the topic `lidar`, what the robot believed of
 its place from `localisation`. Where the sonars sit and what they heard is in `control-0001.rec`
-beside it; without that their ranges come from `control` too. The reference is `truth.tum` in the
-folder, where there is one (its times are those of the log). All of a folder is taken for one robot.
-JSON knows no infinity: a beam of the lidar without a range is inf there; a sonar without one has
-heard no echo if its time is new, since the time of one that failed or is not there stays. See
-docs/logs.md.
+beside it; without that their ranges come from `control` too (`own_sonars`). The reference is
+`truth.tum` in the folder, where there is one (its times are those of the log). All of a folder is
+taken for one robot. JSON knows no infinity: a beam of the lidar without a range is inf there; a
+sonar without one has heard no echo if its time is new, since the time of one that failed or is not
+there stays. See docs/logs.md.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
@@ -29,30 +29,15 @@ from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount, SonarReading, listening_ns
+from robotctl.model.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
-from robotctl.runtime.messages import SonarFeedback
-from robotctl.runtime.recorder import RecordError, Tick, read_record
-from robotctl.runtime.sonar_news import SonarNews
 from robotctl.telemetry.log_text import LogFormatError, in_order
 from robotctl.telemetry.mcap_log import whole_records
+from robotctl.telemetry.own_sonars import LoggedState, OwnSonars, own_sonars
 from robotctl.telemetry.tum import read_tum
 
 TRUTH: Final = "truth.tum"
 _LATE_NS: Final = 500_000_000
-_REACH_M: Final = 4.0
-"""So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
-
-
-class _Control(msgspec.Struct):
-    """What is needed of a `ControlState`."""
-
-    stamp_ns: int
-    x_m: float
-    y_m: float
-    theta_rad: float
-    sonar_m: list[float | None] = []
-    sonar_stamp_ns: list[int] = []
 
 
 class _Believed(msgspec.Struct):
@@ -62,12 +47,6 @@ class _Believed(msgspec.Struct):
     x_m: float
     y_m: float
     theta_rad: float
-
-
-class _Robot(msgspec.Struct):
-    """What is needed of a robot's configuration."""
-
-    sonar: tuple[SonarMount, ...] = ()
 
 
 class _Position(msgspec.Struct):
@@ -93,7 +72,7 @@ class _Lidar(msgspec.Struct):
 class _Content:
     """What the messages of the files hold, with the times of the log [ns]."""
 
-    control: list[tuple[int, _Control]] = field(default_factory=list)
+    control: list[tuple[int, LoggedState]] = field(default_factory=list)
     believed: list[tuple[int, _Believed]] = field(default_factory=list)
     lidar: list[tuple[int, _Lidar]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -110,13 +89,21 @@ def mcap_files(folder: Path) -> list[Path]:
     return sorted(folder.glob("robot-*.mcap"))
 
 
-def read_own(path: Path) -> Recording:
+def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
     """Read all logs of a folder, or one log.
+
+    Parameters
+    ----------
+    path
+        Folder or file.
+    with_sonars
+        Whether what the sonars heard is wanted; to read the records for it takes a while.
 
     Raises
     ------
     LogFormatError
-        If a file is no MCAP file, a message is not as ours are, or no control state is in them.
+        If a file is no MCAP file, a message is not as ours are, no control state is in them, or
+        they are of robots with different sonars.
     OSError
         If a file cannot be read.
     """
@@ -126,11 +113,8 @@ def read_own(path: Path) -> Recording:
         _take_in(file, content)
     if not content.control:
         raise LogFormatError(f"{path}: no message of the topic `control` in it")
-    odometry = Trajectory(
-        in_order(np.array([stamp_ns for stamp_ns, _ in content.control]))[0],
-        np.array([(state.x_m, state.y_m, state.theta_rad) for _, state in content.control]),
-    )
-    mounts, frames = _control_records(folder, content.notes)
+    odometry, in_time = _odometry(content)
+    sonars = own_sonars(_of_one_robot(in_time, path), folder) if with_sonars else OwnSonars()
     truth = folder / TRUTH
     reference = read_tum(truth) if truth.exists() else None
     return Recording(
@@ -139,9 +123,9 @@ def read_own(path: Path) -> Recording:
         odometry=odometry,
         reference=reference,
         believed=_believed(content.believed, odometry),
-        sonars=tuple(_sonars(content.control, odometry, frames)),
-        sonar_mounts=mounts,
-        notes=tuple(content.notes),
+        sonars=tuple(_while_logged(sonars.readings, odometry)),
+        sonar_mounts=sonars.mounts,
+        notes=(*content.notes, *sonars.notes),
     )
 
 
@@ -149,7 +133,7 @@ def _take_in(file: Path, content: _Content) -> None:
     """Take in the messages of one file."""
     if not is_mcap(file):
         raise LogFormatError(f"{file}: not an MCAP file")
-    control, lidar = msgspec.json.Decoder(_Control), msgspec.json.Decoder(_Lidar)
+    control, lidar = msgspec.json.Decoder(LoggedState), msgspec.json.Decoder(_Lidar)
     believed = msgspec.json.Decoder(_Believed)
     for topic, message in _messages(file, content.notes):
         try:
@@ -178,26 +162,33 @@ def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
                 yield topics[record.channel_id], record
 
 
-def _control_records(
-    folder: Path, notes: list[str]
-) -> tuple[tuple[SonarMount, ...], list[SonarFeedback]]:
-    """Return where the sonars sit and all that came from them, by the records of the control loop.
+def _odometry(content: _Content) -> tuple[Trajectory, list[tuple[int, LoggedState]]]:
+    """Return where the odometry was, and the states whose times do not go back."""
+    stamps_ns, moved = in_order(np.array([log_ns for log_ns, _ in content.control]))
+    if moved:
+        content.notes.append(
+            f"the times of {moved} of {len(stamps_ns)} control states go back, held: a clock was "
+            "set, or the folder has several runs; what their sonars heard is left out"
+        )
+    rows = [(state.x_m, state.y_m, state.theta_rad) for _, state in content.control]
+    in_time = [
+        each for each, stamp_ns in zip(content.control, stamps_ns, strict=True)
+        if each[0] == stamp_ns
+    ]  # fmt: skip
+    return Trajectory(stamps_ns, np.array(rows)), in_time
 
-    Both are empty where there is no such record.
-    """
-    mounts: tuple[SonarMount, ...] = ()
-    frames: list[SonarFeedback] = []
-    for path in sorted(folder.glob("control-*.rec")):
-        try:
-            with path.open("rb") as file:
-                header, entries = read_record(file, str(path))
-                mounts = msgspec.json.decode(header.robot_json, type=_Robot).sonar
-                for entry in entries:
-                    if isinstance(entry, Tick):
-                        frames += entry.inputs.feedback.sonars
-        except (RecordError, msgspec.DecodeError) as error:
-            notes.append(f"the record of the control loop is not read: {error}")
-    return mounts, frames
+
+def _of_one_robot(
+    states: Sequence[tuple[int, LoggedState]], path: Path
+) -> Sequence[tuple[int, LoggedState]]:
+    """Return the states if all have as many sonars."""
+    counts = sorted({len(state.sonar_m) for _, state in states})
+    if len(counts) > 1:
+        raise LogFormatError(
+            f"{path}: topic control: states with {' and '.join(map(str, counts))} sonars, of "
+            "different robots; read the logs of each by themselves"
+        )
+    return states
 
 
 def _believed(states: Sequence[tuple[int, _Believed]], odometry: Trajectory) -> Trajectory | None:
@@ -211,45 +202,15 @@ def _believed(states: Sequence[tuple[int, _Believed]], odometry: Trajectory) -> 
     return Trajectory.of(poses, poses.values()) if poses else None
 
 
-def _sonars(
-    control: Sequence[tuple[int, _Control]],
-    odometry: Trajectory,
-    frames: Sequence[SonarFeedback],
+def _while_logged(
+    readings: Iterable[SonarReading], odometry: Trajectory
 ) -> Iterator[RecordedSonar]:
-    """Yield the readings with the times of the log.
-
-    States repeat the last range of each sonar and may miss one that was soon followed by another,
-    a missing echo most of all, which comes late. So the frames count where they were recorded.
-    """
+    """Yield the readings of the time of the log, with the odometry of then."""
     begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
-    epoch_ns = control[0][0] - control[0][1].stamp_ns
-    for sent_ns, heard in _of_frames(control, frames) if frames else _of_states(control):
-        stamp_ns = sent_ns + epoch_ns
-        if begin_ns - _LATE_NS <= stamp_ns <= end_ns + _LATE_NS:
-            stamp_ns = min(max(stamp_ns, begin_ns), end_ns)
+    for sent_ns, heard in readings:
+        if begin_ns - _LATE_NS <= sent_ns <= end_ns + _LATE_NS:
+            stamp_ns = min(max(sent_ns, begin_ns), end_ns)
             yield RecordedSonar(SonarReading(stamp_ns, heard), odometry.at(stamp_ns) or SE2())
-
-
-def _of_states(control: Sequence[tuple[int, _Control]]) -> Iterator[SonarReading]:
-    """Yield what is new in each state, with the robot's times."""
-    news = SonarNews(_REACH_M)
-    for _, state in control:
-        ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
-        yield from news.take(state.stamp_ns, state.sonar_stamp_ns, ranges_m)
-
-
-def _of_frames(
-    control: Sequence[tuple[int, _Control]], frames: Sequence[SonarFeedback]
-) -> Iterator[SonarReading]:
-    """Yield the ranges of each frame, with the robot's times."""
-    count = len(control[0][1].sonar_m)
-    for frame in frames:
-        heard = [math.nan] * count
-        own = frame.ranges_m[: max(count - frame.first, 0)]
-        heard[frame.first : frame.first + len(own)] = own
-        if not all(map(math.isnan, heard)):
-            sent_ns = frame.stamp_ns - listening_ns(heard, _REACH_M)
-            yield SonarReading(sent_ns, tuple(heard))
 
 
 def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:

@@ -22,7 +22,9 @@ KINDS: Final = (
 """What is read, for messages."""
 
 
-def read_recording(path: Path, mrclam_robot: int | None = None) -> Recording:
+def read_recording(
+    path: Path, mrclam_robot: int | None = None, *, with_sonars: bool = True
+) -> Recording:
     """Read a recorded drive of any kind.
 
     Parameters
@@ -31,6 +33,8 @@ def read_recording(path: Path, mrclam_robot: int | None = None) -> Recording:
         A file, plain or gzip, or a folder.
     mrclam_robot
         Which robot of a MRCLAM folder; by default the one whose file `path` is, else robot 1.
+    with_sonars
+        Whether what the sonars heard is wanted, which in a recording of ours takes a while to read.
 
     Raises
     ------
@@ -43,9 +47,9 @@ def read_recording(path: Path, mrclam_robot: int | None = None) -> Recording:
     if not path.exists():
         raise LogFormatError(f"{path}: no such file or folder{_near(path)}")
     if path.is_dir():
-        return _read_folder(path, mrclam_robot)
+        return _read_folder(path, mrclam_robot, with_sonars=with_sonars)
     if is_mcap(path):
-        return read_own(path)
+        return read_own(path, with_sonars=with_sonars)
     robot = robot_of(path)
     if robot is not None:
         return read_mrclam(path.parent, mrclam_robot or robot)
@@ -58,12 +62,12 @@ def read_recording(path: Path, mrclam_robot: int | None = None) -> Recording:
     raise LogFormatError(f"{path}: {found}; needed is {KINDS}")
 
 
-def _read_folder(folder: Path, mrclam_robot: int | None) -> Recording:
+def _read_folder(folder: Path, mrclam_robot: int | None, *, with_sonars: bool) -> Recording:
     """Read a folder, whose kind the names of its files tell."""
     if is_mrclam(folder):
         return read_mrclam(folder, mrclam_robot or 1)
     if mcap_files(folder):
-        return read_own(folder)
+        return read_own(folder, with_sonars=with_sonars)
     if is_lego(folder):
         return read_lego(folder)
     raise LogFormatError(

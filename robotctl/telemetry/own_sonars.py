@@ -1,0 +1,211 @@
+"""What the sonars heard in a recording of ours, by its states and the record of the control loop.
+
+States repeat the last range of each sonar and may miss one that was soon followed by another, a
+missing echo most of all, which comes late. The records `control-0001.rec` beside the log have every
+frame, so these count, and the states where no frame was recorded.
+
+Both know the robot's times, to which a log adds an epoch that each start of the recorder reads
+anew; after a boot the robot's times begin again. A record does not say to which epoch it belongs,
+so where a log has several the states alone count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from operator import attrgetter
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import msgspec
+
+from robotctl.model.sonar import SonarMount, SonarReading, listening_ns
+from robotctl.runtime.messages import SonarFeedback
+from robotctl.runtime.recorder import RecordError, Tick, read_record
+from robotctl.runtime.sonar_news import SonarNews
+
+_REACH_M: Final = 4.0
+"""So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
+
+_Heard: TypeAlias = Mapping[tuple[int, int], float]
+"""Range of a sonar [m] by the time when it came [ns] and the sonar's index."""
+
+
+class LoggedState(msgspec.Struct):
+    """What is needed of a `ControlState`."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+    sonar_m: list[float | None] = []
+    sonar_stamp_ns: list[int] = []
+
+
+class _Robot(msgspec.Struct):
+    """What is needed of a robot's configuration."""
+
+    sonar: tuple[SonarMount, ...] = ()
+
+
+@dataclass(slots=True)
+class OwnSonars:
+    """What the sonars heard, and where they sit.
+
+    Parameters
+    ----------
+    readings
+        With the times of the log, in their order.
+    mounts
+        Empty where no record says it.
+    notes
+        Sentences for people.
+    """
+
+    readings: list[SonarReading] = field(default_factory=list)
+    mounts: tuple[SonarMount, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+
+def own_sonars(states: Sequence[tuple[int, LoggedState]], folder: Path) -> OwnSonars:
+    """Return what the sonars heard while the states were logged.
+
+    Parameters
+    ----------
+    states
+        With the times of the log [ns], in their order; of one robot.
+    folder
+        Where the records are.
+
+    Raises
+    ------
+    OSError
+        If a record cannot be read.
+    """
+    found = OwnSonars()
+    epochs = _epochs(states)
+    paths = sorted(folder.glob("control-*.rec"))
+    if len(epochs) > 1 and paths:
+        found.notes.append(
+            f"the log has {len(epochs)} epochs, after boots or restarts of the recorder: sonar "
+            "ranges are those of the states; read its files one by one to get those of the records"
+        )
+    told = _told(state for _, state in states)
+    frames: dict[tuple[int, int], SonarFeedback] = {}
+    for path in paths:
+        record = _record(path, found.notes, with_frames=len(epochs) == 1)
+        if record is None:
+            continue
+        mounts, recorded = record
+        heard = _heard(recorded)
+        if _contradicts(heard, told) or (told and len(mounts) != len(states[0][1].sonar_m)):
+            found.notes.append(f"{path}: a record of another run, not used")
+            continue
+        found.mounts = mounts
+        # A recorder that tries again after a full disk repeats some frames.
+        frames |= {(frame.stamp_ns, frame.first): frame for frame in recorded}
+    of_records = _heard(frames.values())
+    for epoch in epochs:
+        found.readings += _of_states(epoch, of_records)
+    if frames:
+        count = len(states[0][1].sonar_m)
+        offset_ns = states[0][0] - states[0][1].stamp_ns
+        found.readings += _of_frames(frames.values(), count, offset_ns)
+    found.readings.sort(key=attrgetter("stamp_ns"))
+    return found
+
+
+def _epochs(states: Sequence[tuple[int, LoggedState]]) -> list[list[tuple[int, LoggedState]]]:
+    """Return the stretches of states over which the robot's times go on, as those of the log do."""
+    epochs: list[list[tuple[int, LoggedState]]] = []
+    before: tuple[int, int] | None = None
+    for log_ns, state in states:
+        offset_ns = log_ns - state.stamp_ns
+        if before is None or before[0] != offset_ns or before[1] > state.stamp_ns:
+            epochs.append([])
+        epochs[-1].append((log_ns, state))
+        before = offset_ns, state.stamp_ns
+    return epochs
+
+
+def _record(
+    path: Path, notes: list[str], *, with_frames: bool
+) -> tuple[tuple[SonarMount, ...], list[SonarFeedback]] | None:
+    """Return where the sonars sit by a record, and its frames up to its end or damage."""
+    frames: list[SonarFeedback] = []
+    with path.open("rb") as file:
+        try:
+            header, entries = read_record(file, str(path))
+            mounts = msgspec.json.decode(header.robot_json, type=_Robot).sonar
+        except (RecordError, msgspec.DecodeError) as error:
+            notes.append(
+                f"the record of the control loop is not read: {error}; sonar ranges are those of "
+                "the states"
+            )
+            return None
+        try:
+            for entry in entries if with_frames else ():
+                if isinstance(entry, Tick):
+                    frames += entry.inputs.feedback.sonars
+        except RecordError as error:
+            notes.append(f"{error}; from there on sonar ranges are those of the states")
+    return mounts, frames
+
+
+def _told(states: Iterable[LoggedState]) -> _Heard:
+    """Return what states say that was heard."""
+    return {
+        (stamp_ns, index): math.inf if range_m is None else range_m
+        for state in states
+        for index, (stamp_ns, range_m) in enumerate(
+            zip(state.sonar_stamp_ns, state.sonar_m, strict=True)
+        )
+        if stamp_ns > 0
+    }
+
+
+def _heard(frames: Iterable[SonarFeedback]) -> _Heard:
+    """Return what frames say that was heard."""
+    return {
+        (frame.stamp_ns, index): range_m
+        for frame in frames
+        for index, range_m in enumerate(frame.ranges_m, frame.first)
+    }
+
+
+def _contradicts(recorded: _Heard, told: _Heard) -> bool:
+    """Whether a record lacks most of what the states of its time tell: it is of another run."""
+    if not recorded:
+        return False
+    begin_ns, end_ns = min(recorded)[0], max(recorded)[0]
+    same = [recorded.get(key) == m for key, m in told.items() if begin_ns <= key[0] <= end_ns]
+    return 2 * sum(same) < len(same)
+
+
+def _of_states(
+    epoch: Sequence[tuple[int, LoggedState]], recorded: _Heard
+) -> Iterator[SonarReading]:
+    """Yield what is new in each state and in no record."""
+    news = SonarNews(_REACH_M)
+    for log_ns, state in epoch:
+        ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
+        stamps_ns = [
+            0 if (stamp_ns, index) in recorded else stamp_ns
+            for index, stamp_ns in enumerate(state.sonar_stamp_ns)
+        ]
+        for sent_ns, heard in news.take(state.stamp_ns, stamps_ns, ranges_m):
+            yield SonarReading(sent_ns + log_ns - state.stamp_ns, heard)
+
+
+def _of_frames(
+    frames: Iterable[SonarFeedback], count: int, offset_ns: int
+) -> Iterator[SonarReading]:
+    """Yield the ranges of each frame, of `count` sonars."""
+    for frame in frames:
+        heard = [math.nan] * count
+        own = frame.ranges_m[: max(count - frame.first, 0)]
+        heard[frame.first : frame.first + len(own)] = own
+        if not all(map(math.isnan, heard)):
+            sent_ns = frame.stamp_ns - listening_ns(heard, _REACH_M)
+            yield SonarReading(sent_ns + offset_ns, tuple(heard))
