@@ -86,7 +86,7 @@ class CameraParameters:
     exposure: Positive = 1.0
     ambient: Share = 0.45
     blur_px: Annotated[float, Field(strict=True, ge=0, le=0.7)] = 0.5
-    latency_ms: NotNegative = 30.0
+    latency_ms: Annotated[float, Field(strict=True, ge=0, le=1000)] = 30.0
 
     def true_intrinsics(self, nominal: Intrinsics) -> Intrinsics:
         """Return the intrinsics of the true camera."""

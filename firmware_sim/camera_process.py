@@ -1,30 +1,33 @@
 """Draws pictures in a process of its own, so that the simulator's loop never waits for one.
 
 The loop writes 40 bytes into a pipe for each exposure: number, time, pose. This process draws the
-newest of them and drops what it is too slow for, waits for the camera's latency and publishes.
-It ends when the pipe does.
+newest of them and drops what it is too slow for; each picture is published when the camera's
+latency is over. It ends when the pipe does, and has a process group of its own: a Ctrl-C is for the
+simulator alone.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
-import signal
+import select
 import struct
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
-from firmware_sim.truth import Publisher
+from firmware_sim.truth import Picture, Publisher
 
 _EXPOSURE = struct.Struct("<qqddd")
-_WAITING = 64
-"""Exposures read at once; more are not of interest."""
+_WAITING = 65_536 // _EXPOSURE.size
+"""Exposures read at once: all that a pipe can hold (pipe(7)), so that the last is the newest."""
 QUEUE_LIMIT = 4
 """Pictures kept for a slow subscriber."""
 _NICE = 5
@@ -48,7 +51,7 @@ class CameraProcess:
     def __init__(self, arguments: Sequence[str]) -> None:
         command = [sys.executable, "-m", "firmware_sim.camera_process", *arguments]
         self._child = subprocess.Popen(  # noqa: S603 - our own module
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=False
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, process_group=0
         )
         if self._child.stdin is None or self._child.stdout is None:
             raise AssertionError("both are pipes")
@@ -71,7 +74,7 @@ class CameraProcess:
         try:
             os.write(self._pipe.fileno(), _EXPOSURE.pack(sequence, stamp_ns, *pose))
         except BlockingIOError:
-            pass  # Hundreds are waiting: the process hangs, and needs no more of them.
+            pass  # A pipe full of them is waiting: the process hangs.
         except BrokenPipeError:
             if not self._lost:
                 self._lost = True
@@ -110,39 +113,48 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--seed", type=int, default=0)
     add("--camera", required=True)
     options = parser.parse_args(arguments)
-    # The simulator answers these; this process ends with its pipe.
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
     os.nice(_NICE)
     try:
         _serve(options)
     except SimulationError as error:
-        # The simulator passes it on.
-        sys.stdout.write(f"{error}\n")
+        _tell(str(error))
         return 2
     return 0
 
 
-def _serve(options: argparse.Namespace) -> None:
-    # They load numba, for which those who only ask for help need not wait.
-    from firmware_sim.camera import Camera  # noqa: PLC0415
-    from firmware_sim.world import load_world  # noqa: PLC0415
+def _tell(line: str) -> None:
+    """Write a line for the simulator; one that is gone needs none."""
+    with contextlib.suppress(BrokenPipeError):
+        os.write(sys.stdout.fileno(), f"{line}\n".encode())
 
-    overrides = dict(parse_override(text) for text in options.set)
-    robot = load_robot(options.robot, overrides)
-    world = load_world(options.world)
-    camera = Camera(robot, world, options.seed)
-    camera.look(*world.start)
-    latency_ns = round(camera.parameters.latency_ms * 1e6)
+
+def _serve(options: argparse.Namespace) -> None:
+    robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
+    latency_ns = round(robot.simulation.camera.latency_ms * 1e6)
     with Publisher(options.camera, QUEUE_LIMIT) as publisher:
-        sys.stdout.write(f"{_READY}\n")
-        sys.stdout.flush()
-        while (exposure := _newest()) is not None:
-            sequence, stamp_ns, pose = exposure
-            picture = camera.look(*pose, number=sequence).framed(stamp_ns, sequence)
-            early_ns = stamp_ns + latency_ns - time.monotonic_ns()
-            time.sleep(max(0, early_ns) / 1e9)
-            publisher.publish(picture)
+        # They load numba, for which those who only ask for help need not wait.
+        from firmware_sim.camera import Camera  # noqa: PLC0415
+        from firmware_sim.world import load_world  # noqa: PLC0415
+
+        world = load_world(options.world)
+        camera = Camera(robot, world, options.seed)
+        camera.look(*world.start)
+        _tell(_READY)
+        drawn: deque[Picture] = deque()
+        while True:
+            due_s = None
+            if drawn:
+                due_s = max(0, drawn[0].stamp_ns + latency_ns - time.monotonic_ns()) / 1e9
+            asked, _, _ = select.select([sys.stdin], (), (), due_s)
+            while drawn and drawn[0].stamp_ns + latency_ns <= time.monotonic_ns():
+                publisher.publish(drawn.popleft())
+            if asked:
+                exposure = _newest()
+                if exposure is None:
+                    return
+                sequence, stamp_ns, pose = exposure
+                view = camera.look(*pose, number=sequence)
+                drawn.append(view.framed(stamp_ns, sequence))
 
 
 def _newest() -> tuple[int, int, tuple[float, float, float]] | None:

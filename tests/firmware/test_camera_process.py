@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
 
@@ -22,6 +25,8 @@ from tests.firmware.camera_rig import CONFIGS, DIFF, SMALL, robot
 WORLD = CONFIGS / "worlds" / "clutter.toml"
 SEED = 7
 DEADLINE_S = 20.0
+LATENCY_NS = 400_000_000
+Drawing: TypeAlias = tuple[CameraProcess, SimulatedCamera]
 
 
 def arguments(address: str, *settings: str) -> list[str]:
@@ -41,10 +46,14 @@ def address(tmp_path: Path) -> str:
     return f"ipc://{tmp_path}/sockets/camera"
 
 
-@pytest.fixture
-def camera(address: str) -> Iterator[SimulatedCamera]:
+@pytest.fixture(scope="module")
+def drawing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Drawing]:
+    address = f"ipc://{tmp_path_factory.mktemp('camera')}/sockets/camera"
     listening = SimulatedCamera(address)
-    yield listening
+    with CameraProcess(
+        arguments(address, f"simulation.camera.latency_ms={LATENCY_NS / 1e6}")
+    ) as process:
+        yield process, listening
     listening.close()
 
 
@@ -60,26 +69,104 @@ def frame_of(process: CameraProcess, camera: SimulatedCamera, number: int) -> Ca
     raise AssertionError("no picture came")
 
 
-def test_the_process_draws_what_lockstep_draws_after_the_cameras_latency(
-    address: str, camera: SimulatedCamera
-) -> None:
+def test_the_process_draws_what_lockstep_draws_after_the_cameras_latency(drawing: Drawing) -> None:
     expected = Camera(robot(SMALL), load_world(WORLD), SEED)
-    with CameraProcess(arguments(address, "simulation.camera.latency_ms=40.0")) as process:
-        for number in (3, 4):
-            frame = frame_of(process, camera, number)
-            assert time.monotonic_ns() - frame.stamp_ns >= 40_000_000
-            assert (frame.image == expected.look(1.0, 2.0, 0.3, number).picture).all()
-        # Of many exposures that wait, the last is drawn; who is too slow misses some.
-        for number in range(100, 160):
-            process.expose(number, time.monotonic_ns(), (1.0, 2.0, 0.3))
-        seen = []
-        deadline = time.monotonic() + DEADLINE_S
-        while (not seen or seen[-1] < 159) and time.monotonic() < deadline:
-            frame = camera.read()
-            seen += [] if frame is None else [frame.sequence]
+    for number in (3, 4):
+        frame = frame_of(*drawing, number)
+        assert time.monotonic_ns() - frame.stamp_ns >= LATENCY_NS
+        assert (frame.image == expected.look(1.0, 2.0, 0.3, number).picture).all()
+
+
+def test_of_all_exposures_that_wait_the_last_is_drawn(drawing: Drawing) -> None:
+    process, camera = drawing
+    frame_of(process, camera, 5)
+    os.kill(process.pid, signal.SIGSTOP)
+    os.waitpid(process.pid, os.WUNTRACED)
+    for number in range(100, 500):
+        process.expose(number, time.monotonic_ns(), (1.0, 2.0, 0.3))
+    os.kill(process.pid, signal.SIGCONT)
+    seen = []
+    deadline = time.monotonic() + DEADLINE_S
+    while 499 not in seen and time.monotonic() < deadline:
+        frame = camera.read()
+        seen += [] if frame is None or frame.sequence == 5 else [frame.sequence]
+        time.sleep(0.002)
+    assert seen == [499]
+
+
+def test_a_long_latency_delays_pictures_and_does_not_drop_them(drawing: Drawing) -> None:
+    process, camera = drawing
+    number = 1000
+    seen = [0, 0, 0, 0]
+    deadline = time.monotonic() + DEADLINE_S
+    while seen[-1] < 1003 or seen[-1] - seen[-4] != 3:
+        assert time.monotonic() < deadline, seen
+        process.expose(number, time.monotonic_ns(), (1.0, 2.0, 0.3))
+        number += 1
+        for _ in range(10):
             time.sleep(0.002)
-        assert seen[-1] == 159
-        assert len(seen) < 60
+            frame = camera.read()
+            if frame is not None:
+                assert time.monotonic_ns() - frame.stamp_ns >= LATENCY_NS
+                seen.append(frame.sequence)
+
+
+STRUCK = """
+import os, signal
+from firmware_sim.camera_process import CameraProcess
+from robotctl.drivers.simulated_camera import SimulatedCamera
+from tests.firmware.test_camera_process import arguments, frame_of
+
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, lambda *_: None)
+with CameraProcess(arguments({address!r})) as process:
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        os.killpg(0, number)
+    camera = SimulatedCamera({address!r})
+    frame_of(process, camera, 1)
+    camera.close()
+    print(process.pid, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_the_process_outlives_signals_to_the_simulators_group_but_not_the_simulator(
+    address: str,
+) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", STRUCK.format(address=address)],
+        cwd=CONFIGS.parent,
+        start_new_session=True,
+        capture_output=True,
+        timeout=2 * DEADLINE_S,
+        check=False,
+    )
+    # Its pipes have ended with the last who held them: the process that draws.
+    assert (ran.returncode, ran.stderr) == (-signal.SIGKILL, b"")
+    status = Path(f"/proc/{int(ran.stdout)}/stat")
+    assert not status.exists() or status.read_text().rpartition(")")[2].split()[0] in "ZX"
+
+
+def test_a_process_whose_simulator_has_gone_while_it_made_ready_ends_in_silence(
+    address: str,
+) -> None:
+    heard, told = os.pipe()
+    os.close(heard)
+    ran = subprocess.run(
+        [sys.executable, "-m", "firmware_sim.camera_process", *arguments(address)],
+        stdin=subprocess.DEVNULL,
+        stdout=told,
+        stderr=subprocess.PIPE,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    os.close(told)
+    assert (ran.returncode, ran.stderr) == (0, b"")
+
+
+def test_an_address_that_is_none_is_told_before_the_camera_is_made() -> None:
+    with pytest.raises(SimulationError, match="--camera: nowhere: not an address"):
+        CameraProcess(arguments("nowhere", "simulation.camera.z_error_m=-1.0"))
 
 
 def test_a_process_that_dies_is_told_once_and_the_simulation_goes_on(
