@@ -84,9 +84,7 @@ class Plant:
         self._world = world
         self._segments = world.touchable
         self._outline = body_outline(config.simulation.body)
-        self._origin, self._grid = wall_grid(
-            self._segments, world.bounds, float(self._p["reach"][0])
-        )
+        self._origin, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
         self._rows = np.zeros((ROWS, COLUMNS))
         self._noise = noise_state(rng)
         self._body = np.zeros(1, BODY)

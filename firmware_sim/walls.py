@@ -35,10 +35,8 @@ def body_outline(corners: tuple[tuple[float, float], ...]) -> np.ndarray:
     return np.ascontiguousarray(np.hstack([points, normal, length]))
 
 
-def wall_grid(
-    segments: np.ndarray, bounds: tuple[float, float, float, float], reach_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Build the grid of walls within reach.
+def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Build the grid of walls within reach, large enough for all of them.
 
     Returns
     -------
@@ -47,9 +45,10 @@ def wall_grid(
         cell's list (one more than there are cells), then the lists of wall numbers.
     """
     margin = reach_m + NEAR_M
-    origin = np.array([bounds[0] - 2 * margin, bounds[1] - 2 * margin, reach_m])
-    columns = math.ceil((bounds[2] + 2 * margin - origin[0]) / CELL_M)
-    rows = math.ceil((bounds[3] + 2 * margin - origin[1]) / CELL_M)
+    ends = segments.reshape(-1, 2) if len(segments) else np.zeros((1, 2))
+    low, high = ends.min(axis=0) - 2 * margin, ends.max(axis=0) + 2 * margin
+    origin = np.array([*low, reach_m])
+    columns, rows = (math.ceil(side) for side in (high - low) / CELL_M)
     limit = margin + CELL_M / math.sqrt(2.0)
     x = origin[0] + (np.arange(columns) + 0.5) * CELL_M
     y = origin[1] + (np.arange(rows) + 0.5) * CELL_M

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -51,11 +51,22 @@ class StartPose:
 @closed
 @dataclass(frozen=True, slots=True)
 class WorldSection:
-    """The table `[world]`; `bounds` is min x, min y, max x, max y, that of all walls if absent."""
+    """The table `[world]`.
+
+    `bounds` is min x, min y, max x, max y of where a robot may be put; if absent, those of all
+    that stands there.
+    """
 
     name: str
     start: StartPose
     bounds: tuple[Real, Real, Real, Real] | None = None
+
+    def __post_init__(self) -> None:
+        if self.bounds is None:
+            return
+        low_x, low_y, high_x, high_y = self.bounds
+        if not (low_x < high_x and low_y < high_y):
+            raise ValueError("bounds: allowed are min x, min y, max x, max y")
 
 
 @closed
@@ -111,7 +122,7 @@ class World:
         unit vectors of both arms. A sonar's echo comes back from them from any direction between
         the arms.
     bounds
-        Min x, min y, max x, max y [m].
+        Min x, min y, max x, max y [m] of where a robot may be put.
     start
         x [m], y [m], heading [rad].
     things
@@ -142,15 +153,15 @@ class World:
     @property
     def touchable(self) -> np.ndarray:
         """Sides of all that a robot can drive against, (n, 4) [m]: the segments, then obstacles."""
-        low = [thing.sides() for thing in self.things if thing.kind == OBSTACLE]
-        return np.ascontiguousarray(np.vstack([self.segments, *low]))
+        low = _sides(thing for thing in self.things if thing.kind == OBSTACLE)
+        return np.ascontiguousarray(np.vstack([self.segments, low]))
 
     def seen_from(self, height_m: float) -> World:
         """Return what a level sensor at a height sees: only what is higher than that."""
         seen = tuple(thing for thing in self.things if thing.height_m > height_m)
         if seen == tuple(thing for thing in self.things if thing.kind != OBSTACLE):
             return self
-        segments = np.vstack([np.empty((0, 4)), *(thing.sides() for thing in seen)])
+        segments = _sides(seen)
         corners = _inner_corners(segments)
         return dataclasses.replace(self, segments=segments, corners=corners, things=seen)
 
@@ -177,14 +188,11 @@ class World:
             raise ValueError("segments: not finite")
         if np.any(np.hypot(array[:, 2] - array[:, 0], array[:, 3] - array[:, 1]) < _TOUCHING_M):
             raise ValueError("segments: a wall without length")
-        points = np.vstack([array[:, :2], array[:, 2:], np.array([start[:2]])])
-        low, high = points.min(axis=0), points.max(axis=0)
-        bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
         things = tuple(
             Thing(f"wall {i}", "wall", row.reshape(2, 2), solid=False, height_m=WALL_M)
             for i, row in enumerate(array)
         )
-        return World(name, array, _inner_corners(array), bounds, start, things)
+        return World(name, array, _inner_corners(array), _extent(array, start), start, things)
 
 
 def load_world(path: Path) -> World:
@@ -197,23 +205,39 @@ def load_world(path: Path) -> World:
     """
     file = validate(_FILE, read_toml(path), path)
     things = tuple(_things(file, path))
-    segments = [row for thing in things if thing.kind != OBSTACLE for row in thing.sides()]
+    segments = _sides(thing for thing in things if thing.kind != OBSTACLE)
     start = file.world.start
     pose = (start.x_m, start.y_m, math.radians(start.heading_deg))
-    world = World.from_segments(np.array(segments), pose, file.world.name)
-    low_x, low_y, high_x, high_y = bounds = file.world.bounds or world.bounds
+    low_x, low_y, high_x, high_y = bounds = file.world.bounds or _extent(_sides(things), pose)
     if not (low_x <= pose[0] <= high_x and low_y <= pose[1] <= high_y):
         raise SimulationError(
             f"{path}: world.start: ({pose[0]}, {pose[1]}) is outside the bounds {bounds}"
         )
-    return dataclasses.replace(
-        world,
+    return World(
+        name=file.world.name,
+        segments=segments,
+        corners=_inner_corners(segments),
         bounds=bounds,
+        start=pose,
         things=things,
         floor=file.floor,
         lamps=file.lamp,
         boards=file.board,
     )
+
+
+def _sides(things: Iterable[Thing]) -> np.ndarray:
+    """Sides of all things, (n, 4): from x, y to x, y [m]."""
+    return np.ascontiguousarray(np.vstack([np.empty((0, 4)), *(each.sides() for each in things)]))
+
+
+def _extent(
+    sides: np.ndarray, start: tuple[float, float, float]
+) -> tuple[float, float, float, float]:
+    """Min x, min y, max x, max y of sides and start [m]."""
+    points = np.vstack([sides.reshape(-1, 2), [start[:2]]])
+    (low_x, low_y), (high_x, high_y) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    return low_x, low_y, high_x, high_y
 
 
 def _things(file: WorldFile, path: Path) -> Iterator[Thing]:

@@ -88,6 +88,26 @@ def test_driving_head_on_into_a_wall_stops_there_and_counts_once() -> None:
     assert p.current1_a > 1.0
 
 
+@pytest.mark.parametrize("bounds", ["", "bounds = [-0.6, -0.6, 0.1, 0.6]\n"])
+def test_an_obstacle_beyond_all_walls_and_bounds_is_driven_against(
+    bounds: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "beyond.toml"
+    path.write_text(
+        '[world]\nname = "beyond"\nstart = { x_m = 0.0, y_m = 0.0 }\n' + bounds
+        + "[[wall]]\npoints = [[-0.5, -0.5], [-0.5, 0.5]]\n"
+        "[[obstacle]]\ncentre = [2.5, 0.0]\nsize = [0.2, 0.6]\nheight_m = 0.1\n"
+    )  # fmt: skip
+    world = load_world(path)
+    assert world.bounds == ((-0.6, -0.6, 0.1, 0.6) if bounds else (-0.5, -0.5, 2.6, 0.5))
+    p = plant(world)
+    p.command(0.6, 0.6)
+    p.step(6000)
+    assert p.collisions == 1
+    assert p.touching
+    assert p.x_m + FRONT_M == pytest.approx(2.4, abs=1e-3)
+
+
 def test_pushing_hard_spins_the_wheels_and_pushing_softly_stalls_them() -> None:
     hard, soft = (plant(World.from_segments([(0.3, -2.0, 0.3, 2.0)])) for _ in range(2))
     hard.command(0.9, 0.9)

@@ -150,6 +150,7 @@ HEAD = '[world]\nname = "w"\nstart = { x_m = 0.0, y_m = 0.0 }\n'
         (HEAD + "[[box]]\ncentre = [0.0, 0.0]\nsize = [1.0, -1.0]\n", "box.0.size.1"),
         (HEAD + '[[furniture]]\nkind = "pilar"\n', "furniture.0"),
         (HEAD.replace("0.0", "nan"), "world.start.x_m"),
+        (HEAD + "bounds = [2.0, -1.0, -2.0, 1.0]\n", "allowed are min x, min y, max x, max y"),
         (HEAD + "[[wall]]\npoints = [[1.0, 1.0], [2.0, 1.0]]\n" , ""),
     ],
 )  # fmt: skip
