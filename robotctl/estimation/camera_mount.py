@@ -214,12 +214,15 @@ def _refined(
         return whitened
 
     found = least_squares(residuals, start, slopes, method="lm", x_scale="jac", xtol=1e-12)
-    J = found.jac
+    # Where the search went past straight down, the angles are brought back, and so are the slopes.
+    camera = _camera_of(lens, found.x)
+    final = _values(camera.mount, camera.intrinsics)[: len(start)]
+    J = slopes(final)
     try:
-        P = np.linalg.inv(J.T @ J)
+        P = np.linalg.inv(J.T @ J).astype(np.float64)
     except np.linalg.LinAlgError:
         raise ValueError("these points do not determine the mount: spread them") from None
-    return found.x, P, 2.0 * float(found.cost)
+    return final, P, 2.0 * float(found.cost)
 
 
 def _whitening(

@@ -100,6 +100,29 @@ def test_errors_of_many_calibrations_are_as_large_as_their_covariance(sigma_m: f
     assert np.mean(covered) >= 0.92
 
 
+@pytest.mark.parametrize("pitch_deg", [89.8, 90.0])
+def test_straight_down_errors_of_places_are_as_large_as_the_covariance_says(
+    pitch_deg: float,
+) -> None:
+    camera = CameraGeometry(LENS, CameraMount(0.1, 0.0, 0.5, 20.0, pitch_deg, 0.0))
+    ground = camera.ground(rng(3).uniform((50.0, 50.0), (590.0, 430.0), (8, 2)))
+    seen = np.array([(60.0, 60.0), (580.0, 60.0), (320.0, 240.0), (60.0, 400.0)])
+    draw, probes, squared = rng(5), camera.ground(seen), []
+    for _ in range(60):
+        pixels = camera.project_ground(ground) + 0.5 * draw.normal(size=ground.shape)
+        found = fit_mount(LENS, ground, pixels, draw, NOISE)
+        assert -90.0 <= found.mount.pitch_deg <= 90.0
+        # The information of the points where the fit ended, whichever way it came there.
+        J, _ = found.jacobians(ground[found.agree])
+        information = np.einsum("nik,nil->kl", J, J) / 0.5**2
+        widened = max(1.0, found.chi2 / found.degrees)
+        assert information @ found.P == pytest.approx(widened * np.eye(6), abs=1e-4)
+        C = floor_covariance(*found.jacobians(probes), found.P, 0.0)
+        off = found.camera.ground(seen) - probes
+        squared.append(np.einsum("ni,ni->n", off, np.linalg.solve(C, off[:, :, None])[:, :, 0]))
+    assert 1.4 < np.mean(squared) < 2.4
+
+
 def test_the_jacobians_of_the_fit_tell_how_pixels_move() -> None:
     found = fit_mount(LENS, SPREAD, CAMERA.project_ground(SPREAD), rng(), NOISE)
     by_keys, by_ground = found.jacobians(SPREAD)
