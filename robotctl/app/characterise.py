@@ -99,7 +99,7 @@ class Characterisation:
         settings, of what they should be; 0.997 would be right for a sensor without outliers.
     told_before, told_after
         How well a reading tells the true place from others near it, with the present settings and
-        with those found: see `_told` [nat].
+        with those found: see `told` [nat].
     """
 
     options: CharacteriseOptions
@@ -149,12 +149,12 @@ def characterise(
         raise CalibrationError(f"{source.recording.name}: {error}") from error
     patched = patched_settings(fit, source.sensor, config.localisation)
     progress("trying the new settings")
-    told = [
-        _told(source, MapSensors(source.chart, source.mounts, settings), config.odometry)
+    nats = [
+        told(source, MapSensors(source.chart, source.mounts, settings), config.odometry)
         for settings in (config.localisation, patched)
     ]
     within = fit.within(have.sigmas_m)
-    return Characterisation(options, config, source, fit, patched, within, *told)
+    return Characterisation(options, config, source, fit, patched, within, *nats)
 
 
 def _source(options: CharacteriseOptions, config: RobotConfig, progress: Progress) -> Source:
@@ -216,11 +216,16 @@ def patched_settings(
     return replace(present, sonar=sonar, grid=grid)
 
 
-def _told(source: Source, sensors: MapSensors, noise: MotionNoise) -> float:
+def told(source: Source, sensors: MapSensors, noise: MotionNoise) -> float:
     """Return how well a reading tells the true place from others, on the average [nat].
 
     The log of how many times likelier a reading is within centimetres of the true pose, where
     particles are, than at places within decimetres of it.
+
+    Raises
+    ------
+    CalibrationError
+        If no reading can be judged, since no pose is known.
     """
     rng = np.random.default_rng(1)
     near, far = (rng.normal(size=(n, 3)) * spread for n, spread in _PLACES)
@@ -233,6 +238,11 @@ def _told(source: Source, sensors: MapSensors, noise: MotionNoise) -> float:
         at = np.array([pose.x_m, pose.y_m, pose.theta_rad])
         likelihoods = measurement(at + np.concatenate([near, far]))
         logs.append(_log_mean(likelihoods[: len(near)]) - _log_mean(likelihoods[len(near) :]))
+    if not logs:
+        raise CalibrationError(
+            f"{source.recording.name}: the pose is known by {source.poses_by} at none of the "
+            "readings that are to judge the new settings"
+        )
     return float(np.mean(logs))
 
 

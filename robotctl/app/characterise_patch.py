@@ -6,6 +6,8 @@ import shlex
 from dataclasses import fields
 from typing import Final
 
+import numpy as np
+
 from robotctl.app.characterise import PARTICLE_SPREAD_M, Characterisation
 from robotctl.app.patch import as_toml
 
@@ -43,14 +45,18 @@ def patch_text(result: Characterisation) -> str:
         f"deviations are widened by {PARTICLE_SPREAD_M:g} m, the spread of particles",
         *result.hidden,
     ]
-    return as_toml(patch_values(result), comments, lambda _table, key: _words(result, key))
+    return as_toml(patch_values(result), comments, lambda table, key: _words(result, table, key))
 
 
-def _words(result: Characterisation, key: str) -> str:
+def _words(result: Characterisation, table: str, key: str) -> str:
     """Return what was measured of a key."""
     fit = result.fit
+    if (table, key) in {("localisation.lidar", "sigma_m"), ("localisation.grid", "sonar_band_m")}:
+        typical_m = fit.ranges.typical_m
+        sigma_m = float(fit.ranges.mixture.sigma_at(np.array(typical_m)))
+        return f"measured: {sigma_m:.3g} at the usual range, {typical_m:.2g} m"
     limit = fit.incidence.limit.in_degrees()
-    measured = {
+    interval, what = {
         "sigma_m": (fit.ranges.values["sigma_m"], "measured"),
         "sigma_per_m": (fit.ranges.values["sigma_per_m"], "95 %"),
         "random": (fit.ranges.values["garbage"], "measured"),
@@ -58,10 +64,7 @@ def _words(result: Characterisation, key: str) -> str:
         "robust_k": (fit.ranges.values["robust_k"], "measured"),
         "max_range_m": (fit.greatest_m, "95 %"),
         "max_incidence_deg": (limit, "95 %"),
-    }.get(key)
-    if measured is None:
-        return "the deviation at the usual range"
-    interval, what = measured
+    }[key]
     return f"{what}: {interval.low:.3g} to {interval.high:.3g}"
 
 

@@ -27,7 +27,7 @@ from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.own_log import TRUTH
+from robotctl.telemetry.own_log import truth_file
 from robotctl.telemetry.recorded_log import read_recording
 
 Progress: TypeAlias = Callable[[str], None]
@@ -118,6 +118,12 @@ def source_of_log(log: Path, map_name: str, sensor: str, config: RobotConfig) ->
     if sensor == SONAR and not mounts:
         mounts = config.sonar
         notes.append("where the sonars sit is taken from the robot's file, the log does not say it")
+        count = len(recording.sonars[0].reading.ranges_m)
+        if count != len(mounts):
+            raise CalibrationError(
+                f"{log}: {count} sonars in it, but the file of {config.robot.name} has "
+                f"{len(mounts)}: give the --robot that recorded it"
+            )
     if map_name:
         chart, map_by = load_localisation_map(map_name, Path()), Path(map_name).name
     elif len(recording.scans) > 1:
@@ -151,7 +157,7 @@ def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str]:
         If there are none with a heading.
     """
     if recording.reference is not None and recording.reference_has_heading:
-        name = "the simulation's truth" if (log / TRUTH).exists() else "the log's reference"
+        name = "the simulation's truth" if truth_file(log).exists() else "the log's reference"
         return recording.reference, name
     references = [
         (entry.scan.stamp_ns, entry.reference)

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from robotctl.app.map_sensors import LIDAR, SONAR, MapSensors
+from robotctl.estimation.beam_selection import evenly_chosen
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.odometry_estimate import arc_between
@@ -73,9 +74,9 @@ def _sonar_measurements(
     beams = np.array([(m.x_m, m.y_m, m.heading_rad) for m in mounts]).reshape(-1, 3)
     sonar = settings.sonar
     for entry in recording.sonars:
-        ranges = np.array(entry.reading.ranges_m[: len(beams)])
+        ranges = np.array(entry.reading.ranges_m)
         sigmas = sonar.sigma_m + sonar.sigma_per_m * np.where(np.isfinite(ranges), ranges, 0.0)
-        yield RangeMeasurement(entry.reading.stamp_ns, beams[: len(ranges)], ranges, sigmas)
+        yield RangeMeasurement(entry.reading.stamp_ns, beams, ranges, sigmas)
 
 
 def _sonar_likelihoods(
@@ -93,7 +94,7 @@ def _lidar_measurements(
     recording: Recording, _mounts: Mounts, settings: LocalisationConfig
 ) -> Iterator[RangeMeasurement]:
     first = recording.scans[0].scan
-    chosen = np.unique(np.linspace(0, len(first.ranges_m) - 1, _BEAMS).round().astype(np.intp))
+    chosen = evenly_chosen(np.ones(len(first.ranges_m), np.bool_), _BEAMS)
     beams = np.full((len(chosen), 3), (first.x_m, first.y_m, 0.0))
     beams[:, 2] = first.angles_rad[chosen]
     sigmas = np.full(len(chosen), settings.lidar.sigma_m)

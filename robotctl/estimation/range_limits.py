@@ -200,7 +200,7 @@ def greatest_range(expected_m: Array, measured_m: Array, mixture: BeamMixture) -
     grid = np.linspace(least, float(missing[_LEAST - 1]), _GRID)
     logs = _range_logs(grid, expected_m, measured_m, heard, mixture)
     low, middle, high = _quantiles(np.append(grid, grid[-1]), logs)
-    return Fitted(middle, min(low, least), high)
+    return Fitted(middle, low, high)
 
 
 def _range_logs(

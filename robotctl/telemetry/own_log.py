@@ -89,6 +89,16 @@ def mcap_files(folder: Path) -> list[Path]:
     return sorted(folder.glob("robot-*.mcap"))
 
 
+def _folder(path: Path) -> Path:
+    """Return the folder of a log, which may be that folder."""
+    return path if path.is_dir() else path.parent
+
+
+def truth_file(path: Path) -> Path:
+    """Return where the truth of a log of ours is, a folder or one file of it, if it has some."""
+    return _folder(path) / TRUTH
+
+
 def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
     """Read all logs of a folder, or one log.
 
@@ -107,15 +117,14 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
     OSError
         If a file cannot be read.
     """
-    folder = path if path.is_dir() else path.parent
     content = _Content()
     for file in mcap_files(path) if path.is_dir() else [path]:
         _take_in(file, content)
     if not content.control:
         raise LogFormatError(f"{path}: no message of the topic `control` in it")
     odometry, in_time = _odometry(content)
-    sonars = own_sonars(_of_one_robot(in_time, path), folder) if with_sonars else OwnSonars()
-    truth = folder / TRUTH
+    sonars = own_sonars(_of_one_robot(in_time, path), _folder(path)) if with_sonars else OwnSonars()
+    truth = truth_file(path)
     reference = read_tum(truth) if truth.exists() else None
     return Recording(
         name=path.name,

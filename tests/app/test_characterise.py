@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from robotctl import toml_source
-from robotctl.app.characterise import CharacteriseOptions, characterise
+from robotctl.app.characterise import CharacteriseOptions, characterise, told
 from robotctl.app.characterise_patch import patch_text, patch_values
 from robotctl.app.characterise_sources import Source, best_poses, source_of_log, taken
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.lockstep import LockstepRun
+from robotctl.app.map_sensors import MapSensors
 from robotctl.app.patch import as_overrides
 from robotctl.app.sensor_kinds import SENSOR_KINDS
 from robotctl.app.sim_options import SimOptions
@@ -112,6 +113,33 @@ def test_what_a_recording_cannot_tell_is_said(recorded):
         (recorded / "away.tum").rename(recorded / TRUTH)
 
 
+def test_a_recording_of_a_robot_with_other_sonars_is_refused_with_both_numbers(tmp_path):
+    other = load_robot(ROBOT, ("sonar=[]",))
+    options = SimOptions(ROBOT, find_file("patrol", "missions"), max_seconds=1.0, record=tmp_path)
+    for _ in LockstepRun(options).steps():
+        pass
+    (tmp_path / "control-0001.rec").unlink()
+    with pytest.raises(CalibrationError, match=r"8 sonars in it, but .* diff_drive has 0: give"):
+        source_of_log(tmp_path, "flat", "", other)
+
+
+def test_one_file_of_a_recording_has_the_truth_of_its_folder(recorded):
+    source = source_of_log(recorded / "robot-0001.mcap", "flat", "", load_robot(ROBOT))
+    assert source.poses_by == "the simulation's truth"
+
+
+def test_readings_at_poses_that_nobody_knows_judge_no_settings():
+    reading = RecordedSonar(SonarReading(20 * 10**9, (1.0,) * 8), SE2())
+    poses = Trajectory.of([0, 10**9], [SE2(1.0, 1.0), SE2(1.0, 1.0)])
+    chart = load_localisation_map("flat", Path())
+    config = load_robot(ROBOT)
+    recording = Recording("log", sonars=(reading,))
+    source = Source("sonar", recording, poses, chart, config.sonar, "the reference", "")
+    sensors = MapSensors(chart, config.sonar, config.localisation)
+    with pytest.raises(CalibrationError, match="known by the reference at none of the readings"):
+        told(source, sensors, config.odometry)
+
+
 def test_the_robots_own_belief_stands_in_for_a_reference_that_is_missing():
     there, here = (Trajectory.of([0, 10], [SE2(x_m), SE2(x_m + 1.0)]) for x_m in (5.0, 0.0))
     log = Path("log")
@@ -186,3 +214,6 @@ def test_a_lidar_log_is_measured_against_the_map_of_its_even_scans(recordings):
     assert 0.01 < values["sigma_m"].value < 0.05
     assert "echoes do not end" in found.fit.incidence.limit.why_not
     assert "even scans" in found.source.map_by
+    (sigma,) = [line for line in patch_text(found).splitlines() if line.startswith("sigma_m")]
+    mixture, typical_m = found.fit.ranges.mixture, found.fit.ranges.typical_m
+    assert f"{mixture.sigma_m + mixture.sigma_per_m * typical_m:.3g} at the usual range" in sigma
