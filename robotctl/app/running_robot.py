@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import socket
-from contextlib import suppress
 from pathlib import Path
 
 from robotctl.errors import LinkError
-from robotctl.runtime.topics import Endpoints, endpoint_directory
+from robotctl.runtime.topics import Endpoints, endpoint_directory, endpoint_path
 from robotctl.toml_source import nearest
 
 
@@ -17,14 +16,12 @@ def running(instance: str) -> Endpoints:
     Raises
     ------
     LinkError
-        If there is none; names those that run.
+        If there is none, naming those that run; or its folder is open to others.
     """
-    folder = endpoint_directory(instance)
+    folder = endpoint_path(instance)
     found = sorted(file.parent for file in folder.parent.glob("*/control.state") if _answers(file))
     if folder in found:
-        return Endpoints(folder)
-    with suppress(OSError):  # it may hold sockets of a robot that has ended
-        folder.rmdir()
+        return Endpoints(endpoint_directory(instance))
     names = [each.name for each in found]
     hint = nearest(instance, names) if names else "; none runs"
     raise LinkError(f"{instance}: no robot of that name runs{hint}")

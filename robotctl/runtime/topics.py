@@ -29,26 +29,41 @@ _LONGEST = "navigation.requests"
 _MEMORY = Path("/dev/shm")  # noqa: S108 - a private directory in it
 
 
-def endpoint_directory(instance: str) -> Path:
-    """Make and return the private directory of the sockets of one robot `instance`.
+def endpoint_path(instance: str) -> Path:
+    """Return where the sockets of one robot `instance` are, or would be.
 
     Raises
     ------
     LinkError
-        Where the directory belongs to somebody else or is open to others, or its path is so long
-        that no socket fits into it.
+        Where the name is none of a folder, or the path is so long that no socket fits into it.
     """
+    if "/" in instance or "\0" in instance or instance in ("", ".", ".."):
+        raise LinkError(
+            f"{instance!r}: the name of a robot must not be empty, . or .. nor have a /"
+        )
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     base = Path(runtime) if runtime else Path(tempfile.gettempdir())
-    parent = base / ("robotctl" if runtime else f"robotctl-{os.getuid()}")
-    path = parent / instance
+    path = base / ("robotctl" if runtime else f"robotctl-{os.getuid()}") / instance
     excess = len(os.fsencode(path / _LONGEST)) - _PATH_BYTES
     if excess > 0:
         raise LinkError(
             f"{path}: {excess} bytes too long for the path of a socket; set "
             f"{'XDG_RUNTIME_DIR' if runtime else 'TMPDIR'} to a folder with a shorter path"
         )
-    return _private(_private(parent) / instance)
+    return path
+
+
+def endpoint_directory(instance: str) -> Path:
+    """Make and return the private directory of the sockets of one robot `instance`.
+
+    Raises
+    ------
+    LinkError
+        As `endpoint_path`, and where the directory belongs to somebody else or is open to others.
+    """
+    path = endpoint_path(instance)
+    _private(path.parent)
+    return _private(path)
 
 
 def ring_path(instance: str) -> Path:

@@ -187,6 +187,18 @@ def test_a_robot_of_another_name_is_offered(tmp_path):
 
 
 @pytest.mark.usefixtures("sockets")
+def test_looking_for_a_robot_makes_and_removes_no_folder(tmp_path):
+    (tmp_path / "robotctl" / "ended").mkdir(parents=True)
+    (tmp_path / "mine").mkdir()
+    for name in ("rover", "ended", "../mine", ".."):
+        with pytest.raises(LinkError):
+            running(name)
+    assert sorted(str(each.relative_to(tmp_path)) for each in tmp_path.rglob("*")) == [
+        "mine", "robotctl", "robotctl/ended"
+    ]  # fmt: skip
+
+
+@pytest.mark.usefixtures("sockets")
 def test_a_robot_that_falls_silent_is_not_waited_for(book, monkeypatch):
     monkeypatch.setattr(place_live, "_SILENT_S", 0.05)
     robot = Published("rover", ())

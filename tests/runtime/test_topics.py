@@ -26,6 +26,7 @@ from robotctl.runtime.topics import (
     RequestSender,
     Subscriber,
     endpoint_directory,
+    endpoint_path,
 )
 
 
@@ -170,6 +171,25 @@ def test_a_directory_open_to_others_is_refused(
     directory.chmod(0o755)
     with pytest.raises(LinkError, match="closed to others"):
         endpoint_directory("robot")
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "../robot", "/tmp/robot", "robot/.."])
+def test_a_name_that_leads_elsewhere_is_refused_and_nothing_is_made(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with pytest.raises(LinkError, match="the name of a robot must not"):
+        endpoint_directory(name)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_path_is_that_of_the_directory_and_asking_for_it_makes_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    path = endpoint_path("robot")
+    assert not any(tmp_path.iterdir())
+    assert endpoint_directory("robot") == path
 
 
 def test_binding_an_address_twice_names_it(context: zmq.Context, tmp_path: Path) -> None:
