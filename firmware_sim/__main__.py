@@ -13,12 +13,13 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.camera_process import CameraProcess
+from firmware_sim.command_line import POSE, Parser, parse_natural, parse_pose
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
@@ -32,16 +33,9 @@ _CAN_LINK_TYPE = "280"
 """ARPHRD_CAN of linux/if_arp.h."""
 
 
-class _Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}\n")
-
-
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    result = _Parser(
+    result = Parser(
         prog="python -m firmware_sim", description="Run a simulated robot on a CAN bus."
     )
     add = result.add_argument
@@ -55,8 +49,8 @@ def parser() -> argparse.ArgumentParser:
         help="replace one value of the robot's TOML, e.g. simulation.battery.charge=0.7",
     )
     add("--bus", default="simcan:simcan0", help="simcan:CHANNEL or a CAN interface (%(default)s)")
-    add("--seed", type=_natural, default=0, help="of all random draws (%(default)s)")
-    add("--start", type=_pose, metavar="X,Y,HEADING_DEG", help="instead of the world's start pose")
+    add("--seed", type=parse_natural, default=0, help="of all random draws (%(default)s)")
+    add("--start", type=parse_pose, metavar=POSE, help="instead of the world's start pose")
     add("--state", type=Path, metavar="DIR", help="keep stored parameters here")
     add("--truth", metavar="ADDRESS", help="publish the ground truth at ipc:///PATH")
     add("--lidar", metavar="ADDRESS", help="publish the lidar's scans at ipc:///PATH")
@@ -68,25 +62,8 @@ def parser() -> argparse.ArgumentParser:
     return result
 
 
-def _pose(text: str) -> tuple[float, float, float]:
-    """Parse X,Y,HEADING_DEG into metres and radians."""
-    try:
-        x_m, y_m, heading_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,HEADING_DEG") from None
-    if not all(map(math.isfinite, (x_m, y_m, heading_deg))):
-        raise argparse.ArgumentTypeError(f"{text!r} is not finite")
-    return x_m, y_m, math.radians(heading_deg)
-
-
-def _natural(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
-    return int(text)
-
-
 def _priority(text: str) -> int:
-    priority = _natural(text)
+    priority = parse_natural(text)
     if priority > 99:
         raise argparse.ArgumentTypeError(f"{text!r} is not in 0..99")
     return priority

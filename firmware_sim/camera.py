@@ -97,6 +97,8 @@ class Camera:
         self._turn_rad = rays.turn_rad
         self._pixels = _pixels(rays, sectors, self.mount.z_m, self.parameters)
         self._scene = make_scene(world)
+        # Behind the things what the negative labels stand for.
+        self._shown = np.append(self._scene.thing, (NOTHING, FLOOR)).astype(np.int16)
         self._fan = Fan(self._scene, sectors, self.mount.z_m, float(rays.slope.max()))
         light = floor_light(world, self._scene, self.parameters.ambient)
         self._light = light.cells
@@ -117,7 +119,7 @@ class Camera:
     def look(self, x_m: float, y_m: float, theta_rad: float, number: int = 0) -> View:
         """Return the view from a pose of base in world; `number` of the picture draws its noise."""
         mount, scene, fan = self.mount, self._scene, self._fan
-        x, y, heading = self.turn(x_m, y_m, theta_rad)
+        x, y, heading = self._turn(x_m, y_m, theta_rad)
         shape = self._pixels.shape
         labels = np.empty(shape, dtype=np.int16)
         distances = np.empty(shape, dtype=np.float32)
@@ -152,9 +154,9 @@ class Camera:
             distances,
             picture.reshape(shape[0], -1),
         )
-        return View(picture, np.append(scene.thing, (NOTHING, FLOOR))[labels], distances)
+        return View(picture, self._shown[labels], distances)
 
-    def turn(self, x_m: float, y_m: float, theta_rad: float) -> tuple[float, float, float]:
+    def _turn(self, x_m: float, y_m: float, theta_rad: float) -> tuple[float, float, float]:
         """Fill the sectors from a pose of base; return below the camera x, y [m], heading [rad]."""
         mount = self.mount
         cos, sin = math.cos(theta_rad), math.sin(theta_rad)

@@ -42,7 +42,7 @@ def pixel_rays(intrinsics: Intrinsics, mount: CameraMount) -> PixelRays:
     Raises
     ------
     ValueError
-        If the distortion folds the picture, so that a pixel has no one direction.
+        If the distortion folds the picture, so that a pixel has no one direction, or none is found.
     """
     u, v = np.meshgrid(np.arange(intrinsics.width_px), np.arange(intrinsics.height_px))
     points = np.stack(
@@ -71,6 +71,7 @@ def _undistorted(points: np.ndarray, distortion: tuple[float, ...]) -> np.ndarra
     """Invert the lens model by Newton's method, (2, ...); Brown (1966) in OpenCV's form."""
     k1, k2, p1, p2, k3 = distortion
     xy = points.copy()
+    error, limit = np.inf, 1.0e-12 * max(1.0, np.abs(points).max())
     for _ in range(_STEPS):
         x, y = xy
         r2 = x * x + y * y
@@ -82,11 +83,15 @@ def _undistorted(points: np.ndarray, distortion: tuple[float, ...]) -> np.ndarra
         xy_ = x * y * growth + 2.0 * p1 * x + 2.0 * p2 * y
         yy = radial + y * y * growth + 6.0 * p1 * y + 2.0 * p2 * x
         area = xx * yy - xy_ * xy_
-        if np.any(area <= 0.0):
+        if not np.all(area > 0.0):
             raise ValueError("distortion: folds the picture; these numbers are those of no lens")
         xy = np.stack(
             [x - (yy * error_x - xy_ * error_y) / area, y - (xx * error_y - xy_ * error_x) / area]
         )
-        if max(np.abs(error_x).max(), np.abs(error_y).max()) < 1.0e-12:
-            break
-    return xy
+        error = max(np.abs(error_x).max(), np.abs(error_y).max())
+        if error < limit:
+            return xy
+    raise ValueError(
+        f"distortion: after {_STEPS} steps of Newton's method a pixel's direction is still wrong "
+        f"by {error:.1e} of the focal length; these numbers are those of no lens"
+    )

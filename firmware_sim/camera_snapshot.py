@@ -1,8 +1,8 @@
 """`python -m firmware_sim.camera_snapshot`: pictures of a world from given or drawn poses.
 
-Writes for each pose NAME-000.png and NAME-000-labels.png (0 nothing, 1 floor, 2 and on the things
-of the world in their order), and NAME.json with the truth: poses, the true camera, the ranges to
-whatever stands nearest in each direction, and the things in the picture.
+Writes for each pose NAME-000.png and NAME-000-labels.png (16 bits: 0 nothing, 1 floor, 2 and on the
+things of the world in their order), and NAME.json with the truth: poses, the true camera, the
+ranges to whatever stands nearest in each direction, and the things in the picture.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from firmware_sim.camera_truth import sightings, true_ranges
+from firmware_sim.command_line import POSE, Parser, parse_natural, parse_pose
 from firmware_sim.config import RobotConfig, load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.world import World, load_world
@@ -32,7 +33,7 @@ _TRIALS = 10_000
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    result = argparse.ArgumentParser(
+    result = Parser(
         prog="python -m firmware_sim.camera_snapshot",
         description="Write what the robot's camera sees, and the truth about it.",
     )
@@ -40,11 +41,9 @@ def parser() -> argparse.ArgumentParser:
     add("--robot", type=Path, required=True, help="TOML of the robot")
     add("--world", type=Path, required=True, help="TOML of the room")
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one value")
-    add("--pose", action="append", default=[], metavar="X,Y,HEADING_DEG", help="of base; repeat it")
-    add(
-        "--random", type=int, default=0, metavar="N", help="N more poses, drawn where there is room"
-    )
-    add("--seed", type=int, default=0, help="of noise and poses (%(default)s)")
+    add("--pose", action="append", type=parse_pose, default=[], metavar=POSE, help="of base")
+    add("--random", type=parse_natural, default=0, metavar="N", help="more, where there is room")
+    add("--seed", type=parse_natural, default=0, help="of noise and poses (%(default)s)")
     add("--out", type=Path, required=True, metavar="NAME", help="beginning of the files' names")
     return result
 
@@ -61,12 +60,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def png(image: np.ndarray) -> bytes:
-    """Encode uint8 pixels: (height, width, 3) blue, green, red, or (height, width) grey."""
+    """Encode (height, width, 3) uint8 blue, green, red, or (height, width) grey of 8 or 16 bits."""
     height, width = image.shape[:2]
-    rows = image[..., ::-1] if image.ndim == 3 else image
+    rows = image[..., ::-1] if image.ndim == 3 else image.astype(image.dtype.newbyteorder(">"))
     # Each row begins with the number of its filter: 0, none.
-    data = np.hstack([np.zeros((height, 1), np.uint8), rows.reshape(height, -1)]).tobytes()
-    header = struct.pack(">IIBBBBB", width, height, 8, 2 if image.ndim == 3 else 0, 0, 0, 0)
+    pixels = np.ascontiguousarray(rows).reshape(height, -1).view(np.uint8)
+    data = np.hstack([np.zeros((height, 1), np.uint8), pixels]).tobytes()
+    colour, bits = 2 if image.ndim == 3 else 0, 8 * image.itemsize
+    header = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
     chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(data, 6)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
@@ -80,10 +81,10 @@ def _write_all(options: argparse.Namespace) -> None:
 
     robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
     world = load_world(options.world)
-    poses = [_pose(text) for text in options.pose]
-    poses += list(_free_poses(robot, world, options.random, options.seed))
+    poses: list[tuple[float, float, float]] = list(options.pose)
+    poses += _free_poses(robot, world, options.random, options.seed)
     if not poses:
-        raise SimulationError("no pose: give --pose X,Y,HEADING_DEG or --random N")
+        raise SimulationError(f"no pose: give --pose {POSE} or --random N")
     camera = Camera(robot, world, options.seed)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     angles_rad = math.radians(camera.mount.yaw_deg) + np.linspace(
@@ -94,7 +95,7 @@ def _write_all(options: argparse.Namespace) -> None:
         view = camera.look(*pose, number=number)
         name = f"{options.out.name}-{number:03d}"
         (options.out.parent / f"{name}.png").write_bytes(png(view.picture))
-        labels = np.clip(view.labels + 2, 0, 255).astype(np.uint8)
+        labels = (view.labels + 2).astype(np.uint16)
         (options.out.parent / f"{name}-labels.png").write_bytes(png(labels))
         seen = sightings(world, pose, camera.intrinsics, camera.mount)
         pictures.append(
@@ -115,14 +116,6 @@ def _write_all(options: argparse.Namespace) -> None:
     options.out.with_name(f"{options.out.name}.json").write_text(
         json.dumps(truth, indent=1), encoding="utf-8"
     )
-
-
-def _pose(text: str) -> tuple[float, float, float]:
-    try:
-        x_m, y_m, heading_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        raise SimulationError(f"--pose {text}: not of the form X,Y,HEADING_DEG") from None
-    return x_m, y_m, math.radians(heading_deg)
 
 
 def _free_poses(

@@ -82,6 +82,15 @@ def test_a_lens_that_folds_the_picture_is_refused() -> None:
         )
 
 
+def test_a_lens_whose_directions_are_not_found_is_refused() -> None:
+    # Found by search: Newton's method goes round in a circle.
+    distortion = (1.2822717858736796, 1.9037785697739391, 0.0, 0.0, -0.9705873900692614)
+    with pytest.raises(ValueError, match="a pixel's direction is still wrong by"):
+        pixel_rays(
+            Intrinsics(61, 41, 30.0, 25.0, 30.0, 20.0, distortion), CameraMount(0.0, 0.0, 0.3)
+        )
+
+
 POSES = [(0.0, 0.0, 0.0), (-0.4, 0.3, 0.5), (0.2, -0.6, -0.35)]
 
 

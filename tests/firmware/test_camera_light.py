@@ -187,8 +187,8 @@ def test_blur_spreads_an_edge_by_its_variance(tmp_path: Path) -> None:
 
 def test_a_png_is_read_back_by_opencv() -> None:
     rng = np.random.default_rng(1)
-    for shape in ((7, 5, 3), (4, 9)):
-        image = rng.integers(0, 256, shape, dtype=np.uint8)
+    for shape, kind in (((7, 5, 3), np.uint8), ((4, 9), np.uint8), ((4, 9), np.uint16)):
+        image = rng.integers(0, np.iinfo(kind).max, shape, dtype=kind, endpoint=True)
         read = cv2.imdecode(np.frombuffer(png(image), np.uint8), cv2.IMREAD_UNCHANGED)
         assert np.array_equal(read, image)
 
@@ -210,8 +210,30 @@ def test_snapshots_come_with_their_truth(tmp_path: Path, capsys: pytest.CaptureF
     picture = cv2.imread(str(tmp_path / "a-000.png"))
     assert picture.shape == (120, 160, 3)
     labels = cv2.imread(str(tmp_path / "a-000-labels.png"), cv2.IMREAD_UNCHANGED)
-    assert set(np.unique(labels)) > {1, 2}
+    expected = Camera(robot(SMALL), load_world(Path(world))).look(0.8, 2.5, 0.0).labels
+    assert expected.dtype == np.int16
+    assert np.array_equal(labels, expected + 2)
     assert main([*common, "--out", str(tmp_path / "b")]) == 2
     assert "give --pose X,Y,HEADING_DEG or --random N" in capsys.readouterr().err
-    assert main([*common, "--pose", "1,2", "--out", str(tmp_path / "b")]) == 2
-    assert "--pose 1,2: not of the form" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (["--pose", "1,2"], "--pose: '1,2' is not X,Y,HEADING_DEG"),
+        (["--pose", "1,nan,0"], "--pose: '1,nan,0' is not finite"),
+        (["--pose", "-1,2,0"], "needs `=`, as --start=-1,2,90"),
+        (["--random", "-1"], "--random"),
+        (["--random", "1.5"], "--random: '1.5' is no whole number from 0 on"),
+        (["--seed", "-1"], "--seed"),
+    ],
+)
+def test_a_wrong_option_of_a_snapshot_is_told_in_a_line(
+    wrong: list[str], said: str, capsys: pytest.CaptureFixture
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--robot=r.toml", "--world=w.toml", "--out=a", *wrong])
+    message = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert said in message
+    assert message.count("\n") == 1

@@ -1,0 +1,37 @@
+"""What the simulator's command lines have in common: one-line errors, poses, whole numbers."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import NoReturn
+
+POSE = "X,Y,HEADING_DEG"
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with status 2; says what to do about a value that looks like an option."""
+        if message.endswith("expected one argument"):
+            message += "; one that begins with a minus sign needs `=`, as --start=-1,2,90"
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def parse_pose(text: str) -> tuple[float, float, float]:
+    """Return metres and radians of X,Y,HEADING_DEG."""
+    try:
+        x_m, y_m, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not {POSE}") from None
+    if not all(map(math.isfinite, (x_m, y_m, heading_deg))):
+        raise argparse.ArgumentTypeError(f"{text!r} is not finite")
+    return x_m, y_m, math.radians(heading_deg)
+
+
+def parse_natural(text: str) -> int:
+    """Return a whole number from 0 on."""
+    if not (text.isascii() and text.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
+    return int(text)
