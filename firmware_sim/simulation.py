@@ -12,14 +12,13 @@ import dataclasses
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.port import Port
-from firmware_sim.camera import Camera
 from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults import Faults
@@ -43,6 +42,9 @@ from firmware_sim.plant import STEP_NS, Bridge, Plant
 from firmware_sim.sonar import SonarRing
 from firmware_sim.truth import Picture, Scan, Truth
 from firmware_sim.world import World, load_world
+
+if TYPE_CHECKING:
+    from firmware_sim.camera import Camera
 
 Memory: TypeAlias = Callable[[str], ParameterStore]
 """Gives each node, by its name, its non-volatile memory."""
@@ -257,6 +259,8 @@ class Simulation:
         if self.config.camera is None:
             return None
         if self._camera is None:
+            from firmware_sim.camera import Camera  # noqa: PLC0415 - most simulations take none
+
             self._camera = Camera(self.config, self.world, self._seed)
         stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
         plant, number = self.plant, self._pictures

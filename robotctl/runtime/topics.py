@@ -138,8 +138,7 @@ class Publisher:
     """
 
     def __init__(self, context: zmq.Context[Any], address: str, queue: int = _QUEUE) -> None:
-        self._socket = _socket(context, zmq.PUB)
-        self._socket.setsockopt(zmq.SNDHWM, queue)
+        self._socket = _socket(context, zmq.PUB, queue)
         _bind(self._socket, address)
         self._encoder = msgspec.msgpack.Encoder()
 
@@ -240,12 +239,12 @@ def _readable(socket: zmq.Socket[bytes]) -> bool:
     return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
 
 
-def _socket(context: zmq.Context[Any], kind: int) -> zmq.Socket[bytes]:
+def _socket(context: zmq.Context[Any], kind: int, queue: int = _QUEUE) -> zmq.Socket[bytes]:
     """Make a socket with bounded queues that does not delay the end of its process."""
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)
-    socket.setsockopt(zmq.SNDHWM, _QUEUE)
-    socket.setsockopt(zmq.RCVHWM, _QUEUE)
+    socket.setsockopt(zmq.SNDHWM, queue)
+    socket.setsockopt(zmq.RCVHWM, queue)
     return socket
 
 
