@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import time
 import zlib
 from pathlib import Path
 
@@ -15,6 +14,8 @@ from robotctl.app.running_robot import running
 from robotctl.drivers.simulated_camera import SimulatedCamera
 from robotctl.errors import ConfigError, LinkError
 from robotctl.model.camera import CameraIntrinsics
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.ports import Clock
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
 _AFTER_IHDR = 33
@@ -23,8 +24,8 @@ _AFTER_IHDR = 33
 
 LIVE = "live:"
 """`live:NAME` is what the camera of the running robot NAME sees now."""
-_PATIENCE_S = 5.0
-_LOOK_S = 0.02
+_PATIENCE_NS = 5_000_000_000
+_LOOK_NS = 20_000_000
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
@@ -50,7 +51,7 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
         If no such robot runs, or it does not look.
     """
     if str(path).startswith(LIVE):
-        return _live_picture(str(path).removeprefix(LIVE))
+        return live_picture(str(path).removeprefix(LIVE), RealClock())
     data = np.frombuffer(path.read_bytes(), np.uint8)
     picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if picture is None:
@@ -77,21 +78,27 @@ def read_picture_of(path: Path, intrinsics: CameraIntrinsics) -> NDArray[np.uint
     return picture
 
 
-def _live_picture(instance: str) -> NDArray[np.uint8]:
-    """Return the next picture of a running robot's camera, simulated or real."""
+def live_picture(instance: str, clock: Clock) -> NDArray[np.uint8]:
+    """Return the next picture of a running robot's camera, simulated or real, as `read_picture`.
+
+    Raises
+    ------
+    LinkError
+        If no such robot runs, or it does not look.
+    """
     camera = SimulatedCamera(running(instance).camera_frames)
     try:
-        began_s = time.monotonic()
-        while time.monotonic() - began_s < _PATIENCE_S:
+        began_ns = clock.now_ns()
+        while clock.now_ns() - began_ns < _PATIENCE_NS:
             frame = camera.read()
             if frame is not None:
                 return frame.image
-            time.sleep(_LOOK_S)
+            clock.sleep_until(clock.now_ns() + _LOOK_NS)
     finally:
         camera.close()
     raise LinkError(
-        f"{LIVE}{instance}: no picture within {_PATIENCE_S:g} s; does the robot look? It does with "
-        "camera.enabled = true, a simulated one with --camera"
+        f"{LIVE}{instance}: no picture within {_PATIENCE_NS / 1e9:g} s; does the robot look? It "
+        "does with camera.enabled = true, a simulated one with --camera"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any, Final
 
 import zmq
@@ -17,12 +16,13 @@ from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.messages import ControlState
+from robotctl.runtime.ports import Clock
 from robotctl.runtime.topics import Subscriber
 
-_SILENT_S: Final = 5.0
+_SILENT_NS: Final = 5_000_000_000
 """A running robot says something within this time."""
-_PATIENCE_S: Final = 300.0
-_POLL_S: Final = 0.02
+_PATIENCE_NS: Final = 300_000_000_000
+_POLL_NS: Final = 20_000_000
 
 
 def live_turn(
@@ -31,6 +31,7 @@ def live_turn(
     signatures: SignatureConfig,
     began: SE2 | None,
     progress: Progress,
+    clock: Clock,
 ) -> Visited:
     """Listen to a running robot until it has turned on the spot once, whoever turns it.
 
@@ -50,10 +51,10 @@ def live_turn(
         states = Subscriber[ControlState | LocalisationState](context, endpoints.published, kinds)
         turns = StateTurns(robot, signatures)
         localisation: LocalisationState | None = None
-        began_s = heard_s = time.monotonic()
-        while time.monotonic() - began_s < _PATIENCE_S:
+        began_ns = heard_ns = clock.now_ns()
+        while clock.now_ns() - began_ns < _PATIENCE_NS:
             for message in states.receive():
-                heard_s = time.monotonic()
+                heard_ns = clock.now_ns()
                 if isinstance(message, LocalisationState):
                     localisation = message
                     continue
@@ -61,11 +62,13 @@ def live_turn(
                 if turn is not None:
                     known = _located(turn, localisation)
                     return Visited(turn, known if began is None else _ended(turn, began))
-            if time.monotonic() - heard_s > _SILENT_S:
-                raise PlaceError(f"{instance}: nothing heard of the robot for {_SILENT_S:g} s")
+            if clock.now_ns() - heard_ns > _SILENT_NS:
+                raise PlaceError(
+                    f"{instance}: nothing heard of the robot for {_SILENT_NS / 1e9:g} s"
+                )
             progress(turns.turned_rad)
-            time.sleep(_POLL_S)
-        raise PlaceError(f"{instance}: no turn on the spot within {_PATIENCE_S:g} s")
+            clock.sleep_until(clock.now_ns() + _POLL_NS)
+        raise PlaceError(f"{instance}: no turn on the spot within {_PATIENCE_NS / 1e9:g} s")
     finally:
         context.destroy(linger=0)
 

@@ -19,6 +19,7 @@ from robotctl.estimation.known_places import Recognition
 from robotctl.estimation.place_book import PlaceBook
 from robotctl.estimation.signatures import SignatureConfig
 from robotctl.model.se2 import SE2
+from robotctl.runtime.clock import RealClock
 from robotctl.toml_source import nearest
 
 _ONE_PLACE_M: Final = 0.3
@@ -164,7 +165,7 @@ def _turns(
         began = _pose(source.at) if source.at else None
         if source.log is not None:
             return recorded_turns(source.log, robot.sonar, signatures, began)
-        return [live_turn(source.live, robot, signatures, began, progress)]
+        return [live_turn(source.live, robot, signatures, began, progress, RealClock())]
     world = find_file(source.world, "worlds").resolve()
     at = source.at or name
     start = _pose(at) if "," in at else marked(world, at)

@@ -92,6 +92,6 @@ def test_a_book_that_is_missing_or_of_no_use_is_an_error_that_names_it(folder):
         load_robot(find_file("diff_drive"), ('localisation.places="book.toml"',))
 
 
-def test_the_turn_of_these_tests_is_one(folder):
+def test_the_turn_of_these_tests_is_one():
     headings = np.unwrap([state.theta_rad for state in turning(kitchen)])
     assert np.ptp(headings) > math.tau

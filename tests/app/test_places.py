@@ -1,19 +1,22 @@
 """Places learnt and recognised from recordings, from states that are published, and simulated."""
 
 import math
-from itertools import chain
+from itertools import chain, repeat
 
 import msgspec
 import numpy as np
 import pytest
 import zmq
 
-from robotctl.app import place_live
 from robotctl.app.place_file import load_book
+from robotctl.app.place_live import live_turn
 from robotctl.app.places import PlaceSource, learn, marked, recognise
 from robotctl.app.running_robot import running
 from robotctl.errors import ConfigError, LinkError, PlaceError
+from robotctl.estimation.signatures import SignatureConfig
 from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.se2 import SE2
+from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.recorder import Recorder, RecordHeader
 from robotctl.runtime.topics import Endpoints, Publisher, endpoint_directory
@@ -123,7 +126,10 @@ def test_what_is_not_learnt_leaves_the_file_as_it_was(book, tmp_path):
 
 
 class Published:
-    """A robot that publishes a few of its states each time that somebody waits for it."""
+    """A robot that publishes a few of its states each time that somebody waits for it.
+
+    It is the clock as well, whose time stands still.
+    """
 
     def __init__(self, instance, states, localisation=None):
         self.context = zmq.Context()
@@ -133,14 +139,20 @@ class Published:
         self.states = iter(states)
         self.localisation = localisation
 
-    def __call__(self, _turned_rad):
+    def now_ns(self):
+        return 0
+
+    def sleep_until(self, _deadline_ns):
         if self.localisation is not None:
             self.publisher.send(self.localisation)
         for _, state in zip(range(25), self.states, strict=False):
             self.publisher.send(state)
 
-    def close(self):
-        self.context.destroy(linger=0)
+    def turn(self, began=None):
+        try:
+            return live_turn("rover", ROBOT, SignatureConfig(), began, quiet, self)
+        finally:
+            self.context.destroy(linger=0)
 
 
 @pytest.fixture
@@ -148,40 +160,41 @@ def sockets(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
 
+FOREVER = 1e6
+"""Rounds of a robot: until it is heard."""
+
+
 @pytest.mark.usefixtures("sockets")
-def test_a_running_robot_is_listened_to_and_its_localiser_places_the_place(tmp_path):
+def test_a_running_robot_is_listened_to_and_its_localiser_says_where_it_ended(book):
     knows = LocalisationState(
         0, "mcl", LocalisationStatus.LOCALISED, 5.0, 1.0, 0.0, (0.0,) * 6
     )  # fmt: skip
-    robot = Published("rover", turning(kitchen, rounds=3.0), knows)
-    try:
-        known = learn("kitchen", tmp_path / "b.toml", PlaceSource(live="rover"), robot).book
-    finally:
-        robot.close()
-    (place,) = known.places
-    assert place.in_world
-    assert (place.visits[0].pose.x_m, place.visits[0].pose.y_m) == pytest.approx((5.0, 1.0))
+    visited = Published("rover", turning(kitchen, rounds=FOREVER), knows).turn()
+    assert (visited.pose.x_m, visited.pose.y_m) == pytest.approx((5.0, 1.0))
+    assert load_book(book).recognise(visited.turn.signature).place.place == "kitchen"
 
 
 @pytest.mark.usefixtures("sockets")
-def test_a_running_robot_that_knows_no_place_can_be_told_where_it_stood(book):
-    robot = Published("rover", turning(kitchen, rounds=3.0))
-    try:
-        (found,) = recognise(book, PlaceSource(live="rover", at="7,8"), robot)
-    finally:
-        robot.close()
-    assert found.recognition.place is not None
-    assert (found.visited.pose.x_m, found.visited.pose.y_m) == pytest.approx((7.0, 8.0))
+def test_a_running_robot_that_knows_no_place_can_be_told_where_it_stood():
+    robot = Published("rover", turning(kitchen, rounds=FOREVER))
+    visited = robot.turn(SE2(7.0, 8.0, 0.0))
+    assert (visited.pose.x_m, visited.pose.y_m) == pytest.approx((7.0, 8.0))
 
 
 @pytest.mark.usefixtures("sockets")
-def test_a_robot_of_another_name_is_offered(tmp_path):
+def test_where_a_running_robot_ended_may_be_known_to_nobody():
+    lost = LocalisationState(0, "mcl", LocalisationStatus.LOST, 5.0, 1.0, 0.0, (0.0,) * 6)
+    assert Published("rover", turning(kitchen, rounds=FOREVER), lost).turn().pose is None
+
+
+@pytest.mark.usefixtures("sockets")
+def test_a_robot_of_another_name_is_offered(book):
     robot = Published("rover", ())
     try:
         with pytest.raises(LinkError, match='no robot of that name runs; did you mean "rover"'):
-            running("rovr")
+            recognise(book, PlaceSource(live="rovr"), quiet)
     finally:
-        robot.close()
+        robot.context.destroy(linger=0)
     with pytest.raises(LinkError, match="none runs"):
         running("rover")
 
@@ -199,26 +212,23 @@ def test_looking_for_a_robot_makes_and_removes_no_folder(tmp_path):
 
 
 @pytest.mark.usefixtures("sockets")
-def test_a_robot_that_falls_silent_is_not_waited_for(book, monkeypatch):
-    monkeypatch.setattr(place_live, "_SILENT_S", 0.05)
+def test_a_robot_that_falls_silent_is_not_waited_for():
     robot = Published("rover", ())
+    clock = VirtualClock()
     try:
-        with pytest.raises(PlaceError, match="nothing heard of the robot"):
-            recognise(book, PlaceSource(live="rover"), quiet)
+        with pytest.raises(PlaceError, match="nothing heard of the robot for 5 s"):
+            live_turn("rover", ROBOT, SignatureConfig(), None, quiet, clock)
     finally:
-        robot.close()
+        robot.context.destroy(linger=0)
+    assert 5.0 < 1e-9 * clock.now_ns() < 5.1
 
 
 @pytest.mark.usefixtures("sockets")
-def test_a_robot_with_other_sonars_than_its_file_is_refused(book):
+def test_a_robot_with_other_sonars_than_its_file_is_refused():
     state = next(turning(kitchen))
     other = msgspec.structs.replace(state, sonar_m=(1.0,) * 3, sonar_stamp_ns=(1,) * 3)
-    robot = Published("rover", [other] * 1000)
-    try:
-        with pytest.raises(PlaceError, match="3 sonars, that of the file diff_drive 8"):
-            recognise(book, PlaceSource(live="rover"), robot)
-    finally:
-        robot.close()
+    with pytest.raises(PlaceError, match="3 sonars, that of the file diff_drive 8"):
+        Published("rover", repeat(other)).turn()
 
 
 def test_the_simulated_robot_learns_and_recognises_a_place_of_the_office_turned(tmp_path):
