@@ -21,7 +21,7 @@ from robotctl.runtime.estimation_messages import CameraView
 _REACH_M: Final = 2.0
 """Things on the floor are to be found up to here from below the camera [m]."""
 _WHOLE: Final = 0.95
-"""Share of a foot that must be in sight for its thing to be missed if it is not found."""
+"""Share of a foot that must be in sight for its thing to be one that should be found."""
 _SAME_M: Final = 0.15
 """A thing is found where one is reported so near to its foot; nothing stands where a ray goes on
 for so much farther [m]."""
@@ -88,12 +88,13 @@ class CameraScore:
         for thing in sightings(self._world, pose, self._intrinsics, self._mount):
             if thing.kind != "obstacle" or self._distance_m(thing) > _REACH_M:
                 continue
+            if thing.seen < _WHOLE:
+                continue
             foot = (thing.front_x_m, thing.front_y_m)
             offsets = [math.dist(foot, (seen.x_m, seen.y_m)) for seen in view.obstacles]
             nearest = min(offsets, default=math.inf)
-            found = nearest <= _SAME_M
-            self._wanted += found or thing.seen >= _WHOLE
-            self._offsets_m += [nearest] if found else []
+            self._wanted += 1
+            self._offsets_m += [nearest] if nearest <= _SAME_M else []
         if view.obstacles:
             at = np.array([(seen.x_m - view.x_m, seen.y_m - view.y_m) for seen in view.obstacles])
             goes_m = true_ranges(self._world, pose, self._mount, np.arctan2(at[:, 1], at[:, 0]))

@@ -88,10 +88,10 @@ class CameraReport(msgspec.Struct, frozen=True):
     within_3_sigma
         Share of these beams whose error is within three of their standard deviations.
     obstacles, found, false
-        Things of the floor within 2 m whose foot was in sight, those of them that were reported,
-        and reports where nothing stands.
+        Things of the floor within 2 m, once for each judged picture that shows all of the foot
+        (95 % and more), those of them that were reported, and reports where nothing stands.
     obstacle_rmse_m
-        Of the position of a foot [m].
+        Of the position of the foot of those found [m].
     step_ms
         Processor's time for a picture, median [ms].
     """

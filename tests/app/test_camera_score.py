@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from firmware_sim.camera_parameters import CameraMount, Intrinsics
+from firmware_sim.camera_truth import sightings
 from firmware_sim.world import load_world
 from robotctl.app.camera_score import CameraScore
 from robotctl.app.score import StampedPose
@@ -78,6 +79,24 @@ def test_a_thing_in_sight_is_found_or_missed(score):
     found = scored(score, view(obstacles=(AT_CAN,)), view())
     assert (found.obstacles, found.found, found.false) == (2, 1, 0)
     assert found.obstacle_rmse_m == pytest.approx(0.0, abs=0.005)
+
+
+def test_a_thing_that_is_half_hidden_is_neither_found_nor_missed(score, tmp_path):
+    post = """
+[[furniture]]
+kind = "pillar"
+name = "post"
+centre = [1.7, 1.995]
+radius_m = 0.01
+height_m = 1.0
+"""
+    (tmp_path / "hidden.toml").write_text(ROOM + post)
+    world = load_world(tmp_path / "hidden.toml")
+    (can,) = (t for t in sightings(world, HERE[1:], LENS, MOUNT) if t.name == "can")
+    assert 0.1 < can.seen < 0.9
+    found = scored(CameraScore(world, LENS, MOUNT), view(obstacles=(AT_CAN,)), view())
+    assert (found.obstacles, found.found, found.false) == (0, 0, 0)
+    assert found.obstacle_rmse_m is None
 
 
 def test_a_report_where_nothing_stands_is_false_and_one_of_the_wall_is_not(score):
