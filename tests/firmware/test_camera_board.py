@@ -56,7 +56,7 @@ def test_opencv_finds_the_corners_of_a_board_where_it_projects_them(tmp_path: Pa
     nearest = np.argmin(apart, axis=1)
     assert len(set(nearest)) == 54
     error = corners - pixels[nearest]
-    assert np.sqrt(np.mean(error**2)) < 0.08
+    assert np.sqrt(np.mean(error**2)) < 0.05
     assert np.abs(error.mean(axis=0)).max() < 0.02
 
 
