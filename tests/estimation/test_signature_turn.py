@@ -82,11 +82,24 @@ def test_a_robot_that_drives_in_a_circle_completes_no_turn():
     assert collector.turned_rad < 0.3
 
 
-def test_turning_to_and_fro_is_no_round_but_there_and_back_again_is_counted_once():
+def test_turning_to_and_fro_is_no_round_however_often():
     swing = [SE2(0.0, 0.0, math.sin(0.02 * k)) for k in range(1500)]
     collector = TurnCollector(MOUNTS, CONFIG)
     assert not turned(collector, swing)
     assert collector.turned_rad == pytest.approx(2.0, abs=0.01)
+
+
+def test_there_and_back_is_counted_once_and_completed_beyond_where_it_began():
+    there = [SE2(0.0, 0.0, k * STEP_RAD) for k in range(241)]
+    back = [SE2(0.0, 0.0, (240 - k) * STEP_RAD) for k in range(1, 241)]
+    collector = TurnCollector(MOUNTS, CONFIG)
+    assert not turned(collector, there + back)
+    assert collector.turned_rad == pytest.approx(240 * STEP_RAD)
+    beyond = [SE2(0.0, 0.0, -k * STEP_RAD) for k in range(1, 150)]
+    (turn,) = turned(collector, beyond)
+    assert beyond.index(turn.odometry) + 1 == 120
+    assert turn.signature.seen.all()
+    assert np.allclose(turn.signature.depth_m, WALL_M)
 
 
 def test_each_round_gives_a_signature_and_what_was_before_on_the_way_does_not_count():
