@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.app.camera_correspondences import (
     FloorPoints,
@@ -21,7 +22,7 @@ from robotctl.app.camera_correspondences import (
     markers_unseen,
 )
 from robotctl.app.camera_lens import Progress, lens_of_pictures
-from robotctl.app.camera_pictures import read_picture, read_picture_of
+from robotctl.app.camera_pictures import check_size, read_picture
 from robotctl.app.config import RobotConfig, load_robot
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.camera_homography import PointNoise
@@ -103,10 +104,10 @@ class CalibrateResult:
     ----------
     options, config
         What was asked for, and the robot as it was.
+    picture
+        Of the floor; None: there is none.
     lens
-        The lens and the pictures in which the board was seen; None: not calibrated.
-    lens_pictures
-        Those.
+        The lens; None: not calibrated.
     points
         What the mount was found from; empty if it was not.
     fit
@@ -121,8 +122,8 @@ class CalibrateResult:
 
     options: CalibrateOptions
     config: RobotConfig
+    picture: NDArray[np.uint8] | None
     lens: LensFit | None
-    lens_pictures: tuple[Path, ...]
     points: FloorPoints
     fit: MountFit | None
     expected: tuple[Expected, ...]
@@ -143,42 +144,32 @@ def calibrate_camera(options: CalibrateOptions, progress: Progress) -> Calibrate
         If a file cannot be read.
     """
     config = load_robot(options.robot, options.overrides)
+    # Read once: each look at a live camera is another picture.
+    picture = None if options.floor is None else read_picture(options.floor)
     lens: LensFit | None = None
-    seen: list[Path] = []
     notes: list[str] = []
     if options.lens:
-        lens, seen, notes = lens_of_pictures(options.lens, options.board, progress)
-    if options.floor is None and options.points is None:
-        return _result(options, config, lens, seen, FloorPoints.none(), None, notes)
-    intrinsics, known, said = _intrinsics(options, config, lens)
-    notes += said
-    progress("finding the points on the floor")
-    fixed, boards = _floor_points(options, intrinsics)
-    progress("fitting the mount")
-    points, fit = _fitted(options, config, intrinsics, fixed, boards, known=known)
-    notes += _about(options, fit, points)
-    return _result(options, config, lens, seen, points, fit, notes)
-
-
-def _result(
-    options: CalibrateOptions,
-    config: RobotConfig,
-    lens: LensFit | None,
-    seen: Sequence[Path],
-    points: FloorPoints,
-    fit: MountFit | None,
-    notes: Sequence[str],
-) -> CalibrateResult:
-    """Put all together, with what is expected of the mount."""
+        lens, notes = lens_of_pictures(options.lens, options.board, progress)
+    points, fit = FloorPoints.none(), None
+    if options.floor is not None or options.points is not None:
+        intrinsics, known, said = _intrinsics(options, config, lens, picture)
+        progress("finding the points on the floor")
+        fixed, boards = _floor_points(options, intrinsics, picture)
+        progress("fitting the mount")
+        points, fit = _fitted(options, config, intrinsics, fixed, boards, known=known)
+        notes += said + _about(options, fit, points, picture)
     expected = () if fit is None else expected_errors(fit, options.noise.sigma_px)
     advice = None if fit is None else recommend(fit, options.noise)
     return CalibrateResult(
-        options, config, lens, tuple(seen), points, fit, expected, advice, tuple(notes)
+        options, config, picture, lens, points, fit, expected, advice, tuple(notes)
     )
 
 
 def _intrinsics(
-    options: CalibrateOptions, config: RobotConfig, lens: LensFit | None
+    options: CalibrateOptions,
+    config: RobotConfig,
+    lens: LensFit | None,
+    picture: NDArray[np.uint8] | None,
 ) -> tuple[CameraIntrinsics, bool, list[str]]:
     """Return the lens to use for the mount, whether it is known, and notes."""
     if lens is not None:
@@ -189,8 +180,8 @@ def _intrinsics(
         "without a calibrated lens: pixels are taken to be square, the optical axis to meet the "
         "middle of the picture, and the lens to bend nothing; --lens finds what is true"
     )
-    if options.floor is not None:
-        height, width = read_picture(options.floor).shape[:2]
+    if picture is not None:
+        height, width = picture.shape[:2]
     elif config.camera is not None:
         lens_then = config.camera.intrinsics
         width, height = lens_then.width_px, lens_then.height_px
@@ -203,14 +194,14 @@ def _intrinsics(
 
 
 def _floor_points(
-    options: CalibrateOptions, lens: CameraIntrinsics
+    options: CalibrateOptions, lens: CameraIntrinsics, picture: NDArray[np.uint8] | None
 ) -> tuple[FloorPoints, list[FloorPoints]]:
     """Return points that are certain, and those of the board in each order it could lie."""
     fixed, boards = FloorPoints.none(), []
     if options.points is not None:
         fixed = fixed.joined(clicked_points(options.points))
-    if options.floor is not None:
-        picture = read_picture_of(options.floor, lens)
+    if picture is not None and options.floor is not None:
+        check_size(picture, options.floor, lens)
         if options.markers is not None:
             fixed = fixed.joined(markers_seen(picture, options.markers, options.family))
         if options.at is not None:
@@ -253,7 +244,12 @@ def _fitted(
     return min(fits, key=doubt)
 
 
-def _about(options: CalibrateOptions, fit: MountFit, points: FloorPoints) -> list[str]:
+def _about(
+    options: CalibrateOptions,
+    fit: MountFit,
+    points: FloorPoints,
+    picture: NDArray[np.uint8] | None,
+) -> list[str]:
     """Return what people should know of a fit."""
     notes = []
     if options.markers is not None:
@@ -279,9 +275,9 @@ def _about(options: CalibrateOptions, fit: MountFit, points: FloorPoints) -> lis
         )
     if fit.degrees <= _FEW:
         notes.append("so few points hardly check each other: measure some more")
-    if options.at is not None and options.floor is not None:
+    if options.at is not None and picture is not None:
         board = options.board
-        larger = larger_board(read_picture(options.floor), board)
+        larger = larger_board(picture, board)
         if larger is not None:
             notes.append(
                 f"the board looks as if it had {larger.columns} x {larger.rows} inner corners, not "

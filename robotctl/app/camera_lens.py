@@ -21,8 +21,8 @@ Progress: TypeAlias = Callable[[str], None]
 
 def lens_of_pictures(
     paths: Sequence[Path], board: Board, progress: Progress
-) -> tuple[LensFit, list[Path], list[str]]:
-    """Calibrate the lens; return it, the pictures with the board, and sentences for people.
+) -> tuple[LensFit, list[str]]:
+    """Calibrate the lens; return it and sentences for people.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def lens_of_pictures(
     out = [path.name for path, rms in zip(seen, lens.rms_px, strict=True) if math.isnan(rms)]
     if out:
         notes.append(f"left out, since they fit much worse than the others: {', '.join(out)}")
-    return lens, seen, notes
+    return lens, notes
 
 
 def _invertible(lens: CameraIntrinsics) -> bool:

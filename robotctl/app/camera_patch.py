@@ -51,7 +51,8 @@ def intervals(result: CalibrateResult) -> dict[str, float]:
 def patch_text(result: CalibrateResult) -> str:
     """Return the TOML, under comments that say where it comes from and how good it is."""
     options = result.options
-    sources = [f"{len(result.lens_pictures)} pictures"] if result.lens is not None else []
+    lens = result.lens
+    sources = [] if lens is None else [f"{len(lens.rms_px)} pictures"]
     sources += [file.name for file in (options.floor, options.markers, options.points) if file]
     comments = [
         (

@@ -65,9 +65,21 @@ def read_picture_of(path: Path, intrinsics: CameraIntrinsics) -> NDArray[np.uint
     Raises
     ------
     ConfigError
-        As there, and if its size is another: cut or scaled, it has another lens.
+        As there, and as `check_size`.
     """
     picture = read_picture(path)
+    check_size(picture, path, intrinsics)
+    return picture
+
+
+def check_size(picture: NDArray[np.uint8], path: Path, intrinsics: CameraIntrinsics) -> None:
+    """Refuse a picture of another size than the lens is for.
+
+    Raises
+    ------
+    ConfigError
+        If it is: cut or scaled, it has another lens.
+    """
     height, width = picture.shape[:2]
     if (width, height) != (intrinsics.width_px, intrinsics.height_px):
         raise ConfigError(
@@ -75,7 +87,6 @@ def read_picture_of(path: Path, intrinsics: CameraIntrinsics) -> NDArray[np.uint
             f"{intrinsics.width_px} x {intrinsics.height_px}; take pictures of that size: one "
             "that is cut or scaled has another lens"
         )
-    return picture
 
 
 def live_picture(instance: str, clock: Clock) -> NDArray[np.uint8]:

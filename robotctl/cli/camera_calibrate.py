@@ -107,8 +107,8 @@ def calibrate(
         progress.print(f"robotctl: {error}", markup=False, soft_wrap=True)
         sys.exit(ABORTED)
     _tell(result)
-    if show is not None and floor is not None:
-        _draw(result, floor, show)
+    if show is not None:
+        _draw(result, show)
     give_patch(_patch(result), out)
     _advise(result)
 
@@ -137,18 +137,17 @@ def _tell(result: CalibrateResult) -> None:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def _draw(result: CalibrateResult, floor: Path, show: Path) -> None:
+def _draw(result: CalibrateResult, show: Path) -> None:
     """Draw what was found into the picture of the floor."""
-    from robotctl.app.camera_pictures import read_picture, write_picture  # noqa: PLC0415
+    from robotctl.app.camera_pictures import write_picture  # noqa: PLC0415
     from robotctl.estimation.camera_overlay import (  # noqa: PLC0415
         draw_correspondences,
         draw_floor_grid,
     )
 
-    fit = result.fit
-    if fit is None:
+    fit, picture = result.fit, result.picture
+    if fit is None or picture is None:
         return
-    picture = read_picture(floor)
     draw_floor_grid(picture, fit.camera)
     predicted = fit.camera.project_ground(result.points.ground)
     draw_correspondences(picture, result.points.pixels, predicted, fit.agree)

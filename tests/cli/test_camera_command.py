@@ -14,8 +14,9 @@ import pytest
 from robotctl.app.camera_pictures import read_picture, write_picture
 from robotctl.app.config import find_file, load_robot
 from robotctl.cli import main as command_line
-from robotctl.estimation.camera_pattern import Board, find_corners, find_markers
+from robotctl.estimation.camera_pattern import Board, draw_board, find_corners, find_markers
 from robotctl.model.camera_geometry import CameraGeometry
+from tests.app.floor_pictures import Sheet, floor_of, picture_of
 
 
 @pytest.fixture
@@ -77,6 +78,26 @@ def test_a_wrong_point_is_named(monkeypatch, capsys, points):
     points.write_text("\n".join(lines))
     assert run(monkeypatch, "calibrate", "--points", points) == 0
     assert "left out, since they contradict the others: point 4" in capsys.readouterr().out
+
+
+def test_of_a_running_robot_one_picture_is_taken_for_all_that_needs_it(
+    monkeypatch, capsys, tmp_path, camera
+):
+    rng = np.random.default_rng(1)
+    board = Sheet(draw_board(Board(9, 6, 0.03)), 0.75, 0.05, 5.0)
+    pictures = [picture_of(floor_of([board], rng), camera, rng)]
+
+    def only_one(instance, _clock):
+        assert instance == "rover"
+        return pictures.pop()
+
+    monkeypatch.setattr("robotctl.app.camera_pictures.live_picture", only_one)
+    words = ("--floor", "live:rover", "--at", "0.75,0.05,5", "--square-mm", 30, "--lens-unknown")
+    shown = tmp_path / "seen.png"
+    assert run(monkeypatch, "calibrate", *words, "--show", shown) == 0
+    assert pictures == []
+    assert read_picture(shown).shape == (480, 640, 3)
+    assert "54 points" in capsys.readouterr().out
 
 
 def test_what_the_points_do_not_tell_ends_with_1_and_bad_input_with_2(
