@@ -73,17 +73,14 @@ def calibrate_lens(
     Raises
     ------
     ValueError
-        With fewer than four pictures, or if they do not tell the focal length, as those of a
-        board that is never tilted.
+        With fewer than four pictures, also of those that fit, if no lens fits them, or if they do
+        not tell the focal length, as those of a board that is never tilted.
     """
-    if len(corners) < LEAST_PICTURES:
-        raise ValueError(
-            f"{len(corners)} pictures with the board; {LEAST_PICTURES} are needed, 10 to 20 are "
-            "good, with the board near, tilted to all sides, and in all parts of the picture"
-        )
+    _check_count(len(corners), "with the board")
     size = (width_px, height_px)
     rms_px = np.array(_calibrated(corners, board, size)[1])
     kept = np.flatnonzero(rms_px <= _OUTLYING * np.median(rms_px)).tolist()
+    _check_count(len(kept), f"of {len(corners)} with the board fit each other")
     chosen = [corners[i] for i in kept]
     values, of_each = _calibrated(chosen, board, size)
     all_px = np.full(len(corners), np.nan)
@@ -104,15 +101,36 @@ def calibrate_lens(
     return LensFit(lens, half_width, all_px, _covered(chosen, size))
 
 
+def _check_count(found: int, which: str) -> None:
+    """Refuse too few pictures."""
+    if found < LEAST_PICTURES:
+        raise ValueError(
+            f"{found} pictures {which}; {LEAST_PICTURES} are needed, 10 to 20 are good, with the "
+            "board near, tilted to all sides, and in all parts of the picture"
+        )
+
+
 def _calibrated(
     corners: Sequence[NDArray[np.float64]], board: Board, size: tuple[int, int]
 ) -> tuple[NDArray[np.float64], list[float]]:
-    """Return `KEYS`, (9,), and the residuals of each picture, root mean square [px]."""
+    """Return `KEYS`, (9,), and the residuals of each picture, root mean square [px].
+
+    Raises
+    ------
+    ValueError
+        If OpenCV finds none.
+    """
     flat = np.column_stack([board.corners(), np.zeros(board.columns * board.rows)])
     flat[:, 1] *= -1.0
     places = [flat.astype(np.float32)] * len(corners)
     pixels = [each.astype(np.float32).reshape(-1, 1, 2) for each in corners]
-    result = cv2.calibrateCameraExtended(places, pixels, size, np.eye(3), np.zeros(5))
+    try:
+        result = cv2.calibrateCameraExtended(places, pixels, size, np.eye(3), np.zeros(5))
+    except cv2.error as error:
+        raise ValueError(
+            f"OpenCV finds no lens that shows the board so ({error.err}): is it flat, and are "
+            "--board and all pictures right?"
+        ) from error
     _, K, distortion, _, _, _, _, per_view = result
     values = np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *distortion.ravel()[:5]])
     # OpenCV's is the root of the mean over points of u^2 + v^2; here over u and v.

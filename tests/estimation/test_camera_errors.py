@@ -155,6 +155,19 @@ def test_a_board_that_is_never_tilted_does_not_tell_the_focal_length() -> None:
         calibrate_lens(lens_pictures(3, 0.1), Board(9, 6, 0.025), 640, 480)
 
 
+def test_too_few_pictures_that_fit_are_refused_as_too_few_pictures_are() -> None:
+    pictures = lens_pictures(4, 0.1)
+    pictures[3] = pictures[3] + np.random.default_rng(1).normal(scale=3.0, size=(54, 2))
+    with pytest.raises(ValueError, match="3 pictures of 4 with the board fit each other; 4 are"):
+        calibrate_lens(pictures, Board(9, 6, 0.025), 640, 480)
+
+
+def test_corners_that_no_lens_shows_are_an_error_that_says_so() -> None:
+    one_place = [np.full((54, 2), 100.0)] * 5
+    with pytest.raises(ValueError, match="OpenCV finds no lens that shows the board so"):
+        calibrate_lens(one_place, Board(9, 6, 0.025), 640, 480)
+
+
 def test_a_view_without_pixels_is_refused() -> None:
     for wrong in ({"far_m": -1.0}, {"half_width_m": 0.0}, {"m_per_px": 0.0}, {"m_per_px": 1e-6}):
         with pytest.raises(ValueError, match=r"near_m|half_width_m|m_per_px|pixels of"):
