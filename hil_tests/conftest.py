@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import socket
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Generator, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from hil_tests.ground_station import GroundStation
-from hil_tests.rig import Rig
+from hil_tests.pauses import PauseWitness
+from hil_tests.rig import Rig, is_exact
 from robotctl.app.config import find_file
 from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
 from robotctl.runtime.messages import SafetyState
@@ -19,6 +22,56 @@ from robotctl.runtime.messages import SafetyState
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--bus", default="simcan", help="simcan, vcan0 or can0")
     parser.addoption("--reactions", default="", help="append each reaction time to this file")
+
+
+RERUNS = 2
+PAUSE = "pause of the machine"
+WITNESS = pytest.StashKey[PauseWitness]()
+BEGAN = pytest.StashKey[int]()
+FAILED, STOOD = pytest.StashKey[bool](), pytest.StashKey[bool]()
+"""Whether a test failed; whether it did so while the machine stood."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    controls_workers = config.getoption("numprocesses", None) and not hasattr(config, "workerinput")
+    if not controls_workers and not is_exact(config.getoption("--bus")):
+        config.stash[WITNESS] = PauseWitness()
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if WITNESS in config.stash:
+        config.stash[WITNESS].close()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A test that failed while the machine stood says nothing: it is run again."""
+    for item in items:
+        says_nothing = partial(item.stash.get, STOOD, False)
+        item.add_marker(pytest.mark.flaky(reruns=RERUNS, condition=says_nothing))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    item.stash[BEGAN], item.stash[FAILED], item.stash[STOOD] = time.monotonic_ns(), False, False
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if report.failed:
+        item.stash[FAILED] = True
+        witness = item.config.stash.get(WITNESS, None)
+        if witness is not None and (stood_ms := witness.longest_ms(item.stash[BEGAN])):
+            item.stash[STOOD] = True
+            report.sections.append((PAUSE, f"The machine stood for {stood_ms:.0f} ms meanwhile."))
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which tests were run again, and why."""
+    for report in terminalreporter.stats.get("rerun", []):
+        terminalreporter.line(f"RUN AGAIN {report.nodeid}: {dict(report.sections)[PAUSE]}")
 
 
 @pytest.fixture(scope="session")
@@ -92,7 +145,6 @@ def lasting(
         benches[0].start_firmware()
         benches[0].start()
     rig = benches[0]
-    failed_before = request.session.testsfailed
     sound = False
     try:
         rig.arm()
@@ -103,7 +155,7 @@ def lasting(
         sound = rig.truth.unsafe_motions == 0
         assert sound, rig.truth.unsafe_reason
     finally:
-        if not sound or request.session.testsfailed > failed_before:
+        if not sound or request.node.stash[FAILED]:
             benches.pop().close()
 
 

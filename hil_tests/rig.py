@@ -57,6 +57,11 @@ _ABOVE_CONTROL = 10
 _instances = itertools.count()
 
 
+def is_exact(bus: str) -> bool:
+    """Return whether a late frame on the bus is the robot's own: virtual time, or a real robot."""
+    return bus == "can0" or os.environ.get("VCAN_GUEST") == "virtual"
+
+
 def enabled(command: can.Message) -> bool:
     """Return whether a MotorCommand frame lets the motors turn."""
     return bool(command.data[1] & 0x10)
@@ -97,13 +102,11 @@ class Rig:
         self._firmware_bus = f"simcan:{name}" if simulated else bus
         self._world, self._start, self._directory = world, start, directory
         x_m, y_m, heading_deg = (float(part) for part in start.split(","))
-        # Under virtual time, and on a real robot, a late frame is the robot's own.
-        exact = bus == "can0" or os.environ.get("VCAN_GUEST") == "virtual"
         self.options = StackOptions(
             instance=name,
             robot=str(find_file(robot).resolve()),
             overrides=(
-                *(() if exact else (PATIENCE,)),
+                *(() if is_exact(bus) else (PATIENCE,)),
                 BEST_EFFORT,
                 f'can.interface="{self.interface}"',
                 f'can.channel="{self.channel}"',

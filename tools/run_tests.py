@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
@@ -39,6 +40,11 @@ LONG = tuple(
 ON_VCAN = ("--bus", INTERFACE)
 SMOKE = ("tests/vcan", "hil_tests/test_1_link.py", *ON_VCAN)
 GUEST_LIMIT_S = 2400.0
+POLL_S = 0.2
+
+TOLD = ("FAILED ", "ERROR ", "RUN AGAIN ")
+WIDE = {"COLUMNS": "200"}
+"""Else pytest cuts what it says of a failure at 80 columns."""
 
 PASSED, FAILED, NOT_RUN = "passed", "FAILED", "NOT RUN"
 
@@ -51,11 +57,25 @@ class Outcome:
     result: str
     seconds: float = 0.0
     note: str = ""
+    tests: tuple[str, ...] = ()
+    """What pytest's summary said of tests that failed, or that were run again."""
 
-    def line(self) -> str:
-        """Return the stage's line of the summary."""
+    def lines(self) -> str:
+        """Return the stage's lines of the summary."""
         taken = f"{self.seconds:7.1f} s" if self.result != NOT_RUN else " " * 9
-        return f"  {self.name:<42} {self.result:<8} {taken}  {self.note}".rstrip()
+        line = f"  {self.name:<42} {self.result:<8} {taken}  {self.note}".rstrip()
+        return "\n".join((line, *(f"    {test}" for test in self.tests)))
+
+
+def told(output: bytes) -> tuple[str, ...]:
+    """Return the lines in which pytest's summary names a test."""
+    lines = output.decode(errors="replace").splitlines()
+    return tuple(line for line in lines if line.startswith(TOLD))
+
+
+def read_from(output: IO[bytes], begin: int) -> bytes:
+    """Return what commands have written to a file since `begin`."""
+    return os.pread(output.fileno(), os.fstat(output.fileno()).st_size - begin, begin)
 
 
 def stage(name: str, *commands: tuple[str, ...]) -> Outcome:
@@ -63,27 +83,32 @@ def stage(name: str, *commands: tuple[str, ...]) -> Outcome:
     print(f"\n=== {name}", flush=True)
     begin_s = time.monotonic()
     with contextlib.ExitStack() as stack:
-        outputs = [stack.enter_context(tempfile.TemporaryFile()) for _ in commands[1:]]
+        outputs = [stack.enter_context(tempfile.TemporaryFile()) for _ in commands]
         running = [
             subprocess.Popen(
-                command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+                command,
+                cwd=ROOT,
+                env=os.environ | WIDE,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
             )
-            for command, output in zip(commands, (None, *outputs), strict=True)
+            for command, output in zip(commands, outputs, strict=True)
         ]
-        try:
-            for process in running:
-                process.wait(GUEST_LIMIT_S - (time.monotonic() - begin_s))
-        except subprocess.TimeoutExpired:
-            for process in running:
-                process.kill()
-            return Outcome(name, FAILED, GUEST_LIMIT_S, "ended: it took too long")
-        for output in outputs:
-            output.seek(0)
-            print(output.read().decode(errors="replace"), flush=True)
-    taken_s = time.monotonic() - begin_s
+        passed_on, late = 0, False
+        while any(process.poll() is None for process in running) and not late:
+            time.sleep(POLL_S)
+            passed_on += os.write(1, read_from(outputs[0], passed_on))
+            late = time.monotonic() - begin_s > GUEST_LIMIT_S
+        for process in running:
+            process.kill()
+            process.wait()
+        heard = [read_from(output, 0) for output in outputs]
+    print(b"\n".join((heard[0][passed_on:], *heard[1:])).decode(errors="replace"), flush=True)
     failed = [str(process.returncode) for process in running if process.returncode]
-    note = f"exit {', '.join(failed)}" if failed else ""
-    return Outcome(name, FAILED if failed else PASSED, taken_s, note)
+    note = "ended: it took too long" if late else f"exit {', '.join(failed)}" if failed else ""
+    tests = tuple(test for output in heard for test in told(output))
+    return Outcome(name, FAILED if failed else PASSED, time.monotonic() - begin_s, note, tests)
 
 
 def vcan_here() -> bool:
@@ -148,7 +173,7 @@ def main() -> int:
         *vcan_stages(wanted, stage),
     ]
     print("\n=== summary")
-    print("\n".join(outcome.line() for outcome in outcomes))
+    print("\n".join(outcome.lines() for outcome in outcomes))
     line, status = verdict(outcomes, wanted)
     print(line, flush=True)
     return status

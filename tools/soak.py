@@ -26,7 +26,7 @@ SUITE = sorted(
 def repeat(options: argparse.Namespace, reactions: Path) -> str:
     """Run the suite once; return its output where it failed, else nothing."""
     command = [
-        *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
+        *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--force-reruns=0"),
         *SUITE,
         *("--bus", options.bus, "--reactions", str(reactions)),
         *(("-k", options.only) if options.only else ()),

@@ -76,6 +76,28 @@ def test_the_status_of_a_stage_is_its_commands(capfd: pytest.CaptureFixture[str]
     assert "seen" in capfd.readouterr().out
 
 
+def test_the_summary_names_the_tests_that_failed_or_were_run_again(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    told = ("FAILED hil_tests/test_a.py::test_b - too late", "RUN AGAIN test_c: it stood")
+    print_both = f"print('....'); print({told[0]!r}); print('=== end'); raise SystemExit(1)"
+    outcome = run_tests.stage(
+        "both", (sys.executable, "-c", print_both), (sys.executable, "-c", f"print({told[1]!r})")
+    )
+    assert outcome.tests == told
+    assert outcome.lines().splitlines()[1:] == [f"    {line}" for line in told]
+    assert "=== end" in capfd.readouterr().out
+
+
+def test_a_command_that_leaves_a_process_behind_ends_its_stage() -> None:
+    leave = (
+        "import subprocess, sys\n"
+        "child = subprocess.Popen((sys.executable, '-c', 'input()'), stdin=subprocess.PIPE)\n"
+        "print(child.pid); import os; os._exit(0)"
+    )
+    assert run_tests.stage("left", (sys.executable, "-c", leave)).result == PASSED
+
+
 def test_commands_of_a_stage_run_side_by_side_and_each_must_pass(
     capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
