@@ -35,7 +35,7 @@ from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.place_book import PlaceBook
 from robotctl.estimation.place_fix import place_fix
 from robotctl.estimation.signature_turn import Turn, TurnCollector
-from robotctl.estimation.signatures import SignatureConfig, SignatureIndex
+from robotctl.estimation.signatures import SignatureConfig
 from robotctl.estimation.wall_raster import grid_of_walls
 from robotctl.model.angles import wrap_angle
 from robotctl.model.motion import arc
@@ -167,7 +167,7 @@ class Outcome:
     position_nees
         Squared error of the position by its covariance, two dimensions, of those.
     ruled_out
-        Share of the known visits that depth histograms alone rule out.
+        Share of the known visits that a recognition does not compare in full.
     busy_us
         Processor time of a recognition.
     """
@@ -224,14 +224,13 @@ def learnt(room: Room, places: Sequence[SE2], turned: Turned) -> PlaceBook:
 def trial(room: Room, places: Sequence[SE2], turned: Turned, outcome: Outcome) -> PlaceBook:
     """Learn places, visit them again, and visit as many others; return the book."""
     book = learnt(room, places, turned)
-    visits = [visit.signature for place in book.places for visit in place.visits]
-    index = SignatureIndex(visits, _CONFIG)
     starts = [(i, room.near(place)) for i, place in enumerate(places) for _ in range(VISITS)]
     starts += [(PLACES, room.clear_pose(places)) for _ in range(PLACES * VISITS)]
     for i, start in starts:
         turn, end = turned(start)
         outcome.visit(book, turn, end, i)
-        outcome.ruled_out.append(float(np.mean(index.bounds(turn.signature) > book.threshold)))
+        compared = book.worth_comparing(book.compare(turn.signature))
+        outcome.ruled_out.append(1.0 - len(compared) / (PLACES * LEARNT))
     return book
 
 

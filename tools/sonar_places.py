@@ -61,9 +61,8 @@ def turned(ring: Ring, label: str, lag: int) -> NDArray[np.float64]:
     lasting = [i for i in range(len(same) - lag) if same[i : i + lag + 1].all()]
     found = []
     for i in lasting:
-        (curve,) = SignatureIndex([ring.signatures[i]], CONFIG).differences(
-            ring.signatures[i + lag]
-        )
+        one = SignatureIndex([ring.signatures[i]], CONFIG)
+        (curve,) = one.compare(ring.signatures[i + lag]).differences()
         shift = (int(curve.argmin()) + 12) % 24 - 12
         found.append((curve[0], curve.min(), shift))
     return np.array(found)
@@ -71,9 +70,7 @@ def turned(ring: Ring, label: str, lag: int) -> NDArray[np.float64]:
 
 def likeness(ring: Ring, every: int) -> NDArray[np.float64]:
     """Return the difference between each pair of every so many rows."""
-    chosen = ring.signatures[::every]
-    index = SignatureIndex(chosen, CONFIG)
-    return np.array([index.differences(each).min(axis=1) for each in chosen])
+    return SignatureIndex(ring.signatures[::every], CONFIG).each_other()
 
 
 def round_rows(ring: Ring, every: int = 12) -> int:
@@ -176,7 +173,7 @@ def main() -> int:
             )
     chosen = np.arange(0, len(ring.signatures) - max(LAGS), 20)
     index = SignatureIndex(ring.signatures, CONFIG)
-    least = np.array([index.differences(ring.signatures[i]).min(axis=1) for i in chosen])
+    least = np.array([index.compare(ring.signatures[i]).differences().min(axis=1) for i in chosen])
     for lag in LAGS:
         later = least[range(len(chosen)), chosen + lag]
         print(f"{lag / RATE_HZ:5.1f} s later: D {np.median(later):.3f}")

@@ -156,14 +156,11 @@ class Recognition:
         Why no place is recognised, a sentence; "" where the first candidate's is.
     threshold
         The greatest difference that is accepted.
-    nearest
-        The most like place and its difference, accepted or not; None where none was compared.
     """
 
     candidates: tuple[Candidate, ...]
     refusal: str
     threshold: float
-    nearest: tuple[str, float] | None
 
     @property
     def place(self) -> Candidate | None:

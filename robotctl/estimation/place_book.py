@@ -32,7 +32,7 @@ from robotctl.estimation.known_places import (
     Visit,
 )
 from robotctl.estimation.place_uncertainty import position_covariance, rotation
-from robotctl.estimation.signatures import Signature, SignatureConfig, SignatureIndex
+from robotctl.estimation.signatures import Comparison, Signature, SignatureConfig, SignatureIndex
 from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 
@@ -77,8 +77,7 @@ class PlaceBook:
             [visit.signature for _, visit in self._visits], self.signatures
         )
         self._owner = np.array([self.places.index(place) for place, _ in self._visits], np.int64)
-        rows = [self._index.differences(visit.signature).min(axis=1) for _, visit in self._visits]
-        self._least = np.array(rows).reshape(len(rows), len(rows))
+        self._least = self._index.each_other()
         np.fill_diagonal(self._least, np.inf)
         own, other = (_finite(least) for least in self._own_and_other())
         self.within = _spread(own, self.config.within, self.config.prior_visits)
@@ -142,38 +141,37 @@ class PlaceBook:
         if not refusal and not self._visits:
             refusal = "no place is known yet"
         if refusal:
-            return Recognition((), refusal, self.threshold, None)
-        which, differences = self._compared(signature)
+            return Recognition((), refusal, self.threshold)
+        comparison = self.compare(signature)
+        which = self.worth_comparing(comparison)
+        differences = comparison.differences(which)
         least = differences.min(axis=1)
         if least.min() == math.inf:
-            return Recognition(
-                (), "too few bearings are in this and in a known signature", self.threshold, None
-            )
-        best = int(np.argmin(least))
-        nearest = (self._visits[which[best]][0].name, float(least[best]))
-        candidates = self._candidates(which, differences)
-        return Recognition(
-            candidates, self._refusal(nearest, which, least), self.threshold, nearest
-        )
+            refusal = "too few bearings are in this and in a known signature"
+            return Recognition((), refusal, self.threshold)
+        refusal = self._refusal(which, least)
+        return Recognition(self._candidates(which, differences), refusal, self.threshold)
 
-    def _compared(self, signature: Signature) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return indices of visits, and their differences at each shift.
+    def compare(self, signature: Signature) -> Comparison:
+        """Return a signature beside those of all visits, in their order."""
+        return self._index.compare(signature)
+
+    def worth_comparing(self, comparison: Comparison) -> NDArray[np.int64]:
+        """Return the indices of the visits with which a signature is compared in full.
 
         Left out are those whose depth histograms alone differ by too much to be a candidate, or
         to make the best one doubtful.
         """
-        bounds = self._index.bounds(signature)
+        bounds = comparison.bounds()
         first = np.array([np.argmin(bounds)])
-        some = float(self._index.differences(signature, first).min())
+        some = float(comparison.differences(first).min())
         limit = max(self.threshold, max(some, self.within.mean) / self.config.ratio)
-        which = np.flatnonzero(bounds <= limit)
-        return which, self._index.differences(signature, which)
+        return np.flatnonzero(bounds <= limit)
 
-    def _refusal(
-        self, nearest: tuple[str, float], which: NDArray[np.int64], least: NDArray[np.float64]
-    ) -> str:
+    def _refusal(self, which: NDArray[np.int64], least: NDArray[np.float64]) -> str:
         """Return why the most like place is not accepted; "" if it is."""
-        name, difference = nearest
+        best = int(np.argmin(least))
+        name, difference = self._visits[which[best]][0].name, float(least[best])
         if difference > self.threshold:
             return (
                 f"unknown: {name} is most like it and differs by {difference:.3f}, "

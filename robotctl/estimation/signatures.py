@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,24 +200,46 @@ class SignatureIndex:
     def __len__(self) -> int:
         return len(self._known.mean)
 
-    def bounds(self, signature: Signature) -> NDArray[np.float64]:
+    def compare(self, signature: Signature) -> Comparison:
+        """Return a new signature beside the known ones.
+
+        Raises
+        ------
+        ValueError
+            If it has another number of bearings.
+        """
+        return Comparison(self._known, _Spectra([signature], self.config), self.config)
+
+    def each_other(self) -> NDArray[np.float64]:
+        """Return the least D, over all shifts, of each known one from each other, (k, k)."""
+        rows = [
+            Comparison(self._known, self._known.only(i), self.config).differences().min(axis=1)
+            for i in range(len(self))
+        ]
+        return np.array(rows).reshape(len(self), len(self))
+
+
+class Comparison:
+    """A new signature beside known ones; made by `SignatureIndex.compare`."""
+
+    def __init__(self, known: _Spectra, new: _Spectra, config: SignatureConfig) -> None:
+        self._known, self._new = known, new
+        self._config = config
+
+    def bounds(self) -> NDArray[np.float64]:
         """Return for each known signature what its difference is at least, at any shift, (k,).
 
         By the depth histograms, which know no bearing; 0 where a bearing is missing in one of both.
         """
-        new = _Spectra([signature], self.config)
-        bound: NDArray[np.float64] = 0.5 * np.square(self._known.mean - new.mean).sum(axis=1)
-        return np.where(self._known.whole & new.whole, bound, 0.0)
+        known, new = self._known, self._new
+        bound: NDArray[np.float64] = 0.5 * np.square(known.mean - new.mean).sum(axis=1)
+        return np.where(known.whole & new.whole, bound, 0.0)
 
-    def differences(
-        self, signature: Signature, which: NDArray[np.int64] | None = None
-    ) -> NDArray[np.float64]:
-        """Return D of a new signature from known ones at each shift.
+    def differences(self, which: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Return D of the new signature from known ones at each shift.
 
         Parameters
         ----------
-        signature
-            The new one.
         which
             Indices of the known ones to compare with, (m,); None: all.
 
@@ -226,9 +249,9 @@ class SignatureIndex:
             (m, bearings), 0 to 1: column s is of a robot that stands turned by s bearings to the
             left from where it stood; inf where less than `least_seen` of the bearings is in both.
         """
-        old, new = self._known, _Spectra([signature], self.config)
-        chosen = np.arange(len(self)) if which is None else which
-        n = self.config.bearings
+        old, new = self._known, self._new
+        chosen = np.arange(len(old.mean)) if which is None else which
+        n = self._config.bearings
         # Circular correlation: sum over i of a(i + s) b(i) has the spectrum A(f) conj(B(f)).
         turned = np.conj(new.rows)
         spectrum = -2.0 * np.einsum("kfz,fz->kf", old.rows[chosen], turned[0])
@@ -237,7 +260,7 @@ class SignatureIndex:
         )
         total = 0.5 * np.fft.irfft(spectrum, n, axis=1)
         both = np.fft.irfft(old.seen[chosen] * np.conj(new.seen), n, axis=1).round()
-        enough = both >= max(1.0, self.config.least_seen * n)
+        enough = both >= max(1.0, self._config.least_seen * n)
         found = np.full(total.shape, np.inf)
         np.divide(total, both, out=found, where=enough)
         squared: NDArray[np.float64] = np.maximum(found, 0.0)
@@ -267,3 +290,10 @@ class _Spectra:
         self.seen = np.fft.rfft(seen.astype(np.float64), axis=1)
         self.mean = rows.mean(axis=1)
         self.whole = seen.all(axis=1)
+
+    def only(self, index: int) -> _Spectra:
+        """Return one of them."""
+        found = copy(self)
+        for name, value in vars(self).items():
+            setattr(found, name, value[index : index + 1])
+        return found

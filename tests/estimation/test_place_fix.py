@@ -27,7 +27,7 @@ def candidate(x, y, theta, weight=1.0, *, in_world=True, covariance=COVARIANCE):
 
 
 def recognition(*candidates, refusal=""):
-    return Recognition(candidates, refusal, 0.1, ("a", 0.02))
+    return Recognition(candidates, refusal, 0.1)
 
 
 def test_the_density_is_the_mixture_of_its_candidates_and_of_anywhere():
@@ -67,7 +67,7 @@ def test_it_does_not_change_the_poses_that_it_weighs():
 def test_places_of_which_nobody_knows_where_they_are_say_nothing_of_poses():
     lost = candidate(0.0, 0.0, 1.0, in_world=False)
     assert place_fix(recognition(lost), AREA_M2) is None
-    assert place_fix(Recognition((), "unknown", 0.1, None), AREA_M2) is None
+    assert place_fix(Recognition((), "unknown", 0.1), AREA_M2) is None
     there = candidate(3.0, 1.0, 0.0, 0.5)
     both = place_fix(recognition(lost, there), AREA_M2)
     alone = place_fix(recognition(there), AREA_M2)

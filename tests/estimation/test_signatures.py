@@ -50,7 +50,7 @@ def textbook(old, new, config=CONFIG):
 def test_the_difference_at_each_shift_is_that_of_a_loop_over_bearings_and_classes(unseen):
     known = [made(seed, unseen=unseen) for seed in range(3)]
     new = made(9, unseen=unseen)
-    found = SignatureIndex(known, CONFIG).differences(new)
+    found = SignatureIndex(known, CONFIG).compare(new).differences()
     assert np.allclose(found, [textbook(each, new) for each in known], atol=1e-12)
     assert np.isinf(found).any() == (unseen > 0.0)
 
@@ -58,7 +58,7 @@ def test_the_difference_at_each_shift_is_that_of_a_loop_over_bearings_and_classe
 @given(seed=st.integers(0, 10_000), shift=st.integers(0, 23))
 def test_a_turned_robot_is_found_at_its_shift_with_no_difference(seed, shift):
     signature = made(seed)
-    (curve,) = SignatureIndex([signature], CONFIG).differences(rolled(signature, shift))
+    (curve,) = SignatureIndex([signature], CONFIG).compare(rolled(signature, shift)).differences()
     assert curve[shift] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -68,26 +68,26 @@ def test_the_depth_histogram_does_not_change_with_rotation(seed, shift):
     before, after = (histograms(each, CONFIG) for each in (signature, rolled(signature, shift)))
     assert np.allclose(before.mean(axis=0), after.mean(axis=0), atol=1e-15)
     index = SignatureIndex([signature], CONFIG)
-    assert index.bounds(rolled(signature, shift))[0] == pytest.approx(0.0, abs=1e-15)
+    assert index.compare(rolled(signature, shift)).bounds()[0] == pytest.approx(0.0, abs=1e-15)
 
 
 @given(seed=st.integers(0, 10_000), unseen=st.sampled_from([0.0, 0.2]))
 def test_no_shift_differs_by_less_than_the_depth_histograms_say(seed, unseen):
     known, new = made(seed, unseen=unseen), made(seed + 1, unseen=unseen)
     index = SignatureIndex([known], CONFIG)
-    assert index.bounds(new)[0] <= index.differences(new).min() + 1e-12
+    assert index.compare(new).bounds()[0] <= index.compare(new).differences().min() + 1e-12
 
 
 def test_without_missing_bearings_the_bound_says_something():
-    bounds = [SignatureIndex([made(k)], CONFIG).bounds(made(k + 1))[0] for k in range(20)]
+    bounds = [SignatureIndex([made(k)], CONFIG).compare(made(k + 1)).bounds()[0] for k in range(20)]
     assert min(bounds) > 0.0
 
 
 @given(seed=st.integers(0, 10_000))
 def test_differences_lie_between_0_and_1_and_are_alike_both_ways_round(seed):
     a, b = made(seed, unseen=0.2), made(seed + 1, unseen=0.2)
-    (there,) = SignatureIndex([a], CONFIG).differences(b)
-    (back,) = SignatureIndex([b], CONFIG).differences(a)
+    (there,) = SignatureIndex([a], CONFIG).compare(b).differences()
+    (back,) = SignatureIndex([b], CONFIG).compare(a).differences()
     assert np.all((there >= 0.0) & ((there <= 1.0) | np.isinf(there)))
     assert np.allclose(there, np.roll(back[::-1], 1), atol=1e-12)
 
@@ -96,7 +96,7 @@ def test_differences_lie_between_0_and_1_and_are_alike_both_ways_round(seed):
 def test_echoes_apart_differ_by_the_overlap_of_their_gaussians(apart_m):
     n, sigma = CONFIG.bearings, CONFIG.depth_sigma_m
     near, far = (Signature(np.full(n, d), np.zeros(n)) for d in (2.0, 2.0 + apart_m))
-    found = SignatureIndex([near], CONFIG).differences(far).min()
+    found = SignatureIndex([near], CONFIG).compare(far).differences().min()
     assert found == pytest.approx(1.0 - math.exp(-(apart_m**2) / (4.0 * sigma**2)), abs=2e-3)
 
 
@@ -105,14 +105,16 @@ def test_silence_and_an_echo_have_nothing_in_common_however_far_the_echo():
     silent = Signature(np.full(n, np.nan), np.ones(n))
     for depth in (0.1, 2.0, 3.99):
         heard = Signature(np.full(n, depth), np.zeros(n))
-        assert SignatureIndex([silent], CONFIG).differences(heard).min() == pytest.approx(1.0)
+        assert SignatureIndex([silent], CONFIG).compare(heard).differences().min() == pytest.approx(
+            1.0
+        )
 
 
 def test_only_the_chosen_ones_are_compared():
     known = [made(seed) for seed in range(5)]
     index = SignatureIndex(known, CONFIG)
-    chosen = index.differences(made(7), np.array([3, 1]))
-    assert np.array_equal(chosen, index.differences(made(7))[[3, 1]])
+    chosen = index.compare(made(7)).differences(np.array([3, 1]))
+    assert np.array_equal(chosen, index.compare(made(7)).differences()[[3, 1]])
 
 
 @given(seed=st.integers(0, 10_000), count=st.integers(1, 400))
@@ -158,7 +160,7 @@ def test_values_that_are_no_signature_are_refused(depth, silence, says):
 def test_signatures_of_different_resolution_are_not_compared():
     other = SignatureConfig(bearings=36)
     with pytest.raises(ValueError, match="36 bearings, 24 allowed"):
-        SignatureIndex([made(1)], CONFIG).differences(made(1, config=other))
+        SignatureIndex([made(1)], CONFIG).compare(made(1, config=other)).differences()
 
 
 @pytest.mark.parametrize(

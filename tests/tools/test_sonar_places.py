@@ -29,8 +29,8 @@ def test_a_ring_counted_from_another_sonar_has_the_same_depth_histogram_and_is_f
             again = reindexed(signature, k)
             before, after = (histograms(each, CONFIG) for each in (signature, again))
             assert np.array_equal(np.sort(before, axis=0), np.sort(after, axis=0))
-            assert index.bounds(again)[i] == pytest.approx(0.0, abs=1e-15)
-            (curve,) = index.differences(again, np.array([i]))
+            assert index.compare(again).bounds()[i] == pytest.approx(0.0, abs=1e-15)
+            (curve,) = index.compare(again).differences(np.array([i]))
             assert curve[k] == pytest.approx(0.0, abs=1e-12)
 
 
