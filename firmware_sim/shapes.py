@@ -78,7 +78,8 @@ class Wall:
             return [points]
         chains = []
         for (ax, ay), (bx, by) in itertools.pairwise(points):
-            length = math.hypot(bx - ax, by - ay)
+            # Where two points coincide this is no rectangle, which is told by who reads the file.
+            length = math.hypot(bx - ax, by - ay) or 1.0
             px = -(by - ay) / length * self.thickness_m / 2
             py = (bx - ax) / length * self.thickness_m / 2
             ring = [(ax - px, ay - py), (bx - px, by - py), (bx + px, by + py), (ax + px, ay + py)]

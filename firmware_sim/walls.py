@@ -52,18 +52,21 @@ def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[np.ndarray, np.ndar
     limit = margin + CELL_M / math.sqrt(2.0)
     x = origin[0] + (np.arange(columns) + 0.5) * CELL_M
     y = origin[1] + (np.arange(rows) + 0.5) * CELL_M
-    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    lists: list[list[int]] = [[] for _ in range(len(centres))]
+    cells, numbers = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for number, (ax, ay, bx, by) in enumerate(segments):
+        near_x = np.flatnonzero((x >= min(ax, bx) - limit) & (x <= max(ax, bx) + limit))
+        near_y = np.flatnonzero((y >= min(ay, by) - limit) & (y <= max(ay, by) + limit))
+        off_x, off_y = x[near_x] - ax, y[near_y, None] - ay
         dx, dy = bx - ax, by - ay
-        t = ((centres[:, 0] - ax) * dx + (centres[:, 1] - ay) * dy) / (dx * dx + dy * dy)
-        t = np.clip(t, 0.0, 1.0)
-        gap = np.hypot(centres[:, 0] - ax - t * dx, centres[:, 1] - ay - t * dy)
-        for cell in np.flatnonzero(gap <= limit):
-            lists[cell].append(number)
-    starts = np.cumsum([0] + [len(entry) for entry in lists]) + 3 + len(lists)
-    entries = [number for entry in lists for number in entry]
-    return origin, np.array([columns, rows, *starts, *entries], dtype=np.int32)
+        t = np.clip((off_x * dx + off_y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
+        row, column = np.nonzero(np.hypot(off_x - t * dx, off_y - t * dy) <= limit)
+        cells.append(near_y[row] * columns + near_x[column])
+        numbers.append(np.full(len(row), number))
+    cell = np.concatenate(cells)
+    entries = np.concatenate(numbers)[np.argsort(cell, kind="stable")]
+    count = columns * rows
+    starts = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=count))]) + 3 + count
+    return origin, np.concatenate([[columns, rows], starts, entries]).astype(np.int32)
 
 
 @compiled

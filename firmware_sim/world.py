@@ -14,7 +14,7 @@ camera, and any number of
 Each may have a `height_m` (default 2.5 m for walls, 0.8 m for boxes and furniture) and a `colour`
 (`#rrggbb`, default drawn from the floor's seed). The robot touches all of them and the camera sees
 all of them; a sonar or a lidar sees what is higher than it is mounted. The map that robotctl makes
-of a world has walls, boxes and furniture, not the obstacles.
+of a world has walls, boxes and furniture, not the obstacles. All stands within 500 m of the origin.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ from firmware_sim.quantities import Positive, Real, closed
 from firmware_sim.shapes import WALL_M, Board, Box, Obstacle, Pillar, Thing, Wall
 
 OBSTACLE = "obstacle"
+FARTHEST_M = 500.0
+"""Of anything from the origin: collisions are found in a grid over all that stands there."""
 _TOUCHING_M = 1.0e-6
 
 
@@ -205,10 +207,13 @@ def load_world(path: Path) -> World:
     """
     file = validate(_FILE, read_toml(path), path)
     things = tuple(_things(file, path))
+    for thing in things:
+        _check_near(thing.corners, thing.name, path)
     segments = _sides(thing for thing in things if thing.kind != OBSTACLE)
     start = file.world.start
     pose = (start.x_m, start.y_m, math.radians(start.heading_deg))
     low_x, low_y, high_x, high_y = bounds = file.world.bounds or _extent(_sides(things), pose)
+    _check_near(np.array([*pose[:2], *bounds]), "world.start or world.bounds", path)
     if not (low_x <= pose[0] <= high_x and low_y <= pose[1] <= high_y):
         raise SimulationError(
             f"{path}: world.start: ({pose[0]}, {pose[1]}) is outside the bounds {bounds}"
@@ -224,6 +229,16 @@ def load_world(path: Path) -> World:
         lamps=file.lamp,
         boards=file.board,
     )
+
+
+def _check_near(places: np.ndarray, what: str, path: Path) -> None:
+    """Raise SimulationError where a coordinate [m] is too far from the origin."""
+    farthest = float(np.abs(places).max())
+    if farthest > FARTHEST_M:
+        raise SimulationError(
+            f"{path}: {what}: has a coordinate of {farthest:g} m; allowed are {FARTHEST_M:g} m "
+            "either side of the origin"
+        )
 
 
 def _sides(things: Iterable[Thing]) -> np.ndarray:
