@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotctl.app.score import LocalisationReport, PoseScore, StampedPose, TruthMatcher
-from robotctl.estimation.consistency import pose_nees, share_inside
+from robotctl.estimation.consistency import chi2_bounds, pose_nees, share_inside
 from robotctl.model.angles import wrap_angle
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate, from_upper_triangle
@@ -97,9 +97,17 @@ class LocalisationScore:
             error=self._error.result(),
             nees_inside_95=_inside([(value, 3) for value in self._nees]),
             nis_inside_95=_inside(self._nis),
+            nees_above_95=_above(self._nees),
             odometry_rmse_m=self._odometry.result().rmse_m,
             step_ms=statistics.median(self._steps_us) / 1000.0,
         )
+
+
+def _above(nees: list[float]) -> float | None:
+    """Return the share of NEES of poses above the upper of the two-sided 95 % bounds."""
+    if not nees:
+        return None
+    return float(np.mean(np.array(nees) > chi2_bounds(3, 0.95)[1]))
 
 
 def _inside(values: list[tuple[float, int]]) -> float | None:

@@ -47,6 +47,9 @@ class LocalisationReport(msgspec.Struct, frozen=True):
     nees_inside_95, nis_inside_95
         Share of the estimates and of the innovations inside the two-sided 95 % bounds of their χ²
         distribution; None where there are none.
+    nees_above_95
+        Share of the estimates above those bounds, which were too sure; the others outside were too
+        modest.
     odometry_rmse_m
         What the odometry alone would have had [m].
     step_ms
@@ -60,6 +63,7 @@ class LocalisationReport(msgspec.Struct, frozen=True):
     error: PoseError
     nees_inside_95: float | None
     nis_inside_95: float | None
+    nees_above_95: float | None
     odometry_rmse_m: float
     step_ms: float
 

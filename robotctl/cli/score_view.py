@@ -86,12 +86,20 @@ def _place_rows(report: Report) -> list[tuple[str, str]]:
             ),
             (
                 "consistency",
-                f"NEES {_share(place.nees_inside_95)}, NIS {_share(place.nis_inside_95)}",
+                (
+                    f"NEES {_share(place.nees_inside_95)}{_too_sure(place.nees_above_95)}, "
+                    f"NIS {_share(place.nis_inside_95)}"
+                ),
             ),
         ]
     if quality is not None:
         rows.append(("map", f"precision {quality.precision:.3f}, recall {quality.recall:.3f}"))
     return rows + _camera_rows(report.camera)
+
+
+def _too_sure(above: float | None) -> str:
+    """Return how much of the NEES is above its bounds, as text."""
+    return "" if above is None else f" ({100 * above:.0f} % too sure)"
 
 
 def _camera_rows(camera: CameraReport | None) -> list[tuple[str, str]]:

@@ -76,7 +76,7 @@ def test_nees_is_inside_when_the_covariance_fits():
     low, high = chi2.ppf((0.025, 0.975), 3)
     fits, small, large = 0.1 * math.sqrt(1.01 * low), 0.05 * math.sqrt(low), 0.101 * math.sqrt(high)
     result = scored((fits, LOCALISED), (small, LOCALISED), (large, LOCALISED), (fits, LOCALISED))
-    assert result.nees_inside_95 == 0.5
+    assert (result.nees_inside_95, result.nees_above_95) == (0.5, 0.25)
 
 
 def test_a_covariance_of_zero_fits_nothing():
@@ -84,7 +84,7 @@ def test_a_covariance_of_zero_fits_nothing():
     pose = StampedPose(0, 0.0, 0.0, 0.0)
     score.truth(pose)
     score.estimate(pose, state(0, covariance=(0.0,) * 6), pose)
-    assert score.result().nees_inside_95 == 0.0
+    assert (score.result().nees_inside_95, score.result().nees_above_95) == (0.0, 1.0)
 
 
 def test_nis_is_measured_by_its_own_degrees_of_freedom():
