@@ -28,7 +28,7 @@ from firmware_sim.truth import Picture, Publisher
 _EXPOSURE = struct.Struct("<qqddd")
 _WAITING = 65_536 // _EXPOSURE.size
 """Exposures read at once: all that a pipe can hold (pipe(7)), so that the last is the newest."""
-QUEUE_LIMIT = 4
+_QUEUE_LIMIT = 4
 """Pictures kept for a slow subscriber."""
 _NICE = 5
 _READY = "ready"
@@ -131,7 +131,7 @@ def _tell(line: str) -> None:
 def _serve(options: argparse.Namespace) -> None:
     robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
     latency_ns = round(robot.simulation.camera.latency_ms * 1e6)
-    with Publisher(options.camera, QUEUE_LIMIT) as publisher:
+    with Publisher(options.camera, _QUEUE_LIMIT) as publisher:
         # They load numba, for which those who only ask for help need not wait.
         from firmware_sim.camera import Camera  # noqa: PLC0415
         from firmware_sim.world import load_world  # noqa: PLC0415

@@ -19,7 +19,7 @@ import zmq
 from firmware_sim.errors import SimulationError
 
 IPC = "ipc://"
-QUEUE_LIMIT = 16
+_QUEUE_LIMIT = 16
 
 
 class Truth(msgspec.Struct, frozen=True, gc=False):
@@ -138,7 +138,7 @@ class Publisher:
         If the address is none, its directory is open to others, or it cannot be bound.
     """
 
-    def __init__(self, address: str, queue_limit: int = QUEUE_LIMIT) -> None:
+    def __init__(self, address: str, queue_limit: int = _QUEUE_LIMIT) -> None:
         self.address = address
         self._path = _private_path(address)
         self._encoder = msgspec.msgpack.Encoder()

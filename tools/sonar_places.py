@@ -48,7 +48,7 @@ def read_ring(folder: Path) -> Ring:
     ranges = np.array([[float(word) for word in row[:-1]] for row in rows])
     silent = ranges >= CONFIG.max_range_m
     depths = np.where(silent, np.nan, ranges)
-    found = [Signature(depth, none.astype(float)) for depth, none in zip(depths, silent)]  # noqa: B905
+    found = map(Signature, depths, silent.astype(float))
     return Ring(tuple(found), np.array([row[-1] for row in rows]))
 
 
@@ -123,8 +123,8 @@ def revisits(ring: Ring, rows: int) -> Revisits:
         if place is not None:
             phase = (i - learnt[int(place.place)]) / rows
             found.append((int(place.place), phase - round(phase)))
-    places, off = np.array(found).T
-    return Revisits(len(others), places.astype(np.int64), off, book.threshold)
+    which, off = np.array(found).T
+    return Revisits(len(others), which.astype(np.int64), off, book.threshold)
 
 
 def draw(ring: Ring, rows: int, target: Path) -> None:

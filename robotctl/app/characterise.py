@@ -42,7 +42,7 @@ _PLACES: Final = ((64, (0.05, 0.05, 0.03)), (256, (0.5, 0.5, 0.3)))
 """Number and standard deviations of poses beside the true one: near and far [m, m, rad]."""
 _LEAST: Final = 0.01
 _MOST: Final = 0.45
-_NAMES: Final = {"garbage": "random", "short_per_m": "rate of short readings"}
+_NAMES: Final = {"short_per_m": "rate of short readings"}
 
 
 @dataclass(frozen=True, slots=True)

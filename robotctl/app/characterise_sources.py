@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.app.lockstep import LockstepRun
+from robotctl.app.log_poses import best_poses
 from robotctl.app.map_sensors import LIDAR, SONAR
 from robotctl.app.mapping import choose_scans
 from robotctl.app.pilot import load_mission
@@ -27,7 +28,6 @@ from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.own_log import truth_file
 from robotctl.telemetry.recorded_log import read_recording
 
 Progress: TypeAlias = Callable[[str], None]
@@ -112,7 +112,14 @@ def source_of_log(log: Path, map_name: str, sensor: str, config: RobotConfig) ->
         raise CalibrationError(f"{log}: no sonar readings in it{_has(recording)}")
     if sensor == LIDAR and not recording.scans:
         raise CalibrationError(f"{log}: no lidar scans in it{_has(recording)}")
-    poses, poses_by = best_poses(log, recording)
+    found = best_poses(log, recording)
+    if found is None:
+        raise CalibrationError(
+            f"{log}: neither reference poses nor those of a localiser in it, so nobody knows where "
+            "the readings were taken; record with a localiser: robotctl run --record, or in "
+            "simulation"
+        )
+    poses, poses_by = found
     notes = list(recording.notes)
     mounts = recording.sonar_mounts
     if sensor == SONAR and not mounts:
@@ -146,34 +153,6 @@ def _has(recording: Recording) -> str:
         if entries
     ]
     return f", only {has[0]}" if has else ", neither of sonars nor of a lidar"
-
-
-def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str]:
-    """Return the best poses of a log, and what they are.
-
-    Raises
-    ------
-    CalibrationError
-        If there are none with a heading.
-    """
-    if recording.reference is not None and recording.reference_has_heading:
-        name = "the simulation's truth" if truth_file(log).exists() else "the log's reference"
-        return recording.reference, name
-    references = [
-        (entry.scan.stamp_ns, entry.reference)
-        for entry in recording.scans
-        if entry.reference is not None
-    ]
-    if references:
-        stamps_ns, poses = zip(*references, strict=True)
-        return Trajectory.of(stamps_ns, poses), "the log's reference"
-    if recording.believed is not None:
-        words = "the robot's own localiser, whose errors count as the sensor's here"
-        return recording.believed, words
-    raise CalibrationError(
-        f"{log}: neither reference poses nor those of a localiser in it, so nobody knows where "
-        "the readings were taken; record with a localiser: robotctl run --record, or in simulation"
-    )
 
 
 def _map_of(

@@ -6,7 +6,6 @@ Nothing that somebody else wrote or changed is ever overwritten or removed.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -14,6 +13,7 @@ from typing import Final
 import msgspec
 
 from robotctl.app.service_files import ServiceFile
+from robotctl.app.whole_file import write_whole
 from robotctl.errors import ConfigError
 
 MANIFEST: Final = Path("etc/robotctl/installed.json")
@@ -87,15 +87,15 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
         wanted = {str(file.path): _digest_of(file.text) for file in files}
         # The manifest first: an installation that is cut short can be taken back.
         manifest = Manifest(before.files | wanted, (*before.folders, *made))
-        _write(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest)).decode())
+        write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest)).decode())
         for file in files:
             lines.append(f"{_change(file, root)}  {root / file.path}")
             if not lines[-1].startswith("same"):
-                _write(root / file.path, file.text)
+                write_whole(root / file.path, file.text)
         stale = {path: digest for path, digest in before.files.items() if path not in wanted}
         removed, kept = _remove(stale, root)
         manifest = Manifest(wanted | {path: stale[path] for path in kept}, manifest.folders)
-        _write(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest)).decode())
+        write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest)).decode())
     except OSError as error:
         raise ConfigError(_refusal(error)) from error
     return lines + removed
@@ -121,7 +121,7 @@ def uninstall(root: Path) -> tuple[list[str], list[str]]:
         lines, kept = _remove(manifest.files, root)
         if kept:
             rest = Manifest({path: manifest.files[path] for path in kept}, manifest.folders)
-            _write(root / MANIFEST, msgspec.json.format(msgspec.json.encode(rest)).decode())
+            write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(rest)).decode())
         else:
             (root / MANIFEST).unlink()
             for folder in sorted(manifest.folders, key=len, reverse=True):
@@ -171,20 +171,6 @@ def _remove_if_empty(folder: Path) -> None:
     """Remove a folder that is there and empty."""
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file that all may read; it is the old one or the new one, never half of it."""
-    new = path.with_name(f".{path.name}.new")
-    try:
-        with new.open("w") as file:
-            file.write(text)
-            file.flush()
-            os.fchmod(file.fileno(), 0o644)
-            os.fsync(file.fileno())
-        new.replace(path)
-    finally:
-        new.unlink(missing_ok=True)
 
 
 def _digest(path: Path) -> str | None:

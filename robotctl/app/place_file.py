@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 
 from robotctl import toml_source
+from robotctl.app.whole_file import write_whole
 from robotctl.errors import ConfigError
 from robotctl.estimation.known_places import Place, Visit
 from robotctl.estimation.place_book import PlaceBook
 from robotctl.estimation.signatures import Signature, SignatureConfig
+from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 
 VERSION: Final = 1
@@ -32,7 +34,7 @@ _HEAD: Final = """\
 """
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class VisitEntry:
     """A `[[place.visit]]`: `base` at its end, and what was heard."""
 
@@ -46,15 +48,16 @@ class VisitEntry:
         for key in ("x_m", "y_m", "heading_deg"):
             if not math.isfinite(getattr(self, key)):
                 raise ValueError(f"{key} must be finite, found {getattr(self, key)}")
-        self.visit()
+        _ = self.value
 
-    def visit(self) -> Visit:
-        """Return the entry as a visit."""
-        pose = SE2(self.x_m, self.y_m, math.remainder(math.radians(self.heading_deg), math.tau))
+    @cached_property
+    def value(self) -> Visit:
+        """The entry as a visit."""
+        pose = SE2(self.x_m, self.y_m, wrap_angle(math.radians(self.heading_deg)))
         return Visit(pose, Signature(np.array(self.depth_m), np.array(self.silence)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PlaceEntry:
     """A `[[place]]`; `frame` says what its visits' poses are in, the first visit's for "own"."""
 
@@ -63,14 +66,15 @@ class PlaceEntry:
     visit: tuple[VisitEntry, ...]
 
     def __post_init__(self) -> None:
-        self.place()
+        _ = self.value
 
-    def place(self) -> Place:
-        """Return the entry as a place."""
-        return Place(self.name, self.frame == "world", tuple(v.visit() for v in self.visit))
+    @cached_property
+    def value(self) -> Place:
+        """The entry as a place."""
+        return Place(self.name, self.frame == "world", tuple(each.value for each in self.visit))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BookFile:
     """The whole file."""
 
@@ -83,12 +87,13 @@ class BookFile:
     def __post_init__(self) -> None:
         if self.version != VERSION:
             raise ValueError(f"version {self.version} of the file found, {VERSION} is read")
-        self.book()
+        _ = self.value
 
-    def book(self) -> PlaceBook:
-        """Return the file as a book."""
+    @cached_property
+    def value(self) -> PlaceBook:
+        """The file as a book."""
         signatures = SignatureConfig(self.bearings, self.max_range_m, self.depth_sigma_m)
-        return PlaceBook([entry.place() for entry in self.place], signatures)
+        return PlaceBook([entry.value for entry in self.place], signatures)
 
 
 def load_book(path: Path) -> PlaceBook:
@@ -99,7 +104,7 @@ def load_book(path: Path) -> PlaceBook:
     ConfigError
         If it is missing, damaged or wrong, with one line for each error.
     """
-    return toml_source.load(path, BookFile).book()
+    return toml_source.load(path, BookFile).value
 
 
 def save_book(path: Path, book: PlaceBook) -> None:
@@ -110,16 +115,8 @@ def save_book(path: Path, book: PlaceBook) -> None:
     ConfigError
         If it cannot be written.
     """
-    new = path.with_name(f".{path.name}.new")
     try:
-        try:
-            with new.open("w", encoding="utf-8") as file:
-                file.write("\n".join(_lines(book)) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-            new.replace(path)
-        finally:
-            new.unlink(missing_ok=True)
+        write_whole(path, "\n".join(_lines(book)) + "\n")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from robotctl.app.config import RobotConfig
+from robotctl.app.log_poses import best_poses
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.errors import PlaceError
 from robotctl.estimation.signature_turn import Turn, TurnCollector
@@ -68,8 +69,7 @@ def recorded_turns(
 ) -> list[Visited]:
     """Return all turns on the spot of a recording.
 
-    Where `began` is None the recording says where they ended: its reference, else what the robot
-    believed itself while it was localised.
+    Where `began` is None the recording says where they ended, if it knows: see `best_poses`.
 
     Parameters
     ----------
@@ -110,6 +110,5 @@ def recorded_turns(
     if began is not None:
         T_world_odom = began @ turns[0].began.inverse()
         return [Visited(turn, T_world_odom @ turn.odometry) for turn in turns]
-    known = recording.reference if recording.reference_has_heading else None
-    known = known or recording.believed
-    return [Visited(turn, known.at(turn.stamp_ns) if known else None) for turn in turns]
+    known = best_poses(log, recording)
+    return [Visited(turn, known[0].at(turn.stamp_ns) if known else None) for turn in turns]

@@ -18,6 +18,7 @@ from robotctl.errors import ConfigError, PlaceError
 from robotctl.estimation.known_places import Recognition
 from robotctl.estimation.place_book import PlaceBook
 from robotctl.estimation.signatures import SignatureConfig
+from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 from robotctl.runtime.clock import RealClock
 from robotctl.toml_source import nearest
@@ -202,7 +203,7 @@ def _pose(text: str) -> SE2:
             f"--at {text}: needed is X,Y or X,Y,HEADING in m and deg, such as 3.0,2.0,90"
         ) from None
     heading_deg = numbers[2] if len(numbers) == 3 else 0.0
-    return SE2(numbers[0], numbers[1], math.remainder(math.radians(heading_deg), math.tau))
+    return SE2(numbers[0], numbers[1], wrap_angle(math.radians(heading_deg)))
 
 
 def marked(world: Path, name: str) -> SE2:
@@ -223,4 +224,4 @@ def marked(world: Path, name: str) -> SE2:
             f"{nearest(name, list(marks))}"
         )
     mark = marks[name]
-    return SE2(mark.x_m, mark.y_m, math.radians(mark.heading_deg))
+    return SE2(mark.x_m, mark.y_m, wrap_angle(math.radians(mark.heading_deg)))

@@ -23,6 +23,7 @@ from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
+from robotctl.model.sonar_mounts import mount_rows
 from robotctl.model.trajectory import Trajectory
 
 _BEAMS: Final = 24
@@ -71,7 +72,7 @@ def _sonar_beam_rad(settings: LocalisationConfig) -> float:
 def _sonar_measurements(
     recording: Recording, mounts: Mounts, settings: LocalisationConfig
 ) -> Iterator[RangeMeasurement]:
-    beams = np.array([(m.x_m, m.y_m, m.heading_rad) for m in mounts]).reshape(-1, 3)
+    beams = mount_rows(mounts)
     sonar = settings.sonar
     for entry in recording.sonars:
         ranges = np.array(entry.reading.ranges_m)

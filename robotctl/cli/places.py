@@ -74,9 +74,7 @@ def learn(
     place = next(each for each in known.places if each.name == name)
     pose, heard = place.visits[-1].pose, place.visits[-1].signature
     where = f" at x {pose.x_m:.2f} m, y {pose.y_m:.2f} m" if place.in_world else ""
-    print(
-        f"{name}: visit {len(place.visits)}{where}, echoes from {heard.echoes:.0%} of the bearings"
-    )
+    print(f"{name}: visit {len(place.visits)}{where}, echoes in {heard.echoes:.0%} of the readings")
     for other in learned.alike:
         print(f"{name} is hardly told from {other}: they may be taken for each other")
     print(

@@ -130,13 +130,15 @@ class EchoExpectations:
         endless = _least_incidences(self._endless, lines)
         return _alike(incidences_rad, endless, np.full(len(endless), 0.5 * _STEP_RAD))
 
-    def steady(self, lines: Sightlines, max_incidence_rad: float) -> NDArray[np.bool_]:
+    def steady(
+        self, lines: Sightlines, max_incidence_rad: float, usual: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
         """Return which readings hardly change with small changes of robot, cone and walls, (m,).
 
         Those that do come from the edge of something. There the least error of the pose or the
-        map decides what is measured, and readings say little of the sensor.
+        map decides what is measured, and readings say little of the sensor. `usual` are their
+        `ranges` without such changes.
         """
-        usual = self.ranges(lines, max_incidence_rad)
         allowed = np.maximum(_CHANGE_M, _CHANGE * np.where(np.isfinite(usual), usual, 0.0))
         steady = np.ones(len(usual), np.bool_)
         for turn in self._turned:

@@ -132,7 +132,7 @@ def fit_line(points: Array, covariances: Array) -> Line:
     if not np.all(np.isfinite(points)):
         raise ValueError("points must be finite")
     alpha, _, _ = _fitted(points, np.ones(n))
-    weights = 1.0 / _across(covariances, alpha)
+    weights = 1.0 / across(covariances, alpha)
     alpha, r, jacobian = _fitted(points, weights)
     covariance = np.einsum("ika,kab,jkb->ij", jacobian, covariances, jacobian)
     if r < 0.0:
@@ -141,13 +141,13 @@ def fit_line(points: Array, covariances: Array) -> Line:
         covariance[0, 1] = covariance[1, 0] = -covariance[0, 1]
     line = Line(wrap_angle(alpha), r, covariance, 0.0, n)
     off = line.distances_m(points)
-    chi2 = float(np.sum(off * off / _across(covariances, alpha)))
+    chi2 = float(np.sum(off * off / across(covariances, alpha)))
     return Line(line.alpha_rad, r, covariance, chi2, n)
 
 
-def _across(covariances: Array, alpha: float) -> Array:
-    """Return the variances of points along a normal, (n,) [m^2]."""
-    normal = np.array([math.cos(alpha), math.sin(alpha)])
+def across(covariances: Array, alpha_rad: float) -> Array:
+    """Return the variances of points (n, 2, 2) along a normal, (n,) [m^2]."""
+    normal = np.array([math.cos(alpha_rad), math.sin(alpha_rad)])
     found: Array = np.einsum("a,nab,b->n", normal, covariances, normal)
     return found
 

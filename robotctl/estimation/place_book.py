@@ -114,7 +114,7 @@ class PlaceBook:
         """Return why no place can be learnt from a signature, a sentence; "" if one can."""
         if signature.echoes < self.config.least_echoes:
             return (
-                f"the sonars heard an echo from {signature.echoes:.0%} of the bearings, "
+                f"the sonars heard an echo in {signature.echoes:.0%} of their readings, "
                 f"{self.config.least_echoes:.0%} are needed to tell a place"
             )
         return self._too_narrow(signature)

@@ -71,8 +71,6 @@ class RangeFit:
     values
         By name: hit, short, none, random, garbage (short and random), sigma_m, sigma_per_m,
         offset_m, short_per_m and robust_k.
-    readings
-        How many there are.
     typical_m
         Median of the expected ranges, for which robust_k holds [m].
     stretches
@@ -81,7 +79,6 @@ class RangeFit:
 
     mixture: BeamMixture
     values: dict[str, Fitted]
-    readings: int
     typical_m: float
     stretches: int
 
@@ -126,7 +123,7 @@ def fit_ranges(
     del values["short_share"]
     readings = len(likelihood.measured_m) + len(likelihood.missing)
     _say(values, readings, seen)
-    return RangeFit(mixture, values, readings, typical_m, profile.stretches)
+    return RangeFit(mixture, values, typical_m, profile.stretches)
 
 
 def _fitted(profile: RangeProfile, i: int) -> Fitted:

@@ -46,15 +46,11 @@ class IncidenceLimit:
     ----------
     limit
         Greatest incidence with an echo [rad].
-    heard_below, heard_above
-        Share of readings with an echo on both sides of it.
     fades_rad
         Scale of the logistic curve [rad]; 0 for a step.
     """
 
     limit: Fitted
-    heard_below: float
-    heard_above: float
     fades_rad: float = 0.0
 
 
@@ -81,11 +77,8 @@ def incidence_limit(incidence_rad: Array, heard: NDArray[np.bool_]) -> Incidence
     edges = np.concatenate([[0.0], angles, [0.5 * math.pi]])
     low, middle, high = _quantiles(edges, logs)
     best = int(np.searchsorted(angles, middle))
-    enough = len(angles) - best >= _LEAST
-    step = IncidenceLimit(
-        Fitted(middle, low, high), float(below[best]), float(above[best]) if enough else math.nan
-    )
-    if not step.heard_above < _ENDS * step.heard_below:
+    shares = float(below[best]), float(above[best])
+    if len(angles) - best < _LEAST or not shares[1] < _ENDS * shares[0]:
         # The limit is beyond all angles from which some echoes come.
         still = angles[echoes][-_LEAST:]
         reached = float(still[0]) if len(still) else 0.0
@@ -93,10 +86,9 @@ def incidence_limit(incidence_rad: Array, heard: NDArray[np.bool_]) -> Incidence
             f"echoes do not end up to {math.degrees(reached):.0f} deg of incidence, the greatest "
             "in the data: the limit is above that"
         )
-        return IncidenceLimit(
-            Fitted(0.5 * math.pi, reached, 0.5 * math.pi, why), float(echoes.mean()), math.nan
-        )
-    return _logistic(angles, echoes, step) or step
+        return IncidenceLimit(Fitted(0.5 * math.pi, reached, 0.5 * math.pi, why))
+    step = IncidenceLimit(Fitted(middle, low, high))
+    return _logistic(angles, echoes, middle, shares) or step
 
 
 def _steps(echoes: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
@@ -123,9 +115,12 @@ def _quantiles(edges: Array, logs: Array) -> tuple[float, float, float]:
 
 
 def _logistic(
-    angles: Array, echoes: NDArray[np.bool_], step: IncidenceLimit
+    angles: Array, echoes: NDArray[np.bool_], at: float, shares: tuple[float, float]
 ) -> IncidenceLimit | None:
-    """Return the limit by a logistic curve, or None where the step fits as well."""
+    """Return the limit by a logistic curve, or None where the step fits as well.
+
+    That is a step `at` an incidence [rad], with the shares of echoes below and above.
+    """
     bins = (angles / _BIN_RAD).astype(np.intp)
     count = np.bincount(bins).astype(np.float64)
     heard = np.bincount(bins, echoes)
@@ -143,8 +138,7 @@ def _logistic(
         p = min(max(p, 1e-3), 1.0 - 1e-3)
         return math.log(p / (1.0 - p))
 
-    start = np.array([math.log(0.05), logit(step.heard_below), logit(step.heard_above)])
-    at = step.limit.value
+    start = np.array([math.log(0.05), *map(logit, shares)])
     whole = minimize(lambda x: cost(x[1:], x[0]), np.concatenate([[at], start]), method="BFGS")
     sharp = cost(np.array([math.log(1e-4), *start[1:]]), at)
     width = math.exp(float(whole.x[1]))
@@ -159,12 +153,7 @@ def _logistic(
             inside = 2.0 * (found.fun - whole.fun) < _CHI2
             inner, outer = (middle, outer) if inside else (inner, middle)
         ends.append(best + sign * outer)
-    return IncidenceLimit(
-        Fitted(best, ends[0], ends[1]),
-        float(expit(whole.x[2])),
-        float(expit(whole.x[3])),
-        width,
-    )
+    return IncidenceLimit(Fitted(best, ends[0], ends[1]), width)
 
 
 def greatest_range(expected_m: Array, measured_m: Array, mixture: BeamMixture) -> Fitted:

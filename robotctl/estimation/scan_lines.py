@@ -25,6 +25,7 @@ from robotctl.estimation.line_fitting import (
     BeamNoise,
     Corner,
     Line,
+    across,
     fit_line,
     intersection,
 )
@@ -137,8 +138,8 @@ class _Points:
     def off(self, piece: range, line: Line) -> Array:
         """Return the distances of a piece from a line in standard deviations, (n,)."""
         chosen = slice(piece.start, piece.stop)
-        across = np.einsum("a,nab,b->n", line.normal, self.covariances[chosen], line.normal)
-        found: Array = np.abs(line.distances_m(self.at[chosen])) / np.sqrt(across)
+        variances = across(self.covariances[chosen], line.alpha_rad)
+        found: Array = np.abs(line.distances_m(self.at[chosen])) / np.sqrt(variances)
         return found
 
 
@@ -305,8 +306,8 @@ def _corners(segments: list[Segment], is_round: bool, config: ScanLinesConfig) -
         pairs.append((segments[-1], segments[0]))
     found = []
     for before, after in pairs:
-        across = before.line.normal @ [-after.line.normal[1], after.line.normal[0]]
-        if abs(across) < math.sin(math.radians(config.corner_deg)):
+        sine = before.line.normal @ [-after.line.normal[1], after.line.normal[0]]
+        if abs(sine) < math.sin(math.radians(config.corner_deg)):
             continue
         corner = intersection(before.line, after.line)
         gaps_m = np.hypot(*(corner.position - [before.ends[1], after.ends[0]]).T)

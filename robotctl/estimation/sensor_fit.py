@@ -127,8 +127,8 @@ def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
     incidence = _as_known(incidence_limit(incidences[plain], heard[plain]), expectations.step_rad)
     limit = incidence.limit.value if not incidence.limit.why_not else expectations.open_rad
     sides = _sure_side(incidences, incidence)
-    usable = sides & expectations.steady(lines, limit)
     expected = expectations.ranges(lines, limit)
+    usable = sides & expectations.steady(lines, limit, expected)
 
     def chosen(range_m: float, margin_m: float) -> tuple[Array, NDArray[np.bool_]]:
         within = np.where(expected < range_m, expected, np.inf)

@@ -15,6 +15,7 @@ from robotctl.estimation.signatures import Signature, SignatureConfig, signature
 from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount, SonarReading
+from robotctl.model.sonar_mounts import mount_rows
 
 _MOST_READINGS: Final = 2000
 """Older ones are forgotten: those of 50 s, where sonars fire 40 times a second."""
@@ -89,7 +90,7 @@ class TurnCollector:
     ) -> None:
         self._config = config
         self._turn = turn or TurnConfig()
-        self._mounts = np.array([(m.x_m, m.y_m, m.heading_rad) for m in mounts]).reshape(-1, 3)
+        self._mounts = mount_rows(mounts)
         self.reset()
 
     def reset(self) -> None:

@@ -29,6 +29,7 @@ from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.estimation.wall_echoes import WallEchoes
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sonar import SonarMount
+from robotctl.model.sonar_mounts import mount_rows
 from robotctl.model.wall_map import WallMap
 
 
@@ -52,7 +53,7 @@ class SonarModel:
         config: SonarModelConfig | None = None,
     ) -> None:
         self.config = config or SonarModelConfig()
-        at = np.array([(m.x_m, m.y_m, m.heading_rad) for m in mounts]).reshape(-1, 3)
+        at = mount_rows(mounts)
         heard = (
             math.radians(self.config.beam_deg),
             math.radians(self.config.max_incidence_deg),

@@ -59,7 +59,8 @@ class RangeMeasurement:
     ranges_m
         (k,) [m]; inf: nothing within `max_range_m`; nan: this one did not measure.
     sigmas_m
-        Standard deviation of each, which err independently, (k,) [m].
+        Standard deviation of each, (k,) [m]; they err independently, so that the covariance is
+        diagonal.
     max_range_m
         Beyond it nothing is measured [m]; None: not known.
 
@@ -82,8 +83,3 @@ class RangeMeasurement:
                 f"beams {self.beams.shape} must be (k, 3), ranges_m {self.ranges_m.shape} and "
                 f"sigmas_m {self.sigmas_m.shape} (k,)"
             )
-
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """Of the ranges, (k, k) [m^2]."""
-        return np.diag(self.sigmas_m**2)

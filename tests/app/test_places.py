@@ -120,7 +120,7 @@ def test_less_than_a_turn_is_refused_with_how_far_it_went(tmp_path):
 def test_what_is_not_learnt_leaves_the_file_as_it_was(book, tmp_path):
     before = book.read_bytes()
     log = write_log(tmp_path / "silent", turning(lambda _bearing: math.inf))
-    with pytest.raises(PlaceError, match="desert is not learnt: the sonars heard an echo from 0%"):
+    with pytest.raises(PlaceError, match="desert is not learnt: the sonars heard an echo in 0%"):
         learn("desert", book, PlaceSource(log=log), quiet)
     assert book.read_bytes() == before
 

@@ -144,7 +144,7 @@ def test_where_nothing_is_heard_no_place_is_recognised_or_learnt():
     empty = heard([], 0.0, 0.0, 0.0)
     book = book_of()
     assert book.recognise(empty).refusal.startswith("unknown")
-    with pytest.raises(ValueError, match="echo from 0%"):
+    with pytest.raises(ValueError, match="echo in 0%"):
         book.learned("desert", empty)
 
 

@@ -64,7 +64,9 @@ def test_readings_of_edges_are_unsteady_and_those_of_walls_are_not():
     expectations = EchoExpectations(room, AHEAD, BEAM, 8.0)
     lines = facing(0.0, 0.0, 0.0, x_m=4.0)
     lines.poses[:, 1] = (1.0, 2.15, 3.0)
-    assert expectations.steady(lines, math.radians(40.0)).tolist() == [True, False, True]
+    limit = math.radians(40.0)
+    steady = expectations.steady(lines, limit, expectations.ranges(lines, limit))
+    assert steady.tolist() == [True, False, True]
 
 
 def test_a_wall_met_most_squarely_at_its_end_is_told_from_one_met_in_its_middle():
