@@ -12,7 +12,8 @@ so where a log has several the states alone count.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
@@ -28,8 +29,11 @@ from robotctl.runtime.sonar_news import SonarNews
 _REACH_M: Final = 4.0
 """So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
 
-_Heard: TypeAlias = Mapping[tuple[int, int], float]
-"""Range of a sonar [m] by the time when it came [ns] and the sonar's index."""
+_IN_FRAME: Final = 4
+"""Sonars of one frame."""
+
+_Frames: TypeAlias = dict[tuple[int, int], SonarFeedback]
+"""By the time when they came [ns] and the index of their first sonar."""
 
 
 class LoggedState(msgspec.Struct):
@@ -91,25 +95,22 @@ def own_sonars(states: Sequence[tuple[int, LoggedState]], folder: Path) -> OwnSo
             f"the log has {len(epochs)} epochs, after boots or restarts of the recorder: sonar "
             "ranges are those of the states; read its files one by one to get those of the records"
         )
-    told = _told(state for _, state in states)
-    frames: dict[tuple[int, int], SonarFeedback] = {}
+    count = len(states[0][1].sonar_m)
+    frames: _Frames = {}
     for path in paths:
         record = _record(path, found.notes, with_frames=len(epochs) == 1)
         if record is None:
             continue
         mounts, recorded = record
-        heard = _heard(recorded)
-        if _contradicts(heard, told) or (told and len(mounts) != len(states[0][1].sonar_m)):
+        if count not in (0, len(mounts)) or _contradicts(recorded, states):
             found.notes.append(f"{path}: a record of another run, not used")
             continue
         found.mounts = mounts
         # A recorder that tries again after a full disk repeats some frames.
-        frames |= {(frame.stamp_ns, frame.first): frame for frame in recorded}
-    of_records = _heard(frames.values())
+        frames |= recorded
     for epoch in epochs:
-        found.readings += _of_states(epoch, of_records)
+        found.readings += _of_states(epoch, frames)
     if frames:
-        count = len(states[0][1].sonar_m)
         offset_ns = states[0][0] - states[0][1].stamp_ns
         found.readings += _of_frames(frames.values(), count, offset_ns)
     found.readings.sort(key=attrgetter("stamp_ns"))
@@ -131,9 +132,9 @@ def _epochs(states: Sequence[tuple[int, LoggedState]]) -> list[list[tuple[int, L
 
 def _record(
     path: Path, notes: list[str], *, with_frames: bool
-) -> tuple[tuple[SonarMount, ...], list[SonarFeedback]] | None:
+) -> tuple[tuple[SonarMount, ...], _Frames] | None:
     """Return where the sonars sit by a record, and its frames up to its end or damage."""
-    frames: list[SonarFeedback] = []
+    frames: _Frames = {}
     with path.open("rb") as file:
         try:
             header, entries = read_record(file, str(path))
@@ -147,51 +148,48 @@ def _record(
         try:
             for entry in entries if with_frames else ():
                 if isinstance(entry, Tick):
-                    frames += entry.inputs.feedback.sonars
+                    for frame in entry.inputs.feedback.sonars:
+                        frames[frame.stamp_ns, frame.first] = frame
         except RecordError as error:
             notes.append(f"{error}; from there on sonar ranges are those of the states")
     return mounts, frames
 
 
-def _told(states: Iterable[LoggedState]) -> _Heard:
-    """Return what states say that was heard."""
-    return {
-        (stamp_ns, index): math.inf if range_m is None else range_m
-        for state in states
+def _contradicts(frames: _Frames, states: Sequence[tuple[int, LoggedState]]) -> bool:
+    """Whether a record lacks most of what the states of its time tell: it is of another run."""
+    if not frames:
+        return False
+    begin_ns, end_ns = min(frames)[0], max(frames)[0]
+    first = bisect_left(states, begin_ns, key=_stamp_ns)
+    same = [
+        _heard(frames, stamp_ns, index) == (math.inf if range_m is None else range_m)
+        for _, state in states[first : bisect_right(states, end_ns, key=_stamp_ns)]
         for index, (stamp_ns, range_m) in enumerate(
             zip(state.sonar_stamp_ns, state.sonar_m, strict=True)
         )
-        if stamp_ns > 0
-    }
-
-
-def _heard(frames: Iterable[SonarFeedback]) -> _Heard:
-    """Return what frames say that was heard."""
-    return {
-        (frame.stamp_ns, index): range_m
-        for frame in frames
-        for index, range_m in enumerate(frame.ranges_m, frame.first)
-    }
-
-
-def _contradicts(recorded: _Heard, told: _Heard) -> bool:
-    """Whether a record lacks most of what the states of its time tell: it is of another run."""
-    if not recorded:
-        return False
-    begin_ns, end_ns = min(recorded)[0], max(recorded)[0]
-    same = [recorded.get(key) == m for key, m in told.items() if begin_ns <= key[0] <= end_ns]
+        if stamp_ns >= begin_ns
+    ]
     return 2 * sum(same) < len(same)
 
 
-def _of_states(
-    epoch: Sequence[tuple[int, LoggedState]], recorded: _Heard
-) -> Iterator[SonarReading]:
+def _stamp_ns(state: tuple[int, LoggedState]) -> int:
+    """Return the robot's time."""
+    return state[1].stamp_ns
+
+
+def _heard(frames: _Frames, stamp_ns: int, index: int) -> float | None:
+    """Return the range of a sonar that came at a time [m]; None if it is in no frame."""
+    frame = frames.get((stamp_ns, index - index % _IN_FRAME))
+    return None if frame is None else frame.ranges_m[index % _IN_FRAME]
+
+
+def _of_states(epoch: Sequence[tuple[int, LoggedState]], frames: _Frames) -> Iterator[SonarReading]:
     """Yield what is new in each state and in no record."""
     news = SonarNews(_REACH_M)
     for log_ns, state in epoch:
         ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
         stamps_ns = [
-            0 if (stamp_ns, index) in recorded else stamp_ns
+            stamp_ns if _heard(frames, stamp_ns, index) is None else 0
             for index, stamp_ns in enumerate(state.sonar_stamp_ns)
         ]
         for sent_ns, heard in news.take(state.stamp_ns, stamps_ns, ranges_m):
