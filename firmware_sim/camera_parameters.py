@@ -12,7 +12,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from firmware_sim.quantities import NotNegative, Positive, Real, RelativeError, Share, closed
+from firmware_sim.quantities import NotNegative, Positive, Rate, Real, RelativeError, Share, closed
 
 Pixels = Annotated[int, Field(strict=True, ge=1, le=10_000)]
 
@@ -55,7 +55,7 @@ class CameraSection:
     intrinsics: Intrinsics
     mount: CameraMount
     source: str = "sim"
-    rate_hz: Positive = 10.0
+    rate_hz: Rate = 10.0
     enabled: bool = False
 
 

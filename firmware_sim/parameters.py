@@ -14,7 +14,21 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from firmware_sim.camera_parameters import CameraParameters
-from firmware_sim.quantities import NotNegative, Point, Positive, Real, RelativeError, Share, closed
+from firmware_sim.quantities import (
+    Counts,
+    NotNegative,
+    Point,
+    Positive,
+    Rate,
+    Real,
+    RelativeError,
+    Share,
+    closed,
+)
+
+FARTHEST_CORNER_M = 10.0
+SHORTEST_HEATING_S = 0.01
+"""The winding's and the case's heat are integrated in steps of 1 ms."""
 
 
 @closed
@@ -28,7 +42,7 @@ class DifferentialDrive:
     kind: Literal["differential"]
     track_width_m: Positive
     wheel_radius_m: Positive
-    counts_per_revolution: Annotated[int, Field(strict=True, gt=0)]
+    counts_per_revolution: Counts
     wheel_radius_ratio: Annotated[float, Field(strict=True, ge=0.5, le=2.0)] = 1.0
 
 
@@ -43,7 +57,7 @@ class TricycleDrive:
     wheel_radius_m: Positive
     steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
     steering_rate_max_rad_s: Positive
-    counts_per_revolution: Annotated[int, Field(strict=True, gt=0)]
+    counts_per_revolution: Counts
     steering_offset_rad: Real = 0.0
 
 
@@ -58,7 +72,7 @@ class AckermannDrive:
     wheel_radius_m: Positive
     steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
     steering_rate_max_rad_s: Positive
-    counts_per_revolution: Annotated[int, Field(strict=True, gt=0)]
+    counts_per_revolution: Counts
     steering_offset_rad: Real = 0.0
 
 
@@ -103,13 +117,24 @@ class MotorParameters:
     rotor_inertia_kg_m2: Positive = 5.0e-6
     viscous_n_m_s_rad: NotNegative = 2.0e-6
     coulomb_n_m: NotNegative = 3.0e-3
-    stiction_ratio: Annotated[float, Field(strict=True, ge=1)] = 1.2
+    stiction_ratio: Annotated[float, Field(strict=True, ge=1, le=100)] = 1.2
     current_limit_a: Positive = 10.0
     winding_heat_j_k: Positive = 12.0
     case_heat_j_k: Positive = 150.0
     winding_to_case_k_w: Positive = 2.5
     case_to_air_k_w: Positive = 8.0
     air_c: Real = 25.0
+
+    def __post_init__(self) -> None:
+        outward = 1.0 / self.winding_to_case_k_w
+        winding_s = self.winding_heat_j_k / outward
+        case_s = self.case_heat_j_k / (outward + 1.0 / self.case_to_air_k_w)
+        if min(winding_s, case_s) < SHORTEST_HEATING_S:
+            raise ValueError(
+                f"the winding warms within {winding_s:.2g} s, the case within {case_s:.2g} s by "
+                "*_heat_j_k and *_k_w; allowed are times (heat times thermal resistance) from "
+                f"{SHORTEST_HEATING_S} s on"
+            )
 
 
 @closed
@@ -131,7 +156,7 @@ class BatteryParameters:
     a plain way to test with 70 % of the voltage. `electronics_current_a` always flows.
     """
 
-    cells: Annotated[int, Field(strict=True, gt=0)] = 3
+    cells: Annotated[int, Field(strict=True, gt=0, le=1000)] = 3
     capacity_ah: Positive = 5.0
     internal_resistance_ohm: NotNegative = 0.06
     polarisation_resistance_ohm: NotNegative = 0.03
@@ -215,6 +240,9 @@ class SonarParameters:
     crosstalk_probability: Share = 0.05
     corner_echo: bool = True
 
+    def __post_init__(self) -> None:
+        _check_ranges(self.min_range_m, self.max_range_m)
+
 
 @closed
 @dataclass(frozen=True, slots=True)
@@ -227,11 +255,19 @@ class LidarParameters:
     heading_deg: Real = 0.0
     beams: Annotated[int, Field(strict=True, ge=2, le=10_000)] = 360
     fov_deg: Annotated[float, Field(strict=True, gt=0, le=360)] = 360.0
-    rate_hz: Positive = 10.0
+    rate_hz: Rate = 10.0
     min_range_m: NotNegative = 0.05
     max_range_m: Positive = 12.0
     sigma_m: NotNegative = 0.01
     dropout_probability: Share = 0.002
+
+    def __post_init__(self) -> None:
+        _check_ranges(self.min_range_m, self.max_range_m)
+
+
+def _check_ranges(min_range_m: float, max_range_m: float) -> None:
+    if min_range_m >= max_range_m:
+        raise ValueError(f"min_range_m: {min_range_m} is not less than max_range_m, {max_range_m}")
 
 
 @closed
@@ -258,10 +294,21 @@ class SimulationParameters:
     def __post_init__(self) -> None:
         if len(self.body) < 3:
             raise ValueError(f"body: {len(self.body)} corners; an outline needs at least 3")
-        sides = list(zip(self.body, self.body[1:] + self.body[:1], strict=True))
-        turns = [
-            (b[0] - a[0]) * (d[1] - c[1]) - (b[1] - a[1]) * (d[0] - c[0])
-            for (a, b), (c, d) in zip(sides, sides[1:] + sides[:1], strict=True)
+        farthest = max(max(map(abs, corner)) for corner in self.body)
+        if farthest > FARTHEST_CORNER_M:
+            raise ValueError(
+                f"body: a corner at {farthest:g} m; allowed are {FARTHEST_CORNER_M:g} m from base"
+            )
+        sides = [
+            (b[0] - a[0], b[1] - a[1])
+            for a, b in zip(self.body, self.body[1:] + self.body[:1], strict=True)
         ]
-        if not (all(t > 0 for t in turns) or all(t < 0 for t in turns)):
-            raise ValueError("body: the outline is not convex")
+        turns = [
+            math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
+            for a, b in zip(sides, sides[1:] + sides[:1], strict=True)
+        ]
+        once = math.isclose(abs(sum(turns)), 2.0 * math.pi)
+        if not (once and (all(t > 0 for t in turns) or all(t < 0 for t in turns))):
+            raise ValueError(
+                "body: the outline is not convex, crosses itself or has a corner on a straight side"
+            )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from firmware_sim.config import load_robot
+from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.parameters import AckermannDrive, DifferentialDrive, TricycleDrive
 
@@ -63,7 +64,29 @@ def test_overrides_replace_values_by_dotted_key() -> None:
         ("drive.kind", "hover", "drive"),
         ("drive.counts_per_revolution", 0, "drive.counts_per_revolution"),
         ("simulation.mass_kg.x", 0, "mass_kg is not a table"),
+        ("simulation.body", [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0]], "straight side"),
+        (
+            "simulation.body",
+            [[0.0, 1.0], [0.588, -0.809], [-0.951, 0.309], [0.951, 0.309], [-0.588, -0.809]],
+            "crosses itself",
+        ),
+        ("simulation.body", [[0, 0], [1e5, 0], [0, 1]], "a corner at 100000 m; allowed are 10 m"),
+        ("simulation.mass_kg", 1e300, "simulation.mass_kg: must be less than or equal to 1000000"),
+        ("simulation.motor.stiction_ratio", float("inf"), "stiction_ratio"),
+        ("simulation.motor.winding_heat_j_k", 1e-6, "warms within 2.5e-06 s"),
+        ("simulation.lidar.min_range_m", 20.0, "min_range_m: 20.0 is not less than max_range_m"),
+        ("simulation.sonar.min_range_m", 5.0, "min_range_m: 5.0 is not less than max_range_m"),
+        ("simulation.lidar.rate_hz", 1e12, "must be less than or equal to 240, found 100"),
+        ("camera.rate_hz", 1e-300, "camera.rate_hz: must be greater than or equal to 0.1"),
+        ("drive", 3, "drive: must be a table, found 3"),
+        ("drive.kind", "tricyle", "found 'tricyle'; did you mean \"tricycle\"?"),
+        ("drive.kind", "tricyle", "drive.kind: must be one of differential, tricycle, ackermann"),
+        ("sonar", 4, "sonar: must be a list, found 4"),
+        ("sonar", {"name": "a"}, "sonar: each must be a table of its own, [[sonar]]"),
+        ("camera.intrinsics.distortion", [0.1] * 6, "at most 5 entries, found 6"),
+        ("limits.v_max_m_s", float("inf"), "limits.v_max_m_s"),
         ("can.bitrate", -1, "can.bitrate"),
+        ("can.bitrate", 83_333, "bitrate: 83333: a bit must last whole nanoseconds"),
     ],
 )
 def test_a_wrong_value_is_reported_with_file_and_key(key: str, value: Any, said: str) -> None:
@@ -76,3 +99,38 @@ def test_a_wrong_value_is_reported_with_file_and_key(key: str, value: Any, said:
 def test_sections_of_robotctl_alone_are_not_looked_at() -> None:
     config = load_robot(DIFF, {"control.left.nonsense": 1, "mavlink.system_id": "x"})
     assert config.robot.name == "diff_drive"
+
+
+def test_a_table_that_is_wrong_is_not_copied_into_the_message() -> None:
+    with pytest.raises(SimulationError) as error:
+        load_robot(DIFF, {"simulation.body": []})
+    assert str(error.value) == (f"{DIFF}: simulation: body: 0 corners; an outline needs at least 3")
+
+
+@pytest.mark.parametrize(
+    "text", ["robot = " + "[" * 5000, "robot = " + "9" * 5000, "[robot\n", "\ufeff[robot]\n"]
+)
+def test_what_is_no_toml_is_told_by_its_file(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SimulationError, match=r"robot\.toml: "):
+        load_robot(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("=3", "not of the form key.subkey=value"),
+        ("simulation..x=1", "not of the form key.subkey=value"),
+        ("simulation.mass_kg", "not of the form key.subkey=value"),
+        ("simulation.mass_kg=heavy", "text in quotes"),
+        ("simulation.mass_kg=" + "[" * 5000, "not of the form key.subkey=value"),
+        ("battery.charge=0.5", 'did you mean "simulation.battery.charge"?'),
+        ("simulaton.mass_kg=3", 'did you mean "simulation"?'),
+        ("control.left.kp=3", "reads no table control, allowed: robot, drive, simulation"),
+    ],
+)
+def test_a_setting_that_would_do_nothing_is_refused(text: str, said: str) -> None:
+    with pytest.raises(SimulationError, match=re.escape(said)):
+        parse_override(text)
+    assert parse_override("simulation.battery.charge=0.5") == ("simulation.battery.charge", 0.5)
