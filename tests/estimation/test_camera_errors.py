@@ -169,6 +169,11 @@ def test_corners_that_no_lens_shows_are_an_error_that_says_so() -> None:
 
 
 def test_a_view_without_pixels_is_refused() -> None:
-    for wrong in ({"far_m": -1.0}, {"half_width_m": 0.0}, {"m_per_px": 0.0}, {"m_per_px": 1e-6}):
-        with pytest.raises(ValueError, match=r"near_m|half_width_m|m_per_px|pixels of"):
+    for wrong, message in (
+        ({"far_m": -1.0}, "near_m 0 must be less than far_m -1"),
+        ({"half_width_m": 0.0}, "half_width_m must be > 0, not 0"),
+        ({"m_per_px": 0.0}, "m_per_px must be > 0, not 0"),
+        ({"m_per_px": 1e-6}, "3000000 x 3000000 pixels of 1e-06 m; allowed are 1 to 8000"),
+    ):
+        with pytest.raises(ValueError, match=message):
             FloorView(**wrong)
