@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robotctl.app.camera_correspondences import FloorPoints, clicked_points, markers_seen
-from robotctl.app.camera_floor import camera_of
 from robotctl.app.camera_pictures import read_picture_of
+from robotctl.app.config import camera_of, load_robot
 from robotctl.errors import ConfigError
 from robotctl.estimation.camera_errors import Band, FloorErrors, bands, floor_errors
 from robotctl.estimation.camera_homography import PointNoise
@@ -105,7 +105,7 @@ def check_camera(options: CheckOptions) -> CheckResult:
     OSError
         If a file cannot be read.
     """
-    config = camera_of(options.robot, options.overrides)
+    config = camera_of(load_robot(options.robot, options.overrides), options.robot)
     camera = CameraGeometry.of(config)
     points = FloorPoints.none()
     if options.points is not None:

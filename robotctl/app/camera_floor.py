@@ -2,33 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.config import load_robot
-from robotctl.errors import ConfigError
 from robotctl.estimation.camera_floor import FloorView, draw_grid, draw_points, view_from_above
-from robotctl.model.camera import CameraConfig
 from robotctl.model.camera_geometry import CameraGeometry
-
-
-def camera_of(robot: Path, overrides: tuple[str, ...] = ()) -> CameraConfig:
-    """Return the camera of a robot's file.
-
-    Raises
-    ------
-    ConfigError
-        If the file is wrong, or has no camera.
-    """
-    camera = load_robot(robot, overrides).camera
-    if camera is None:
-        raise ConfigError(
-            f"{robot}: no table [camera]; `robotctl camera calibrate` finds its values, "
-            "docs/camera.md says how"
-        )
-    return camera
 
 
 def floor_picture(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.app.camera_pictures import read_picture_of
-from robotctl.app.config import load_robot
+from robotctl.app.config import camera_of, load_robot
 from robotctl.errors import ConfigError
 from robotctl.estimation.camera_ground import GroundCamera, GroundView
 from robotctl.estimation.camera_obstacles import GroundObstacle
@@ -89,14 +89,10 @@ class Seeing:
 
     def __init__(self, options: SeeingOptions) -> None:
         config = load_robot(options.robot, options.overrides)
-        if config.camera is None:
-            raise ConfigError(
-                f"{options.robot}: no table [camera]; `robotctl camera calibrate` finds its "
-                "values, docs/camera.md says how"
-            )
+        camera = camera_of(config, options.robot)
         self._options = options
-        self._intrinsics = config.camera.intrinsics
-        self.geometry = CameraGeometry.of(config.camera)
+        self._intrinsics = camera.intrinsics
+        self.geometry = CameraGeometry.of(camera)
         try:
             self._camera = GroundCamera(self.geometry, config.ground_camera)
         except ValueError as error:

@@ -114,6 +114,22 @@ def load_robot(path: Path, overrides: Sequence[str] = ()) -> RobotConfig:
     return config
 
 
+def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
+    """Return the camera of a robot whose file this is.
+
+    Raises
+    ------
+    ConfigError
+        If it has none.
+    """
+    if config.camera is None:
+        raise ConfigError(
+            f"{file}: no table [camera]; `robotctl camera calibrate` finds its values, "
+            "docs/camera.md says how"
+        )
+    return config.camera
+
+
 def _contradictions(config: RobotConfig) -> list[str]:
     """Return what no key alone shows."""
     problems = []

@@ -86,6 +86,7 @@ def _points_table(result: CheckResult) -> Table:
     for heading in ("", "x m", "y m", "distance m", "radial mm", "lateral mm", "σ mm", "chi2"):
         table.add_column(heading, justify="right" if heading else "left")
     errors = result.errors
+    chi2 = errors.chi2
     for k, name in enumerate(result.points.names):
         place = (f"{value:.3f}" for value in (*result.points.ground[k], errors.range_m[k]))
         if math.isnan(errors.told[k, 0]):
@@ -93,7 +94,7 @@ def _points_table(result: CheckResult) -> Table:
             continue
         radial, lateral = 1e3 * errors.off_m[k]
         sigma_mm = 1e3 * math.sqrt(errors.P[k, 0, 0] + errors.P[k, 1, 1])
-        off = (f"{radial:+.1f}", f"{lateral:+.1f}", f"{sigma_mm:.1f}", f"{errors.chi2[k]:.1f}")
+        off = (f"{radial:+.1f}", f"{lateral:+.1f}", f"{sigma_mm:.1f}", f"{chi2[k]:.1f}")
         table.add_row(name, *place, *off)
     return table
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from robotctl.app.config import find_file
+from robotctl.app.config import camera_of, find_file, load_robot
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.files import check_files, write_file
 from robotctl.errors import ConfigError
@@ -40,7 +40,7 @@ def floor(
     overrides: Overrides = None,
 ) -> None:
     """Show the floor of a picture from above with a grid in metres, and tell pixels in metres."""
-    from robotctl.app.camera_floor import camera_of, floor_picture, floor_table  # noqa: PLC0415
+    from robotctl.app.camera_floor import floor_picture, floor_table  # noqa: PLC0415
     from robotctl.app.camera_pictures import (  # noqa: PLC0415
         check_suffix,
         read_picture_of,
@@ -61,7 +61,8 @@ def floor(
         view = FloorView(near, far, side, resolution)
     except ValueError as error:
         raise ConfigError(f"--near, --far, --side, --resolution: {error}") from error
-    config = camera_of(find_file(robot), tuple(overrides or ()))
+    robot_file = find_file(robot)
+    config = camera_of(load_robot(robot_file, tuple(overrides or ())), robot_file)
     camera = CameraGeometry.of(config)
     image = read_picture_of(picture, config.intrinsics)
     clicked = None if pixels is None else read_columns(pixels, PIXELS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,25 +22,40 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from robotctl.app.camera_seeing import Seeing, SeenPicture
+    from robotctl.app.camera_seeing import SeenPicture
 
 BLIND = 1
-_RANGE_CELLS = {
-    "angle deg": "angle_deg",
-    "range m": "range_m",
-    "σ m": "sigma_m",
-    "x, y m": "x_m y_m",
-    "": "seen",
-}
-_OBSTACLE_CELLS = {
-    "foot x, y m": "foot_x_m foot_y_m",
-    "σ far, wide": "sigma_along_m sigma_across_m",
-    "centre x, y": "centre_x_m centre_y_m",
-    "width": "width_m",
-    "height": "height_m",
-    "cut": "cut",
-}
-"""Headings of the tables, and what stands below them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What is measured: its name, and the headings of the table with what stands below them."""
+
+    name: str
+    cells: dict[str, str]
+
+
+_RANGES = _Kind(
+    "ranges",
+    {
+        "angle deg": "angle_deg",
+        "range m": "range_m",
+        "σ m": "sigma_m",
+        "x, y m": "x_m y_m",
+        "": "seen",
+    },
+)
+_OBSTACLES = _Kind(
+    "obstacles",
+    {
+        "foot x, y m": "foot_x_m foot_y_m",
+        "σ far, wide": "sigma_along_m sigma_across_m",
+        "centre x, y": "centre_x_m centre_y_m",
+        "width": "width_m",
+        "height": "height_m",
+        "cut": "cut",
+    },
+)
 
 Pictures = Annotated[
     list[str],
@@ -78,7 +94,7 @@ def ranges(
     Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be told
     from the rest. 2: bad input.
     """
-    _run("ranges", (pictures, robot, out, csv, json, sequence, overrides))
+    _run(_RANGES, pictures, robot, out, csv, json, sequence, overrides)
 
 
 def obstacles(
@@ -95,12 +111,20 @@ def obstacles(
     Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be told
     from the rest. 2: bad input.
     """
-    _run("obstacles", (pictures, robot, out, csv, json, sequence, overrides))
+    _run(_OBSTACLES, pictures, robot, out, csv, json, sequence, overrides)
 
 
-def _run(name: str, arguments: tuple[Any, ...]) -> None:
+def _run(
+    kind: _Kind,
+    pictures: list[str],
+    robot: str,
+    out: Path | None,
+    csv: Path | None,
+    json: Path | None,
+    sequence: bool,
+    overrides: list[str] | None,
+) -> None:
     """Look at all pictures, show and write what was asked for."""
-    pictures, robot, out, csv, json, sequence, overrides = arguments
     robot_file = find_file(robot)
     files = pictures_of(pictures, "")
     targets = _targets(files, out)
@@ -113,18 +137,21 @@ def _run(name: str, arguments: tuple[Any, ...]) -> None:
     from robotctl.app import camera_seeing as app  # noqa: PLC0415 - OpenCV and numba
 
     seeing = app.Seeing(app.SeeingOptions(robot_file, tuple(overrides or ()), files, sequence))
-    keys = app.RANGE_KEYS if name == "ranges" else app.OBSTACLE_KEYS
     rows_of: Callable[[SeenPicture], list[dict[str, Any]]]
-    rows_of = app.range_rows if name == "ranges" else app.obstacle_rows
+    keys, rows_of = (
+        (app.RANGE_KEYS, app.range_rows)
+        if kind is _RANGES
+        else (app.OBSTACLE_KEYS, app.obstacle_rows)
+    )
     rows, entries = [], []
-    for seen, target in zip(_read(seeing), targets, strict=True):
+    for seen, target in zip(seeing.look(), targets, strict=True):
         mine = rows_of(seen)
         rows += mine
-        entries.append(app.report_entry(seen, name, mine))
+        entries.append(app.report_entry(seen, kind.name, mine))
         if csv is None and json is None:
-            Console().print(_table(name, seen, mine))
+            Console().print(_table(kind, seen, mine))
         else:
-            progress.print(f"{seen.name}: {_summary(name, mine)}", markup=False)
+            progress.print(f"{seen.name}: {_summary(kind, mine)}", markup=False)
         if not seen.view.trusted:
             print(f"{seen.name}: not trusted: {seen.view.why}", file=sys.stderr)
         if target is not None:
@@ -133,7 +160,7 @@ def _run(name: str, arguments: tuple[Any, ...]) -> None:
         write_file(csv, lambda file: app.write_rows(file, keys, rows))
         print(f"table: {csv}")
     if json is not None:
-        write_file(json, lambda file: app.write_report(file, name, entries))
+        write_file(json, lambda file: app.write_report(file, kind.name, entries))
         print(f"report: {json}")
     if not all(entry["trusted"] for entry in entries):
         sys.exit(BLIND)
@@ -145,14 +172,6 @@ def _write_annotated(target: Path, picture: NDArray[np.uint8]) -> None:
 
     write_file(target, lambda file: write_picture(file, picture))
     print(f"annotated: {target}")
-
-
-def _read(seeing: Seeing) -> Any:
-    """Yield what is seen, with an error of one line where a file cannot be read."""
-    try:
-        yield from seeing.look()
-    except OSError as error:
-        raise ConfigError(f"{error.filename}: {error.strerror or error}") from error
 
 
 def _targets(files: tuple[Path, ...], out: Path | None) -> list[Path | None]:
@@ -173,15 +192,14 @@ def _targets(files: tuple[Path, ...], out: Path | None) -> list[Path | None]:
     return [out]
 
 
-def _table(name: str, seen: SeenPicture, rows: list[dict[str, Any]]) -> Table:
+def _table(kind: _Kind, seen: SeenPicture, rows: list[dict[str, Any]]) -> Table:
     """Return the rows of one picture for a terminal."""
     trust = "" if seen.view.trusted else ", not trusted"
     table = Table(title=f"{seen.name}{trust}", title_justify="left")
-    cells = _RANGE_CELLS if name == "ranges" else _OBSTACLE_CELLS
-    for heading in cells:
+    for heading in kind.cells:
         table.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
-        table.add_row(*(_cell([row[key] for key in keys.split()]) for keys in cells.values()))
+        table.add_row(*(_cell([row[key] for key in keys.split()]) for keys in kind.cells.values()))
     return table
 
 
@@ -194,9 +212,9 @@ def _cell(values: list[object]) -> str:
     return ", ".join(f"{v:.3f}" if isinstance(v, float) else str(v) for v in values)
 
 
-def _summary(name: str, rows: list[dict[str, Any]]) -> str:
+def _summary(kind: _Kind, rows: list[dict[str, Any]]) -> str:
     """Return one line about a picture."""
-    if name == "obstacles":
+    if kind is _OBSTACLES:
         return f"{len(rows)} obstacles"
     hits = [row["range_m"] for row in rows if row["range_m"] is not None]
     nearest = f", nearest {min(hits):.2f} m" if hits else ""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,11 +116,12 @@ def floor_errors(
     return FloorErrors(told, range_m.astype(np.float64), off, R @ P @ np.swapaxes(R, 1, 2))
 
 
-def bands(errors: FloorErrors, edges_m: Sequence[float] = BANDS_M) -> tuple[Band, ...]:
+def bands(errors: FloorErrors) -> tuple[Band, ...]:
     """Return the errors by distance, for each band with points that are on the floor."""
     found = []
+    chi2 = errors.chi2
     known = np.isfinite(errors.off_m).all(axis=1)
-    for low_m, high_m in itertools.pairwise(edges_m):
+    for low_m, high_m in itertools.pairwise(BANDS_M):
         chosen = known & (errors.range_m >= low_m) & (errors.range_m < high_m)
         if chosen.any():
             off = errors.off_m[chosen]
@@ -135,7 +135,7 @@ def bands(errors: FloorErrors, edges_m: Sequence[float] = BANDS_M) -> tuple[Band
                     (radial_m, lateral_m),
                     math.sqrt(float(np.mean(np.sum(off * off, axis=1)))),
                     math.sqrt(float(np.mean(variance))),
-                    float(errors.chi2[chosen].sum()),
+                    float(chi2[chosen].sum()),
                 )
             )
     return tuple(found)

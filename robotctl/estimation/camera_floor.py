@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from robotctl.model.camera_geometry import CameraGeometry
 
-_GRID = (200, 160, 0)
+GRID = (200, 160, 0)
+"""Colour of a grid of the floor, blue, green, red."""
+GRID_M = 0.5
+"""Between its lines [m]."""
 _MARK = (0, 0, 230)
 _NOTHING = (60, 60, 60)
 _MAX_SIDE_PX = 8000
@@ -113,18 +116,18 @@ def view_from_above(
     return above.astype(np.uint8, copy=False)
 
 
-def draw_grid(above: NDArray[np.uint8], view: FloorView, spacing_m: float = 0.5) -> None:
+def draw_grid(above: NDArray[np.uint8], view: FloorView) -> None:
     """Draw lines of constant x and y with their metres into a view from above."""
     height, width = view.shape
-    for k in range(math.ceil(view.near_m / spacing_m), math.floor(view.far_m / spacing_m) + 1):
-        _, row = view.pixel_of(k * spacing_m, 0.0)
-        cv2.line(above, (0, row), (width - 1, row), _GRID, 1)
-        _label(above, f"x {k * spacing_m:g}", (4, row - 4))
-    most = math.floor(view.half_width_m / spacing_m)
+    for k in range(math.ceil(view.near_m / GRID_M), math.floor(view.far_m / GRID_M) + 1):
+        _, row = view.pixel_of(k * GRID_M, 0.0)
+        cv2.line(above, (0, row), (width - 1, row), GRID, 1)
+        label(above, f"x {k * GRID_M:g}", (4, row - 4))
+    most = math.floor(view.half_width_m / GRID_M)
     for k in range(-most, most + 1):
-        column, _ = view.pixel_of(0.0, k * spacing_m)
-        cv2.line(above, (column, 0), (column, height - 1), _GRID, 1)
-        _label(above, f"y {k * spacing_m:g}", (column + 4, height - 6))
+        column, _ = view.pixel_of(0.0, k * GRID_M)
+        cv2.line(above, (column, 0), (column, height - 1), GRID, 1)
+        label(above, f"y {k * GRID_M:g}", (column + 4, height - 6))
 
 
 def draw_points(above: NDArray[np.uint8], view: FloorView, ground: NDArray[np.float64]) -> None:
@@ -136,8 +139,8 @@ def draw_points(above: NDArray[np.uint8], view: FloorView, ground: NDArray[np.fl
             cv2.drawMarker(above, (column, row), _MARK, cv2.MARKER_CROSS, 11, 1)
 
 
-def _label(picture: NDArray[np.uint8], text: str, at: tuple[int, int]) -> None:
+def label(picture: NDArray[np.uint8], text: str, at: tuple[int, int]) -> None:
     """Write small letters that are seen on any ground."""
     font = cv2.FONT_HERSHEY_SIMPLEX
     cv2.putText(picture, text, at, font, 0.4, (255, 255, 255), 3, cv2.LINE_AA)
-    cv2.putText(picture, text, at, font, 0.4, _GRID, 1, cv2.LINE_AA)
+    cv2.putText(picture, text, at, font, 0.4, GRID, 1, cv2.LINE_AA)

@@ -39,17 +39,20 @@ class GroundView:
         Ranges to the lowest boundary of the floor, from the camera's foot point in `base`.
     obstacles
         What stands free on the floor; none where not trusted.
-    trusted
-        Whether the floor was told from the rest. If not, the scan is all nan (nothing judged), or
-        what the floor known from earlier pictures says, which errs to the near side.
     why
-        Why not; empty where trusted.
+        Why the floor was not told from the rest; empty: it was. If not, the scan is all nan
+        (nothing judged), or what the floor known from earlier pictures says, which errs to the
+        near side.
     """
 
     scan: RangeScan
     obstacles: tuple[GroundObstacle, ...]
-    trusted: bool
     why: str = ""
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the floor was told from the rest."""
+        return not self.why
 
 
 class GroundCamera:
@@ -85,9 +88,8 @@ class GroundCamera:
         self._beyond = np.where(after.any(axis=0), np.argmax(after, axis=0), n)
         reach = int(np.sum(strip.ranges_m <= config.max_range_m))
         self._last = min(int(np.searchsorted(strip.edges, reach)), self._horizon)
-        column_rad = (strip.bearings_rad[0] - strip.bearings_rad[-1]) / len(strip.bearings_rad)
         reached = np.minimum(strip.ranges_m[strip.edges[:-1]], config.max_range_m)
-        self._widths = config.obstacle_width_m / reached / column_rad
+        self._widths = config.obstacle_width_m / reached / strip.column_rad
         self.reset()
 
     def reset(self) -> None:
@@ -145,7 +147,7 @@ class GroundCamera:
         ranges = column_ranges(self.strip, boundary, self._config)
         scan = beam_scan(self.strip, ranges, stamp_ns, self._config)
         obstacles = find_obstacles(self.strip, boundary, ranges, evidence, walls, self._config)
-        return GroundView(scan, () if why else obstacles, not why, why)
+        return GroundView(scan, () if why else obstacles, why)
 
     def _look_of_floor(
         self, bins: NDArray[np.int32], means: NDArray[np.float32]
@@ -183,7 +185,7 @@ class GroundCamera:
         scan = beam_scan(
             self.strip, ColumnRanges(nothing, nothing, nothing, nothing), stamp_ns, self._config
         )
-        return GroundView(scan, (), False, why)
+        return GroundView(scan, (), why)
 
 
 def _parts(patch: NDArray[np.bool_]) -> NDArray[np.int8]:

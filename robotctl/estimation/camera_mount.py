@@ -17,7 +17,6 @@ from scipy.optimize import least_squares  # type: ignore[import-untyped]
 
 from robotctl.estimation.camera_homography import (
     GATE,
-    Homography,
     PointNoise,
     find_homography,
 )
@@ -53,8 +52,6 @@ class MountFit:
     chi2, degrees
         The sum of squared residuals of those that agree, in standard deviations, and its degrees
         of freedom.
-    homography
-        Of the floor, for pixels of a lens without distortion.
     """
 
     intrinsics: CameraIntrinsics
@@ -65,7 +62,6 @@ class MountFit:
     residuals_px: NDArray[np.float64]
     chi2: float
     degrees: int
-    homography: Homography
 
     @property
     def camera(self) -> CameraGeometry:
@@ -151,9 +147,7 @@ def fit_mount(
             f"{math.sqrt(P[6, 6]):.0f}): calibrate the lens, or spread the points"
         )
     residuals = pixels - camera.project_ground(ground)
-    return MountFit(
-        camera.intrinsics, camera.mount, keys, P, agree, residuals, chi2, degrees, homography
-    )
+    return MountFit(camera.intrinsics, camera.mount, keys, P, agree, residuals, chi2, degrees)
 
 
 def focal_length(H: NDArray[np.float64], lens: CameraIntrinsics) -> float:

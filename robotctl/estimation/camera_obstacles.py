@@ -54,8 +54,6 @@ class GroundObstacle:
         Across the line of sight [m].
     height_m
         At most so high [m]: the farther edge of its upper face; inf where no floor is seen above.
-    first_column, last_column
-        Of the strip.
     cut
         Whether the picture ends at one of its sides: it may be wider.
     """
@@ -66,8 +64,6 @@ class GroundObstacle:
     centre_covariance: NDArray[np.float64]
     width_m: float
     height_m: float
-    first_column: int
-    last_column: int
     cut: bool
 
 
@@ -215,16 +211,15 @@ def _measure(
 ) -> GroundObstacle:
     """Return place and size of the thing in some columns."""
     first, last = int(mine[0]), int(mine[-1])
-    column_rad = (strip.bearings_rad[0] - strip.bearings_rad[-1]) / (len(strip.bearings_rad) - 1)
     bearing = (strip.bearings_rad[first] + strip.bearings_rad[last]) / 2
     third = max(1, len(mine) // 6)
     middle = mine[len(mine) // 2 - third : len(mine) // 2 + third + 1]
     range_m = float(np.median(columns.ranges_m[middle]))
-    width_m = range_m * (last - first + 1) * column_rad
+    width_m = range_m * (last - first + 1) * strip.column_rad
     along = np.array([math.cos(bearing), math.sin(bearing)])
     across = np.array([-along[1], along[0]])
     sigma_along = float(np.median(np.hypot(columns.own_m, columns.common_m)[middle]))
-    sigma_across = math.hypot(range_m * column_rad, 0.05 * width_m)
+    sigma_across = math.hypot(range_m * strip.column_rad, 0.05 * width_m)
     foot = strip.camera.t_base_camera[:2] + range_m * along
 
     def covariance(deep: float, wide: float) -> NDArray[np.float64]:
@@ -241,8 +236,6 @@ def _measure(
         covariance(math.hypot(sigma_along, spread), math.hypot(sigma_across, 0.1 * width_m)),
         width_m,
         _height(strip, evidence, boundary.cells[middle], middle, range_m),
-        first,
-        last,
         cut,
     )
 

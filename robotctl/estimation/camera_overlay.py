@@ -8,27 +8,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.camera_floor import GRID, GRID_M, label
 from robotctl.model.camera_geometry import CameraGeometry
 
-_GRID = (200, 160, 0)
 _RIGHT = (0, 190, 0)
 _WRONG = (0, 0, 230)
-_LETTERS = 0.4
 _LIMIT_PX = 30_000.0
 _PIECE_M = 0.05
+_FAR_M, _SIDE_M = 3.0, 1.5
 
 
-def draw_floor_grid(
-    picture: NDArray[np.uint8],
-    camera: CameraGeometry,
-    far_m: float = 3.0,
-    half_width_m: float = 1.5,
-    spacing_m: float = 0.5,
-) -> None:
+def draw_floor_grid(picture: NDArray[np.uint8], camera: CameraGeometry) -> None:
     """Draw lines of constant x and y of the floor, in `base`, with their metres."""
-    step = spacing_m
-    xs = step * np.arange(math.ceil((camera.mount.x_m - far_m) / step), far_m / step + 1e-9)
-    ys = step * np.arange(-math.floor(half_width_m / step), half_width_m / step + 1e-9)
+    step = GRID_M
+    xs = step * np.arange(math.ceil((camera.mount.x_m - _FAR_M) / step), _FAR_M / step + 1e-9)
+    ys = step * np.arange(-math.floor(_SIDE_M / step), _SIDE_M / step + 1e-9)
     along_x = np.arange(xs[0], xs[-1] + 1e-9, _PIECE_M)
     along_y = np.arange(ys[0], ys[-1] + 1e-9, _PIECE_M)
     for x_m in xs:
@@ -65,7 +59,7 @@ def _draw_line(
     pixels = camera.project_ground(ground)
     seen = np.all(np.abs(pixels) < _LIMIT_PX, axis=1)
     for i in np.flatnonzero(seen[1:] & seen[:-1]):
-        cv2.line(picture, _pixel(pixels[i]), _pixel(pixels[i + 1]), _GRID, 1, cv2.LINE_AA)
+        cv2.line(picture, _pixel(pixels[i]), _pixel(pixels[i + 1]), GRID, 1, cv2.LINE_AA)
 
 
 def _label(
@@ -74,10 +68,7 @@ def _label(
     """Write at a point of the floor, if it is in the picture."""
     pixel = camera.project_ground(np.array([ground]))
     if camera.inside(pixel)[0]:
-        at = _pixel(pixel[0])
-        font = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(picture, text, at, font, _LETTERS, (255, 255, 255), 3, cv2.LINE_AA)
-        cv2.putText(picture, text, at, font, _LETTERS, _GRID, 1, cv2.LINE_AA)
+        label(picture, text, _pixel(pixel[0]))
 
 
 def _pixel(pixel: NDArray[np.float64]) -> tuple[int, int]:

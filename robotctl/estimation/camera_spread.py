@@ -86,30 +86,23 @@ def recommend(fit: MountFit, noise: PointNoise) -> Advice | None:
         How well the new markers will be known.
     """
     probes = _probes(fit)
-    now = _expected(probes, fit.P, noise.sigma_px)
-    if not now or all(each.enough for each in now):
+    if not probes or _worst(probes, fit.P) <= ALLOWED:
         return None
     places = _candidates(fit.camera)
     by_keys, by_ground = fit.jacobians(places)
     C = noise.sigma_px**2 * np.eye(2) + noise.sigma_m**2 * by_ground @ np.swapaxes(by_ground, 1, 2)
     gains = np.swapaxes(by_keys, 1, 2) @ np.linalg.inv(C) @ by_keys
-    information, chosen = np.linalg.inv(fit.P), []
-    for _ in range(_MOST_MARKERS):
-        if not len(places):
-            break
-        outcomes = [
-            _worst(_expected(probes, np.linalg.inv(information + gain), noise.sigma_px))
-            for gain in gains
-        ]
+    P = fit.P
+    chosen: list[tuple[float, float]] = []
+    while len(places) and len(chosen) < _MOST_MARKERS and _worst(probes, P) > ALLOWED:
+        information = np.linalg.inv(P)
+        outcomes = [_worst(probes, np.linalg.inv(information + gain)) for gain in gains]
         best = int(np.argmin(outcomes))
-        if outcomes[best] > 0.9 * _worst(now):
+        if outcomes[best] > 0.9 * _worst(probes, P):
             break
-        information = information + gains[best]
+        P = np.linalg.inv(information + gains[best])
         chosen.append((round(float(places[best, 0]), 3), round(float(places[best, 1]), 3)))
-        now = _expected(probes, np.linalg.inv(information), noise.sigma_px)
-        if all(each.enough for each in now):
-            break
-    return Advice(tuple(chosen), now)
+    return Advice(tuple(chosen), _expected(probes, P, noise.sigma_px))
 
 
 class _Probe(NamedTuple):
@@ -138,21 +131,21 @@ def _expected(
     probes: Sequence[_Probe], P: NDArray[np.float64], sigma_px: float
 ) -> tuple[Expected, ...]:
     """Return the expected errors at the probes for the covariance `P` of the calibration."""
-    expected = []
-    for range_m, by_keys, by_ground in probes:
-        calibration = floor_covariance(by_keys, by_ground, P, 0.0)
-        pixel = floor_covariance(by_keys, by_ground, np.zeros_like(P), sigma_px)
-        errors = (
-            math.sqrt(float(np.nanmean(np.trace(each, axis1=1, axis2=2))))
-            for each in (calibration, pixel)
-        )
-        expected.append(Expected(range_m, *errors))
-    return tuple(expected)
+    return tuple(
+        Expected(probe.range_m, _rms(probe, P, 0.0), _rms(probe, np.zeros_like(P), sigma_px))
+        for probe in probes
+    )
 
 
-def _worst(expected: Sequence[Expected]) -> float:
-    """Return the largest expected error as a share of the distance."""
-    return max(each.calibration_m / each.range_m for each in expected)
+def _worst(probes: Sequence[_Probe], P: NDArray[np.float64]) -> float:
+    """Return the largest error by a covariance of the calibration as a share of the distance."""
+    return max(_rms(probe, P, 0.0) / probe.range_m for probe in probes)
+
+
+def _rms(probe: _Probe, P: NDArray[np.float64], sigma_px: float) -> float:
+    """Return the root mean square of the expected error of places [m]."""
+    covariance = floor_covariance(probe.by_keys, probe.by_ground, P, sigma_px)
+    return math.sqrt(float(np.nanmean(np.trace(covariance, axis1=1, axis2=2))))
 
 
 def _candidates(camera: CameraGeometry) -> NDArray[np.float64]:

@@ -42,6 +42,8 @@ class GroundStrip:
     bearings_rad
         Of the columns in `base`, from the foot point of the camera, falling: left first,
         (columns,) [rad].
+    column_rad
+        From column to column [rad].
     depression_rad
         Of the rows: angle below the horizon, falling: nearest first, (rows,) [rad].
     ranges_m
@@ -79,6 +81,8 @@ class GroundStrip:
         self._heading_rad = math.atan2(axis[1], axis[0])
         self.depression_rad = self._rows()
         self.bearings_rad = self._columns()
+        gaps = max(1, len(self.bearings_rad) - 1)
+        self.column_rad = float(self.bearings_rad[0] - self.bearings_rad[-1]) / gaps
         with np.errstate(divide="ignore"):
             self.ranges_m = np.where(
                 self.depression_rad > 1e-9, self.height_m / np.tan(self.depression_rad), np.inf
@@ -122,11 +126,6 @@ class GroundStrip:
         turned = corners @ np.array([[c, s], [-s, c]])
         outline: NDArray[np.float64] = turned + self.camera.t_base_camera[:2]
         return outline
-
-    def pixels(self, rows: NDArray[np.float64], columns: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return where in the picture places of the strip are, (n, 2) [px]."""
-        depression = np.interp(rows, np.arange(len(self.depression_rad)), self.depression_rad)
-        return self._project(depression, self.bearings_rad[columns])
 
     def ranges_at(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the ranges of places between rows, (n,) [m]; inf at the horizon."""
@@ -201,7 +200,7 @@ class GroundStrip:
     def _look_up(self, config: GroundCameraConfig) -> None:
         """Make the lookup of the pixels, and what each sample stands for."""
         rows, columns = len(self.depression_rad), len(self.bearings_rad)
-        quarter = (self.bearings_rad[0] - self.bearings_rad[-1]) / max(1, columns - 1) / 4
+        quarter = self.column_rad / 4
         twice = np.stack([self.bearings_rad + quarter, self.bearings_rad - quarter], axis=1).ravel()
         d, b = np.meshgrid(self.depression_rad, twice, indexing="ij")
         pixels = self._project(d.ravel(), b.ravel())
@@ -227,7 +226,6 @@ class GroundStrip:
         """Return the coarse rows' edges, and half their columns' windows."""
         edges = [0]
         halves = []
-        column_rad = (self.bearings_rad[0] - self.bearings_rad[-1]) / len(self.bearings_rad)
         while edges[-1] < len(self.depression_rad):
             row = edges[-1]
             range_m = min(float(self.ranges_m[row]), config.max_range_m)
@@ -237,7 +235,7 @@ class GroundStrip:
                 step = int(_CELL_SHARE * np.sum(self.depression_rad[row:] > top))
             edges.append(min(row + max(2, step), len(self.depression_rad)))
             halves.append(
-                max(1, int(_CELL_SHARE / 2 * config.least_width_m / range_m / column_rad))
+                max(1, int(_CELL_SHARE / 2 * config.least_width_m / range_m / self.column_rad))
             )
         return np.array(edges), np.array(halves)
 

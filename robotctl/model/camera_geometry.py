@@ -97,8 +97,7 @@ class CameraGeometry:
         ndarray
             In `camera` with z = 1, (n, 3); nan where the lens has no inverse.
         """
-        plane, _ = undistort((pixels - self._centre()) / self._focal(), self.intrinsics.distortion)
-        return np.column_stack([plane, np.ones(len(plane))])
+        return self._rays(pixels)[0]
 
     def rays_base(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return `rays` in `base`, (n, 3), not of unit length."""
@@ -123,10 +122,8 @@ class CameraGeometry:
         self, pixels: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return `ground`, (n, 2) [m], and its Jacobians, (n, 2, 2) [m/px]; nan as there."""
-        plane, by_seen = undistort(
-            (pixels - self._centre()) / self._focal(), self.intrinsics.distortion
-        )
-        rays = np.column_stack([plane, np.ones(len(plane))]) @ self.R_base_camera.T
+        rays_camera, by_pixel = self._rays(pixels)
+        rays = rays_camera @ self.R_base_camera.T
         ground = self._ground(rays)
         down = np.where(np.isnan(ground[:, 0]), np.nan, rays[:, 2])
         # g = t - t_z d_xy / d_z with d = R (x, y, 1)
@@ -135,7 +132,7 @@ class CameraGeometry:
         by_ray[:, 0, 0] = by_ray[:, 1, 1] = -self.mount.z_m / down
         by_ray[:, :, 2] = -offset / down[:, None]
         by_plane = by_ray @ self.R_base_camera[:, :2]
-        return ground, by_plane @ by_seen / self._focal()
+        return ground, by_plane @ by_pixel
 
     def ground_covariance(
         self, pixels: NDArray[np.float64], sigma_px: float
@@ -169,6 +166,12 @@ class CameraGeometry:
         most = np.array([self.intrinsics.width_px, self.intrinsics.height_px]) - 0.5
         within: NDArray[np.bool_] = np.all((pixels >= -0.5) & (pixels < most), axis=1)
         return within
+
+    def _rays(self, pixels: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return `rays`, (n, 3), and the Jacobians of their x and y, (n, 2, 2) [1/px]."""
+        focal = self._focal()
+        plane, by_seen = undistort((pixels - self._centre()) / focal, self.intrinsics.distortion)
+        return np.column_stack([plane, np.ones(len(plane))]), by_seen / focal
 
     def _ground(self, rays_base: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where rays in `base`, (n, 3), meet the floor, (n, 2) [m]."""
