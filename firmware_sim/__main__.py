@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
 
 SIMCAN = "simcan"
+STREAMS = ("truth", "lidar", "camera")
 _CAN_LINK_TYPE = "280"
 """ARPHRD_CAN of linux/if_arp.h."""
 
@@ -82,6 +83,8 @@ def _seconds(text: str) -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit status: 0, or 2 on bad input."""
     signals: list[int] = []
+    # Faults are read from standard input, also where that is a terminal in which others type.
+    signal.signal(signal.SIGTTIN, signal.SIG_IGN)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda number, _: signals.append(number))
     try:
@@ -100,9 +103,10 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
     _check_bus(options.bus)
+    _check_addresses(options)
     scenario = load_scenario(options.faults) if options.faults else Scenario()
-    if options.state is not None and options.state.exists() and not options.state.is_dir():
-        raise SimulationError(f"--state {options.state}: not a directory")
+    if options.state is not None:
+        _make_directory(options.state)
     simulation = Simulation(
         load_robot(options.robot, dict(parse_override(text) for text in options.set)),
         options.world,
@@ -110,20 +114,20 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
         options.start,
         state_directory=options.state,
     )
-    if options.lidar and simulation.config.simulation.lidar is None:
+    if options.lidar is not None and simulation.config.simulation.lidar is None:
         raise SimulationError(f"--lidar: {options.robot} has no table [simulation.lidar]")
-    if options.camera and simulation.config.camera is None:
+    if options.camera is not None and simulation.config.camera is None:
         raise SimulationError(f"--camera: {options.robot} has no table [camera]")
     simulation.warm()
     with ExitStack() as stack:
         service, channel = _open_bus(simulation, options.bus)
         stack.enter_context(closing(service))
         loop = RealTime(simulation, [service, FaultConsole(simulation)])
-        if options.truth:
+        if options.truth is not None:
             loop.publish_truth(stack.enter_context(Publisher(options.truth)))
-        if options.lidar:
+        if options.lidar is not None:
             loop.publish_scans(stack.enter_context(Publisher(options.lidar)))
-        if options.camera:
+        if options.camera is not None:
             loop.take_pictures(stack.enter_context(CameraProcess(_camera_arguments(options))))
         if options.log:
             stack.enter_context(_open_log(simulation, options.log, channel))
@@ -131,6 +135,27 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
         play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
         loop.run(lambda: _finished(simulation, signals, options.duration))
+
+
+def _check_addresses(options: argparse.Namespace) -> None:
+    """Raise SimulationError where two streams have one address: one of them would be lost."""
+    there: dict[str, str] = {}
+    for stream in STREAMS:
+        address = getattr(options, stream)
+        if address in there:
+            raise SimulationError(f"--{stream}: {address}: is that of --{there[address]} already")
+        if address is not None:
+            there[address] = stream
+
+
+def _make_directory(path: Path) -> None:
+    """Make the folder of stored parameters, private to the user."""
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise SimulationError(f"--state {path}: not a directory") from None
+    except OSError as error:
+        raise SimulationError(f"--state {path}: cannot be made: {error.strerror}") from error
 
 
 def _camera_arguments(options: argparse.Namespace) -> list[str]:
@@ -161,7 +186,7 @@ def _open_bus(simulation: Simulation, name: str) -> tuple[Hub | Bridge, str]:
 def _check_bus(name: str) -> None:
     """Raise SimulationError, with what to do, where `name` can be no bus here."""
     interface, colon, channel = name.partition(":")
-    if colon:
+    if colon or not name:
         if interface != SIMCAN or not channel:
             raise SimulationError(f"--bus {name}: allowed are simcan:CHANNEL or a CAN interface")
         return
@@ -185,8 +210,9 @@ def _check_bus(name: str) -> None:
 def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -> None:
     """Print the line that says that the robot is there, once its nodes have booted."""
     bus = simulation.bus
-    addresses = [f"{key}={getattr(options, key)}" for key in ("truth", "lidar", "camera")
-                 if getattr(options, key)]  # fmt: skip
+    addresses = [
+        f"{key}={getattr(options, key)}" for key in STREAMS if getattr(options, key) is not None
+    ]
 
     def look() -> None:
         if all(node.state is not NmtState.INITIALISING for node in simulation.nodes):

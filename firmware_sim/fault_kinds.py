@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -111,11 +112,11 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
 
 
 def _number(given: object) -> float:
-    if isinstance(given, str):
-        try:
-            return float(int(given, 16)) if given.startswith("0x") else float(given)
-        except ValueError:
-            pass
-    elif isinstance(given, int | float) and not isinstance(given, bool):
-        return float(given)
-    raise SimulationError(f"{given!r} is no number")
+    try:
+        if isinstance(given, str) and given.startswith("0x"):
+            return float(int(given, 16))
+        if isinstance(given, str | int | float) and not isinstance(given, bool):
+            return float(given)
+    except (ValueError, OverflowError):
+        pass
+    raise SimulationError(f"{reprlib.repr(given)} is no number")

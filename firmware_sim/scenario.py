@@ -21,6 +21,7 @@ nothing for those before it.
 from __future__ import annotations
 
 import re
+import reprlib
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -96,7 +97,7 @@ def load_scenario(path: Path) -> Scenario:
         data = tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
         raise SimulationError(f"{path}: {error}") from error
     reader = _Reader(path, _key_lines(text))
     scenario = reader.scenario(data)
@@ -224,7 +225,9 @@ class _Reader:
         is_number = isinstance(given, int | float) and not isinstance(given, bool)
         lowest = 0.001 if key == EVERY else 0.0
         if not is_number or not lowest <= given <= LONGEST_S:
-            self._blame(f"{where}.{key}", f"{given!r}, allowed: {lowest:g} to {LONGEST_S:g} s")
+            self._blame(
+                f"{where}.{key}", f"{reprlib.repr(given)}, allowed: {lowest:g} to {LONGEST_S:g} s"
+            )
             return None
         return float(given)
 

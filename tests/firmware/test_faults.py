@@ -699,6 +699,10 @@ class TestLines:
             ),
             ("bus_cut duration=long", "fault bus_cut: duration: 'long' is no number"),
             ("bus_cut duration=0x", "fault bus_cut: duration: '0x' is no number"),
+            (
+                f"bus_cut duration=0x{999 * 'f'}",
+                "fault bus_cut: duration: '0xffffffffff...fffffffffffff' is no number",
+            ),
             ("bus_cut duration=nan", "fault bus_cut: duration: nan, allowed: 0.001 to 3600"),
             ("frames_lost id=513.5", "fault frames_lost: id: 513.5 is no whole number"),
             ("frames_lost id=nan", "fault frames_lost: id: nan is no whole number"),

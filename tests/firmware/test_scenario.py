@@ -134,6 +134,11 @@ def test_the_files_that_come_with_the_robot_are_right(path):
             "fault[0].duration: nan, allowed: 0.001 to 3600",
         ),
         (
+            '[[fault]]\nkind = "bus_cut"\nat = 1\nduration = ' + "9" * 400,
+            4,
+            "fault[0].duration: 999999999999999999...9999999999999999999 is no number",
+        ),
+        (
             '[[fault]]\nkind = "bus_cut"\nat = 1\nduration = true',
             4,
             "fault[0].duration: True is no number",
@@ -171,6 +176,8 @@ def test_faults_that_are_no_tables_are_refused(problems, text):
 
 def test_a_file_that_is_no_toml_or_not_there_is_named(problems, tmp_path):
     assert "line 1" in problems("kind == 3")[0]
+    assert "4300 digits" in problems("seed = " + "9" * 5000)[0]
+    assert "recursion" in problems("seed = " + "[" * 5000)[0]
     with pytest.raises(SimulationError, match=r"missing\.toml: cannot be read"):
         load_scenario(tmp_path / "missing.toml")
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import os
+import pty
 import select
 import signal
 import stat
@@ -322,11 +324,21 @@ def signals_kept():
         (["--bus", "ether:net"], "allowed are simcan:CHANNEL or a CAN interface"),
         (["--bus", "simcan:a b"], "letters, digits"),
         (["--truth", "tcp://*:1"], "allowed is ipc:///ABSOLUTE/PATH"),
+        (["--truth", ""], "not an address"),
+        (
+            ["--truth", "ipc:///tmp/x/y", "--lidar", "ipc:///tmp/x/y"],
+            "--lidar: ipc:///tmp/x/y: is that of --truth already",
+        ),
+        (["--bus", ""], "allowed are simcan:CHANNEL or a CAN interface"),
         (["--log", "/nowhere/x.log"], "No such file or directory"),
         (["--seed", "-1"], "no whole number"),
         (["--priority", "100"], "not in 0..99"),
         (["--duration", "nan"], "no positive number"),
         (["--state", __file__], "not a directory"),
+        (["--state", f"{__file__}/below"], "not a directory"),
+        (["--state", "/proc/nowhere"], "cannot be made"),
+        (["--set", "battery.charge=0.5"], 'did you mean "simulation.battery.charge"?'),
+        (["--start", "-1,2,0"], "needs `=`, as --start=-1,2,90"),
         (
             ["--robot", str(CONFIGS / "tricycle.toml"), "--lidar", "ipc:///tmp/x/y"],
             "no table [simulation.lidar]",
@@ -351,6 +363,34 @@ def test_bad_input_is_one_clear_line_and_status_2(tmp_path, capsys, signals_kept
     assert (status, printed.out) == (2, "")
     assert text in printed.err
     assert printed.err.count("\n") == 1
+
+
+LEADER = """
+import fcntl, os, subprocess, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+job = subprocess.Popen(sys.argv[1:], process_group=0)
+_, status = os.waitpid(job.pid, os.WUNTRACED)
+if os.WIFSTOPPED(status):
+    job.kill()
+print("stopped" if os.WIFSTOPPED(status) else "ended", flush=True)
+"""
+
+
+def test_a_simulator_in_the_background_of_a_terminal_runs_on_while_somebody_types(tmp_path):
+    keyboard, terminal = pty.openpty()
+    command = [sys.executable, "-m", "firmware_sim", *arguments(f"{tmp_path}/s", "--duration=1")]
+    with subprocess.Popen(
+        [sys.executable, "-c", LEADER, *command],
+        stdin=terminal,
+        stdout=subprocess.PIPE,
+        start_new_session=True,
+        cwd=ROOT,
+    ) as leader:
+        os.close(terminal)
+        assert leader.stdout.readline().startswith(b"ready")
+        os.write(keyboard, b"somebody types\n")
+        assert leader.stdout.read() == b"ended\n"
+    os.close(keyboard)
 
 
 def test_bad_input_is_the_exit_status_of_the_process(tmp_path):
