@@ -35,6 +35,7 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.truth import Picture
 from firmware_sim.world import World
 
+MOST_SECTORS = 65_536
 MOST_TAPS = 4
 TAP_RATIO = 1.7
 """How much longer than wide the patch of floor under one sample may be."""
@@ -93,7 +94,7 @@ class Camera:
             rays = pixel_rays(self.intrinsics, self.mount)
         except ValueError as error:
             raise SimulationError(f"{robot.robot.name}: camera: {error}") from error
-        sectors = max(8, round(2.0 * math.pi / rays.turn_rad))
+        sectors = min(max(8, round(2.0 * math.pi / rays.turn_rad)), MOST_SECTORS)
         self._turn_rad = rays.turn_rad
         self._pixels = _pixels(rays, sectors, self.mount.z_m, self.parameters)
         self._scene = make_scene(world)

@@ -29,6 +29,7 @@ from firmware_sim.world import World, load_world
 BEAMS = 121
 _HALF_FAN_RAD = math.radians(60.0)
 _TRIALS = 10_000
+"""For each pose."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -127,22 +128,23 @@ def _free_poses(
     rng = np.random.default_rng([seed, 5])
     plant = Plant(robot, world, rng)
     low_x, low_y, high_x, high_y = world.bounds
-    found = 0
-    for _ in range(_TRIALS):
-        if found == count:
-            return
-        pose = (
-            float(rng.uniform(low_x, high_x)),
-            float(rng.uniform(low_y, high_y)),
-            float(rng.uniform(-math.pi, math.pi)),
-        )
-        try:
-            plant.place(*pose)
-        except SimulationError:
-            continue
-        found += 1
-        yield pose
-    raise SimulationError(f"--random {count}: room was found for {found} poses only")
+    for found in range(count):
+        for _ in range(_TRIALS):
+            pose = (
+                float(rng.uniform(low_x, high_x)),
+                float(rng.uniform(low_y, high_y)),
+                float(rng.uniform(-math.pi, math.pi)),
+            )
+            try:
+                plant.place(*pose)
+            except SimulationError:
+                continue
+            yield pose
+            break
+        else:
+            raise SimulationError(
+                f"--random {count}: no room was found for pose {found + 1} in {_TRIALS} draws"
+            )
 
 
 def _finite(ranges_m: np.ndarray) -> list[float | None]:

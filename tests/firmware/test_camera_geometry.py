@@ -182,6 +182,13 @@ def brute_force(
     return label.reshape(shape), best.reshape(shape)
 
 
+TELEPHOTO = {
+    "camera.mount.pitch_deg": 0.0,
+    "camera.intrinsics.fx_px": 2e4,
+    "camera.intrinsics.fy_px": 2e4,
+}
+"""Fewer sectors than pixels of a full turn."""
+
 CROWD = """
 [[wall]]
 points = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]]
@@ -230,6 +237,7 @@ height_m = 0.05
         ((-0.3, 0.2, -1.9), {"camera.mount.yaw_deg": -60.0, "camera.mount.pitch_deg": 40.0}),
         ((1.05, 0.0, 0.3), {"camera.mount.pitch_deg": 85.0, "camera.mount.z_m": 0.6}),
         ((0.0, -0.3, 0.1), {"camera.mount.pitch_deg": 0.0, "camera.mount.z_m": 0.22}),
+        ((0.0, -0.3, -0.024), {"camera.mount.roll_deg": 30.0, **TELEPHOTO}),
     ],
 )
 def test_each_pixel_shows_what_a_caster_that_tries_all_finds(

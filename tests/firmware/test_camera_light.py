@@ -240,3 +240,19 @@ def test_a_wrong_option_of_a_snapshot_is_told_in_a_line(
     assert ended.value.code == 2
     assert said in message
     assert message.count("\n") == 1
+
+
+def test_poses_are_drawn_where_there_is_room_or_it_is_told_that_there_is_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    small = [f"--set={key}={value}" for key, value in SMALL.items()]
+    ring = (
+        "[[wall]]\npoints = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]\nclosed = true\n"
+    )
+    common = ["--robot", str(DIFF), *small, "--out", str(tmp_path / "a"), "--random", "1"]
+    room(tmp_path, ring)
+    world = tmp_path / "room.toml"
+    assert main([*common, "--world", str(world)]) == 0
+    world.write_text(world.read_text().replace("-6.0, -6.0, 6.0, 6.0", "-0.05, -0.05, 0.05, 0.05"))
+    assert main([*common, "--world", str(world)]) == 2
+    assert "--random 1: no room was found for pose 1" in capsys.readouterr().err
