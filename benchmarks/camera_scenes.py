@@ -8,6 +8,7 @@ nothing stands before it.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,11 +18,10 @@ from numpy.typing import NDArray
 
 from firmware_sim.camera import Camera
 from firmware_sim.camera_parameters import CameraParameters
-from firmware_sim.config import load_robot
+from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.shapes import Box, Obstacle, Pillar, Thing
 from firmware_sim.world import Floor, Lamp, World, load_world
-from robotctl.app.config import find_file
-from robotctl.model.camera import CameraIntrinsics, CameraMount
+from robotctl.app.config import find_file, load_robot
 from robotctl.model.camera_geometry import CameraGeometry
 
 TEXTURES = ("tiles", "wood", "carpet", "concrete")
@@ -81,15 +81,12 @@ class Shot:
         return t[np.arange(len(t)), nearest], self.owner[nearest]
 
 
+@functools.cache
 def geometry() -> CameraGeometry:
     """Return the camera of configs/diff_drive.toml as robotctl believes it to be."""
     camera = load_robot(find_file("diff_drive")).camera
     assert camera is not None
-    lens, mount = camera.intrinsics, camera.mount
-    return CameraGeometry(
-        CameraIntrinsics(**{key: getattr(lens, key) for key in lens.__slots__}),
-        CameraMount(**{key: getattr(mount, key) for key in mount.__slots__}),
-    )
+    return CameraGeometry.of(camera)
 
 
 def office_shots(rng: np.random.Generator, worlds: int, poses: int) -> Iterator[Shot]:
@@ -99,34 +96,24 @@ def office_shots(rng: np.random.Generator, worlds: int, poses: int) -> Iterator[
         yield from _shots(rng, office, TEXTURES[k % len(TEXTURES)], poses)
 
 
-def cluttered_shots(rng: np.random.Generator, worlds: int, poses: int) -> Iterator[Shot]:
-    """Yield pictures of rooms of 6 m by 5 m with obstacles of 5 to 30 cm on the floor."""
+def cluttered_shots(
+    rng: np.random.Generator, worlds: int, poses: int, *, obstacles: bool = True
+) -> Iterator[Shot]:
+    """Yield pictures of rooms of 6 m by 5 m with furniture and obstacles of 5 to 30 cm."""
     room = load_world(find_file("clutter", "worlds"))
     walls = tuple(thing for thing in room.things if thing.kind == "wall")
     for k in range(worlds):
-        things = (*walls, *_furniture(rng), *_obstacles(rng))
+        things = (*walls, *_furniture(rng), *(_obstacles(rng) if obstacles else ()))
         segments = np.vstack([t.sides() for t in things if t.kind != "obstacle"])
         lamps = tuple(_lamp(rng) for _ in range(rng.integers(1, 4)))
         world = dataclasses.replace(room, things=things, segments=segments, lamps=lamps)
         yield from _shots(rng, world, TEXTURES[k % len(TEXTURES)], poses)
 
 
-def free_shots(rng: np.random.Generator, worlds: int, poses: int) -> Iterator[Shot]:
-    """Yield pictures of the same rooms without obstacles: furniture, walls and shadows."""
-    for shot_world in range(worlds):
-        room = load_world(find_file("clutter", "worlds"))
-        walls = tuple(thing for thing in room.things if thing.kind == "wall")
-        things = (*walls, *_furniture(rng))
-        segments = np.vstack([t.sides() for t in things])
-        lamps = tuple(_lamp(rng) for _ in range(rng.integers(1, 4)))
-        world = dataclasses.replace(room, things=things, segments=segments, lamps=lamps)
-        yield from _shots(rng, world, TEXTURES[shot_world % len(TEXTURES)], poses)
-
-
 def _shots(rng: np.random.Generator, world: World, texture: str, poses: int) -> Iterator[Shot]:
     world = dataclasses.replace(world, floor=Floor(texture, int(rng.integers(1000))))
     light = dataclasses.replace(
-        load_robot(find_file("diff_drive")).simulation.camera,
+        load_simulated_robot(find_file("diff_drive")).simulation.camera,
         exposure=float(rng.uniform(0.5, 1.0)),
         ambient=float(rng.uniform(0.4, 0.8)),
         read_noise=float(rng.uniform(1.0, 3.0)),
@@ -145,7 +132,7 @@ def _exposed(
     world: World, poses: list[tuple[float, float, float]], light: CameraParameters, seed: int
 ) -> tuple[list[NDArray[np.uint8]], CameraParameters]:
     """Take pictures, less exposed until hardly any of them is too bright, as a camera would."""
-    robot = load_robot(find_file("diff_drive"))
+    robot = load_simulated_robot(find_file("diff_drive"))
     while True:
         simulation = dataclasses.replace(robot.simulation, camera=light)
         camera = Camera(dataclasses.replace(robot, simulation=simulation), world, seed)

@@ -11,10 +11,14 @@ from firmware_sim.camera_parameters import CameraMount
 from firmware_sim.camera_truth import true_ranges
 
 
-def test_ranges_in_the_simulated_office_are_true_within_their_sigmas() -> None:
+@pytest.mark.parametrize("errors_of_mount", [None, 8])
+def test_ranges_in_the_simulated_office_are_true_within_their_sigmas(
+    errors_of_mount: int | None,
+) -> None:
     beams = Beams()
     trusted = 0
-    for shot, view in views(office_shots(np.random.default_rng(5), 2, 5)):
+    rng = None if errors_of_mount is None else np.random.default_rng(errors_of_mount)
+    for shot, view in views(office_shots(np.random.default_rng(5), 2, 5), rng):
         beams.add(shot, view)
         trusted += view.trusted
     assert trusted == 10
