@@ -242,17 +242,19 @@ def test_a_wrong_option_of_a_snapshot_is_told_in_a_line(
     assert message.count("\n") == 1
 
 
-def test_poses_are_drawn_where_there_is_room_or_it_is_told_that_there_is_none(
+def test_that_there_is_room_for_no_pose_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    small = [f"--set={key}={value}" for key, value in SMALL.items()]
-    ring = (
-        "[[wall]]\npoints = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]\nclosed = true\n"
+    body = np.array(robot().simulation.body)
+    (low_x, low_y), (high_x, high_y) = body.min(axis=0) - 1e-3, body.max(axis=0) + 1e-3
+    room(
+        tmp_path,
+        f"[[wall]]\npoints = [[{low_x}, {low_y}], [{high_x}, {low_y}], [{high_x}, {high_y}], "
+        f"[{low_x}, {high_y}]]\nclosed = true\n",
     )
-    common = ["--robot", str(DIFF), *small, "--out", str(tmp_path / "a"), "--random", "1"]
-    room(tmp_path, ring)
     world = tmp_path / "room.toml"
-    assert main([*common, "--world", str(world)]) == 0
-    world.write_text(world.read_text().replace("-6.0, -6.0, 6.0, 6.0", "-0.05, -0.05, 0.05, 0.05"))
-    assert main([*common, "--world", str(world)]) == 2
+    tight = f"{low_x}, {low_y}, {high_x}, {high_y}"
+    world.write_text(world.read_text().replace("-6.0, -6.0, 6.0, 6.0", tight))
+    common = ["--robot", str(DIFF), "--world", str(world), "--out", str(tmp_path / "a")]
+    assert main([*common, "--random", "1"]) == 2
     assert "--random 1: no room was found for pose 1" in capsys.readouterr().err
