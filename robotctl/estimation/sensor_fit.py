@@ -7,7 +7,8 @@ the readings near the greatest range; then that range; then the mixture again, w
 that could lie on either side of a limit.
 
 Readings from edges say little of the sensor and are left out (`EchoExpectations.steady`). What is
-left out hangs on room and pose alone, never on what was measured, so nothing is biased by it.
+left out hangs on room, pose and the two limits, which all readings together tell, never on how far
+a reading itself is off: large errors are left out no more often than small ones.
 """
 
 from __future__ import annotations
