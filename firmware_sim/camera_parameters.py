@@ -108,7 +108,9 @@ class CameraParameters:
         """
         z_m = nominal.z_m + self.z_error_m
         if z_m <= 0.0 or not math.isfinite(z_m):
-            raise ValueError(f"z_error_m: puts the camera at {z_m} m, below the floor")
+            raise ValueError(
+                f"simulation.camera.z_error_m: puts the camera at {z_m} m, below the floor"
+            )
         return CameraMount(
             x_m=nominal.x_m + self.x_error_m,
             y_m=nominal.y_m + self.y_error_m,

@@ -66,6 +66,10 @@ class RobotConfig:
     limits: LimitsSection = LimitsSection()
     camera: CameraSection | None = None
 
+    def __post_init__(self) -> None:
+        if self.camera is not None:
+            self.simulation.camera.true_mount(self.camera.mount)
+
 
 _ROBOT: TypeAdapter[RobotConfig] = TypeAdapter(RobotConfig)
 
@@ -160,7 +164,7 @@ def _line(path: Path, item: Any, known: list[str]) -> str:
     if kind == "union_tag_not_found":
         return f"{path}: {key}.kind: missing"
     if kind == "value_error":
-        return f"{path}: {key}: {context['error']}"
+        return ": ".join(part for part in (str(path), key, str(context["error"])) if part)
     if kind == "union_tag_invalid":
         key, found = f"{key}.kind", context["tag"]
         allowed = context["expected_tags"].replace("'", "")

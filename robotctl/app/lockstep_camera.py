@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from firmware_sim.errors import SimulationError
 from robotctl.app.config import RobotConfig
+from robotctl.app.sim_options import SimulatorError
 from robotctl.runtime.estimation_messages import CameraView
 from robotctl.runtime.messages import ControlState
 
@@ -46,13 +48,22 @@ class LockstepCamera:
         )
 
     def step(self, simulation: Simulation, control: ControlState) -> list[CameraView]:
-        """Look if it is time; return the views that have arrived."""
+        """Look if it is time; return the views that have arrived.
+
+        Raises
+        ------
+        SimulatorError
+            If the simulated camera cannot be: told at the first look, which makes it.
+        """
         now_ns = control.stamp_ns
         self._watch.attend(control)
         latency_ns = simulation.config.simulation.camera.latency_ms * 1_000_000
         if now_ns >= self._due_ns:
             self._due_ns = max(self._due_ns + self._period_ns, now_ns)
-            picture = simulation.camera_frame()
+            try:
+                picture = simulation.camera_frame()
+            except SimulationError as error:
+                raise SimulatorError(str(error)) from error
             if picture is not None:
                 shape = (picture.height, picture.width, 3)
                 image = np.frombuffer(picture.pixels, np.uint8).reshape(shape)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from robotctl.app.config import find_file
+from robotctl.app.sim_options import SimulatorError
 from tests.app.missions import drive, without_computing_times
 
 LOOKS = ("camera.enabled=true",)
@@ -65,3 +68,12 @@ def test_a_robot_that_looks_stops_before_a_thing_that_its_sonars_do_not_hear(cup
 
 def test_without_its_camera_it_drives_into_that(cup_in_the_way):
     assert drive(world=str(cup_in_the_way), max_seconds=10).collisions > 0
+
+
+def test_a_lens_that_the_simulator_cannot_draw_is_told_as_an_error_of_the_run(tmp_path):
+    text = find_file("diff_drive").read_text(encoding="utf-8")
+    folded = re.sub(r"(?m)^distortion = .*$", "distortion = [-0.9, 0.0, 0.0, 0.0, 0.0]", text)
+    path = tmp_path / "folded.toml"
+    path.write_text(folded, encoding="utf-8")
+    with pytest.raises(SimulatorError, match="diff_drive: camera: distortion: folds the picture"):
+        drive(str(path), overrides=LOOKS, max_seconds=1)

@@ -338,7 +338,8 @@ def test_the_front_of_a_foot_is_where_a_ray_halfway_between_its_ends_meets_it(
     assert (seen.front_x_m, seen.front_y_m) == pytest.approx((-1.5, 0.0))
 
 
-def test_a_camera_that_cannot_be_is_refused_by_name() -> None:
+def test_a_lens_that_cannot_be_is_refused_by_the_robots_name() -> None:
     world = load_world(CONFIGS / "worlds" / "clutter.toml")
-    with pytest.raises(SimulationError, match="diff_drive: camera: z_error_m: puts the camera at"):
-        Camera(robot({"simulation.camera.z_error_m": -0.4}), world)
+    folded = {"camera.intrinsics.distortion": [-0.9, 0.0, 0.0, 0.0, 0.0]}
+    with pytest.raises(SimulationError, match="diff_drive: camera: distortion: folds the picture"):
+        Camera(robot(folded), world)

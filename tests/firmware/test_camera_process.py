@@ -25,6 +25,7 @@ from tests.firmware.camera_rig import CONFIGS, DIFF, SMALL, robot
 WORLD = CONFIGS / "worlds" / "clutter.toml"
 SEED = 7
 DEADLINE_S = 20.0
+FOLDED = "camera.intrinsics.distortion=[-0.9, 0.0, 0.0, 0.0, 0.0]"
 LATENCY_NS = 400_000_000
 Drawing: TypeAlias = tuple[CameraProcess, SimulatedCamera]
 
@@ -166,7 +167,7 @@ def test_a_process_whose_simulator_has_gone_while_it_made_ready_ends_in_silence(
 
 def test_an_address_that_is_none_is_told_before_the_camera_is_made() -> None:
     with pytest.raises(SimulationError, match="--camera: nowhere: not an address"):
-        CameraProcess(arguments("nowhere", "simulation.camera.z_error_m=-1.0"))
+        CameraProcess(arguments("nowhere", FOLDED))
 
 
 def test_a_process_that_dies_is_told_once_and_the_simulation_goes_on(
@@ -187,8 +188,8 @@ def test_a_process_that_dies_is_told_once_and_the_simulation_goes_on(
 def test_a_camera_that_cannot_be_does_not_start_and_says_why(
     address: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SimulationError, match=r"--camera: .*below the floor"):
-        CameraProcess(arguments(address, "simulation.camera.z_error_m=-1.0"))
+    with pytest.raises(SimulationError, match="--camera: diff_drive: camera: distortion: folds"):
+        CameraProcess(arguments(address, FOLDED))
     assert not capfd.readouterr().err
 
 

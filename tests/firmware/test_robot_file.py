@@ -78,6 +78,7 @@ def test_overrides_replace_values_by_dotted_key() -> None:
         ("simulation.sonar.min_range_m", 5.0, "min_range_m: 5.0 is not less than max_range_m"),
         ("simulation.lidar.rate_hz", 1e12, "must be less than or equal to 240, found 100"),
         ("camera.rate_hz", 1e-300, "camera.rate_hz: must be greater than or equal to 0.1"),
+        ("simulation.camera.z_error_m", -0.4, "toml: simulation.camera.z_error_m: puts the camera"),
         ("drive", 3, "drive: must be a table, found 3"),
         ("drive.kind", "tricyle", "found 'tricyle'; did you mean \"tricycle\"?"),
         ("drive.kind", "tricyle", "drive.kind: must be one of differential, tricycle, ackermann"),
