@@ -19,7 +19,7 @@ from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.camera_process import CameraProcess
-from firmware_sim.command_line import POSE, Parser, parse_natural, parse_pose
+from firmware_sim.command_line import POSE, Parser, parse_natural, parse_pose, tell
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
@@ -216,8 +216,7 @@ def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -
 
     def look() -> None:
         if all(node.state is not NmtState.INITIALISING for node in simulation.nodes):
-            sys.stdout.write(" ".join(["ready", options.bus, *addresses]) + "\n")
-            sys.stdout.flush()
+            tell(" ".join(["ready", options.bus, *addresses]))
         else:
             bus.schedule(bus.now_ns + 1_000_000, look)
 
@@ -226,8 +225,7 @@ def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -
 
 def _announce_fault(line: str) -> None:
     """Print that a fault of the scenario has begun."""
-    sys.stdout.write(f"fault at {line}\n")
-    sys.stdout.flush()
+    tell(f"fault at {line}")
 
 
 def _finished(simulation: Simulation, signals: list[int], duration_s: float) -> bool:

@@ -9,7 +9,6 @@ simulator alone.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 import select
 import struct
@@ -21,6 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
+from firmware_sim.command_line import tell
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.truth import Picture, Publisher
@@ -117,15 +117,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _serve(options)
     except SimulationError as error:
-        _tell(str(error))
+        tell(str(error))
         return 2
     return 0
-
-
-def _tell(line: str) -> None:
-    """Write a line for the simulator; one that is gone needs none."""
-    with contextlib.suppress(BrokenPipeError):
-        os.write(sys.stdout.fileno(), f"{line}\n".encode())
 
 
 def _serve(options: argparse.Namespace) -> None:
@@ -139,7 +133,7 @@ def _serve(options: argparse.Namespace) -> None:
         world = load_world(options.world)
         camera = Camera(robot, world, options.seed)
         camera.look(*world.start)
-        _tell(_READY)
+        tell(_READY)
         drawn: deque[Picture] = deque()
         while True:
             due_s = None

@@ -1,9 +1,11 @@
-"""What the simulator's command lines have in common: one-line errors, poses, whole numbers."""
+"""What the simulator's command lines have in common: errors, poses, numbers, lines of output."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import os
+import sys
 from typing import NoReturn
 
 POSE = "X,Y,HEADING_DEG"
@@ -35,3 +37,14 @@ def parse_natural(text: str) -> int:
     if not (text.isascii() and text.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 on")
     return int(text)
+
+
+def tell(line: str) -> None:
+    """Write a line to standard output at once; where nobody reads any more, drop it and all later ones."""
+    try:
+        sys.stdout.write(f"{line}\n")
+        sys.stdout.flush()
+    except OSError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

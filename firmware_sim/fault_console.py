@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import os
 import select
-import sys
 from typing import TYPE_CHECKING
 
+from firmware_sim.command_line import tell
 from firmware_sim.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -55,9 +55,7 @@ class FaultConsole:
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
             if line.strip():
-                answer = self._answer(line.decode(errors="replace").strip(), now_ns)
-                sys.stdout.write(answer + "\n")
-                sys.stdout.flush()
+                tell(self._answer(line.decode(errors="replace").strip(), now_ns))
 
     def _answer(self, line: str, now_ns: int) -> str:
         try:

@@ -253,3 +253,22 @@ def test_the_simulator_in_real_time_tells_each_fault_as_it_begins(tmp_path):
     assert refused.returncode == 2
     assert f"{scenario}:2: fault[0].kind" in refused.stderr
     assert "ready" not in refused.stdout
+
+
+def test_a_simulator_to_which_nobody_listens_any_more_runs_on(tmp_path):
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text('[[fault]]\nkind = "host_cut"\nat = 0.5\n' * 2)
+    command = [
+        *(sys.executable, "-m", "firmware_sim"),
+        *("--robot", CONFIGS / "diff_drive.toml"),
+        *("--world", CONFIGS / "worlds" / "empty_room.toml"),
+        *("--bus", f"simcan:{tmp_path}/can.sock"),
+        *("--duration", "0.6", "--faults", scenario),
+    ]
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout.readline().startswith(b"ready")
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
