@@ -40,7 +40,7 @@ def parse_natural(text: str) -> int:
 
 
 def tell(line: str) -> None:
-    """Write a line to standard output at once; where nobody reads any more, drop it and all later ones."""
+    """Write a line to standard output at once; drop it, and all later ones, where nobody reads."""
     try:
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()
