@@ -145,12 +145,12 @@ class Published:
     def sleep_until(self, _deadline_ns):
         if self.localisation is not None:
             self.publisher.send(self.localisation)
-        for _, state in zip(range(25), self.states, strict=False):
+        for _, state in zip(range(10), self.states, strict=False):
             self.publisher.send(state)
 
-    def turn(self, began=None):
+    def turn(self, began=None, progress=quiet):
         try:
-            return live_turn("rover", ROBOT, SignatureConfig(), began, quiet, self)
+            return live_turn("rover", ROBOT, SignatureConfig(), began, progress, self)
         finally:
             self.context.destroy(linger=0)
 
@@ -221,6 +221,27 @@ def test_a_robot_that_falls_silent_is_not_waited_for():
     finally:
         robot.context.destroy(linger=0)
     assert 5.0 < 1e-9 * clock.now_ns() < 5.1
+
+
+@pytest.mark.usefixtures("sockets")
+def test_a_robot_that_goes_on_speaking_is_waited_for():
+    class Slow(Published):
+        """Whenever it was heard it takes another 4 s."""
+
+        time_ns, turned_rad = 0, 0.0
+
+        def now_ns(self):
+            return self.time_ns
+
+        def hear(self, turned_rad):
+            if turned_rad > self.turned_rad:
+                self.turned_rad = turned_rad
+                self.time_ns += 4 * 10**9
+
+    # So slowly that what fits into the queues of the sockets is less than half a turn.
+    robot = Slow("rover", turning(kitchen, rounds=FOREVER, step_rad=0.004))
+    assert robot.turn(progress=robot.hear).turn.signature.echoes > 0.5
+    assert robot.time_ns > 5 * 10**9
 
 
 @pytest.mark.usefixtures("sockets")

@@ -28,13 +28,13 @@ def hallway(bearing: float) -> float:
 
 
 def turning(
-    room, *, begin_ns=10**9, x_m=0.0, heading=0.0, drift=0.0, rounds=1.2
+    room, *, begin_ns=10**9, x_m=0.0, heading=0.0, drift=0.0, rounds=1.2, step_rad=TURN_RAD
 ) -> Iterator[ControlState]:
     """Yield states; the room's bearings are those of the odometry plus `drift`."""
     stamps = [0] * len(ROBOT.sonar)
     ranges = [math.nan] * len(ROBOT.sonar)
-    for i in range(round(rounds * math.tau / TURN_RAD)):
-        now_ns, theta = begin_ns + i * PERIOD_NS, heading + i * TURN_RAD
+    for i in range(round(rounds * math.tau / step_rad)):
+        now_ns, theta = begin_ns + i * PERIOD_NS, heading + i * step_rad
         for k in range(4 * (i % 2), 4 * (i % 2) + 4):
             mount = ROBOT.sonar[k]
             reach = math.hypot(mount.x_m, mount.y_m)
