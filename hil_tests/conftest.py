@@ -83,6 +83,7 @@ def close(rig: Rig) -> None:
     """End a bench; no frame was rejected on it and no motion was unsafe."""
     try:
         rig.listen()
+        rig.close_stack()  # the host reads by the same SDO channel
         rejected = rig.rejected_frames()
     finally:
         rig.close()

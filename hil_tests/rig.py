@@ -8,7 +8,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ import can
 import canopen
 import zmq
 
+from hil_tests.firmware import Firmware
 from robotctl.app.config import config_directory, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.sim import BEST_EFFORT, PATIENCE, Truth
@@ -129,7 +129,7 @@ class Rig:
         self._requests = RequestSender(self._context, self.endpoints.control_requests)
         self._to_navigation = RequestSender(self._context, self.endpoints.navigation_requests)
         self._ids = itertools.count(1)
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: dict[str, subprocess.Popen[bytes] | Firmware] = {}
         self._observer: can.BusABC | None = None
         self.control: ControlState | None = None
         self.navigation: NavigationState | None = None
@@ -143,24 +143,21 @@ class Rig:
     def start_firmware(self) -> None:
         """Start firmware_sim and wait until its nodes are on the bus."""
         log = self._directory / "firmware.log"
-        with log.open("ab") as output:
-            process = subprocess.Popen(
-                [
-                    *(sys.executable, "-m", "firmware_sim"),
-                    *("--robot", self.options.robot),
-                    *("--world", str(find_file(self._world, "worlds"))),
-                    *("--bus", self._firmware_bus),
-                    f"--start={self._start}",
-                    *("--truth", self.endpoints.truth),
-                    *("--priority", str(self.config.runtime.priority + _ABOVE_CONTROL)),
-                ],
-                stdin=subprocess.PIPE,
-                stdout=output,
-                stderr=output,
-            )
+        log.touch()
+        already = log.read_bytes().count(b"ready")
+        process = Firmware(
+            [
+                *("--robot", self.options.robot),
+                *("--world", str(find_file(self._world, "worlds"))),
+                *("--bus", self._firmware_bus),
+                f"--start={self._start}",
+                *("--truth", self.endpoints.truth),
+                *("--priority", str(self.config.runtime.priority + _ABOVE_CONTROL)),
+            ],
+            log,
+        )
         self._processes["firmware"] = process
         self._firmware_log = log
-        already = log.read_bytes().count(b"ready") if log.exists() else 0
 
         def ready() -> bool:
             assert process.poll() is None, f"firmware_sim ended:\n{log.read_text()}"
@@ -172,9 +169,8 @@ class Rig:
         """Let a fault befall the simulated robot; return when it began, in the wall's seconds."""
         log, process = self._firmware_log, self._processes["firmware"]
         said = len(log.read_text(encoding="utf-8"))
-        assert process.stdin is not None
-        process.stdin.write(fault.encode() + b"\n")
-        process.stdin.flush()
+        assert isinstance(process, Firmware)
+        process.tell(fault)
 
         def answer() -> str:
             return log.read_text(encoding="utf-8")[said:]
@@ -206,17 +202,21 @@ class Rig:
         """Send a signal to a process, wait for its end, and return its status."""
         process = self._processes.pop(name)
         process.send_signal(number)
-        if process.stdin is not None:
-            process.stdin.close()
         return process.wait(10)
+
+    def close_stack(self) -> None:
+        """End all but the firmware."""
+        for name in (TELEMETRY, NAVIGATION, CONTROL, RECORDER):
+            if name in self._processes:
+                self.kill(name, signal.SIGTERM)
 
     def close(self) -> None:
         """End everything, the stack first."""
         if self._observer is not None:
             self._observer.shutdown()
-        for name in (TELEMETRY, NAVIGATION, CONTROL, RECORDER, "firmware"):
-            if name in self._processes:
-                self.kill(name, signal.SIGTERM)
+        self.close_stack()
+        if "firmware" in self._processes:
+            self.kill("firmware", signal.SIGTERM)
         self._context.destroy(linger=0)
         shutil.rmtree(self._folder, ignore_errors=True)
 
