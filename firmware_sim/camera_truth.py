@@ -141,9 +141,6 @@ def sightings(
         seen = inside & ~_hidden(foot, thing, world, pose, mount)
         if not np.any(seen):
             continue
-        foot_base = _to_base(foot, pose)
-        distance = np.hypot(foot_base[:, 0] - mount.x_m, foot_base[:, 1] - mount.y_m)
-        near = foot_base[np.argmin(distance)]
         middle = _to_base(thing.corners.mean(axis=0, keepdims=True), pose)[0]
         found.append(
             Sighting(
@@ -151,8 +148,7 @@ def sightings(
                 thing.kind,
                 float(middle[0]),
                 float(middle[1]),
-                float(near[0]),
-                float(near[1]),
+                *_near(thing, pose, mount),
                 *_front(thing, pose, mount),
                 thing.height_m,
                 float(np.mean(seen)),
@@ -172,6 +168,18 @@ def _to_base(points: np.ndarray, pose: tuple[float, float, float]) -> np.ndarray
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turned: np.ndarray = (points - np.array(pose[:2])) @ np.array([[c, -s], [s, c]])
     return turned
+
+
+def _near(
+    thing: Thing, pose: tuple[float, float, float], mount: CameraMount
+) -> tuple[float, float]:
+    """Return the point of a foot that is nearest to the camera, in base [m]."""
+    corners = _to_base(thing.corners, pose) - [mount.x_m, mount.y_m]
+    along = np.roll(corners, -1, axis=0) - corners
+    share = -np.sum(corners * along, axis=1) / np.sum(along * along, axis=1)
+    points = corners + np.clip(share, 0.0, 1.0)[:, None] * along
+    x, y = points[np.argmin(np.hypot(points[:, 0], points[:, 1]))]
+    return mount.x_m + float(x), mount.y_m + float(y)
 
 
 def _front(

@@ -21,18 +21,21 @@ from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.bus.serve import Service, serve
+from firmware_sim.command_line import Parser, parse_natural
 
 _LOG = logging.getLogger("firmware_sim.bus")
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    result = argparse.ArgumentParser(
+    result = Parser(
         prog="python -m firmware_sim.bus", description="Run a simulated CAN bus for python-can."
     )
     result.add_argument("--channel", default="simcan0", help="name or socket path (%(default)s)")
     result.add_argument("--bitrate", type=int, default=1_000_000, help="bit/s (%(default)s)")
-    result.add_argument("--seed", type=int, default=0, help="seed of random faults (%(default)s)")
+    result.add_argument(
+        "--seed", type=parse_natural, default=0, help="seed of random faults (%(default)s)"
+    )
     result.add_argument("--log", type=Path, help="write a candump log to this file")
     result.add_argument("--bridge", metavar="INTERFACE", help="couple it to vcan0 or the like")
     result.add_argument("--ack", action="store_true", help="add a node that acknowledges")

@@ -338,6 +338,16 @@ def test_the_front_of_a_foot_is_where_a_ray_halfway_between_its_ends_meets_it(
     assert (seen.front_x_m, seen.front_y_m) == pytest.approx((-1.5, 0.0))
 
 
+@pytest.mark.parametrize(("heading_deg", "near_m"), [(0.0, 1.5), (45.0, 2.0 - math.sqrt(0.5))])
+def test_the_nearest_point_of_a_foot_may_be_a_corner(
+    heading_deg: float, near_m: float, tmp_path: Path
+) -> None:
+    box = "[[box]]\ncentre = [2.1, 0.0]\nsize = [1.0, 1.0]\nheight_m = 0.2\n"
+    world = room(tmp_path, box + f"heading_deg = {heading_deg}\n")
+    (seen,) = sightings(world, (0.0, 0.0, 0.0), LENS, CameraMount(0.1, 0.0, 0.3, pitch_deg=15.0))
+    assert (seen.near_x_m, seen.near_y_m) == pytest.approx((0.1 + near_m, 0.0), abs=1e-9)
+
+
 def test_a_lens_that_cannot_be_is_refused_by_the_robots_name() -> None:
     world = load_world(CONFIGS / "worlds" / "clutter.toml")
     folded = {"camera.intrinsics.distortion": [-0.9, 0.0, 0.0, 0.0, 0.0]}
