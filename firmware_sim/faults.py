@@ -61,7 +61,7 @@ class Faults:
         SimulationError
             If the line is wrong.
         """
-        name, *words = line.split()
+        name, *words = line.split() or [""]
         if name == CLEAR and not words:
             self.clear()
             return name
@@ -161,7 +161,9 @@ def check(name: str, given: Arguments) -> tuple[Kind, dict[str, Value]]:
     """
     kind = CATALOGUE.get(name)
     if kind is None:
-        raise SimulationError(f"fault {name}: unknown{nearest(name, [*CATALOGUE, CLEAR])}")
+        kinds = [*CATALOGUE, CLEAR]
+        hint = nearest(name.lower(), kinds) or f", allowed: {', '.join(kinds)}"
+        raise SimulationError(f"fault {name!r}: unknown{hint}")
     try:
         checked = {key: kind.value(key, value) for key, value in given.items()}
     except SimulationError as error:

@@ -683,7 +683,9 @@ class TestLines:
     @pytest.mark.parametrize(
         ("line", "problem"),
         [
-            ("encoder_stck", 'fault encoder_stck: unknown; did you mean "encoder_stuck"?'),
+            ("encoder_stck", "fault 'encoder_stck': unknown; did you mean \"encoder_stuck\"?"),
+            ("CLEAR", "fault 'CLEAR': unknown; did you mean \"clear\"?"),
+            ("\x1c", f"fault '': unknown, allowed: {', '.join([*CATALOGUE, 'clear'])}"),
             ("encoder_stuck wheel", "fault encoder_stuck: 'wheel' is not of the form key=value"),
             ("node_cut node=drive node=sonar", "fault node_cut: node is given twice"),
             (
