@@ -72,8 +72,11 @@ class SimOptions:
 
 
 def simulation_overrides(overrides: Sequence[str]) -> list[str]:
-    """Return those settings of the user that are firmware_sim's."""
-    return [override for override in overrides if override.startswith("simulation.")]
+    """Return those settings of the user that are firmware_sim's.
+
+    The limits are, since it holds against the robot what goes beyond them.
+    """
+    return [each for each in overrides if each.startswith(("simulation.", "limits."))]
 
 
 def check_simulated_robot(robot: Path) -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import make_simulation
 from robotctl.app.replay import replay_file
 from robotctl.app.sim_options import SimulatorError
 from robotctl.runtime.recorder import RecordError
@@ -29,6 +31,14 @@ def test_the_same_seed_gives_the_same_report_and_logs_to_the_byte(tmp_path: Path
     assert fingerprint(tmp_path / "a") == fingerprint(tmp_path / "b")
     drive(seed=8, max_seconds=12, record=tmp_path / "c")
     assert fingerprint(tmp_path / "a") != fingerprint(tmp_path / "c")
+
+
+def test_the_simulator_holds_speed_against_the_limits_that_the_user_set() -> None:
+    robot, world = find_file("diff_drive"), find_file("hall", "worlds")
+    settings = ("limits.v_max_m_s=1.2", "control.left.kp=0.3", "simulation.battery.charge=0.5")
+    config = make_simulation(robot, world, 1, (6.0, 5.0, 0.0), settings).config
+    assert config.limits.v_max_m_s == 1.2
+    assert config.simulation.battery.charge == 0.5
 
 
 def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path: Path) -> None:
