@@ -10,6 +10,7 @@ user may enter.
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 from types import TracebackType
 
@@ -135,7 +136,7 @@ class Publisher:
     Raises
     ------
     SimulationError
-        If the address is none, its directory is open to others, or it cannot be bound.
+        If the address is none or taken, its directory is open to others, or it cannot be bound.
     """
 
     def __init__(self, address: str, queue_limit: int = _QUEUE_LIMIT) -> None:
@@ -189,4 +190,15 @@ def _private_path(address: str) -> Path:
         raise SimulationError(
             f"{address}: others may enter {directory}; allowed is a directory of mode 0700"
         )
+    _check_free(path, address)
     return path
+
+
+def _check_free(path: Path, address: str) -> None:
+    """Raise SimulationError where binding would remove a file, or take the place of a publisher."""
+    if path.is_socket():
+        with socket.socket(socket.AF_UNIX) as probe:
+            if probe.connect_ex(str(path)) == 0:
+                raise SimulationError(f"{address}: another process publishes there")
+    elif path.exists():
+        raise SimulationError(f"{address}: there is something that is no socket")

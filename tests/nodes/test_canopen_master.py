@@ -7,6 +7,7 @@ import os
 import pty
 import select
 import signal
+import socket
 import stat
 import subprocess
 import sys
@@ -403,3 +404,23 @@ def test_a_truth_directory_open_to_others_is_refused(tmp_path):
     tmp_path.chmod(0o755)
     with pytest.raises(SimulationError, match="0700"):
         Publisher(f"ipc://{tmp_path}/truth")
+
+
+def test_a_truth_address_that_is_taken_is_refused_and_what_is_there_stays(tmp_path):
+    tmp_path.chmod(0o700)
+    address = f"ipc://{tmp_path}/truth"
+    with Publisher(address):
+        with pytest.raises(SimulationError, match="another process publishes there"):
+            Publisher(address)
+        assert Path(f"{tmp_path}/truth").is_socket()
+    Path(f"{tmp_path}/truth").write_text("notes")
+    with pytest.raises(SimulationError, match="there is something that is no socket"):
+        Publisher(address)
+    assert Path(f"{tmp_path}/truth").read_text() == "notes"
+
+
+def test_the_address_of_a_publisher_that_was_killed_is_free(tmp_path):
+    tmp_path.chmod(0o700)
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.bind(f"{tmp_path}/truth")
+    Publisher(f"ipc://{tmp_path}/truth").close()
