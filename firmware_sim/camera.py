@@ -120,7 +120,7 @@ class Camera:
     def look(self, x_m: float, y_m: float, theta_rad: float, number: int = 0) -> View:
         """Return the view from a pose of base in world; `number` of the picture draws its noise."""
         mount, scene, fan = self.mount, self._scene, self._fan
-        x, y, heading = self._turn(x_m, y_m, theta_rad)
+        x, y, heading = self.turn(x_m, y_m, theta_rad)
         shape = self._pixels.shape
         labels = np.empty(shape, dtype=np.int16)
         distances = np.empty(shape, dtype=np.float32)
@@ -157,7 +157,7 @@ class Camera:
         )
         return View(picture, self._shown[labels], distances)
 
-    def _turn(self, x_m: float, y_m: float, theta_rad: float) -> tuple[float, float, float]:
+    def turn(self, x_m: float, y_m: float, theta_rad: float) -> tuple[float, float, float]:
         """Fill the sectors from a pose of base; return below the camera x, y [m], heading [rad]."""
         mount = self.mount
         cos, sin = math.cos(theta_rad), math.sin(theta_rad)
