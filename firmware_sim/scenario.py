@@ -93,7 +93,7 @@ def load_scenario(path: Path) -> Scenario:
         The file cannot be read or is wrong; one line for each error.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         data = tomllib.loads(text)
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read: {error}") from error

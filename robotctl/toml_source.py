@@ -36,7 +36,7 @@ def load(path: Path, kind: type[T], overrides: Sequence[str] = ()) -> T:
         One line for each error: `FILE:LINE: key: what is wrong; did you mean "..."?`
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}{_near_file(path)}") from error
     return parse(text, kind, str(path), overrides)
@@ -46,7 +46,7 @@ def parse(text: str, kind: type[T], name: str, overrides: Sequence[str] = ()) ->
     """Turn the TOML `text` of a file called `name` into the dataclass `kind`, as `load`."""
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
         raise ConfigError(f"{name}: not valid TOML: {error}") from error
     lines = _key_lines(text)
     sources = {key: f"{name}:{line}" for key, line in lines.items()}
@@ -152,7 +152,7 @@ def _apply_override(data: dict[str, Any], override: str) -> Key:
         raise ConfigError(f"--set {override}: not of the form key.subkey=value")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         value = text
     key: list[str | int] = []
     target: Any = data

@@ -29,6 +29,12 @@ def test_the_three_robots_are_of_their_kind_and_have_a_ring_of_eight() -> None:
         assert len(config.sonar) == 8
 
 
+def test_a_file_of_an_editor_that_marks_its_encoding_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(DIFF.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert load_robot(path) == load_robot(DIFF)
+
+
 def test_all_sonars_sit_within_the_outline() -> None:
     for name in ("diff_drive", "tricycle", "ackermann"):
         config = load_robot(CONFIGS / f"{name}.toml")

@@ -81,6 +81,10 @@ def test_a_file_may_be_empty(load):
     assert load("") == Scenario()
 
 
+def test_a_file_of_an_editor_that_marks_its_encoding_is_read(load):
+    assert load("\ufeff" + GOOD) == load(GOOD)
+
+
 def test_every_line_of_a_fault_is_one_that_the_console_takes(load):
     for fault in load(GOOD).faults:
         name, *words = str(fault).split()

@@ -1,13 +1,14 @@
 """Errors in files, as a user meets them."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
 from pydantic import Field
 
 from robotctl.errors import ConfigError
-from robotctl.toml_source import parse
+from robotctl.toml_source import load, parse
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +66,18 @@ def errors(text: str, *overrides: str) -> list[str]:
 def test_a_good_file_becomes_a_frozen_dataclass() -> None:
     file = parse(GOOD, File, "robot.toml")
     assert file == File(Gains(2.0), None, (Round("round", 0.5), Square("square", 1.0)), ("a", "b"))
+
+
+def test_a_file_of_an_editor_that_marks_its_encoding_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(GOOD, encoding="utf-8-sig")
+    assert load(path, File) == parse(GOOD, File, "robot.toml")
+
+
+@pytest.mark.parametrize("value", ["9" * 5000, "[" * 10_000])
+def test_a_value_beyond_all_sense_is_an_error_of_the_file(value: str) -> None:
+    (error,) = errors(f"names = {value}")
+    assert error.startswith("robot.toml: not valid TOML")
 
 
 def test_an_unknown_key_names_its_line_and_the_nearest_key() -> None:
