@@ -74,9 +74,11 @@ class SimOptions:
 def simulation_overrides(overrides: Sequence[str]) -> list[str]:
     """Return those settings of the user that are firmware_sim's.
 
-    The limits are, since it holds against the robot what goes beyond them.
+    The limits are, since it holds against the robot what goes beyond them, and how often a camera
+    is asked for a picture; where it sits may be wrong in what the robot believes.
     """
-    return [each for each in overrides if each.startswith(("simulation.", "limits."))]
+    shared = ("simulation.", "limits.", "camera.rate_hz")
+    return [each for each in overrides if each.startswith(shared)]
 
 
 def check_simulated_robot(robot: Path) -> None:

@@ -33,12 +33,18 @@ def test_the_same_seed_gives_the_same_report_and_logs_to_the_byte(tmp_path: Path
     assert fingerprint(tmp_path / "a") != fingerprint(tmp_path / "c")
 
 
-def test_the_simulator_holds_speed_against_the_limits_that_the_user_set() -> None:
+def test_the_simulator_takes_limits_rate_of_pictures_and_its_own_settings() -> None:
     robot, world = find_file("diff_drive"), find_file("hall", "worlds")
-    settings = ("limits.v_max_m_s=1.2", "control.left.kp=0.3", "simulation.battery.charge=0.5")
+    settings = (
+        *("limits.v_max_m_s=1.2", "control.left.kp=0.3", "simulation.battery.charge=0.5"),
+        *("camera.rate_hz=5", "camera.mount.z_m=0.31"),
+    )
     config = make_simulation(robot, world, 1, (6.0, 5.0, 0.0), settings).config
     assert config.limits.v_max_m_s == 1.2
     assert config.simulation.battery.charge == 0.5
+    assert config.camera is not None
+    assert config.camera.rate_hz == 5.0
+    assert config.camera.mount.z_m == 0.3
 
 
 def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path: Path) -> None:
