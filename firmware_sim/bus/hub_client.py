@@ -112,6 +112,8 @@ class Client:
                 message = self.connection.recv(wire.MAX_MESSAGE, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 return
+            except ConnectionResetError:  # it went with frames unread; what it sent comes next
+                continue
             except OSError:
                 message = b""
             if not message:

@@ -207,6 +207,22 @@ def test_a_client_that_goes_leaves_its_last_frames_behind(hub, raw_client):
     assert hub.clients == ()
 
 
+def test_a_client_that_goes_with_frames_unread_leaves_its_last_frames_behind_too(hub, raw_client):
+    # Linux tells the other side of such a socket an error first (ECONNRESET), then what was sent.
+    listener = []
+    drive = hub.bus.attach("drive", listener.append)
+    client = raw_client(hub)
+    drive.send(0x181, b"unread")
+    step(hub)
+    for number in range(3):
+        client.send(0x201, bytes([number]))
+    client.close()
+    for _ in range(5):
+        step(hub)
+    assert [frame.data[0] for frame in listener] == [0, 1, 2]
+    assert hub.clients == ()
+
+
 def test_a_client_that_goes_unheard_leaves_no_ghost(hub, raw_client):
     client = raw_client(hub)
     client.send(0x200)
