@@ -1,7 +1,8 @@
 """Run the fault tests over and over and print how long each reaction took: `make soak`.
 
 Each repeat is one run of the tests of faults and safety stops in `hil_tests/`. One failure in any
-repeat fails the whole; its output is shown at once. On simcan the tests run side by side.
+repeat fails the whole; its output is shown at once. On simcan the tests run side by side. A test
+that failed while the machine itself stood is run again, and counted (`hil_tests/pauses.py`).
 """
 
 from __future__ import annotations
@@ -23,17 +24,18 @@ SUITE = sorted(
 )
 
 
-def repeat(options: argparse.Namespace, reactions: Path) -> str:
-    """Run the suite once; return its output where it failed, else nothing."""
+def repeat(options: argparse.Namespace, reactions: Path) -> tuple[str, list[str]]:
+    """Run the suite once; return its output where it failed, and which tests were run again."""
     command = [
-        *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--force-reruns=0"),
+        *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
         *SUITE,
         *("--bus", options.bus, "--reactions", str(reactions)),
         *(("-k", options.only) if options.only else ()),
         *(("-n", str(options.workers)) if options.workers > 1 else ()),
     ]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    return ended.stdout + ended.stderr if ended.returncode else ""
+    again = [line for line in ended.stdout.splitlines() if line.startswith("RUN AGAIN")]
+    return ended.stdout + ended.stderr if ended.returncode else "", again
 
 
 def main() -> int:
@@ -48,21 +50,22 @@ def main() -> int:
     options = parser.parse_args()
     if options.bus != "simcan":
         options.workers = 1
-    failures = 0
+    failures = runs_again = 0
     with tempfile.TemporaryDirectory(prefix="soak-") as directory:
         reactions = (options.keep or Path(directory) / "reactions.jsonl").resolve()
         reactions.touch()
         begin_s = time.monotonic()
         for number in range(1, options.repeats + 1):
-            output = repeat(options, reactions)
-            if output:
-                failures += 1
-                print(output)
+            output, again = repeat(options, reactions)
+            failures += bool(output)
+            runs_again += len(again)
+            for text in (output, *again):
+                print(text, end="\n" if text else "")
             minutes = (time.monotonic() - begin_s) / 60
             text = f"repeat {number} of {options.repeats}, {failures} failed, {minutes:.1f} min"
             print(text, file=sys.stderr, flush=True)
         print(reaction_table(reactions.read_text(encoding="utf-8").splitlines()))
-    print(f"{failures} of {options.repeats} repeats failed")
+    print(f"{failures} of {options.repeats} repeats failed, {runs_again} tests run again")
     return 1 if failures else 0
 
 
