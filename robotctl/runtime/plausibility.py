@@ -76,7 +76,8 @@ class PlausibilityConfig:
         The encoder may differ from the speed that duty and current tell by the sum of the first
         [rad/s] and of the second times the greater of the two, > 0.
     speed_ms
-        Longer than this it may not [ms], 5 to 500.
+        Longer than this it may not [ms], 5 to 500; half as long if it differs twice as much, since
+        a loop whose encoders are exchanged speeds up the more, the faster it is.
     push_v
         Drop `R i` over a winding [V], > 0; more than the steepest slope needs.
     push_ms
@@ -228,8 +229,8 @@ class WheelMonitor:
         self._current_a = current_a
         self.counted_rad_s = counted_rad_s
         self.electrical_rad_s = (voltage_v - self._drop_v) / config.back_emf_v_s_rad
-        off = abs(self.electrical_rad_s - counted_rad_s) > self.tolerance_rad_s
-        self.is_off = self._off.lasts_ns(off, stamp_ns) > self._speed_ns
+        excess = abs(self.electrical_rad_s - counted_rad_s) / self.tolerance_rad_s
+        self.is_off = self._off.lasts_ns(excess > 1.0, stamp_ns) * excess > self._speed_ns
 
     def encoder_fault(self) -> str:
         """Return what is wrong with the encoder; empty where nothing."""

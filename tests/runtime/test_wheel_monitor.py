@@ -116,10 +116,33 @@ def test_the_tolerance_grows_with_the_faster_of_the_two(
     assert wheel(-8.0, electrical).tolerance_rad_s == tolerance
 
 
-def test_an_encoder_is_off_after_its_time_and_not_before() -> None:
-    assert not wheel(0.0, 10.0, off_ns=50 * MS).is_off
-    assert wheel(0.0, 10.0, off_ns=50 * MS).encoder_fault() == ""
-    assert wheel(0.0, 10.0, off_ns=50 * MS + 1).is_off
+@pytest.mark.parametrize(
+    ("counted", "electrical", "share"),
+    # Off by 8, 16 and 32 rad/s where 4, 4 and 6 are tolerated, 16 where 8 are.
+    [(0.0, 8.0, 2.0), (8.0, -8.0, 4.0), (16.0, -16.0, 16.0 / 3.0), (24.0, 8.0, 2.0)],
+)
+def test_the_farther_an_encoder_is_off_the_sooner_it_is_and_not_before(
+    counted: float, electrical: float, share: float
+) -> None:
+    limit_ns = 50 * MS / share
+    for sign in (1.0, -1.0):
+        before = wheel(sign * counted, sign * electrical, off_ns=math.floor(limit_ns))
+        assert not before.is_off
+        assert before.encoder_fault() == ""
+        assert wheel(sign * counted, sign * electrical, off_ns=math.floor(limit_ns) + 1).is_off
+
+
+def test_an_encoder_that_is_hardly_off_has_its_whole_time() -> None:
+    assert not wheel(above(16.0), 10.0, off_ns=50 * MS - 1).is_off
+    assert wheel(above(16.0), 10.0, off_ns=50 * MS + 1).is_off
+
+
+def test_how_far_it_is_off_counts_as_it_is_now() -> None:
+    # 8 rad/s by the motor: off by twice the tolerance for 20 ms, then by 9/8 of it, 44.4 ms in all.
+    monitor = WheelMonitor("left", CONFIG)
+    for counted, at_ns, off in ((0, 0, False), (0, 20, False), (3.5, 44, False), (3.5, 45, True)):
+        monitor.update(counted, 4.0, 0.0, 25.0, T0 + at_ns * MS)
+        assert monitor.is_off == off
 
 
 @pytest.mark.parametrize(
