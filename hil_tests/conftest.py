@@ -54,13 +54,23 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     item.stash[BEGAN], item.stash[FAILED], item.stash[STOOD] = time.monotonic_ns(), False, False
 
 
+def rigs_of(item: pytest.Item) -> list[Rig]:
+    """Return the benches that a test was given, each once."""
+    given = getattr(item, "funcargs", {}).values()
+    benches = [thing.rig if isinstance(thing, GroundStation) else thing for thing in given]
+    return list(dict.fromkeys(bench for bench in benches if isinstance(bench, Rig)))
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
     item: pytest.Item,
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     report = yield
-    if report.failed:
+    if report.failed and not item.stash[FAILED]:  # what fails behind that may be its doing
         item.stash[FAILED] = True
+        for rig in rigs_of(item) if report.when != "teardown" else ():  # it ends them
+            rig.listen()
+            report.sections.append(("robot", rig.told()))
         witness = item.config.stash.get(WITNESS, None)
         if witness is not None and (stood_ms := witness.longest_ms(item.stash[BEGAN])):
             item.stash[STOOD] = True
@@ -71,7 +81,8 @@ def pytest_runtest_makereport(
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say which tests were run again, and why."""
     for report in terminalreporter.stats.get("rerun", []):
-        terminalreporter.line(f"RUN AGAIN {report.nodeid}: {dict(report.sections)[PAUSE]}")
+        why = dict(report.sections).get(PAUSE, "It had failed while the machine stood.")
+        terminalreporter.line(f"RUN AGAIN {report.nodeid}: {why}")
 
 
 @pytest.fixture(scope="session")

@@ -288,6 +288,13 @@ class Rig:
             elif isinstance(message, Notice):
                 self.notices.append(message.text)
 
+    def told(self) -> str:
+        """Return what the processes have said of themselves last, in a line."""
+        control, navigation = self.control, self.navigation
+        state = f"{control.state.name} {control.reason!r}" if control else "silent"
+        mode = navigation.mode.name if navigation else "silent"
+        return f"control: {state}; navigation: {mode}; notices: {self.notices[-5:]}"
+
     def wait(self, condition: Callable[[], Any], seconds: float, what: str) -> None:
         """Wait until `condition()`, listening; fail with what was waited for and the last state."""
         deadline_s = time.monotonic() + seconds
@@ -296,9 +303,7 @@ class Rig:
             if condition():
                 return
             if time.monotonic() > deadline_s:
-                state = (self.control.state.name, self.control.reason) if self.control else None
-                message = f"not within {seconds} s: {what}; control: {state}; {self.notices[-5:]}"
-                raise AssertionError(message)
+                raise AssertionError(f"not within {seconds} s: {what}; {self.told()}")
             time.sleep(_POLL_S)
 
     def wait_for_state(self, state: SafetyState, seconds: float = 10.0) -> ControlState:

@@ -1,7 +1,6 @@
 """`robotctl calibrate odometry` at the command line: what it prints, writes and returns."""
 
 import dataclasses
-import sys
 import tomllib
 
 import pytest
@@ -11,6 +10,7 @@ from robotctl.app.calibrate_odometry import calibrate_odometry
 from robotctl.cli import calibrate
 from robotctl.cli import main as command_line
 from tests.app.lego_drive import NOMINAL, write_lego
+from tests.cli.command import status_of
 
 
 @pytest.fixture(scope="module")
@@ -19,20 +19,17 @@ def log(tmp_path_factory):
     return write_lego(tmp_path_factory.mktemp("log") / "made_up.txt", 1.04, 1.03)
 
 
-def run(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["robotctl", "calibrate", "odometry", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    return ended.value.code or 0
+def run(*arguments):
+    return status_of("calibrate", "odometry", *arguments)
 
 
 def settings():
     return [word for setting in NOMINAL for word in ("--set", setting)]
 
 
-def test_a_log_gives_tables_a_patch_and_a_plot(monkeypatch, capsys, tmp_path, log):
+def test_a_log_gives_tables_a_patch_and_a_plot(capsys, tmp_path, log):
     patch, plot = tmp_path / "patch.toml", tmp_path / "plot.png"
-    assert run(monkeypatch, "--log", log, *settings(), "--out", patch, "--plot", plot) == 0
+    assert run("--log", log, *settings(), "--out", patch, "--plot", plot) == 0
     printed = capsys.readouterr()
     for word in ("wheel_radius_m", "95 % interval", "first half alone", "second half", "factors"):
         assert word in printed.out
@@ -51,16 +48,16 @@ def test_values_that_make_it_worse_are_not_written(monkeypatch, capsys, tmp_path
         return dataclasses.replace(result, checks=(Check("this", 0.1, 0.2),))
 
     monkeypatch.setattr(calibrate, "calibrate_odometry", worse)
-    assert run(monkeypatch, "--log", log, *settings(), "--out", patch) == calibrate.WORSE
+    assert run("--log", log, *settings(), "--out", patch) == calibrate.WORSE
     printed = capsys.readouterr().out
     assert "worse with the new values" in printed
     assert "this: 0.2000 m, before 0.1000 m" in printed
     assert not patch.exists()
 
 
-def test_data_that_are_too_few_end_with_a_sentence(monkeypatch, capsys, tmp_path):
+def test_data_that_are_too_few_end_with_a_sentence(capsys, tmp_path):
     short = write_lego(tmp_path / "short.txt", 1.0, 1.0, metres=1.0)
-    assert run(monkeypatch, "--log", short, *settings()) == calibrate.ABORTED
+    assert run("--log", short, *settings()) == calibrate.ABORTED
     assert "at least 3 m are needed" in capsys.readouterr().err
 
 
@@ -76,6 +73,6 @@ def test_data_that_are_too_few_end_with_a_sentence(monkeypatch, capsys, tmp_path
         (["--set", "drive.track_with_m=1.0"], 'did you mean "track_width_m"?'),
     ],
 )
-def test_bad_input_is_refused_with_status_2(monkeypatch, capsys, arguments, what):
-    assert run(monkeypatch, *arguments) == command_line.BAD_INPUT
+def test_bad_input_is_refused_with_status_2(capsys, arguments, what):
+    assert run(*arguments) == command_line.BAD_INPUT
     assert what in capsys.readouterr().err

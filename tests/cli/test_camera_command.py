@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import sys
 import tomllib
 import zlib
 
@@ -13,10 +12,10 @@ import pytest
 
 from robotctl.app.camera_pictures import read_picture, write_picture
 from robotctl.app.config import find_file, load_robot
-from robotctl.cli import main as command_line
 from robotctl.estimation.camera_pattern import Board, draw_board, find_corners, find_markers
 from robotctl.model.camera_geometry import CameraGeometry
 from tests.app.floor_pictures import Sheet, floor_of, picture_of
+from tests.cli.command import status_of
 
 
 @pytest.fixture
@@ -41,16 +40,13 @@ def picture(tmp_path):
     return path
 
 
-def run(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["robotctl", "camera", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    return ended.value.code or 0
+def run(*arguments):
+    return status_of("camera", *arguments)
 
 
-def test_clicked_points_give_tables_and_a_patch(monkeypatch, capsys, tmp_path, points):
+def test_clicked_points_give_tables_and_a_patch(capsys, tmp_path, points):
     patch = tmp_path / "patch.toml"
-    assert run(monkeypatch, "calibrate", "--points", points, "--out", patch) == 0
+    assert run("calibrate", "--points", points, "--out", patch) == 0
     printed = capsys.readouterr()
     for word in ("camera.mount.pitch_deg", "95 % interval", "expected error", "homography", "chi2"):
         assert word in printed.out
@@ -62,21 +58,21 @@ def test_clicked_points_give_tables_and_a_patch(monkeypatch, capsys, tmp_path, p
     assert "fitting the mount" in printed.err
 
 
-def test_points_that_are_near_get_the_advice_where_to_put_more(monkeypatch, capsys, points):
+def test_points_that_are_near_get_the_advice_where_to_put_more(capsys, points):
     points.write_text("\n".join(points.read_text().splitlines()[:5]))
-    assert run(monkeypatch, "calibrate", "--points", points, "--sigma-px", 1) == 0
+    assert run("calibrate", "--points", points, "--sigma-px", 1) == 0
     printed = capsys.readouterr().out
     assert "not spread enough" in printed
     assert "add markers on the floor at about (x, y) = (" in printed
     assert "hardly check each other" in printed
 
 
-def test_a_wrong_point_is_named(monkeypatch, capsys, points):
+def test_a_wrong_point_is_named(capsys, points):
     lines = points.read_text().splitlines()
     u, v, x, y = lines[4].split(",")
     lines[4] = f"{u},{v},{x},{float(y) + 0.1}"
     points.write_text("\n".join(lines))
-    assert run(monkeypatch, "calibrate", "--points", points) == 0
+    assert run("calibrate", "--points", points) == 0
     assert "left out, since they contradict the others: point 4" in capsys.readouterr().out
 
 
@@ -94,18 +90,16 @@ def test_of_a_running_robot_one_picture_is_taken_for_all_that_needs_it(
     monkeypatch.setattr("robotctl.app.camera_pictures.live_picture", only_one)
     words = ("--floor", "live:rover", "--at", "0.75,0.05,5", "--square-mm", 30, "--lens-unknown")
     shown = tmp_path / "seen.png"
-    assert run(monkeypatch, "calibrate", *words, "--show", shown) == 0
+    assert run("calibrate", *words, "--show", shown) == 0
     assert pictures == []
     assert read_picture(shown).shape == (480, 640, 3)
     assert "54 points" in capsys.readouterr().out
 
 
-def test_what_the_points_do_not_tell_ends_with_1_and_bad_input_with_2(
-    monkeypatch, capsys, tmp_path, points
-):
+def test_what_the_points_do_not_tell_ends_with_1_and_bad_input_with_2(capsys, tmp_path, points):
     few = tmp_path / "few.csv"
     few.write_text("\n".join(points.read_text().splitlines()[:4]))
-    assert run(monkeypatch, "calibrate", "--points", few) == 1
+    assert run("calibrate", "--points", few) == 1
     assert "a homography needs 4" in capsys.readouterr().err
     for words, said in (
         (("--points", points, "--board", "9by6"), "not of the form 9x6"),
@@ -117,41 +111,39 @@ def test_what_the_points_do_not_tell_ends_with_1_and_bad_input_with_2(
         (("--points", tmp_path / "none.csv"), "No such file"),
         (("--points", points, "--out", tmp_path / "no" / "patch.toml"), "does not exist"),
     ):
-        assert run(monkeypatch, "calibrate", *words) == 2
+        assert run("calibrate", *words) == 2
         assert said in capsys.readouterr().err
 
 
-def test_check_says_how_far_the_camera_is_off(monkeypatch, capsys, tmp_path, points):
+def test_check_says_how_far_the_camera_is_off(capsys, tmp_path, points):
     plot = tmp_path / "errors.png"
-    assert run(monkeypatch, "check", "--points", points, "--plot", plot) == 0
+    assert run("check", "--points", points, "--plot", plot) == 0
     printed = capsys.readouterr().out
     assert "as good as 0.5 px and 1 mm let expect" in printed
     assert plot.read_bytes().startswith(b"\x89PNG")
     tilted = ("--set", "camera.mount.pitch_deg=23")
-    assert run(monkeypatch, "check", "--points", points, *tilted) == 3
+    assert run("check", "--points", points, *tilted) == 3
     printed = capsys.readouterr().out
     assert "The camera is off" in printed
     # Seen as pitched further down than it is, all is told too near.
     row = next(line for line in printed.splitlines() if "2 to 3" in line and "│" in line)
     assert float(row.split("│")[3]) < -100.0
-    assert run(monkeypatch, "check") == 2
+    assert run("check") == 2
     assert "nothing to check against" in capsys.readouterr().err
 
 
-def test_floor_draws_from_above_and_tells_pixels_in_metres(
-    monkeypatch, capsys, tmp_path, picture, camera
-):
+def test_floor_draws_from_above_and_tells_pixels_in_metres(capsys, tmp_path, picture, camera):
     clicked, told, above = (tmp_path / name for name in ("uv.csv", "xy.csv", "above.png"))
     pixel = camera.project_ground(np.array([[1.2, -0.3]]))[0]
     clicked.write_text(f"u,v\n{pixel[0]:.3f},{pixel[1]:.3f}\n320,2\n")
     options = ("--pixels", clicked, "--points", told, "--out", above, "--resolution", 0.01)
-    assert run(monkeypatch, "floor", picture, *options) == 0
+    assert run("floor", picture, *options) == 0
     heading, place, sky = told.read_text().splitlines()
     assert heading == "u,v,x_m,y_m,sigma_x_m,sigma_y_m"
     assert [float(word) for word in place.split(",")[2:4]] == pytest.approx([1.2, -0.3], abs=1e-3)
     assert sky.endswith(",,,,")
     assert read_picture(above).shape == (300, 300, 3)
-    assert run(monkeypatch, "floor", picture, "--pixels", clicked) == 0
+    assert run("floor", picture, "--pixels", clicked) == 0
     assert "the floor" in capsys.readouterr().out
     for words, said in (
         ((picture,), "nothing to do"),
@@ -162,15 +154,15 @@ def test_floor_draws_from_above_and_tells_pixels_in_metres(
         ((picture, "--out", tmp_path / "above.txt"), "the suffix must be one of"),
         ((picture, "--out", above, "--robot", "tricycle"), "no table [camera]"),
     ):
-        assert run(monkeypatch, "floor", *words) == 2
+        assert run("floor", *words) == 2
         assert said in capsys.readouterr().err
 
 
-def test_patterns_are_found_in_their_own_picture_and_say_their_size(monkeypatch, capsys, tmp_path):
+def test_patterns_are_found_in_their_own_picture_and_say_their_size(capsys, tmp_path):
     board, marker = tmp_path / "board.png", tmp_path / "marker.png"
-    assert run(monkeypatch, "pattern", "--out", board, "--board", "7x5", "--square-mm", 30) == 0
+    assert run("pattern", "--out", board, "--board", "7x5", "--square-mm", 30) == 0
     assert "Print it at 100 %" in capsys.readouterr().out
-    assert run(monkeypatch, "pattern", "--out", marker, "--marker", 42, "--side-mm", 100) == 0
+    assert run("pattern", "--out", marker, "--marker", 42, "--side-mm", 100) == 0
     data = board.read_bytes()
     at = data.index(b"pHYs")
     assert struct.unpack(">IIB", data[at + 4 : at + 13]) == (10_000, 10_000, 1)
@@ -182,5 +174,5 @@ def test_patterns_are_found_in_their_own_picture_and_say_their_size(monkeypatch,
     assert corners[1] - corners[0] == pytest.approx((60.0, 0.0), abs=0.1)
     small = cv2.resize(read_picture(marker), None, fx=0.2, fy=0.2, interpolation=cv2.INTER_AREA)
     assert list(find_markers(small.astype(np.uint8), "apriltag_36h11")) == [42]
-    assert run(monkeypatch, "pattern", "--out", marker, "--marker", 600) == 2
+    assert run("pattern", "--out", marker, "--marker", 600) == 2
     assert "has the markers 0 to 586, not 600" in capsys.readouterr().err

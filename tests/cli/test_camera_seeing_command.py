@@ -6,7 +6,6 @@ import contextlib
 import csv
 import io
 import json
-import sys
 from pathlib import Path
 
 import cv2
@@ -15,9 +14,9 @@ import pytest
 
 from robotctl.app.camera_seeing import OBSTACLE_KEYS, RANGE_KEYS
 from robotctl.app.config import find_file, load_robot
-from robotctl.cli import main as command_line
 from robotctl.model.camera import CameraIntrinsics
 from robotctl.model.camera_geometry import CameraGeometry
+from tests.cli.command import status_of
 from tests.estimation.camera_pictures import Block, Scene, room, speckled
 
 SETTINGS = [
@@ -52,15 +51,9 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(*arguments: object) -> tuple[int, str]:
     """Return the status of the command line, and all that it says."""
     said = io.StringIO()
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        contextlib.redirect_stdout(said),
-        contextlib.redirect_stderr(said),
-    ):
-        patch.setattr(sys, "argv", ["robotctl", "camera", *map(str, arguments), *SETTINGS])
-        with pytest.raises(SystemExit) as ended:
-            command_line.main()
-    return int(ended.value.code or 0), said.getvalue()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        status = status_of("camera", *arguments, *SETTINGS)
+    return status, said.getvalue()
 
 
 def test_ranges_of_a_folder_go_to_tables_and_pictures(pictures: Path, tmp_path: Path) -> None:

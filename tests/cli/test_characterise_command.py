@@ -2,7 +2,6 @@
 
 import dataclasses
 import shutil
-import sys
 import tomllib
 
 import pytest
@@ -13,6 +12,7 @@ from robotctl.app.lockstep import LockstepRun
 from robotctl.app.sim_options import SimOptions
 from robotctl.cli import characterise as command
 from robotctl.cli import main as command_line
+from tests.cli.command import status_of
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +31,13 @@ def log(tmp_path_factory):
     return folder
 
 
-def run(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["robotctl", "characterise", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    return ended.value.code or 0
+def run(*arguments):
+    return status_of("characterise", *arguments)
 
 
-def test_a_recording_gives_a_table_a_patch_and_a_plot(monkeypatch, capsys, tmp_path, log):
+def test_a_recording_gives_a_table_a_patch_and_a_plot(capsys, tmp_path, log):
     patch, plot = tmp_path / "patch.toml", tmp_path / "plot.png"
-    assert run(monkeypatch, "--log", log, "--map", "flat", "--out", patch, "--plot", plot) == 0
+    assert run("--log", log, "--map", "flat", "--out", patch, "--plot", plot) == 0
     printed = capsys.readouterr()
     for word in ("sigma_per_m", "95 % interval", "the simulation's truth", "incidence limit"):
         assert word in printed.out
@@ -54,8 +51,8 @@ def test_a_recording_gives_a_table_a_patch_and_a_plot(monkeypatch, capsys, tmp_p
     assert "robotctl config check" in printed.out
 
 
-def test_without_a_file_for_it_the_patch_is_shown(monkeypatch, capsys, log):
-    assert run(monkeypatch, "--log", log, "--map", "flat") == 0
+def test_without_a_file_for_it_the_patch_is_shown(capsys, log):
+    assert run("--log", log, "--map", "flat") == 0
     assert "[localisation.sonar]" in capsys.readouterr().out
 
 
@@ -69,23 +66,23 @@ def test_settings_that_tell_places_less_well_are_not_written(monkeypatch, capsys
 
     monkeypatch.setattr(work, "characterise", worse)
     words = ("--log", log, "--map", "flat", "--out", patch)
-    assert run(monkeypatch, *words) == command.WORSE
+    assert run(*words) == command.WORSE
     printed = capsys.readouterr().out
     assert "readings would say less about the place" in printed
     assert f"{patch} was not written" in printed
     assert not patch.exists()
 
 
-def test_a_recording_without_poses_ends_with_a_sentence(monkeypatch, capsys, tmp_path, log):
+def test_a_recording_without_poses_ends_with_a_sentence(capsys, tmp_path, log):
     shutil.copytree(log, tmp_path / "log")
     (tmp_path / "log" / "truth.tum").unlink()
     words = ("--log", tmp_path / "log", "--map", "flat")
-    assert run(monkeypatch, *words) == command.ABORTED
+    assert run(*words) == command.ABORTED
     assert "nobody knows where the readings were taken" in capsys.readouterr().err
 
 
-def test_a_room_that_is_another_ends_with_a_sentence(monkeypatch, capsys, log):
-    assert run(monkeypatch, "--log", log, "--map", "corridor_loop") == command.ABORTED
+def test_a_room_that_is_another_ends_with_a_sentence(capsys, log):
+    assert run("--log", log, "--map", "corridor_loop") == command.ABORTED
     assert "Is it the right map" in capsys.readouterr().err
 
 
@@ -101,11 +98,11 @@ def test_a_room_that_is_another_ends_with_a_sentence(monkeypatch, capsys, log):
         (["--set", "drive.track_with_m=1.0"], 'did you mean "track_width_m"?'),
     ],
 )
-def test_bad_input_is_refused_with_status_2(monkeypatch, capsys, arguments, what):
-    assert run(monkeypatch, *arguments) == command_line.BAD_INPUT
+def test_bad_input_is_refused_with_status_2(capsys, arguments, what):
+    assert run(*arguments) == command_line.BAD_INPUT
     assert what in capsys.readouterr().err
 
 
-def test_a_recording_without_scans_needs_a_map(monkeypatch, capsys, log):
-    assert run(monkeypatch, "--log", log) == command_line.BAD_INPUT
+def test_a_recording_without_scans_needs_a_map(capsys, log):
+    assert run("--log", log) == command_line.BAD_INPUT
     assert "name its room by --map" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
 import pty
@@ -423,4 +424,7 @@ def test_the_address_of_a_publisher_that_was_killed_is_free(tmp_path):
     tmp_path.chmod(0o700)
     with socket.socket(socket.AF_UNIX) as killed:
         killed.bind(f"{tmp_path}/truth")
-    Publisher(f"ipc://{tmp_path}/truth").close()
+    with socket.socket(socket.AF_UNIX) as early, socket.socket(socket.AF_UNIX) as late:
+        assert early.connect_ex(f"{tmp_path}/truth") == errno.ECONNREFUSED
+        with Publisher(f"ipc://{tmp_path}/truth"):
+            assert late.connect_ex(f"{tmp_path}/truth") == 0
