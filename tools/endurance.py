@@ -4,7 +4,8 @@ The robot drives the patrol again and again. Faults strike at random: on the bus
 the host. When the robot has stopped, the operator waits until the fault is over, arms it and sets
 AUTO, as the one documented sequence says. After each lap somebody carries the robot back to its
 start. The simulator's monitor, which knows the truth, counts what no robot may do. Exit status 1
-where it has found anything, or a recovery failed, or memory grew.
+where it has found anything, or a recovery failed, or memory grew, or the robot stopped though
+there was no fault. `--every inf` leaves the faults out.
 """
 
 from __future__ import annotations
@@ -47,11 +48,17 @@ RECOVERY_NS = 20 * SECOND_NS
 QUIET_NS = SECOND_NS // 2
 """The operator looks so long at a robot without fault before he arms it."""
 
+AFTERMATH_NS = 5 * SECOND_NS
+"""A stop later than this after the end of the last fault has no cause that anybody knows of."""
+
 CHANGE_BELOW = 0.3
 """Charge [0, 1] at which the operator puts in a full battery, at the end of a lap."""
 
 GROWTH_MIB = 8.0
 """More is a leak: Python's arenas move by some MiB."""
+
+NEVER_S = 1e9
+"""No run is so long [s]."""
 
 HELD_UP, PRESSED = "host_held_up", "emergency_stop"
 HOST_FAULTS = (HELD_UP, PRESSED)
@@ -100,6 +107,8 @@ class Endurance:
         self._mean_s = mean_s
         self.faults: Counter[str] = Counter()
         self.stops: Counter[str] = Counter()
+        self.causeless: list[str] = []
+        """Stops that no fault explains: when, and what the robot said."""
         self.laps = self.recoveries = self.failed_recoveries = 0
         self.slowest_recovery_s = 0.0
         self.batteries = 1
@@ -157,6 +166,8 @@ class Endurance:
             self._stopped_ns = now_ns
             if control.state in LATCHED:
                 self.stops[_kind(control.reason)] += 1
+                if now_ns > self._fault_end_ns + AFTERMATH_NS or not self.faults:
+                    self.causeless.append(f"{now_ns / 1e9:.3f} s: {control.reason}")
         since_ns = max(self._stopped_ns, self._fault_end_ns) + QUIET_NS
         if now_ns - since_ns > RECOVERY_NS:
             self.failed_recoveries += 1
@@ -211,7 +222,8 @@ class Endurance:
 
     def _draw_ns(self) -> int:
         """Draw the time of the next fault."""
-        return self.now_ns + round(self._rng.exponential(self._mean_s) * 1e9)
+        wait_s = min(self._rng.exponential(self._mean_s), NEVER_S)
+        return self.now_ns + round(wait_s * 1e9)
 
     def _strike(self, now_ns: int) -> None:
         """Let one fault happen."""
@@ -301,7 +313,11 @@ def conclude(run: Endurance, growth_mib: float) -> int:
     )
     for finding in simulation.monitor.findings:
         print(f"  {finding.stamp_ns / 1e9:.3f} s: {finding.reason}")
-    bad = simulation.monitor.count or run.failed_recoveries or growth_mib > GROWTH_MIB
+    print(f"{len(run.causeless)} stops without a fault")
+    for stop in run.causeless:
+        print(f"  {stop}")
+    grew = growth_mib > GROWTH_MIB
+    bad = simulation.monitor.count or run.failed_recoveries or run.causeless or grew
     return 1 if bad else 0
 
 
