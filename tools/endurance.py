@@ -5,7 +5,7 @@ the host. When the robot has stopped, the operator waits until the fault is over
 AUTO, as the one documented sequence says. After each lap somebody carries the robot back to its
 start. The simulator's monitor, which knows the truth, counts what no robot may do. Exit status 1
 where it has found anything, or a recovery failed, or memory grew, or the robot stopped though
-there was no fault. `--every inf` leaves the faults out.
+there was no fault and it touched nothing (odometry that a fault has shifted leads to walls). `--every inf` leaves the faults out.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class Endurance:
         self.faults: Counter[str] = Counter()
         self.stops: Counter[str] = Counter()
         self.causeless: list[str] = []
-        """Stops that no fault explains: when, and what the robot said."""
+        """Stops that neither a fault nor a wall explains: when, and what the robot said."""
         self.laps = self.recoveries = self.failed_recoveries = 0
         self.slowest_recovery_s = 0.0
         self.batteries = 1
@@ -166,7 +166,8 @@ class Endurance:
             self._stopped_ns = now_ns
             if control.state in LATCHED:
                 self.stops[_kind(control.reason)] += 1
-                if now_ns > self._fault_end_ns + AFTERMATH_NS or not self.faults:
+                late = now_ns > self._fault_end_ns + AFTERMATH_NS or not self.faults
+                if late and not self.simulation.plant.touching:
                     self.causeless.append(f"{now_ns / 1e9:.3f} s: {control.reason}")
         since_ns = max(self._stopped_ns, self._fault_end_ns) + QUIET_NS
         if now_ns - since_ns > RECOVERY_NS:
@@ -313,7 +314,7 @@ def conclude(run: Endurance, growth_mib: float) -> int:
     )
     for finding in simulation.monitor.findings:
         print(f"  {finding.stamp_ns / 1e9:.3f} s: {finding.reason}")
-    print(f"{len(run.causeless)} stops without a fault")
+    print(f"{len(run.causeless)} stops without a fault or a wall")
     for stop in run.causeless:
         print(f"  {stop}")
     grew = growth_mib > GROWTH_MIB
