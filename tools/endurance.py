@@ -5,7 +5,8 @@ the host. When the robot has stopped, the operator waits until the fault is over
 AUTO, as the one documented sequence says. After each lap somebody carries the robot back to its
 start. The simulator's monitor, which knows the truth, counts what no robot may do. Exit status 1
 where it has found anything, or a recovery failed, or memory grew, or the robot stopped though
-there was no fault and it touched nothing (odometry that a fault has shifted leads to walls). `--every inf` leaves the faults out.
+there was no fault and it touched nothing (odometry that a fault has shifted leads to walls).
+`--every inf` leaves the faults out.
 """
 
 from __future__ import annotations
