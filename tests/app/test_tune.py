@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import re
-import sys
 import tomllib
 
 import numpy as np
@@ -24,11 +23,11 @@ from robotctl.app.tune_fit import (
 from robotctl.app.tune_open_loop import OpenLoopRecord, find_duty
 from robotctl.app.tune_track import ExperimentError
 from robotctl.cli import files
-from robotctl.cli import main as command_line
 from robotctl.cli.files import write_file
 from robotctl.control.identification import FirstOrderModel
 from robotctl.control.tuning import PidGains, Relay, measure_oscillation
 from robotctl.errors import ConfigError
+from tests.cli.command import status_of
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")
 DT_S = 0.005
@@ -49,11 +48,8 @@ def tuned():
     return tune(TuneOptions(find_file("diff_drive"), overrides=BAD_LEFT_AND_RIGHT))
 
 
-def run(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["robotctl", "tune", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    return ended.value.code or 0
+def run(*arguments):
+    return status_of("tune", *arguments)
 
 
 # What it finds
@@ -297,9 +293,9 @@ def test_one_wheel_alone_can_be_tuned_and_the_same_seed_gives_the_same(tuned):
 # The command
 
 
-def test_the_command_prints_tables_and_writes_patch_and_plot(monkeypatch, capsys, tmp_path):
+def test_the_command_prints_tables_and_writes_patch_and_plot(capsys, tmp_path):
     plot, out = tmp_path / "plot.png", tmp_path / "patch.toml"
-    status = run(monkeypatch, "--robot", "tricycle", "--plot", plot, "--out", out)
+    status = run("--robot", "tricycle", "--plot", plot, "--out", out)
     assert status == 0
     assert plot.read_bytes().startswith(b"\x89PNG")
     patch = tomllib.loads(out.read_text())["control"]["drive"]
@@ -326,8 +322,8 @@ def test_the_command_prints_tables_and_writes_patch_and_plot(monkeypatch, capsys
         (("--set", "simulation.body=[[3,3],[-3,3],[-3,-3],[3,-3]]"), "cannot stand"),
     ],
 )
-def test_bad_input_ends_with_status_2_and_the_nearest_name(monkeypatch, capsys, arguments, words):
-    assert run(monkeypatch, *arguments) == 2
+def test_bad_input_ends_with_status_2_and_the_nearest_name(capsys, arguments, words):
+    assert run(*arguments) == 2
     assert words in capsys.readouterr().err
 
 
@@ -341,8 +337,8 @@ def test_bad_input_ends_with_status_2_and_the_nearest_name(monkeypatch, capsys, 
         ("drive.wheel_radius_m=0.005", "at a duty of 1.00 the wheels turn at"),
     ],
 )
-def test_an_experiment_that_is_stopped_says_why_with_status_1(monkeypatch, capsys, setting, words):
-    assert run(monkeypatch, "--set", setting) == 1
+def test_an_experiment_that_is_stopped_says_why_with_status_1(capsys, setting, words):
+    assert run("--set", setting) == 1
     assert words in capsys.readouterr().err
 
 
@@ -356,7 +352,7 @@ def test_gains_that_make_it_worse_are_not_recommended(monkeypatch, capsys, tmp_p
     fits = {name: dataclasses.replace(fit, gains=wild) for name, fit in tuned.fits.items()}
     monkeypatch.setattr(tuning, "identify", lambda *_: fits)
     out = tmp_path / "patch.toml"
-    assert run(monkeypatch, "--out", out) == 3
+    assert run("--out", out) == 3
     assert not out.exists()
     printed = capsys.readouterr().out
     assert "worse" in printed
@@ -365,14 +361,14 @@ def test_gains_that_make_it_worse_are_not_recommended(monkeypatch, capsys, tmp_p
 
 def test_a_robot_that_no_gains_make_good_is_named(monkeypatch, capsys, tuned):
     monkeypatch.setattr(tuning, "identify", lambda *_: tuned.fits)
-    assert run(monkeypatch, "--set", "drive.wheel_radius_m=0.5") == 0
+    assert run("--set", "drive.wheel_radius_m=0.5") == 0
     printed = capsys.readouterr().out
     assert "beware: with the new gains, too, the robot does not settle at 100% battery" in printed
 
 
 def test_without_matplotlib_the_command_says_what_to_install(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(files.importlib.util, "find_spec", lambda _name: None)
-    assert run(monkeypatch, "--plot", tmp_path / "plot.png") == 2
+    assert run("--plot", tmp_path / "plot.png") == 2
     assert 'pip install "robotctl[plot]"' in capsys.readouterr().err
 
 

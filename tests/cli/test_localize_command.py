@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import sys
 
 import msgspec
 import numpy as np
@@ -10,13 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
-from robotctl.cli.main import main
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.model.trajectory import Trajectory
 from robotctl.runtime.recorder import Recorder, RecordHeader
 from robotctl.telemetry.mcap_log import McapLog
 from robotctl.telemetry.tum import read_tum, write_tum
 from tests.app.recorded_room import WALLS, seen, write_drive, write_map
+from tests.cli.command import status_of
 from tests.telemetry.conftest import CONTROL
 
 
@@ -275,13 +274,9 @@ def test_a_log_without_scans_is_none_for_particles(tmp_path):
     assert "no scans in it, which --method mcl weighs" in str(result.exception)
 
 
-def test_bad_input_ends_with_status_2_and_one_line(tmp_path, monkeypatch, capsys):
-    out = str(tmp_path / "a.tum")
-    words = ["localize", "--log", str(tmp_path / "none.log"), "--method", "ekf", "--out", out]
-    monkeypatch.setattr(sys, "argv", ["robotctl", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
+def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys):
+    words = ("--log", tmp_path / "none.log", "--method", "ekf", "--out", tmp_path / "a.tum")
+    assert status_of("localize", *words) == 2
     error = capsys.readouterr().err.splitlines()
     assert error == [f"robotctl: {tmp_path}/none.log: no such file or folder"]
 
