@@ -6,8 +6,8 @@ different sensors:
 - encoder against duty and current. The voltage at a motor less the drop over its winding is its
   back-EMF, hence its speed, whatever its load: ``w = (u - R i) / k``. An encoder that says
   otherwise is stuck, disconnected, reversed, swapped with its neighbour, or loses counts;
-- current against motion. Much current for long, and the speed stays what it was: the wheel is
-  blocked, or the robot pushes against something;
+- current against motion. Much current one way for long, and the speed does not follow it: the
+  wheel is blocked, or the robot pushes against something;
 - wheel against wheel. Errors of supply, temperature and model are those of both wheels; what
   differs between them is one wheel's own;
 - steering against its command, supply against battery, the drive's clock against the host's;
@@ -39,7 +39,7 @@ REST_RAD_S: Final = 0.5
 """A wheel slower than this counts as at rest [rad/s]."""
 
 GAIN_RAD_S: Final = 3.0
-"""A push that gains or loses more speed than this in its time meets inertia, no wall [rad/s]."""
+"""A push that gains more speed its way than this in its time meets inertia, no wall [rad/s]."""
 
 PAIR_RAD_S: Final = 4.0
 """Wheels are compared from this speed on [rad/s]."""
@@ -81,7 +81,7 @@ class PlausibilityConfig:
     push_v
         Drop `R i` over a winding [V], > 0; more than the steepest slope needs.
     push_ms
-        Longer than this it may not be exceeded while the speed stays [ms], 20 to 2000.
+        Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000.
     pair_share
         Two wheels may differ by this in the ratio of counted to electrical speed, > 0.
     pair_ms
@@ -186,6 +186,7 @@ class WheelMonitor:
         """Whether the encoder has said something else than the motor for too long."""
         self._off = Standing()
         self._drop_v = self._current_a = self._before_rad_s = 0.0
+        self._push = 0
         self._pushing = Standing()
 
     @property
@@ -250,14 +251,17 @@ class WheelMonitor:
 
     def push_fault(self, now_ns: int) -> str:
         """Return what holds the wheel; empty where nothing."""
-        config, counted = self._config, self.counted_rad_s
-        lasts_ns = self._pushing.lasts_ns(abs(self._drop_v) > config.push_v, now_ns)
+        counted, push_v = self.counted_rad_s, self._config.push_v
+        push = (self._drop_v > push_v) - (self._drop_v < -push_v)
+        if push != self._push:
+            self._push, self._pushing = push, Standing()
+        lasts_ns = self._pushing.lasts_ns(push != 0, now_ns)
         if lasts_ns == 0:
             self._before_rad_s = counted
         if lasts_ns <= self._push_ns:
             return ""
-        if abs(counted - self._before_rad_s) > GAIN_RAD_S:
-            # The current does its work: it changes the speed.
+        if push * (counted - self._before_rad_s) > GAIN_RAD_S:
+            # The current does its work. A wheel that loses speed against it is held.
             self._pushing = Standing()
             return ""
         if abs(counted) < REST_RAD_S:

@@ -204,12 +204,33 @@ def test_a_push_begins_above_the_voltage_over_the_winding() -> None:
     assert push(5.0, current_a=-above(0.75)).startswith("left wheel pushes")
 
 
+@pytest.mark.parametrize("begin", [5.0, 0.0, -5.0, -8.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_gain_or_loss_of_more_than_3_rad_s_meets_inertia(sign: float) -> None:
-    for speed in (8.0, 2.0):
-        assert push(sign * speed, begin=sign * 5.0) == PUSHES
-    for speed in (8.001, 1.999):
-        assert push(sign * speed, begin=sign * 5.0) == ""
+def test_a_gain_of_more_than_3_rad_s_along_the_push_meets_inertia(
+    sign: float, begin: float
+) -> None:
+    """Whether it drives the wheel or brakes it."""
+    for gain, held in ((0.0, True), (3.0, True), (3.001, False)):
+        said = push(sign * (begin + gain), begin=sign * begin, current_a=sign)
+        assert ("left wheel" in said) is held
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_that_loses_its_speed_against_the_push_is_held(sign: float) -> None:
+    """It was under way when something stopped it: that is no work of the current."""
+    for speed in (4.0, 1.999, -5.0):
+        assert "pushes against something" in push(sign * speed, begin=sign * 5.0, current_a=sign)
+    assert "wheel is blocked" in push(0.0, begin=sign * 8.0, current_a=sign)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_push_the_other_way_is_another_push(sign: float) -> None:
+    monitor = WheelMonitor("left", CONFIG)
+    said = []
+    for ms, current_a in ((0, 1.0), (299, 1.0), (300, -1.0), (600, -1.0), (601, -1.0)):
+        monitor.update(0.0, 2.0 * sign * current_a, sign * current_a, 25.0, T0 + ms * MS)
+        said.append(monitor.push_fault(T0 + ms * MS))
+    assert [bool(text) for text in said] == [False, False, False, False, True]
 
 
 def test_the_gain_is_counted_from_where_the_push_began() -> None:
