@@ -24,7 +24,7 @@ from firmware_sim.camera_process import CameraProcess
 from firmware_sim.config import load_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.plant import Plant
-from firmware_sim.realtime import RealTime, raise_priority
+from firmware_sim.realtime import RealTime
 from firmware_sim.simulation import Simulation
 from firmware_sim.world import World, load_world
 from robotctl.app.config import find_file
@@ -132,10 +132,9 @@ def _lags(robot: Path, camera: bool, seconds: float) -> np.ndarray:
             taker.start()
             stack.callback(taker.join)
             stack.callback(taker.terminate)
-        raise_priority(PRIORITY)
         bus.schedule(bus.now_ns + period_ns, event)
         end_ns = simulation.now_ns + round(seconds * 1e9)
-        loop.run(lambda: simulation.now_ns >= end_ns)
+        loop.run(lambda: simulation.now_ns >= end_ns, PRIORITY)
     return np.array(lags[LAGS_HZ // 2 :]) / 1e3
 
 

@@ -98,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, signals: list[int]) -> None:
     # They load numba; without it this is an error like others.
     from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
-    from firmware_sim.realtime import RealTime, raise_priority  # noqa: PLC0415
+    from firmware_sim.realtime import RealTime  # noqa: PLC0415
     from firmware_sim.scenario import Scenario, load_scenario, play  # noqa: PLC0415
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
@@ -131,10 +131,9 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
             loop.take_pictures(stack.enter_context(CameraProcess(_camera_arguments(options))))
         if options.log:
             stack.enter_context(_open_log(simulation, options.log, channel))
-        raise_priority(options.priority)
         play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
-        loop.run(lambda: _finished(simulation, signals, options.duration))
+        loop.run(lambda: _finished(simulation, signals, options.duration), options.priority)
 
 
 def _check_addresses(options: argparse.Namespace) -> None:

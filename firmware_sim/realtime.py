@@ -9,6 +9,7 @@ lost time go: the simulation stands still for that long, nothing is made up for 
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import itertools
 import os
@@ -53,11 +54,21 @@ class RealTime:
         self._services = services
         self._set_origin(time.monotonic_ns() - simulation.now_ns)
 
-    def run(self, stop: Callable[[], bool]) -> None:
-        """Run until `stop`, asked at least every 50 ms, says so."""
+    def run(self, stop: Callable[[], bool], priority: int = 0) -> None:
+        """Run until `stop`, asked at least every 50 ms, says so.
+
+        Parameters
+        ----------
+        stop
+            Whether to end.
+        priority
+            Of SCHED_FIFO, 1..99, taken where that is permitted once the garbage is collected: that
+            takes tens of milliseconds, which another simulator here must not wait for. 0: none.
+        """
         sharpen_timers()
         gc.collect()
         gc.freeze()
+        _raise_priority(priority)
         self._set_origin(time.monotonic_ns() - self.simulation.now_ns)
         bus, services = self.simulation.bus, self._services
         while not stop():
@@ -134,18 +145,8 @@ class RealTime:
                 service.origin_ns = origin_ns
 
 
-def raise_priority(priority: int) -> bool:
-    """Schedule this process first in, first out; tell whether that was permitted.
-
-    Parameters
-    ----------
-    priority
-        1..99; 0 leaves the process as it is.
-    """
-    if priority <= 0:
-        return False
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except PermissionError:
-        return False
-    return True
+def _raise_priority(priority: int) -> None:
+    """Schedule this process first in, first out, where that is permitted."""
+    if priority > 0:
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

@@ -61,8 +61,12 @@ def acquire_realtime(config: LoopConfig) -> list[str]:
 
     Memory is locked as pages are touched (MCL_ONFAULT), which keeps the untouched stacks of
     library threads out of the resident set. The garbage collector is frozen and disabled: the
-    hot path makes no reference cycles, and a full collection takes milliseconds.
+    hot path makes no reference cycles, and a full collection takes milliseconds. The last one is
+    done before the priority is taken, so that nothing else with rights waits for it.
     """
+    gc.collect()
+    gc.freeze()
+    gc.disable()
     refused = []
     if config.priority:
         try:
@@ -85,9 +89,6 @@ def acquire_realtime(config: LoopConfig) -> list[str]:
     if config.wake_latency_us >= 0:
         refused += limit_wake_latency(config.wake_latency_us)
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    gc.collect()
-    gc.freeze()
-    gc.disable()
     return refused
 
 
