@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,13 +46,15 @@ COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
 EMCY_COMMAND_TIMEOUT = 0x8130
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
-NEAR_M = 0.7
-"""So near to the middle of the room there is space to drive a circle."""
+CIRCLE_M, NEAR_M = 0.5, 0.7
+"""Radius of the circles that tests drive; how near to the middle of the room there is space."""
 
 PATIENT_S = 30.0
 """So long may starting and recovering take on a busy machine; reactions have their own limits."""
 
 _POLL_S = 0.005
+_TOLD, _TOLD_NS = 40, 50_000_000
+"""So many states, so far apart, are told of a failure."""
 _ABOVE_CONTROL = 10
 """A real drive has a processor of its own: a host that computes for ever does not hold it up."""
 _instances = itertools.count()
@@ -60,6 +63,10 @@ _instances = itertools.count()
 def is_exact(bus: str) -> bool:
     """Return whether a late frame on the bus is the robot's own: virtual time, or a real robot."""
     return bus == "can0" or os.environ.get("VCAN_GUEST") == "virtual"
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.1f}" for value in values)
 
 
 def enabled(command: can.Message) -> bool:
@@ -135,6 +142,7 @@ class Rig:
         self.navigation: NavigationState | None = None
         self.truth: Truth | None = None
         self.notices: list[str] = []
+        self._history: deque[ControlState] = deque(maxlen=_TOLD)
         self.tolerates_rejects = False
         """Whether the test disturbs frames on purpose."""
 
@@ -283,6 +291,8 @@ class Rig:
         for message in self._states.receive():
             if isinstance(message, ControlState):
                 self.control = message
+                if not self._history or message.stamp_ns - self._history[-1].stamp_ns > _TOLD_NS:
+                    self._history.append(message)
             elif isinstance(message, NavigationState):
                 self.navigation = message
             elif isinstance(message, Notice):
@@ -294,6 +304,16 @@ class Rig:
         state = f"{control.state.name} {control.reason!r}" if control else "silent"
         mode = navigation.mode.name if navigation else "silent"
         return f"control: {state}; navigation: {mode}; notices: {self.notices[-5:]}"
+
+    def history(self) -> str:
+        """Return what the wheels did in the last seconds, a line each: wanted, counted, amperes."""
+        now_ns = time.monotonic_ns()
+        return "\n".join(
+            f"{(state.stamp_ns - now_ns) / 1e9:+.3f} s {state.state.name}, rad/s: "
+            f"{_numbers(state.wheel_ref_rad_s)} wanted, {_numbers(state.wheel_rad_s)} counted; "
+            f"A: {_numbers(state.current_a)}"
+            for state in self._history
+        )
 
     def wait(self, condition: Callable[[], Any], seconds: float, what: str) -> None:
         """Wait until `condition()`, listening; fail with what was waited for and the last state."""
@@ -337,7 +357,7 @@ class Rig:
 
         self.wait(asked, PATIENT_S, state.name)
 
-    def velocity(self, v_m_s: float, omega_rad_s: float, ttl_s: float = 0.3) -> None:
+    def velocity(self, v_m_s: float, omega_rad_s: float, ttl_s: float = 1.0) -> None:
         """Send one velocity command."""
         now_ns = time.monotonic_ns()
         self._requests.send(
@@ -352,13 +372,18 @@ class Rig:
             time.sleep(0.05)
             self.listen()
 
-    def drive_to_the_middle(self) -> None:
-        """Drive the armed robot into the middle of the empty room, by its true pose."""
+    def drive_to_the_middle(self, radius_m: float = CIRCLE_M) -> None:
+        """Drive the armed robot, by its true pose, to where it has space in the empty room.
+
+        The circle to the left of that radius has its centre near the middle then; 0: the robot is
+        there itself. After a while on the circle, it need not drive anywhere for the next one.
+        """
         deadline_s = time.monotonic() + 20.0
         while True:
             truth = self.fresh_truth()
             x_m, y_m = ROOM_M[0] / 2 - truth.x_m, ROOM_M[1] / 2 - truth.y_m
-            if math.hypot(x_m, y_m) < NEAR_M:
+            ahead = math.cos(truth.theta_rad), math.sin(truth.theta_rad)
+            if math.hypot(x_m + radius_m * ahead[1], y_m - radius_m * ahead[0]) < NEAR_M:
                 return
             assert time.monotonic() < deadline_s, f"not in the middle: {truth}"
             error_rad = wrap_angle(math.atan2(y_m, x_m) - truth.theta_rad)
