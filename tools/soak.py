@@ -1,13 +1,15 @@
 """Run the fault tests over and over and print how long each reaction took: `make soak`.
 
 Each repeat is one run of the tests of faults and safety stops in `hil_tests/`. One failure in any
-repeat fails the whole; its output is shown at once. On simcan the tests run side by side. A test
-that failed while the machine itself stood is run again, and counted (`hil_tests/pauses.py`).
+repeat fails the whole; its output is shown at once. On simcan tests run side by side: each takes
+a fifth of a processor. A test that failed while the machine itself stood is run again, and counted
+(`hil_tests/pauses.py`).
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -31,7 +33,7 @@ def repeat(options: argparse.Namespace, reactions: Path) -> tuple[str, list[str]
         *SUITE,
         *("--bus", options.bus, "--reactions", str(reactions)),
         *(("-k", options.only) if options.only else ()),
-        *(("-n", str(options.workers)) if options.workers > 1 else ()),
+        *(("-n", str(options.workers), "--dist", "worksteal") if options.workers > 1 else ()),
     ]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     again = [line for line in ended.stdout.splitlines() if line.startswith("RUN AGAIN")]
@@ -44,7 +46,8 @@ def main() -> int:
     add = parser.add_argument
     add("--repeats", type=int, default=200, help="runs of the whole suite (%(default)s)")
     add("--bus", default="simcan", help="simcan or vcan0 (%(default)s)")
-    add("--workers", type=int, default=2, help="tests side by side, on simcan (%(default)s)")
+    workers = round(2.5 * (os.cpu_count() or 1))
+    add("--workers", type=int, default=workers, help="tests side by side, on simcan (%(default)s)")
     add("--keep", type=Path, metavar="FILE", help="add each reaction to this file, a JSON a line")
     add("--only", default="", metavar="EXPRESSION", help="as pytest's -k")
     options = parser.parse_args()

@@ -6,6 +6,7 @@ import ctypes
 import gc
 import os
 import struct
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -26,7 +27,8 @@ class LoopConfig:
     rate_hz
         Control rate [Hz], 100 to 1000.
     priority
-        SCHED_FIFO priority, 1 to 99; 0 leaves the scheduler as it is.
+        SCHED_FIFO priority, 1 to 99, of the loop; threads that serve it come right below. 0 leaves
+        the scheduler as it is.
     cpu
         Processor to run on; -1 leaves the choice to the kernel.
     wake_latency_us
@@ -62,7 +64,8 @@ def acquire_realtime(config: LoopConfig) -> list[str]:
     Memory is locked as pages are touched (MCL_ONFAULT), which keeps the untouched stacks of
     library threads out of the resident set. The garbage collector is frozen and disabled: the
     hot path makes no reference cycles, and a full collection takes milliseconds. The last one is
-    done before the priority is taken, so that nothing else with rights waits for it.
+    done before the priority is taken, so that nothing else with rights waits for it. The threads of
+    ZeroMQ come right below the loop: a request to stop passes through them.
     """
     gc.collect()
     gc.freeze()
@@ -70,7 +73,7 @@ def acquire_realtime(config: LoopConfig) -> list[str]:
     refused = []
     if config.priority:
         try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(config.priority))
+            _schedule_first(config.priority)
         except OSError as error:
             refused.append(
                 f"SCHED_FIFO priority {config.priority} refused ({error.strerror}): expect late "
@@ -90,6 +93,15 @@ def acquire_realtime(config: LoopConfig) -> list[str]:
         refused += limit_wake_latency(config.wake_latency_us)
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     return refused
+
+
+def _schedule_first(priority: int) -> None:
+    """Take SCHED_FIFO for this thread, and one priority below it for the others of the process."""
+    own = threading.get_native_id()
+    below = max(os.sched_get_priority_min(os.SCHED_FIFO), priority - 1)
+    for thread in (int(task.name) for task in Path("/proc/self/task").iterdir()):
+        taken = os.sched_param(priority if thread == own else below)
+        os.sched_setscheduler(thread, os.SCHED_FIFO, taken)
 
 
 def limit_wake_latency(latency_us: int, device: Path = IDLE_STATES) -> list[str]:
