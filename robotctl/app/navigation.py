@@ -125,6 +125,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             views = [each for each in scans if isinstance(each, CameraView)]
             command, state = pilot.step(control, localisation, asked, begin_ns, views)
             to_control.send(command)
+            for news in pilot.news():
+                publisher.send(Notice(begin_ns, _SEVERITY_WARNING, news))
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))
             heartbeat.beat()

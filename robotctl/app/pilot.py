@@ -18,9 +18,11 @@ from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
 from robotctl.planning.floor_memory import FloorMemory, FloorView
 from robotctl.planning.mission import Mission
+from robotctl.planning.mode import Mode
 from robotctl.planning.navigator import NavigationInputs, Navigator
 from robotctl.planning.obstacle_guard import Point
 from robotctl.planning.requests import (
+    REQUEST_LIFE_NS,
     ModeRequest,
     PositionRequest,
     Request,
@@ -87,6 +89,7 @@ class Pilot:
         self.period_ns = round(1e9 / config.navigation.rate_hz)
         self._odometry = OdometryHistory()
         self._floor = FloorMemory()
+        self._news: list[str] = []
 
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
@@ -101,6 +104,10 @@ class Pilot:
         views: Sequence[CameraView] = (),
     ) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity command of this step and what to publish.
+
+        A request for a mode or a position that waited for longer than `REQUEST_LIFE_NS`, because
+        this process was held up, is dropped: whoever asked was told so and may have left the
+        robot to others. HOLD is always taken; velocities and sticks expire by themselves.
 
         Without `localisation` the robot goes by its odometry. `views` are those of the camera
         since the last step.
@@ -123,7 +130,9 @@ class Pilot:
             enabled=enabled,
             localised=localisation is None or localisation.status is LocalisationStatus.LOCALISED,
             requests=tuple(
-                _request(each) for each in requests if not isinstance(each, ExternalPose)
+                _request(each)
+                for each in self._in_time(requests, now_ns)
+                if not isinstance(each, ExternalPose)
             ),
             floor_base=floor,
         )
@@ -145,6 +154,24 @@ class Pilot:
         )
         return command, state
 
+    def news(self) -> list[str]:
+        """Return sentences for people since the last call."""
+        news, self._news = self._news, []
+        return news
+
+    def _in_time(
+        self, requests: Sequence[NavigationRequest], now_ns: int
+    ) -> list[NavigationRequest]:
+        """Return the requests without those that came too late."""
+        late = [each for each in requests if _too_late(each, now_ns)]
+        if late:
+            oldest_s = (now_ns - min(each.stamp_ns for each in late)) / 1e9
+            what = "request" if len(late) == 1 else "requests"
+            self._news.append(
+                f"{len(late)} {what} for a mode or position dropped: {oldest_s:.1f} s old"
+            )
+        return [each for each in requests if not _too_late(each, now_ns)]
+
     def _look(self, control: ControlState, views: Sequence[CameraView]) -> list[Point]:
         """Return what lies on the floor around, by all that the camera saw since arming."""
         odometry = SE2(control.x_m, control.y_m, control.theta_rad)
@@ -163,6 +190,14 @@ def _floor_view(view: CameraView) -> FloorView:
     beams = (view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m)
     angles, ranges, sigmas, nearest = (np.array(each, dtype=np.float64) for each in beams)
     return FloorView(view.x_m, view.y_m, angles, ranges, sigmas, nearest, not view.trouble)
+
+
+def _too_late(message: NavigationRequest, now_ns: int) -> bool:
+    """Say whether a request waited for so long that it must not move the robot any more."""
+    if isinstance(message, SetMode) and message.mode is Mode.HOLD:
+        return False
+    old = now_ns - message.stamp_ns > REQUEST_LIFE_NS
+    return old and isinstance(message, SetMode | PositionTarget)
 
 
 def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl) -> Request:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from robotctl.planning.mode import Mode
+
+REQUEST_LIFE_NS: Final = 1_000_000_000
+"""An older request for a mode or a position is not carried out [ns]; HOLD always is."""
 
 
 class ModeRequest(NamedTuple):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.planning.requests import REQUEST_LIFE_NS
 from robotctl.runtime.mavlink_port import Message, Peer
 from robotctl.runtime.messages import Mode, SetMode
 from robotctl.telemetry.commands import (
@@ -19,7 +20,13 @@ from robotctl.telemetry.service import Context
 
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
 CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-TIMEOUT_NS = 1_000_000_000
+TIMEOUT_NS = REQUEST_LIFE_NS + 100_000_000
+"""How long the navigation process may take [ns].
+
+It drops the request by itself after `REQUEST_LIFE_NS`; one that it took just before then is in its
+next state, which is here in time.
+"""
+
 WARNING = 4
 
 

@@ -220,7 +220,7 @@ def test_auto_goes_on_within_the_interrupted_item_and_only_when_it_is_asked_for(
     for _ in range(5):
         v_m_s, state = step()
         assert (v_m_s, state.mode, state.item) == (0.0, Mode.HOLD, 1)
-    v_m_s, state = step(SetMode(0, Mode.AUTO))
+    v_m_s, state = step(SetMode(now_ns, Mode.AUTO))
     assert state.mode is Mode.AUTO
     assert state.item == 1
     assert state.item_s_m == pytest.approx(5.0)

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
+from robotctl.planning.requests import REQUEST_LIFE_NS
 from robotctl.runtime.mavlink_port import Peer
 from robotctl.runtime.messages import (
     Ack,
@@ -183,6 +184,16 @@ def test_a_mode_that_is_not_taken_is_rejected_with_navigations_reason(bench):
     assert [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"] == [BUSY]
     texts = [m.text for m, _ in sent if m.get_type() == "STATUSTEXT"]
     assert texts == ["Mode AUTO not taken: no mission"]
+
+
+def test_a_mode_that_navigation_takes_at_the_last_moment_is_accepted(bench):
+    """Not before navigation drops the request by itself is it said to be rejected."""
+    bench.command(SET_MODE, 1, 10)
+    bench.step()
+    bench.run(REQUEST_LIFE_NS / 1e9 + 0.06)  # a step of navigation, and the way of its state
+    assert results(bench) == []
+    bench.step(bench.navigation(mode=Mode.AUTO))
+    assert results(bench) == [ACCEPTED]
 
 
 def test_a_newer_mode_replaces_an_older_one(bench):

@@ -1,0 +1,105 @@
+"""The pilot: which requests of other processes reach the navigator."""
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.options import StackOptions
+from robotctl.app.pilot import Pilot
+from robotctl.app.robot import make_core
+from robotctl.planning.requests import REQUEST_LIFE_NS
+from robotctl.runtime.messages import (
+    LoopStatistics,
+    Mode,
+    NavigationRequest,
+    NavigationState,
+    PositionTarget,
+    SafetyState,
+    SetMode,
+    VelocityCommand,
+)
+
+CONFIG = load_robot(find_file("diff_drive"))
+STATE = make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics())
+MISSION = """
+name = "ahead"
+world = "flat"
+start = { x_m = 0.0, y_m = 0.0 }
+[[item]]
+kind = "drive"
+waypoints = [[0.0, 0.0], [9.0, 0.0]]
+"""
+LATE_NS = REQUEST_LIFE_NS + 1
+HANG_NS = 4_500_000_000
+
+
+class Armed:
+    """A pilot of an armed robot that stands on a free floor."""
+
+    def __init__(self, mission: Path) -> None:
+        mission.write_text(MISSION)
+        self.pilot = Pilot(CONFIG, StackOptions("x", "", mission=str(mission)))
+        self.now_ns = 10**12
+        self.step()
+
+    def step(
+        self, *requests: NavigationRequest, pause_ns: int = 0
+    ) -> tuple[VelocityCommand, NavigationState]:
+        """Step once, `pause_ns` later than is due."""
+        self.now_ns += self.pilot.period_ns + pause_ns
+        control = msgspec.structs.replace(
+            STATE,
+            stamp_ns=self.now_ns,
+            state=SafetyState.ARMED,
+            sonar_m=(math.inf,) * len(CONFIG.sonar),
+        )
+        return self.pilot.step(control, None, requests, self.now_ns)
+
+    def next_ns(self) -> int:
+        """Return the time of the next step that is in time."""
+        return self.now_ns + self.pilot.period_ns
+
+
+@pytest.fixture
+def armed(tmp_path: Path) -> Armed:
+    return Armed(tmp_path / "mission.toml")
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED, Mode.MANUAL])
+def test_a_mode_that_waited_for_longer_than_its_life_is_dropped(armed: Armed, mode: Mode) -> None:
+    _, state = armed.step(SetMode(armed.next_ns() - LATE_NS, mode))
+    assert state.mode is Mode.HOLD
+    _, state = armed.step(SetMode(armed.next_ns() - REQUEST_LIFE_NS, mode))
+    assert state.mode is mode
+    assert armed.pilot.news() == ["1 request for a mode or position dropped: 1.0 s old"]
+
+
+def test_hold_is_taken_however_old_it_is(armed: Armed) -> None:
+    command, state = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    assert command.v_m_s > 0.0
+    command, state = armed.step(SetMode(1, Mode.HOLD))
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+    assert armed.pilot.news() == []
+
+
+def test_a_position_that_waited_for_longer_than_its_life_is_dropped(armed: Armed) -> None:
+    armed.step(SetMode(armed.next_ns(), Mode.GUIDED))
+    command, _ = armed.step(PositionTarget(armed.next_ns() - LATE_NS, 3.0, 0.0))
+    assert command.v_m_s == 0.0
+    command, _ = armed.step(PositionTarget(armed.next_ns() - REQUEST_LIFE_NS, 3.0, 0.0))
+    assert command.v_m_s > 0.0
+
+
+def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed: Armed) -> None:
+    """Telemetry has answered "temporarily rejected" long before navigation goes on."""
+    asked_ns = armed.next_ns()
+    guided = (SetMode(asked_ns, Mode.GUIDED), PositionTarget(asked_ns + 1, 3.0, 0.0))
+    command, state = armed.step(SetMode(asked_ns, Mode.AUTO), *guided, pause_ns=HANG_NS)
+    for _ in range(3):
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+        command, state = armed.step()
+    assert armed.pilot.news() == ["3 requests for a mode or position dropped: 4.5 s old"]
+    assert armed.pilot.news() == []
