@@ -10,6 +10,8 @@ from typing import Final
 
 from robotctl.errors import RobotctlError
 
+MOST_TOTAL_MB: Final = 1e9
+
 _LOG: Final = re.compile(r"(control|can|robot)-(\d{4,})\.(rec|log|mcap)")
 
 
@@ -26,7 +28,8 @@ class LogConfig:
     file_mb
         A file that has become larger is followed by a new one [MB].
     total_mb
-        The oldest files are removed while all logs of the folder are larger together [MB].
+        The oldest files are removed while all logs of the folder are larger together [MB]: ten
+        times `file_mb` to 1e9.
     """
 
     file_mb: float = 64.0
@@ -36,10 +39,10 @@ class LogConfig:
         """Check the ranges."""
         if not 0.0 < self.file_mb <= 4000.0:
             raise ValueError(f"file_mb must be above 0 and at most 4000, not {self.file_mb}")
-        if not self.total_mb >= 10.0 * self.file_mb:
+        if not 10.0 * self.file_mb <= self.total_mb <= MOST_TOTAL_MB:
             raise ValueError(
-                f"total_mb must be at least ten times file_mb ({10 * self.file_mb:g}), "
-                f"not {self.total_mb}"
+                f"total_mb must be at least ten times file_mb ({10 * self.file_mb:g}) and at most "
+                f"{MOST_TOTAL_MB:g}, not {self.total_mb}"
             )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -13,6 +14,9 @@ from robotctl.model.se2 import SE2
 from robotctl.planning.path import Path, Point, rounded
 
 Side: TypeAlias = Literal["left", "right"]
+
+LARGEST: Final = 1e6
+"""No number of a mission is larger, whether metres, seconds, metres per second or degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +28,7 @@ class StartPose:
     heading_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_finite(self, "x_m", "y_m", "heading_deg")
+        _require_bounded(self, "x_m", "y_m", "heading_deg")
 
     @property
     def pose(self) -> SE2:
@@ -62,8 +66,11 @@ class DriveItem:
 
     def __post_init__(self) -> None:
         _require_positive(self, "speed_m_s", "time_out_s")
-        if not (math.isfinite(self.corner_radius_m) and self.corner_radius_m >= 0.0):
-            raise ValueError("corner_radius_m must be finite and not negative")
+        if not 0.0 <= self.corner_radius_m <= LARGEST:
+            raise ValueError(
+                f"corner_radius_m must be 0 to {LARGEST:.0f}, not {self.corner_radius_m}"
+            )
+        _require_points("waypoints", self.waypoints)
         self.path()
 
     def path(self) -> Path:
@@ -93,6 +100,8 @@ class Until:
         _require_positive(self, "length_m", "front_below_m")
         if (self.length_m, self.front_below_m, self.position) == (None, None, None):
             raise ValueError("one of length_m, front_below_m and position is needed")
+        if self.position is not None:
+            _require_points("position", (self.position,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +164,7 @@ class GoToItem:
     time_out_s: float | None = 60.0
 
     def __post_init__(self) -> None:
-        _require_finite(self, "x_m", "y_m")
+        _require_bounded(self, "x_m", "y_m")
         _require_positive(self, "speed_m_s", "time_out_s")
 
 
@@ -181,7 +190,7 @@ class TurnToItem:
     time_out_s: float | None = 20.0
 
     def __post_init__(self) -> None:
-        _require_finite(self, "heading_deg")
+        _require_bounded(self, "heading_deg")
         _require_positive(self, "time_out_s")
 
 
@@ -247,14 +256,23 @@ def parse_mission(text: str, file_name: str) -> Mission:
     return toml_source.parse(text, Mission, file_name)
 
 
-def _require_finite(item: object, *keys: str) -> None:
+def _require_bounded(item: object, *keys: str) -> None:
     for key in keys:
-        if not math.isfinite(getattr(item, key)):
-            raise ValueError(f"{key} must be finite")
+        value = getattr(item, key)
+        if not abs(value) <= LARGEST:
+            raise ValueError(f"{key} must be -{LARGEST:.0f} to {LARGEST:.0f}, not {value}")
 
 
 def _require_positive(item: object, *keys: str) -> None:
     for key in keys:
         value = getattr(item, key)
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{key} must be positive and finite")
+        if value is not None and not 0.0 < value <= LARGEST:
+            raise ValueError(f"{key} must be above 0 and at most {LARGEST:.0f}, not {value}")
+
+
+def _require_points(key: str, points: Sequence[Point]) -> None:
+    for point in points:
+        if not all(abs(value) <= LARGEST for value in point):
+            raise ValueError(
+                f"{key} must have coordinates of -{LARGEST:.0f} to {LARGEST:.0f}, not {point}"
+            )

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from robotctl.model.angles import wrap_angle
 from robotctl.model.sonar import SonarMount
 
 Point: TypeAlias = tuple[float, float]
 """x, y of `base` [m]."""
+
+MOST_BLOCKED_S: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +38,12 @@ class GuardConfig:
         Sonars within this angle of the direction of travel look ahead [deg], > 0. Others, up to
         80 degrees, are slanting.
     blocked_max_s
-        A robot blocked for this long gives up [s], > 0.
+        A robot blocked for this long gives up [s], > 0, at most 1e6.
 
     Raises
     ------
     ValueError
-        If a value is not positive and finite.
+        If a value is out of its range.
     """
 
     margin_m: float = 0.12
@@ -57,6 +59,10 @@ class GuardConfig:
             value = getattr(self, field.name)
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{field.name}: {value} found, a finite number > 0 allowed")
+        if self.blocked_max_s > MOST_BLOCKED_S:
+            raise ValueError(
+                f"blocked_max_s: {self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed"
+            )
 
 
 class GuardStep(NamedTuple):

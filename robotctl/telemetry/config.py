@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from robotctl.runtime.mavlink_port import LinkConfig
 
+MIN_RATE_HZ = 0.001
 MAX_RATE_HZ = 100.0
 
 
@@ -15,7 +16,7 @@ MAX_RATE_HZ = 100.0
 class StreamRates:
     """How often each message goes out on every link, until a peer asks for other rates.
 
-    0 switches a message off, 100 is the most. HEARTBEAT goes out once a second, always.
+    0 switches a message off; others are 0.001 to 100. HEARTBEAT goes out once a second, always.
 
     Parameters
     ----------
@@ -46,8 +47,11 @@ class StreamRates:
     def __post_init__(self) -> None:
         for rate in dataclasses.fields(self):
             value = getattr(self, rate.name)
-            if not 0.0 <= value <= MAX_RATE_HZ:
-                raise ValueError(f"{rate.name} must be 0 to {MAX_RATE_HZ:g}, not {value}")
+            if value != 0.0 and not MIN_RATE_HZ <= value <= MAX_RATE_HZ:
+                raise ValueError(
+                    f"{rate.name} must be 0 (off) or {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}, "
+                    f"not {value}"
+                )
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,6 +47,10 @@ def test_errors_name_file_line_key_and_the_nearest_key(tmp_path: Path) -> None:
         ("control.drive.kp=1", "no such wheel"),
         ('sonar.1.name="front"', "given 2 times"),
         ("limits.v_max_m_s=nan", "v_max_m_s"),
+        ("log.total_mb=inf", "at most 1e+09, not inf"),
+        ("log.total_mb=100", "at least ten times file_mb (640)"),
+        ("mavlink.rates.sonar_hz=1e-300", "0 (off) or 0.001 to 100, not 1e-300"),
+        ("navigation.guard.blocked_max_s=1e300", "at most 1000000 allowed"),
     ],
 )
 def test_wrong_values_are_refused_with_what_is_allowed(override: str, words: str) -> None:

@@ -84,7 +84,7 @@ def test_errors_of_a_file_become_config_errors_with_their_lines():
     message = str(refused.value)
     assert "robot.toml:2: link[0]" in message or "robot.toml:1: link[0]" in message
     assert 'did you mean "tcpin"' in message
-    assert "attitude_hz must be 0 to 100" in message
+    assert "attitude_hz must be 0 (off) or 0.001 to 100, not -1.0" in message
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,12 @@ def test_values_out_of_range_are_refused_by_name(wrong):
         MavlinkConfig(**wrong)
 
 
-@pytest.mark.parametrize("rate", [-1.0, 101.0, math.nan, math.inf])
-def test_rates_stay_between_0_and_100_hz(rate):
-    with pytest.raises(ValueError, match="sonar_hz must be 0 to 100"):
+@pytest.mark.parametrize("rate", [-1.0, 1e-300, 0.0009, 101.0, math.nan, math.inf])
+def test_rates_are_0_or_between_a_thousandth_and_100_hz(rate):
+    with pytest.raises(ValueError, match=r"sonar_hz must be 0 \(off\) or 0\.001 to 100"):
         StreamRates(sonar_hz=rate)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.001, 100.0])
+def test_the_rates_at_the_ends_are_allowed(rate):
+    assert StreamRates(sonar_hz=rate).sonar_hz == rate
