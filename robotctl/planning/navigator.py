@@ -81,7 +81,8 @@ class Navigator:
     - MANUAL scales the sticks to the limits, until they expire; without the obstacle guard, since
       the operator sees. The turn stick sets the turn rate of a differential drive and the
       curvature of a drive-and-steer robot.
-    - GUIDED takes velocities, until they expire, and positions, both with the guard.
+    - GUIDED takes velocities, until they expire, and positions, both with the guard. A position
+      counts only while `enabled`: arming shall not set off to one that was sent long before.
     - AUTO runs the mission from where it was left, also after an item has failed; a completed
       mission is repeated when AUTO is asked for anew.
     - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
@@ -165,7 +166,7 @@ class Navigator:
         """Return the decision at `now_ns`, monotonic [ns]. Input that is no number stops."""
         self._fall_back(inputs.enabled, now_ns)
         for request in inputs.requests:
-            self._take(request)
+            self._take(request, inputs.enabled)
         if not _finite(inputs):
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
@@ -210,7 +211,7 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended = f"hold: navigation was held up for {gap_ns / 1e9:.1f} s"
 
-    def _take(self, request: Request) -> None:
+    def _take(self, request: Request, enabled: bool) -> None:
         """Take one request."""
         match request:
             case ModeRequest(mode):
@@ -222,7 +223,7 @@ class Navigator:
                 if self._mode is Mode.GUIDED:
                     self._behaviour = None
             case PositionRequest(x, y):
-                if self._mode is Mode.GUIDED and _on_earth(x, y):
+                if enabled and self._mode is Mode.GUIDED and _on_earth(x, y):
                     speed = self._config.guided_speed_m_s
                     goal = GoTo(x, y, self._config.pursuit, self._drive, speed)
                     self._velocity, self._ended = None, ""

@@ -7,6 +7,9 @@
 | vx and vy | LOCAL_NED | turn towards the velocity, or towards yaw if used, and drive along it |
 | x and y | LOCAL_NED | drive to the point; yaw and yaw_rate do not matter |
 
+Velocities and positions count in GUIDED alone, and positions only while the robot is armed: one
+that was sent before has to be sent again.
+
 z, vz and their bits do not matter to a rover, nor does FORCE_SET without accelerations, which many
 programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
 velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite, a

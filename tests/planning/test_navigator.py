@@ -217,6 +217,18 @@ def test_a_target_of_before_the_stop_is_forgotten(robot, make_run):
         assert run.step().v_m_s == 0.0
 
 
+def test_a_position_sent_while_not_armed_is_not_driven_to_when_armed(robot, make_run):
+    run = make_run(robot, flat=False)
+    run.enabled = False
+    run.step(GUIDED, PositionRequest(3.0, 0.0))
+    run.step(PositionRequest(3.0, 0.0))
+    run.enabled = True
+    for _ in range(40):
+        out = run.step()
+        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.GUIDED)
+    assert run.step(PositionRequest(3.0, 0.0)).v_m_s > 0.0
+
+
 def test_sticks_steer_again_as_soon_as_the_robot_is_armed_again(differential, make_run):
     run = make_run(differential)
     run.step(MANUAL, StickRequest(LATER, 0.5, 0.0))
