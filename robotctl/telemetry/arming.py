@@ -52,7 +52,7 @@ class _Pending:
 
 @dataclass(frozen=True, slots=True)
 class _Answered:
-    params: tuple[float, ...]
+    meaning: tuple[float, bool]
     result: int
     answered_ns: int
 
@@ -98,7 +98,8 @@ class Arming:
         if self._find(command.sender, arm=True) is not None:
             return None
         last = self._answered.get(command.sender)
-        if last and last.params == command.params and now_ns - last.answered_ns <= REPEAT_NS:
+        copy = last is not None and last.meaning == _meaning(command)
+        if last is not None and copy and now_ns - last.answered_ns <= REPEAT_NS:
             control = self._context.fresh_control(now_ns)
             armed = control is not None and control.state in POWERED
             if armed or last.result != ACCEPTED:
@@ -154,13 +155,21 @@ class Arming:
         acknowledge(self._context, pending.command, result)
         if pending.arm:
             self._answered[pending.command.sender] = _Answered(
-                pending.command.params, result, now_ns
+                _meaning(pending.command), result, now_ns
             )
         self._answered = {
             sender: answered
             for sender, answered in self._answered.items()
             if now_ns - answered.answered_ns <= REPEAT_NS
         }
+
+
+def _meaning(command: Command) -> tuple[float, bool]:
+    """Return what tells requests apart: param1, and whether param2 is "force".
+
+    Senders may fill what they do not use with NaN, which differs from itself.
+    """
+    return command.params[0], command.params[1] == FORCE
 
 
 def _verb(pending: _Pending) -> str:

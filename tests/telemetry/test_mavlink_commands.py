@@ -81,14 +81,15 @@ def test_an_arm_request_repeated_while_it_is_carried_out_is_not_sent_twice(bench
     assert results(bench) == [ACCEPTED]
 
 
-def test_a_late_copy_of_an_arm_request_does_not_arm_a_stopped_robot(bench):
-    bench.command(ARM, 1)
+@pytest.mark.parametrize("unused", [0.0, math.nan])
+def test_a_late_copy_of_an_arm_request_does_not_arm_a_stopped_robot(bench, unused):
+    bench.command(ARM, 1, *[unused] * 6)
     (request,) = bench.step()
     bench.step(bench.control(ack=Ack(request.request_id, accepted=True)))
     bench.command(TERMINATE, 1)
     assert isinstance(bench.step()[0], EmergencyStop)
     bench.take()
-    bench.command(ARM, 1, confirmation=1)
+    bench.command(ARM, 1, *[unused] * 6, confirmation=1)
     assert bench.step() == []
     assert results(bench) == [BUSY]
     bench.run(1.1)
