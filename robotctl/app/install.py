@@ -12,7 +12,7 @@ from typing import Final
 
 import msgspec
 
-from robotctl.app.service_files import ServiceFile
+from robotctl.app.service_files import MISSION, ServiceFile
 from robotctl.app.whole_file import write_whole
 from robotctl.errors import ConfigError
 
@@ -49,6 +49,18 @@ def read_manifest(root: Path) -> Manifest:
         return Manifest()
     except (OSError, msgspec.DecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
+
+
+def installed_mission(root: Path) -> Path | None:
+    """Return the mission that an earlier installation below `root` wrote; None without one.
+
+    Raises
+    ------
+    ConfigError
+        If the manifest is damaged.
+    """
+    path = root / MISSION
+    return path if str(MISSION) in read_manifest(root).files and path.is_file() else None
 
 
 def conflicts(files: Sequence[ServiceFile], root: Path) -> list[str]:

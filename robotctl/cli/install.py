@@ -12,11 +12,12 @@ from typing import Annotated, Final
 import typer
 
 from robotctl.app.config import find_file
-from robotctl.app.install import conflicts, read_manifest
+from robotctl.app.install import conflicts, installed_mission, read_manifest
 from robotctl.app.install import install as install_files
 from robotctl.app.install import uninstall as uninstall_files
 from robotctl.app.service_files import ROBOT, check_executable, service_files
 from robotctl.cli.arguments import RobotName
+from robotctl.errors import ConfigError
 
 INCOMPLETE = 1
 _RUNNING_SYSTEMD: Final = Path("/run/systemd/system")
@@ -34,7 +35,13 @@ Root = Annotated[
 
 def install(
     robot: RobotName = "diff_drive",
-    mission: Annotated[str, typer.Option(help="Mission file or name for mode AUTO.")] = "",
+    mission: Annotated[
+        str,
+        typer.Option(help="Mission file or name for mode AUTO; default: an installed one stays."),
+    ] = "",
+    no_mission: Annotated[
+        bool, typer.Option("--no-mission", help="No mission; an installed one is removed.")
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show all, write nothing.")] = False,
     root: Root = Path("/"),
 ) -> None:
@@ -42,14 +49,19 @@ def install(
 
     Starts nothing. Files that somebody changed are not touched.
     """
+    if mission and no_mission:
+        raise ConfigError("--mission and --no-mission: give one of them")
+    root = root.absolute()
+    kept = None if mission or no_mission else installed_mission(root)
     executable = Path(sys.executable).with_name("robotctl")
     files = service_files(
         find_file(robot),
-        find_file(mission, "missions") if mission else None,
+        find_file(mission, "missions") if mission else kept,
         executable,
         os.cpu_count() or 1,
     )
-    root = root.absolute()
+    if kept is not None:
+        print(f"the mission stays: {kept}; --no-mission removes it")
     if dry_run:
         for file in files:
             print(f"### {root / file.path}\n{file.text}")

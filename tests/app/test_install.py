@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from robotctl.app.config import find_file
 from robotctl.app.install import MANIFEST, conflicts, install, read_manifest, uninstall
@@ -22,6 +23,7 @@ from robotctl.app.service_files import (
     service_files,
     unit_name,
 )
+from robotctl.cli.commands import app
 from robotctl.errors import ConfigError
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")
@@ -287,6 +289,49 @@ def test_a_dry_run_shows_every_file_and_writes_none(tmp_path: Path) -> None:
         assert f"### {tmp_path / file.path}\n" in done.stdout
     # An interpreter that the service could not start is shown last; elsewhere all is well.
     assert done.returncode == 0 or "install robotctl into a folder" in done.stderr
+
+
+def run_install(root: Path, *arguments: str) -> str:
+    """Run `robotctl install` below `root` and return what it prints."""
+    done = CliRunner().invoke(app, ["install", "--root", str(root), *arguments])
+    assert done.exit_code == 0, (done.output, done.exception)
+    return done.output
+
+
+@pytest.fixture
+def reachable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the service's user reach robotctl wherever the tests run."""
+    monkeypatch.setattr("robotctl.cli.install.check_executable", lambda _path: None)
+
+
+@pytest.mark.usefixtures("reachable")
+def test_the_documented_update_keeps_the_mission_until_it_is_told_not_to(tmp_path: Path) -> None:
+    run_install(tmp_path, "--mission", "patrol")
+    before = tree(tmp_path)
+    update = ("--robot", str(tmp_path / ROBOT))
+    assert f"the mission stays: {tmp_path / MISSION}" in run_install(tmp_path, *update)
+    assert tree(tmp_path) == before
+    assert f"removed  {tmp_path / MISSION}" in run_install(tmp_path, *update, "--no-mission")
+    assert not (tmp_path / MISSION).exists()
+    assert "--mission" not in (tmp_path / UNIT).read_text()
+    assert "the mission stays" not in run_install(tmp_path, *update)
+
+
+@pytest.mark.usefixtures("reachable")
+def test_an_update_takes_a_mission_that_was_changed_on_the_robot(tmp_path: Path) -> None:
+    run_install(tmp_path, "--mission", "patrol")
+    mission = tmp_path / MISSION
+    mission.write_text(mission.read_text() + "# changed on the robot\n")
+    run_install(tmp_path, "--robot", str(tmp_path / ROBOT))
+    assert mission.read_text().endswith("# changed on the robot\n")
+    assert f"--mission /{MISSION}" in (tmp_path / UNIT).read_text()
+
+
+def test_a_mission_and_none_cannot_be_asked_for_at_once(tmp_path: Path) -> None:
+    arguments = ["install", "--root", str(tmp_path), "--mission", "patrol", "--no-mission"]
+    done = CliRunner().invoke(app, arguments)
+    assert isinstance(done.exception, ConfigError)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
