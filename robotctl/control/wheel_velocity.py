@@ -29,7 +29,7 @@ class WheelVelocityEstimator:
     where a longer window would leave the straight line by more than a count.
 
     What it cannot see: more than 32767 counts or 1.048 s between two samples alias. The caller
-    must `reset` after such a gap and after a restart of the drive.
+    must `resume` after such a gap and `reset` after a restart of the drive.
 
     Parameters
     ----------
@@ -99,6 +99,20 @@ class WheelVelocityEstimator:
         self.velocity_rad_s = 0.0
         self._reference(count_u16, timestamp_us_u20)
 
+    def resume(self, count_u16: int, timestamp_us_u20: int) -> None:
+        """Go on behind a gap in which the time stamp may have rolled over.
+
+        The way counts, up to 32767 counts; the velocity begins anew at 0.
+        """
+        self._total += self._step(count_u16)
+        self.velocity_rad_s = 0.0
+        self._reference(count_u16, timestamp_us_u20)
+
+    def _step(self, count_u16: int) -> int:
+        """Return the counts since the last sample, -32768 to 32767."""
+        step = (count_u16 - self._count) & 0xFFFF
+        return step - 0x10000 if step >= 0x8000 else step
+
     def _reference(self, count_u16: int, timestamp_us_u20: int) -> None:
         """Forget the window and measure from this sample on."""
         self._started = True
@@ -139,9 +153,7 @@ class WheelVelocityEstimator:
         elapsed_us = (timestamp_us_u20 - self._time_us) & 0xFFFFF
         if elapsed_us == 0:
             return self.velocity_rad_s
-        step = (count_u16 - self._count) & 0xFFFF
-        if step >= 0x8000:
-            step -= 0x10000
+        step = self._step(count_u16)
         if abs(step) > self._jump_counts_per_us * elapsed_us + 1.0:
             self.jumps += 1
             self._reference(count_u16, timestamp_us_u20)

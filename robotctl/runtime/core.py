@@ -41,11 +41,13 @@ from robotctl.runtime.plausibility import Plausibility, PlausibilityConfig
 from robotctl.runtime.plausibility_sonar import SonarMonitor
 from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
 
-_SETPOINT_AHEAD_NS: Final = 50_000_000
+_AHEAD_NS: Final = 50_000_000
 """A set-point may be younger than the tick that reads it, which had to wait, by this [ns]."""
 
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
+_COUNTS_GAP_NS = 500_000_000
+"""Half of what the drive's time stamp holds: behind a longer gap it may have rolled over."""
 _SEVERITY_CRITICAL, _SEVERITY_WARNING, _SEVERITY_INFO = 2, 4, 6
 
 
@@ -160,6 +162,7 @@ class ControlCore:
         self._twist_ref = Twist(0.0, 0.0)
         self._steering_rad = 0.0
         self._has_counts = False
+        self._counted_ns = 0
         self._nodes: tuple[NodeStatus, ...] = ()
         self._boots: dict[int, int] = {}
         self._ticks = 0
@@ -204,6 +207,10 @@ class ControlCore:
                 self._has_counts = True
                 last.reset(wheels.count2, wheels.timestamp_us)
                 first.reset(wheels.count1, wheels.timestamp_us)
+            elif wheels.stamp_ns - self._counted_ns > _COUNTS_GAP_NS:
+                last.resume(wheels.count2, wheels.timestamp_us)
+                first.resume(wheels.count1, wheels.timestamp_us)
+            self._counted_ns = wheels.stamp_ns
             first.update(wheels.count1, wheels.timestamp_us)
             last.update(wheels.count2, wheels.timestamp_us)
             self.odometry.update(first.position_rad, last.position_rad, self._steering_rad)
@@ -266,7 +273,7 @@ class ControlCore:
             isinstance(request, EmergencyStop) for request in inputs.requests
         )
         if stopping:
-            self._pending = None
+            self._refuse_pending("made before an emergency stop")
         oldest_ns = now_ns - self._safety.request_max_age_ms * 1_000_000
         for request in inputs.requests:
             match request:
@@ -276,12 +283,13 @@ class ControlCore:
                     stop = request.source
                     source = request.source.name.lower().replace("_", " ")
                     self._on(Event.EMERGENCY_STOP, f"emergency stop ({source})", now_ns)
-                case Arm() if request.stamp_ns < oldest_ns:
-                    self._ack = Ack(request.request_id, accepted=False, reasons=("too old",))
                 case Arm(arm=False):
                     self._pending = None
                     self._on(Event.DISARM, "disarmed", now_ns)
                     self._ack = Ack(request.request_id, accepted=True)
+                case Arm() if not oldest_ns <= request.stamp_ns <= now_ns + _AHEAD_NS:
+                    when = "too old" if request.stamp_ns < oldest_ns else "of the future"
+                    self._ack = Ack(request.request_id, accepted=False, reasons=(when,))
                 case Arm() if stopping or request.stamp_ns <= self._stopped_ns:
                     reasons = (f"made before the stop: {self.machine.reason}",)
                     self._ack = Ack(request.request_id, accepted=False, reasons=reasons)
@@ -291,6 +299,12 @@ class ControlCore:
                     if self.machine.state in LATCHED:
                         self._on(Event.RESET, "arming after a stop", now_ns)
         return stop
+
+    def _refuse_pending(self, reason: str) -> None:
+        """Answer a request to arm that waits: no."""
+        if self._pending is not None:
+            self._ack = Ack(self._pending.request_id, accepted=False, reasons=(reason,))
+            self._pending = None
 
     def _asked_again(self, request: Arm) -> Arm:
         """Return the request to wait for: asking again does not put off the answer."""
@@ -380,7 +394,7 @@ class ControlCore:
         if velocity is None or now_ns > velocity.expires_ns:
             return 0.0, 0.0
         age_ns = now_ns - velocity.stamp_ns
-        if not -_SETPOINT_AHEAD_NS <= age_ns <= self._setpoint_limit_ns:
+        if not -_AHEAD_NS <= age_ns <= self._setpoint_limit_ns:
             return 0.0, 0.0
         return velocity.v_m_s, velocity.omega_rad_s
 
@@ -418,7 +432,7 @@ class ControlCore:
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
             self._stopped_ns = now_ns
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
-            self._pending = None
+            self._refuse_pending(f"made before the stop: {reason}")
             self._velocity = None
             self._notices.append(Notice(now_ns, _SEVERITY_CRITICAL, f"stopped: {reason}"))
         elif changed and event in (Event.ARM, Event.DISARM, Event.READY):

@@ -219,6 +219,25 @@ def test_reset_forgets_position_and_speed():
     assert estimator.update(5, 5007) == 0.0
 
 
+@pytest.mark.parametrize("gap_us", [1_048_576, 1_053_576, 600_000, 5_000_000])
+@pytest.mark.parametrize("moved", [0, 300, -300, 32_767, -32_768])
+def test_behind_a_gap_the_way_counts_and_the_speed_begins_anew(gap_us, moved):
+    estimator = WheelVelocityEstimator(CPR)
+    for sample in range(20):
+        estimator.update(50 * sample & 0xFFFF, 5000 * sample)
+    assert estimator.velocity_rad_s > 0.0
+    before_rad = estimator.position_rad
+    count, time_us = 50 * 19 + moved, 5000 * 19 + gap_us
+    estimator.resume(count & 0xFFFF, time_us & 0xFFFFF)
+    assert estimator.velocity_rad_s == 0.0
+    assert estimator.update(count & 0xFFFF, time_us & 0xFFFFF) == 0.0
+    way_rad = estimator.position_rad - before_rad
+    assert way_rad == pytest.approx(moved * 2.0 * math.pi / CPR, abs=1e-9)
+    assert estimator.update(count + 50 & 0xFFFF, time_us + 5000 & 0xFFFFF) == pytest.approx(
+        50 * 2.0 * math.pi / CPR / 0.005
+    )
+
+
 @pytest.mark.parametrize("period_us", [1000, 2000, 10_000])
 def test_other_control_rates_have_the_same_bound_and_react_as_fast(period_us):
     speeds = estimates(constant_speed(1.0, 1.0, period_us=period_us))

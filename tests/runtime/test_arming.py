@@ -7,7 +7,16 @@ import msgspec
 import pytest
 
 from robotctl.app.fitness import Fitness
-from robotctl.runtime.messages import Ack, BatteryFeedback, BusState, BusStatus, SafetyState
+from robotctl.runtime.messages import (
+    Ack,
+    Arm,
+    BatteryFeedback,
+    BusState,
+    BusStatus,
+    EmergencyStop,
+    EmergencyStopSource,
+    SafetyState,
+)
 from robotctl.runtime.rehearsal import rehearse
 from robotctl.runtime.safety import SafetyConfig
 from tests.runtime.robot_double import PERIOD_NS, WARM_TICKS, RobotDouble, make_core
@@ -147,3 +156,44 @@ def test_missing_rights_speak_against_arming() -> None:
         f"real-time right missing: {right} (or set runtime.allow_best_effort)"
         for right in fitness.refused_rights
     )
+
+
+def test_disarming_has_no_age() -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(300, (0.3, 0.0))
+    robot.tick(Arm(robot.now_ns - 5_000_000_000, 7, arm=False))
+    assert robot.state == SafetyState.STANDBY
+    assert robot.snapshot().ack == Ack(7, accepted=True)
+    assert not robot.outputs.command.enable
+
+
+@pytest.mark.parametrize(("ahead_ns", "reason"), [(50_000_001, "of the future"), (None, "too old")])
+def test_a_request_to_arm_of_another_time_is_refused(ahead_ns: int | None, reason: str) -> None:
+    robot = RobotDouble()
+    robot.ticks(WARM_TICKS)
+    limit_ns = -SafetyConfig().request_max_age_ms * 1_000_000
+    offset_ns = limit_ns - 1 if ahead_ns is None else ahead_ns
+    robot.tick(Arm(robot.now_ns + PERIOD_NS + offset_ns, 5, arm=True))
+    assert robot.snapshot().ack == Ack(5, accepted=False, reasons=(reason,))
+    robot.ticks(WAIT_TICKS)
+    assert robot.state == SafetyState.STANDBY
+
+
+def test_no_request_of_the_future_undoes_an_emergency_stop() -> None:
+    robot = RobotDouble().armed()
+    robot.tick(EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR))
+    robot.tick(Arm(robot.now_ns + 3_600_000_000_000, 5, arm=True))
+    robot.ticks(WAIT_TICKS)
+    assert robot.state == SafetyState.EMERGENCY_STOP
+
+
+def test_a_request_to_arm_that_a_stop_overtakes_is_answered() -> None:
+    robot = RobotDouble()
+    robot.ticks(WARM_TICKS)
+    robot.battery = LOW  # it has to wait
+    robot.arm(31)
+    robot.tick(EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR))
+    ack = robot.snapshot().ack
+    assert ack is not None
+    assert (ack.request_id, ack.accepted) == (31, False)
+    assert "emergency stop" in ack.reasons[0]

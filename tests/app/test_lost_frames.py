@@ -1,0 +1,151 @@
+"""Frames lost at the worst moment: what counts and latches must not make of it; in lockstep."""
+
+import pytest
+
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import Bench, make_simulation
+from robotctl.app.options import StackOptions
+from robotctl.runtime.messages import (
+    Arm,
+    EmergencyStop,
+    EmergencyStopSource,
+    SafetyState,
+    VelocityCommand,
+)
+from robotctl.runtime.safety import POWERED
+
+MS = 1_000_000
+MIDDLE = (3.0, 2.0, 0.0)
+
+
+class Robot:
+    """One robot in the empty room, armed."""
+
+    def __init__(self, name="diff_drive", overrides=()):
+        robot = find_file(name)
+        options = StackOptions(
+            "lost", str(robot), overrides, x_m=MIDDLE[0], y_m=MIDDLE[1], theta_rad=MIDDLE[2]
+        )
+        world = find_file("empty_room", "worlds")
+        self.simulation = make_simulation(robot, world, 1, MIDDLE, overrides)
+        self.bench = Bench(options.load(), options, self.simulation)
+        while self.state not in POWERED:
+            self.tick(*(self.request(),) if self.bench.ticks % 100 == 99 else ())
+
+    @property
+    def state(self):
+        return self.bench.snapshot().state
+
+    @property
+    def now_ns(self):
+        return self.bench.clock.now_ns()
+
+    def request(self):
+        return Arm(self.now_ns, self.bench.ticks, arm=True)
+
+    def tick(self, *requests):
+        return self.bench.tick(requests)
+
+    def idle(self, seconds):
+        end_ns = self.now_ns + round(seconds * 1e9)
+        while self.now_ns < end_ns:
+            self.tick()
+
+    def drive(self, seconds, v_m_s, omega_rad_s=0.0):
+        end_ns = self.now_ns + round(seconds * 1e9)
+        while self.now_ns < end_ns and self.state in POWERED:
+            self.tick(VelocityCommand(self.now_ns, self.now_ns + 300 * MS, v_m_s, omega_rad_s))
+
+    def inject(self, fault):
+        self.simulation.faults.inject(fault)
+
+    @property
+    def drive_state(self):
+        (drive,) = (node for node in self.simulation.nodes if node.name == "drive")
+        return drive.drive_state.name
+
+
+@pytest.mark.parametrize("kind", ["frames_lost", "frames_corrupt"])
+@pytest.mark.parametrize("duration_s", [0.3, 0.6, 1.03, 1.05, 1.06, 1.08, 2.1])
+def test_arming_right_behind_a_gap_of_feedback_moves_nothing(kind, duration_s):
+    """The drive's time stamp rolls over after 1.05 s: the way would seem that of milliseconds."""
+    robot = Robot()
+    robot.drive(1.5, 0.5)
+    robot.inject(f"{kind} id=0x181 duration={duration_s}")
+    began_ns = robot.now_ns
+    robot.drive(1.0, 0.5)
+    assert robot.state == SafetyState.FAULT
+    robot.idle(duration_s - 0.3 - (robot.now_ns - began_ns) / 1e9)
+    robot.tick(robot.request())
+    while robot.state not in POWERED and robot.now_ns < began_ns + 4_000_000_000:
+        robot.tick(*(robot.request(),) if robot.bench.ticks % 100 == 99 else ())
+    assert robot.state == SafetyState.ARMED
+    armed = robot.simulation.truth()
+    assert abs(robot.bench.snapshot().v_ref_m_s) < 0.01
+    robot.idle(0.5)
+    after = robot.simulation.truth()
+    assert after.distance_m - armed.distance_m < 1e-3
+    assert robot.bench.snapshot().x_m == pytest.approx(after.x_m, abs=0.01)
+
+
+@pytest.mark.parametrize("drives", [False, True])
+def test_a_restart_whose_boot_up_is_lost_is_noticed_and_the_odometry_stays(drives):
+    robot = Robot()
+    robot.drive(2.0, 0.5, 0.3)
+    if not drives:
+        robot.tick(Arm(robot.now_ns, 1, arm=False))
+        robot.idle(1.0)
+    boots = robot.bench.snapshot().nodes[0].boots
+    robot.inject("frames_lost id=0x701 duration=0.05")
+    robot.inject("node_reset node=drive")
+    robot.drive(0.5, 0.5, 0.3)
+    robot.idle(2.0)
+    end, true = robot.bench.snapshot(), robot.simulation.truth()
+    assert end.nodes[0].boots == boots + 1
+    assert robot.state == (SafetyState.FAULT if drives else SafetyState.STANDBY)
+    # The way it rolls while the drive starts is counted by nobody.
+    assert (end.x_m, end.y_m) == pytest.approx((true.x_m, true.y_m), abs=0.15 if drives else 0.02)
+
+
+@pytest.mark.parametrize("on_the_bus", [False, True])
+def test_no_wish_to_clear_faults_outlives_an_emergency_stop(on_the_bus):
+    robot = Robot()
+    robot.drive(1.0, 0.4)
+    robot.inject("frames_lost id=0x201 duration=0.2")
+    robot.drive(0.5, 0.4)
+    robot.idle(0.5)
+    assert robot.drive_state == "STOPPED"
+    robot.inject("frames_lost id=0x601 duration=0.012")  # the first try
+    asked = robot.request()
+    assert robot.tick(asked).clear_faults
+    robot.tick()
+    if on_the_bus:
+        robot.simulation.bus.attach("button", lambda _: None).send(0x001, b"\x01")
+    else:
+        robot.tick(EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR))
+    states = set()
+    robot.idle(0.02)
+    for _ in range(100):
+        robot.tick()
+        states.add((robot.state.name, robot.drive_state))
+    assert states == {("EMERGENCY_STOP", "EMERGENCY_STOP")}
+    ack = robot.bench.snapshot().ack
+    assert ack.request_id == asked.request_id
+    assert not ack.accepted
+
+
+@pytest.mark.parametrize(("robot", "limit_rad"), [("ackermann", 0.610865), ("tricycle", 0.610865)])
+def test_a_robot_stands_and_is_armed_with_its_steering_at_a_limit_between_steps_of_the_wire(
+    robot, limit_rad
+):
+    """0.610865 rad travels as 0.6109."""
+    driven = Robot(robot, (f"drive.steering_max_rad={limit_rad}",))
+    driven.drive(2.0, 0.3, 2.0)
+    driven.tick(VelocityCommand(driven.now_ns, driven.now_ns + 300 * MS, 0.0, 0.0))
+    driven.idle(2.0)
+    assert driven.state == SafetyState.ARMED, driven.bench.snapshot().reason
+    driven.tick(Arm(driven.now_ns, 1, arm=False))
+    driven.idle(0.2)
+    driven.tick(driven.request())
+    driven.idle(1.0)
+    assert driven.state == SafetyState.ARMED, driven.bench.snapshot().reason
