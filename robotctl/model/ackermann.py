@@ -102,10 +102,11 @@ class AckermannDrive:
         """Return carrier speed and steering for a body velocity.
 
         A curvature out of reach is clamped and v is kept. v = 0 keeps the present steering
-        `steering_meas_rad` [rad], as no steering then turns the robot.
+        `steering_meas_rad` [rad], within the linkage, as no steering then turns the robot.
         """
         if v_m_s == 0.0:
-            return WheelReference(0.0, 0.0, steering_meas_rad)
+            kept_rad = max(-self.steering_max_rad, min(steering_meas_rad, self.steering_max_rad))
+            return WheelReference(0.0, 0.0, kept_rad)
         steering = steering_angle_rad(
             v_m_s,
             omega_rad_s,

@@ -60,6 +60,15 @@ def test_a_curvature_out_of_reach_is_clamped_and_the_speed_kept(drive, v, excess
 
 
 @pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
+@pytest.mark.parametrize("beyond_rad", [1e-6, 0.001, 0.3])
+def test_a_standing_robot_steers_no_farther_than_its_linkage(drive, beyond_rad):
+    for side in (1.0, -1.0):
+        measured_rad = side * (drive.steering_max_rad + beyond_rad)
+        kept_rad = drive.inverse(0.0, 0.0, measured_rad).steering_rad
+        assert kept_rad == side * drive.steering_max_rad
+
+
+@pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
 def test_a_standing_robot_keeps_its_steering(drive):
     assert drive.inverse(0.0, 1.0, 0.21) == (0.0, 0.0, 0.21)
 
