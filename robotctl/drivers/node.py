@@ -90,6 +90,7 @@ class Node:
         elif self.phase is Phase.WAKING and state == NMT_PRE_OPERATIONAL:
             self._identify()
         elif self.phase is Phase.READY and state != NMT_OPERATIONAL:
+            self._boots += 1  # its boot-up was lost, or somebody has put it out of service
             self._begin()
         self._refresh()
 
@@ -118,6 +119,13 @@ class Node:
         self._sdo.start(request)
         self.busy = True
         return True
+
+    def withdraw(self) -> None:
+        """Give up a transfer beside the script."""
+        if self._extra is not None:
+            self._sdo.cancel()
+            self._extra = None
+            self.busy = False
 
     def poll(self, now_ns: int) -> tuple[int, bytes] | None:
         """Return the one frame to send now, if any; `sent` says that the bus took it."""

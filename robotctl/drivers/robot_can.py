@@ -241,6 +241,7 @@ class CanRobot:
         return on_sonars
 
     def _on_emergency_stop(self, data: bytes, _: int) -> None:
+        self._leave_latches()
         source = _SOURCES.get(data[0]) if data else None
         self._emergency_stop = EmergencyStopSource.UNKNOWN if source is None else source
 
@@ -293,6 +294,7 @@ class CanRobot:
 
     def emergency_stop(self, source: EmergencyStopSource) -> None:
         """Send the emergency stop at once; where the bus does not take it, again each tick."""
+        self._leave_latches()
         taken = self._port.send(self._codec.emergency_stop_id, bytes((source,)))
         self._stop_source = None if taken else source
 
@@ -303,6 +305,11 @@ class CanRobot:
         a wish that waits could come true when nobody expects it.
         """
         self._clear_wanted = True
+
+    def _leave_latches(self) -> None:
+        """Forget a wish to clear faults: who had it did not know of the emergency stop."""
+        self._clear_wanted = False
+        self._drive.withdraw()
 
     def close(self) -> None:
         """Say that the motors are off, then release the bus. Closing twice does nothing."""
