@@ -250,10 +250,10 @@ class SocketPort:
         """Take frames of SocketCAN; their CLOCK_REALTIME stamps become monotonic ones.
 
         Where the wall clock has been set since the last drain, stamps mean nothing and the present
-        time takes their place. Leaves by `BlockingIOError` when there are no more.
+        time takes their place. Frames that waited for long stay old. Leaves by `BlockingIOError`
+        when there are no more.
         """
-        offset_ns = time.time_ns() - time.monotonic_ns()
-        steady = abs(offset_ns - self._offset_ns) < _MAX_CLOCK_STEP_NS
+        steady, offset_ns = self._is_steady(), time.time_ns() - time.monotonic_ns()
         self._offset_ns = offset_ns
         buffers = [self._buffer]
         for _ in range(DRAIN_LIMIT):
@@ -262,16 +262,21 @@ class SocketPort:
             if ancillary and steady:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
                 stamp_ns = seconds * 1_000_000_000 + nanoseconds - offset_ns
+                if stamp_ns < now_ns - _MAX_AGE_NS:  # a process that stood for long, or the clock
+                    steady = self._is_steady()
+                    stamp_ns = stamp_ns if steady else now_ns
             self._take(now_ns, stamp_ns, frames)
+
+    def _is_steady(self) -> bool:
+        """Return whether the wall clock has gone on evenly since frames were last taken."""
+        return abs(time.time_ns() - time.monotonic_ns() - self._offset_ns) < _MAX_CLOCK_STEP_NS
 
     def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
         """Keep the frame in the buffer if it is wanted; note it if it is an error frame."""
         can_id, length, data = _FRAME.unpack_from(self._buffer)
         if can_id in self._wanted:
-            if not now_ns - _MAX_AGE_NS < stamp_ns <= now_ns:
-                stamp_ns = now_ns
             self._meter.bits += FRAME_BITS[min(length, 8)]
-            frames.append(Frame(can_id, data[:length], stamp_ns))
+            frames.append(Frame(can_id, data[:length], min(stamp_ns, now_ns)))
         elif can_id & CAN_ERR_FLAG:
             meter = self._meter
             meter.error_frames += 1
