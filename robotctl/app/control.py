@@ -191,13 +191,15 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     for sentence in (*notes, *ring_notes, *refused):
         print(f"robotctl: {sentence}", file=sys.stderr)  # noqa: T201
         publisher.send(Notice(clock.now_ns(), _SEVERITY_WARNING, sentence))
+    in_order = False
     try:
         loop.run(ticker, stopped)
+        in_order = True
     finally:
         robot.close()
         loop.refresh(whole=True)
         publisher.send(core.snapshot(clock.now_ns(), loop.statistics()))
-        if ring is not None:
+        if ring is not None and in_order:  # else what led here is wanted
             ring.close()
         publisher.close()
         context.destroy(linger=200)

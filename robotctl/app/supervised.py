@@ -69,9 +69,9 @@ class Exit:
     Parameters
     ----------
     name, pid
-        Which process.
+        Which process; pid 0: it could not be started.
     status
-        Exit status; -n after signal n.
+        Exit status; -n after signal n; errno where it could not be started.
     hung
         It was killed because it showed no progress.
     was_ready
@@ -100,7 +100,7 @@ class Exit:
         """Return a line for people."""
         if self.asked:
             return f"{self.name} begins anew"
-        how = status_words(self.status)
+        how = status_words(self.status) if self.pid else f"not started: {os.strerror(self.status)}"
         if self.hung:
             how = f"it hung, {how}" if self.was_ready else f"it did not get ready, {how}"
         line = f"{self.name} ended after {self.ran_s:.1f} s ({how}); "
@@ -152,8 +152,9 @@ class Supervised:
 
     @property
     def beats(self) -> int:
-        """Rounds of work in this life, as of the last `step`."""
-        return self._beats
+        """Rounds of work in this life up to now; without a process, up to the end of the last."""
+        monitor = self._monitor
+        return self._beats if monitor is None else monitor.count()
 
     def start(self, now_s: float) -> None:
         """Start the process."""
@@ -176,12 +177,22 @@ class Supervised:
         process = self._process
         if process is None:
             if self.phase is Phase.WAITING and now_s >= self._due_s:
-                self.start(now_s)
+                return self._start_again(now_s)
             return None
         status = process.poll()
         if status is not None:
             return self._ended(process.pid, status, now_s)
         self._look_for_progress(process, now_s)
+        return None
+
+    def _start_again(self, now_s: float) -> Exit | None:
+        """Start the next life; where memory or descriptors are short, that life has ended."""
+        try:
+            self.start(now_s)
+        except OSError as error:
+            self.phase = Phase.STARTING
+            self._started_s, self._hung, self._renewed = now_s, False, False
+            return self._ended(0, error.errno or 0, now_s)
         return None
 
     def _look_for_progress(self, process: subprocess.Popen[bytes], now_s: float) -> None:
@@ -203,7 +214,7 @@ class Supervised:
     def _ended(self, pid: int, status: int, now_s: float) -> Exit:
         """Take leave of a process that ended and plan its next life."""
         was_ready = self.phase is Phase.READY
-        beats = self._beats if self._monitor is None else self._monitor.count()
+        beats = self.beats
         self._forget()
         delay_s = 0.0 if self._renewed else self._budget.spend(now_s)
         self.phase = Phase.GIVEN_UP if delay_s is None else Phase.WAITING
@@ -224,9 +235,9 @@ class Supervised:
     def _forget(self) -> None:
         """Release what belongs to one life."""
         self._process = None
-        if self._monitor is not None:
-            self._monitor.close()
-            self._monitor = None
+        monitor, self._monitor = self._monitor, None
+        if monitor is not None:
+            monitor.close()
 
     def signal(self, number: int) -> bool:
         """Send a signal; return whether there was a process to take it."""

@@ -8,8 +8,9 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from robotctl.app import flight
+from robotctl.app import control, flight
 from robotctl.app.config import find_file, load_robot
+from robotctl.app.fitness import Fitness
 from robotctl.app.flight import AFTERMATH_NS, MOST_DUMPS, FlightDumps, RecordCopy
 from robotctl.app.log_folder import LogConfig, LogFolder
 from robotctl.app.options import StackOptions
@@ -276,3 +277,38 @@ def test_dumps_are_named_by_wall_time_in_utc(tmp_path: Path, loop: Loop) -> None
     dumps.close()
     (file,) = (tmp_path / "flights").iterdir()
     assert file.match("fault-20[0-9][0-9][01][0-9][0-3][0-9]T[0-9]*Z.rec")
+
+
+def test_a_defect_in_the_loop_leaves_the_ring_for_the_next_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Robot:
+        """No feedback, no motors."""
+
+        is_closed = False
+
+        def receive(self, _: int) -> Feedback:
+            return Feedback()
+
+        def send(self, *_: object) -> None:
+            pass
+
+        def close(self) -> None:
+            self.is_closed = True
+
+    def step(core: ControlCore, inputs: Inputs, now_ns: int) -> object:
+        assert core._ticks < 50, "a defect"
+        return sound(core, inputs, now_ns)
+
+    robot, sound = Robot(), ControlCore.step
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(control, "make_robot", lambda *_: robot)
+    monkeypatch.setattr(control, "acquire_realtime", lambda _: [])
+    monkeypatch.setattr(control, "rehearse", lambda *_: True)
+    monkeypatch.setattr(ControlCore, "step", step)
+    with pytest.raises(AssertionError, match="a defect"):
+        control.run(CONFIG, OPTIONS, Fitness())
+    assert robot.is_closed
+    path = ring_path(OPTIONS.instance)
+    assert path.exists()
+    path.unlink()

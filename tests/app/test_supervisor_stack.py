@@ -1,6 +1,7 @@
 """The real processes of a robot on a simulated bus without nodes: killed, hung, told to stop."""
 
 import contextlib
+import errno
 import itertools
 import json
 import os
@@ -212,6 +213,38 @@ def test_an_emergency_stop_during_a_restart_of_control_is_carried_out_by_the_new
     stack.emergency_stop()
     watch_until(stack, lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
     assert stack.starts(CONTROL) == 2
+
+
+def test_an_emergency_stop_that_a_hanging_control_did_not_hear_goes_to_the_next_one(
+    stack: Stack, ear: Ear
+) -> None:
+    watch_until(stack, lambda: stack.ready, "ready")
+    stack.watch()
+    for _ in range(5):  # it goes on after the supervisor's last look, and hangs then
+        wait(ear.newest, "control says what it does")
+    os.kill(stack.pid(CONTROL), signal.SIGSTOP)
+    stack.emergency_stop()
+    stack.watch()
+    os.kill(stack.pid(CONTROL), signal.SIGKILL)
+    watch_until(stack, lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
+    assert stack.starts(CONTROL) == 2
+
+
+def test_what_cannot_be_started_again_for_want_of_memory_ends_nothing_else(
+    stack: Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch_until(stack, lambda: stack.ready, "ready")
+
+    def no_memory(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    monkeypatch.setattr("robotctl.app.supervised.start_child", no_memory)
+    os.kill(stack.pid(TELEMETRY), signal.SIGKILL)
+    lines = watch_until(
+        stack, lambda: stack.phase(TELEMETRY) is Phase.GIVEN_UP, "telemetry is given up"
+    )
+    assert any("telemetry" in line and "Cannot allocate memory" in line for line in lines), lines
+    assert stack.phase(CONTROL) is Phase.READY
 
 
 def test_an_emergency_stop_during_the_very_start_is_carried_out(stack: Stack, ear: Ear) -> None:
