@@ -311,7 +311,17 @@ def test_intervals_may_be_off_default_or_clamped_to_what_steps_allow(bench, inte
 
 
 @pytest.mark.parametrize(
-    "params", [(33, 1000), (math.nan, 1000), (30, math.nan), (30.5, 1000), (30, -2), (30, 1e12)]
+    "params",
+    [
+        (33, 1000),
+        (math.nan, 1000),
+        (30, math.nan),
+        (30.5, 1000),
+        (30, -2),
+        (30, 2**31),
+        (30, 3e9),
+        (30, 1e12),
+    ],
 )
 def test_intervals_of_foreign_messages_and_nonsense_are_denied(bench, params):
     bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, *params)
@@ -329,6 +339,14 @@ def test_the_interval_can_be_asked_for(bench):
     results = [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"]
     assert intervals == [100_000, 0]
     assert results == [0, 0, common.MAV_RESULT_DENIED]
+
+
+def test_the_longest_interval_can_be_asked_for(bench):
+    longest_us = 2**31 - 128  # the last 32 bit float that a signed 32 bit integer holds
+    bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 30, longest_us)
+    bench.command(common.MAV_CMD_GET_MESSAGE_INTERVAL, 30)
+    bench.step()
+    assert [m.interval_us for m in bench.messages("MESSAGE_INTERVAL")] == [longest_us]
 
 
 def test_long_notices_go_out_in_chunks_that_the_definition_asks_for(bench):
