@@ -21,6 +21,7 @@ leads to a degraded mode: each stops the robot.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
@@ -305,7 +306,8 @@ class Plausibility:
             wheel.reset()
         self._pair = Standing()
         self._steering = Standing()
-        self._jumps, self._jumps_ns = -1, 0
+        self._jumps = -1
+        self._jumped_ns: deque[int] = deque(maxlen=JUMPS)
         self._latch_us, self._host_ns = -1, 0
         self._drive_us = self._elapsed_ns = 0
 
@@ -396,11 +398,13 @@ class Plausibility:
         return first and abs(other.electrical_rad_s - one.counted_rad_s) <= one.tolerance_rad_s
 
     def _check_jumps(self, jumps: int, now_ns: int) -> None:
-        """Count impossible jumps within a second."""
-        if self._jumps < 0 or now_ns - self._jumps_ns > _SECOND_NS:
-            self._jumps, self._jumps_ns = jumps, now_ns
-        elif jumps - self._jumps >= JUMPS:
-            self._say(f"encoder counts jump: {jumps - self._jumps} times within a second")
+        """Look whether the last `JUMPS` impossible jumps came within a second."""
+        if self._jumps >= 0:
+            last_ns = self._jumped_ns
+            last_ns.extend([now_ns] * min(jumps - self._jumps, JUMPS))
+            if len(last_ns) == JUMPS and last_ns[-1] - last_ns[0] <= _SECOND_NS:
+                self._say(f"encoder counts jump: {JUMPS} times within a second")
+        self._jumps = jumps
 
     def take_drive(self, drive: DriveStatus, command: WheelCommand) -> None:
         """Compare the steering with what it was told, `command`."""

@@ -227,13 +227,30 @@ def test_three_jumps_within_a_second_are_a_fault_and_two_are_none() -> None:
         assert fault == "encoder counts jump: 3 times within a second"
 
 
-def test_jumps_are_counted_anew_after_a_second() -> None:
+@pytest.mark.parametrize("first_ms", [0, 990, 1990])
+def test_three_jumps_are_found_wherever_their_second_begins(first_ms: int) -> None:
     robot = Robot()
-    robot.sees((8.0, 8.0), jumps=0)
-    assert robot.sees((8.0, 8.0), jumps=5, lasts_ns=1000 * MS + 1) == ""
-    assert robot.sees((8.0, 8.0), jumps=7, lasts_ns=1000 * MS) == ""
-    fault = robot.sees((8.0, 8.0), jumps=9, lasts_ns=0)
-    assert fault == "encoder counts jump: 4 times within a second"
+    robot.sees((8.0, 8.0), lasts_ns=first_ms * MS)
+    assert robot.sees((8.0, 8.0), jumps=1, lasts_ns=10 * MS) == ""
+    assert robot.sees((8.0, 8.0), jumps=2, lasts_ns=500 * MS) == ""
+    fault = robot.sees((8.0, 8.0), jumps=3, lasts_ns=500 * MS)
+    assert fault == "encoder counts jump: 3 times within a second"
+
+
+def test_jumps_farther_apart_are_no_fault() -> None:
+    robot = Robot()
+    robot.sees((8.0, 8.0))
+    for number in range(1, 20):
+        assert robot.sees((8.0, 8.0), jumps=number, lasts_ns=500 * MS + 1) == ""
+    fault = robot.sees((8.0, 8.0), jumps=21, lasts_ns=1000 * MS)
+    assert fault == "encoder counts jump: 3 times within a second"
+
+
+def test_many_jumps_at_once_are_a_fault_and_say_so_once() -> None:
+    robot = Robot()
+    robot.sees((8.0, 8.0))
+    fault = robot.sees((8.0, 8.0), jumps=1000, lasts_ns=10 * MS)
+    assert fault == "encoder counts jump: 3 times within a second"
 
 
 def test_the_first_fault_stays_until_the_robot_is_armed_again() -> None:
