@@ -53,8 +53,9 @@ HEARTBEAT_BASE: Final = 0x700
 DISABLE_FRAMES: Final = 3
 """How often `close` says that the motors are off."""
 
-_SILENCE_PERIODS = 10
-"""A protected message silent for so many periods starts anew."""
+_SILENCE_PERIODS = 12
+"""A protected message silent for so many periods starts anew: before its counter, of 15 values, may
+have gone round, and later than any feedback is let grow old (ten periods in a simulator)."""
 
 _STOPPED = WheelCommand(enable=False, brake=True)
 _SOURCES = {source.value: source for source in EmergencyStopSource}

@@ -149,3 +149,16 @@ def test_a_robot_stands_and_is_armed_with_its_steering_at_a_limit_between_steps_
     driven.tick(driven.request())
     driven.idle(1.0)
     assert driven.state == SafetyState.ARMED, driven.bench.snapshot().reason
+
+
+def test_a_loop_held_up_for_nearly_ten_periods_drives_on_where_ten_are_allowed():
+    """What comes first behind the pause is no older than the sender made it, and is believed."""
+    robot = Robot(overrides=("safety.feedback_timeout_periods=10",))
+    robot.drive(1.0, 0.4)
+    period_ns = robot.bench.period_ns
+    for _ in range(3):
+        late_ns = robot.now_ns + 9 * period_ns
+        robot.simulation.advance(late_ns)
+        robot.bench.clock.sleep_until(late_ns)
+        robot.drive(0.3, 0.4)
+    assert robot.state == SafetyState.DRIVING, robot.bench.snapshot().reason
