@@ -69,7 +69,7 @@ def conflicts(files: Sequence[ServiceFile], root: Path) -> list[str]:
     problems = []
     for file in files:
         found = _digest(root / file.path)
-        if found is None or found in {_digest_of(file.text), manifest.files.get(str(file.path))}:
+        if found is None or found in {_digest_of(file.data), manifest.files.get(str(file.path))}:
             continue
         known = str(file.path) in manifest.files
         what = (
@@ -96,14 +96,14 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
     try:
         paths = [*(file.path for file in files), MANIFEST]
         made = [str(folder.relative_to(root)) for folder in _make_folders(paths, root)]
-        wanted = {str(file.path): _digest_of(file.text) for file in files}
+        wanted = {str(file.path): _digest_of(file.data) for file in files}
         # The manifest first: an installation that is cut short can be taken back.
         manifest = Manifest(before.files | wanted, (*before.folders, *made))
         write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest)).decode())
         for file in files:
             lines.append(f"{_change(file, root)}  {root / file.path}")
             if not lines[-1].startswith("same"):
-                write_whole(root / file.path, file.text)
+                write_whole(root / file.path, file.data)
         stale = {path: digest for path, digest in before.files.items() if path not in wanted}
         removed, kept = _remove(stale, root)
         manifest = Manifest(wanted | {path: stale[path] for path in kept}, manifest.folders)
@@ -148,7 +148,7 @@ def _change(file: ServiceFile, root: Path) -> str:
     found = _digest(root / file.path)
     if found is None:
         return "new"
-    return "same" if found == _digest_of(file.text) else "replaced"
+    return "same" if found == _digest_of(file.data) else "replaced"
 
 
 def _remove(files: dict[str, str], root: Path) -> tuple[list[str], list[str]]:
@@ -201,9 +201,9 @@ def _digest(path: Path) -> str | None:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _digest_of(text: str) -> str:
-    """Return the SHA-256 of a text."""
-    return hashlib.sha256(text.encode()).hexdigest()
+def _digest_of(data: bytes) -> str:
+    """Return the SHA-256 of what is to be in a file."""
+    return hashlib.sha256(data).hexdigest()
 
 
 def _refusal(error: OSError) -> str:

@@ -25,8 +25,8 @@ class LocalisationMap:
     walls: WallMap | None
 
 
-def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
-    """Read a map: `.yaml` is a ROS map, anything else the file or name of a world.
+def find_map(name: str, beside: Path) -> Path:
+    """Return the file of a map: `.yaml` is a ROS map, anything else the file or name of a world.
 
     A relative path counts from the folder `beside`, that of the robot's file, then from the working
     directory.
@@ -34,15 +34,28 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     Raises
     ------
     ConfigError
-        If there is none, or it is wrong.
+        If there is none.
     """
     if not name:
         raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
     if name.endswith(_IMAGES):
         raise ConfigError(f"{name}: an image; needed is the map's .yaml that names it")
     here = beside / name
+    if here.is_file():
+        return here
+    return find_file(name, "maps", ".yaml") if name.endswith(_CELLS) else find_file(name, "worlds")
+
+
+def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
+    """Read the map that `find_map` finds.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or it is wrong.
+    """
+    path = find_map(name, beside)
     if name.endswith(_CELLS):
-        path = here if here.is_file() else find_file(name, "maps", ".yaml")
         return LocalisationMap(load_map(path), None)
-    walls = load_walls(here if here.is_file() else find_file(name, "worlds"))
+    walls = load_walls(path)
     return LocalisationMap(grid_of_walls(walls), walls)

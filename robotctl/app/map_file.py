@@ -77,6 +77,19 @@ def load_map(path: Path) -> GridMap:
     return GridMap(_cells(pixels, header)[::-1].copy(), header.resolution_m, header.origin)
 
 
+def image_of(path: Path) -> Path:
+    """Return the image that a map's yaml file names.
+
+    Raises
+    ------
+    ConfigError
+        If the yaml file is wrong; one line for each error, with file and key.
+    OSError
+        If it cannot be read.
+    """
+    return _header(path).image
+
+
 def save_map(prefix: Path, grid: GridMap) -> tuple[Path, Path]:
     """Write PREFIX.yaml and PREFIX.pgm; return their paths.
 

@@ -61,13 +61,20 @@ class PlaceWatch:
         return said
 
 
-def load_place_watch(
-    name: str, beside: Path, mounts: Sequence[SonarMount], area_m2: float
-) -> PlaceWatch | None:
-    """Return the watch for the places of a file; None where `name` is empty.
+def find_places(name: str, beside: Path) -> Path:
+    """Return the file of places, which may not be there.
 
     A relative path counts from the folder `beside`, that of the robot's file, then from the
     working directory.
+    """
+    here = beside / name
+    return here if here.is_file() else Path(name)
+
+
+def load_place_watch(
+    name: str, beside: Path, mounts: Sequence[SonarMount], area_m2: float
+) -> PlaceWatch | None:
+    """Return the watch for the places of the file that `find_places` finds; None without a name.
 
     Raises
     ------
@@ -80,5 +87,4 @@ def load_place_watch(
         raise ConfigError(
             f"localisation.places: {name}: places are recognised by sonars, and this robot has none"
         )
-    here = beside / name
-    return PlaceWatch(load_book(here if here.is_file() else Path(name)), mounts, area_m2)
+    return PlaceWatch(load_book(find_places(name, beside)), mounts, area_m2)

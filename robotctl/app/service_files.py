@@ -12,6 +12,8 @@ from robotctl.app.config import config_directory, load_robot
 from robotctl.app.doctor_can import QUEUE_FRAMES, RESTART_MS, sample_point
 from robotctl.app.pilot import load_mission
 from robotctl.errors import ConfigError
+from robotctl.planning.mission_check import check_mission
+from robotctl.planning.sonars import sonar_directions
 
 UNIT: Final = Path("etc/systemd/system/robotctl.service")
 ROBOT: Final = Path("etc/robotctl/robot.toml")
@@ -36,12 +38,20 @@ class ServiceFile:
     ----------
     path
         Where, relative to the root.
-    text
+    data
         What.
     """
 
     path: Path
-    text: str
+    data: bytes
+
+    @property
+    def text(self) -> str:
+        """What, for people; an image says its size alone."""
+        try:
+            return self.data.decode()
+        except UnicodeDecodeError:
+            return f"({len(self.data)} bytes, no text)"
 
 
 def service_files(
@@ -52,7 +62,8 @@ def service_files(
     Parameters
     ----------
     robot, mission
-        Configuration and mission; both are checked, and copied to /etc/robotctl.
+        Configuration and mission; both are checked, and copied to /etc/robotctl. So are the map
+        and the places that the configuration names by relative paths.
     executable
         The program `robotctl` that the service starts; absolute.
     processors
@@ -62,7 +73,12 @@ def service_files(
     ------
     ConfigError
         If one of them is wrong, or the robot has no SocketCAN bus.
+    MissionError
+        If the robot cannot drive the mission.
     """
+    # It loads numba.
+    from robotctl.app.localisation_files import files_beside  # noqa: PLC0415
+
     config = load_robot(robot)
     if config.can.interface != "socketcan":
         raise ConfigError(
@@ -70,7 +86,10 @@ def service_files(
             '"socketcan"'
         )
     if mission is not None:
-        load_mission(mission)
+        check_mission(load_mission(mission), config.drive, sonar_directions(config.sonar))
+    beside = {ROBOT.parent / name: data for name, data in files_beside(config, robot).items()}
+    if taken := beside.keys() & {ROBOT, MISSION}:
+        raise ConfigError(f"{robot}: the name {min(taken).name} is taken in /{ROBOT.parent}")
     channel = config.can.channel
     values = {
         "NAME": config.robot.name,
@@ -86,13 +105,13 @@ def service_files(
     }
     folder = config_directory() / "systemd"
     files = [
-        ServiceFile(target, fill((folder / name).read_text(), values))
+        ServiceFile(target, fill((folder / name).read_text(), values).encode())
         for name, target in _TARGETS.items()
     ]
-    files.append(ServiceFile(ROBOT, robot.read_text()))
+    files.append(ServiceFile(ROBOT, robot.read_bytes()))
     if mission is not None:
-        files.append(ServiceFile(MISSION, mission.read_text()))
-    return files
+        files.append(ServiceFile(MISSION, mission.read_bytes()))
+    return files + [ServiceFile(path, data) for path, data in beside.items()]
 
 
 def fill(template: str, values: dict[str, str]) -> str:

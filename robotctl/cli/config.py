@@ -21,11 +21,19 @@ def check(
     file: Annotated[str, typer.Argument(help="Robot file, or the name of one that comes along.")],
     overrides: Overrides = None,
 ) -> None:
-    """Check a robot's file as a whole; status 2 and one line for each error if it is wrong."""
+    """Check a robot's file as a whole, its map and its places; status 2 if something is wrong.
+
+    One line for each error.
+    """
     path = find_file(file)
     config = load_robot(path, overrides or ())
     if config.simulation:
         check_simulated_robot(path)
+    if config.localisation.map or config.localisation.places:
+        # It loads numba.
+        from robotctl.app.localisation_files import check_localisation  # noqa: PLC0415
+
+        check_localisation(config, path)
     print(
         f"{path}: {config.robot.name}, {config.drive.kind}, {len(config.sonar)} sonars, "
         f"{config.runtime.rate_hz} Hz: all keys are known and all values are allowed"

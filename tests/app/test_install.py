@@ -231,7 +231,7 @@ def test_a_file_changed_on_the_robot_is_not_overwritten_by_an_upgrade(
 ) -> None:
     install(files, tmp_path)
     (tmp_path / ROBOT).write_text("mine")
-    newer = [ServiceFile(file.path, file.text + "# newer\n") for file in files]
+    newer = [ServiceFile(file.path, file.data + b"# newer\n") for file in files]
     with pytest.raises(ConfigError, match="changed since"):
         install(newer, tmp_path)
     assert (tmp_path / ROBOT).read_text() == "mine"
@@ -243,7 +243,7 @@ def test_an_upgrade_replaces_unchanged_files_and_removes_what_it_no_longer_needs
 ) -> None:
     install(files, tmp_path)
     newer = [
-        ServiceFile(file.path, file.text + "# newer\n") for file in files if file.path != MISSION
+        ServiceFile(file.path, file.data + b"# newer\n") for file in files if file.path != MISSION
     ]
     lines = install(newer, tmp_path)
     assert sum(line.startswith("replaced") for line in lines) == len(newer)
