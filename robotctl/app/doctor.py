@@ -121,9 +121,10 @@ def _check_mavlink_link(link: LinkConfig) -> Finding:
     kind_of_socket = socket.SOCK_DGRAM if udp else socket.SOCK_STREAM
     try:
         (family, _, _, _, address), *_ = socket.getaddrinfo(host, port, type=kind_of_socket)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
         fix = f"correct {host}, or connect the network that knows it"
-        return fail("MAVLink", f"{link.url}: {error.strerror}", fix)
+        return fail("MAVLink", f"{link.url}: {reason}", fix)
     if kind.endswith("out"):
         return ok("MAVLink", f"{link.url}: sends to {address[0]} port {port}")
     with socket.socket(family, kind_of_socket) as listener:

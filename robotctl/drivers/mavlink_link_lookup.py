@@ -34,6 +34,8 @@ class HostLookup:
             self._answer = _look_up(host, port, kind, socket.AI_NUMERICHOST)
         except socket.gaierror:
             threading.Thread(target=self._ask, name=f"lookup {host}", daemon=True).start()
+        except UnicodeError as error:  # no name at all, such as one with two dots in a row
+            self._answer = OSError(f"{host}: {error}")
 
     def _ask(self) -> None:
         try:

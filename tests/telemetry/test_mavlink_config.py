@@ -61,6 +61,40 @@ def test_a_wrong_url_is_refused_with_all_allowed_forms(url, complaint):
     assert complaint in str(no.value)
 
 
+@pytest.mark.parametrize(
+    "host",
+    [
+        "192.168.1..20",
+        ".local",
+        ".",
+        "gcs..",
+        "a" * 64,
+        "gcs." + "a" * 64 + ".local",
+        "\u00fc" * 60,
+    ],
+)
+def test_a_host_that_cannot_be_one_is_refused_with_what_is_allowed(host):
+    link = LinkConfig(f"udpout:{host}:14550")
+    with pytest.raises(ValueError, match="is no host; allowed: an IPv4 or IPv6 address") as no:
+        MavlinkConfig(link=(LinkConfig("tcpin:127.0.0.1:5760"), link))
+    assert f'"{host}"' in str(no.value)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "udpout:gcs.local.:14550",
+        "udpout:[fe80::1%eth0]:14550",
+        "udpin:0.0.0.0:14550",
+        "tcpout:" + "a" * 63 + ".local:5760",
+        "tcpout:b\u00fcro.local:5760",
+        "serial:/dev/serial/by-id/" + "a" * 70 + "..b:57600",
+    ],
+)
+def test_hosts_that_may_exist_are_taken(url):
+    assert MavlinkConfig(link=(LinkConfig(url),)).link[0].url == url
+
+
 @given(st.text(max_size=40))
 def test_any_text_is_a_link_or_a_value_error(text):
     try:

@@ -425,6 +425,15 @@ def test_a_host_that_is_unknown_does_not_hold_up_the_other_links(party, udp, eve
     assert not robot.status(0).open
 
 
+@pytest.mark.parametrize("host", ["192.168.1..20", ".local", "a" * 64])
+@pytest.mark.parametrize("kind", ["udpout", "tcpout", "udpin", "tcpin"])
+def test_a_host_that_is_no_name_is_an_error_of_the_link(party, kind, host):
+    robot = party(f"{kind}:{host}:14550")
+    robot.step()
+    assert not robot.status().open
+    assert host in robot.status().last_error
+
+
 def test_the_descriptor_of_all_links_becomes_readable_when_something_comes(party, udp, eventually):
     robot = party("udpin:127.0.0.1:0", "tcpin:127.0.0.1:0")
     robot.step()
