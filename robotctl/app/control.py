@@ -20,6 +20,7 @@ from robotctl.app.robot import make_core, make_robot, record_header
 from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.errors import LinkError, RobotctlError
 from robotctl.runtime.checkpoint import checkpoint
+from robotctl.runtime.claim import claim
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
 from robotctl.runtime.flight_ring import FlightRing
@@ -171,7 +172,9 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     emergency = EmergencySignal()
     options, odometer_m, notes = continued(options)
     clock = RealClock()
-    endpoints = Endpoints(endpoint_directory(options.instance))
+    folder = endpoint_directory(options.instance)
+    claims = [claim(f"{config.can.interface} {config.can.channel}"), claim(str(folder))]
+    endpoints = Endpoints(folder)
     context = zmq.Context()
     publisher = Publisher(context, endpoints.control_state)
     requests = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
@@ -203,6 +206,8 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
             ring.close()
         publisher.close()
         context.destroy(linger=200)
+        for held in claims:
+            held.close()
 
 
 def main() -> int:

@@ -2,6 +2,7 @@
 
 import functools
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -307,7 +308,7 @@ def test_a_defect_in_the_loop_leaves_the_ring_for_the_next_start(
     monkeypatch.setattr(control, "rehearse", lambda *_: True)
     monkeypatch.setattr(ControlCore, "step", step)
     with pytest.raises(AssertionError, match="a defect"):
-        control.run(CONFIG, OPTIONS, Fitness())
+        control.run(replace(CONFIG, can=replace(CONFIG.can, channel="none")), OPTIONS, Fitness())
     assert robot.is_closed
     path = ring_path(OPTIONS.instance)
     assert path.exists()

@@ -263,6 +263,29 @@ def test_a_bad_configuration_ends_the_start_at_once(ear: Ear) -> None:
         stack.close()
 
 
+@pytest.mark.parametrize(("instance", "own_bus"), [("other", False), ("robot", True)])
+def test_a_second_robot_on_the_same_bus_or_of_the_same_name_is_refused_and_disturbs_nothing(
+    stack: Stack, ear: Ear, channel: str, capfd: pytest.CaptureFixture[str], instance: str,
+    own_bus: bool,
+) -> None:  # fmt: skip
+    watch_until(stack, lambda: stack.ready, "ready")
+    robot = str(find_file("diff_drive").resolve())
+    bus = f"{channel}-of-its-own" if own_bus else channel
+    second = Stack(StackOptions(instance, robot, overrides(bus)))
+    try:
+        with pytest.raises(StackError, match="control process did not start"):
+            wait(lambda: second.watch() and False, "never")
+    finally:
+        second.close()
+    told = capfd.readouterr().err
+    assert (str(endpoint_directory("robot")) if own_bus else f"simcan {channel}") in told
+    assert "another control process of this computer has it" in told
+    for _ in range(5):
+        wait(ear.newest, "the first one goes on")
+    assert stack.watch() == []
+    assert stack.ready
+
+
 class Run:
     """`robotctl run` on a terminal of its own."""
 

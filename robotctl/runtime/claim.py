@@ -1,0 +1,35 @@
+"""Claims: what only one process of this computer may have, such as the commands on a bus.
+
+A claim is an abstract Unix socket (unix(7)). Its name belongs to the network namespace, as CAN
+interfaces do, whoever the user is; the kernel gives it back when the process ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import socket
+
+from robotctl.errors import LinkError
+
+
+def claim(what: str) -> socket.socket:
+    """Claim `what` for as long as the returned socket is open.
+
+    Raises
+    ------
+    LinkError
+        If another process has it.
+    """
+    holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        holder.bind(f"\0robotctl-{hashlib.sha256(what.encode()).hexdigest()}")
+    except OSError as error:
+        holder.close()
+        if error.errno != errno.EADDRINUSE:
+            raise
+        raise LinkError(
+            f"{what}: another control process of this computer has it; end that one first "
+            "(a service: systemctl stop robotctl)"
+        ) from None
+    return holder
