@@ -24,7 +24,6 @@ from robotctl.app.map_sensors import LIDAR, MapSensors, sonar_name
 from robotctl.app.mapping import choose_scans
 from robotctl.app.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.estimation.free_space import free_poses
-from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
@@ -124,7 +123,9 @@ def _made(
         min_particles=min(most, config.min_particles),
     )
     try:
-        settings = LocalisationConfig(lidar=LikelihoodFieldConfig(beams=options.beams))
+        settings = options.sensors or LocalisationConfig()
+        if options.beams is not None:
+            settings = replace(settings, lidar=replace(settings.lidar, beams=options.beams))
         sensors = MapSensors(chart, recording.sonar_mounts, settings)
         free = free_poses(chart.grid)
         fewer = replace(config, max_particles=config.min_particles)

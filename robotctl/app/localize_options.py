@@ -12,6 +12,7 @@ import numpy as np
 
 from robotctl.app.recorded_motion import start_pose
 from robotctl.errors import ConfigError, RobotctlError
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.recording import Recording
@@ -51,7 +52,7 @@ class LocalizeOptions:
     particles
         Most particles; None: `TRACKING_PARTICLES`, or `SEARCHING_PARTICLES` for a search.
     beams
-        Beams weighed of each scan.
+        Beams weighed of each scan; None: as `sensors` says.
     scans
         See `mapping.choose_scans`.
     odometry_noise
@@ -61,6 +62,8 @@ class LocalizeOptions:
         Of everything random.
     mrclam_robot
         Which robot of a MRCLAM folder.
+    sensors
+        What particles know of lidar and sonars; None: the defaults.
 
     Raises
     ------
@@ -73,11 +76,12 @@ class LocalizeOptions:
     method: str = "mcl"
     search: bool = False
     particles: int | None = None
-    beams: int = 60
+    beams: int | None = None
     scans: str = "all"
     odometry_noise: tuple[float, float] = (0.0, 0.0)
     seed: int = 1
     mrclam_robot: int | None = None
+    sensors: LocalisationConfig | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -93,6 +97,8 @@ class LocalizeOptions:
             raise ConfigError("--method mcl needs --map MAP.yaml")
         if self.search and self.method != "mcl":
             raise ConfigError(f"--global needs --method mcl, found {self.method}")
+        if self.sensors is not None and self.method != "mcl":
+            raise ConfigError(f"--robot needs --method mcl, found {self.method}")
 
     @property
     def max_particles(self) -> int:

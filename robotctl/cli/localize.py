@@ -9,10 +9,13 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from robotctl.app.config import find_file, load_robot
 from robotctl.app.localize_options import LocalizeOptions
+from robotctl.cli.arguments import Overrides
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
 from robotctl.errors import ConfigError
+from robotctl.estimation.localisation_config import LocalisationConfig
 
 
 def localize(
@@ -36,7 +39,9 @@ def localize(
         int | None,
         typer.Option(min=1, help="Most particles: else 2000, with --global 20000."),
     ] = None,
-    beams: Annotated[int, typer.Option(min=1, help="Beams weighed of each scan.")] = 60,
+    beams: Annotated[
+        int | None, typer.Option(min=1, help="Beams weighed of each scan, else 60 or as --robot.")
+    ] = None,
     scans: Annotated[
         str, typer.Option(help="all, even or odd: by their place in the log, from 0.")
     ] = "all",
@@ -55,6 +60,10 @@ def localize(
     mrclam_robot: Annotated[
         int | None, typer.Option(min=1, help="Robot of a MRCLAM folder, else 1.")
     ] = None,
+    robot: Annotated[
+        str, typer.Option(help="Robot whose file describes lidar and sonars, else the defaults.")
+    ] = "",
+    overrides: Overrides = None,
 ) -> None:
     """Run a filter of the live robot on a recorded log, and compare with the log's reference.
 
@@ -62,7 +71,7 @@ def localize(
     """
     options = LocalizeOptions(
         log, map_file, method, search, particles, beams, scans, _sigmas(odometry_noise), seed,
-        mrclam_robot,
+        mrclam_robot, _sensors(robot, overrides),
     )  # fmt: skip
     check_files(out, report, plot=plot)
     console = Console(stderr=True, highlight=False)
@@ -86,6 +95,15 @@ def localize(
 
         write_file(plot, lambda file: save_plot(result, file))
     print(_sentence(result.report))
+
+
+def _sensors(robot: str, overrides: list[str] | None) -> LocalisationConfig | None:
+    """Return what the robot's file says of its sensors; None without a robot."""
+    if robot:
+        return load_robot(find_file(robot), tuple(overrides or ())).localisation
+    if overrides:
+        raise ConfigError(f"--set {overrides[0]}: needs --robot, whose keys it overrides")
+    return None
 
 
 def _sigmas(text: str) -> tuple[float, float]:

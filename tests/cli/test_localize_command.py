@@ -78,6 +78,28 @@ def test_the_same_seed_gives_the_same_file_and_another_seed_another(room):
     assert texts[0] == texts[1] != texts[2]
 
 
+def test_a_robots_file_says_what_its_lidar_is_like(room):
+    folder, _ = room
+    patched = ("--robot", "diff_drive", "--set")
+    for name, words in (
+        ("default", ()),
+        ("robot", ("--robot", "diff_drive")),
+        ("fewer", (*patched, "localisation.lidar.beams=12")),
+        ("asked", ("--beams", "12")),
+        ("both", (*patched, "localisation.lidar.beams=30", "--beams", "12")),
+        ("coarser", (*patched, "localisation.lidar.sigma_m=0.4")),
+    ):
+        result, _, _ = run(folder, *on_map(folder), *words, name=name)
+        assert result.exit_code == 0, result.output
+
+    def text(name):
+        return (folder / f"{name}.tum").read_bytes()
+
+    assert text("robot") == text("default")
+    assert text("fewer") == text("asked") == text("both") != text("default")
+    assert text("coarser") != text("default")
+
+
 def test_a_global_start_finds_the_place(room):
     folder, truth = room
     _, report, rows = run(folder, *on_map(folder), "--global", "--particles", "5000")
@@ -242,6 +264,9 @@ def test_the_ekf_follows_a_real_robot_among_nameless_cylinders(recordings, tmp_p
         (("--map", "MAP", "--odometry-noise", "0.1,-1"), "two finite numbers >= 0 allowed"),
         (("--method", "ekf", "--global"), "--global needs --method mcl, found ekf"),
         (("--method", "ekf"), "no sightings of landmarks in it"),
+        (("--method", "ekf", "--robot", "diff_drive"), "--robot needs --method mcl, found ekf"),
+        (("--map", "MAP", "--set", "a=1"), "--set a=1: needs --robot, whose keys it overrides"),
+        (("--map", "MAP", "--robot", "dif_drive"), "diff_drive"),
         (("--map", "MAP", "--report", "/nowhere/r.json"), "the folder /nowhere does not exist"),
         (("--map", "MAP", "--plot", "a.txt"), "the suffix must be one of .png"),
     ],
