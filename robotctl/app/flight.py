@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from robotctl.app.log_folder import LogFolder
+from robotctl.app.log_folder import LogFolder, close_log
 from robotctl.runtime.flight_ring import Part, RingReader, crashed, dump
 from robotctl.runtime.messages import ControlState
 from robotctl.runtime.recorder import RecordError
@@ -76,12 +76,13 @@ class RecordCopy:
         return self._file
 
     def close(self) -> None:
-        """Let go of ring and file."""
-        if self._reader is not None:
-            self._reader.close()
-        if self._file is not None:
-            self._file.close()
+        """Let go of ring and file; raises OSError where the disk refuses."""
+        reader, file = self._reader, self._file
         self._reader, self._last, self._file = None, None, None
+        if reader is not None:
+            reader.close()
+        if file is not None:
+            close_log(file)
 
 
 class FlightDumps:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import IO, Any, Final
 
 from robotctl.errors import RobotctlError
 
@@ -81,6 +82,12 @@ class LogFolder:
         ]
         return self.directory / f"{kind}-{max(numbers, default=0) + 1:04d}.{suffix}"
 
+    def remove_empty(self) -> None:
+        """Remove logs in which nothing arrived: a disk was full."""
+        for path in self.directory.iterdir():
+            if _LOG.fullmatch(path.name):
+                _remove_if_empty(path)
+
     def trim(self, keep: Collection[Path] = ()) -> None:
         """Remove the oldest logs, but those in `keep`, until the rest is within the bound."""
         files = []
@@ -95,3 +102,24 @@ class LogFolder:
             if path not in keep:
                 path.unlink(missing_ok=True)
                 total -= size
+
+
+def close_log(file: IO[Any]) -> None:
+    """Close a log and remove it if nothing arrived in it, as on a full disk.
+
+    Raises
+    ------
+    OSError
+        If the disk refuses what was still to be written; the file is closed nevertheless.
+    """
+    try:
+        file.close()
+    finally:
+        _remove_if_empty(Path(file.name))
+
+
+def _remove_if_empty(path: Path) -> None:
+    """Remove a file of no bytes; where that is refused it stays."""
+    with suppress(OSError):
+        if path.stat().st_size == 0:
+            path.unlink()

@@ -7,7 +7,7 @@ from typing import BinaryIO, Final, TextIO
 
 import can
 
-from robotctl.app.log_folder import LogFolder
+from robotctl.app.log_folder import LogFolder, close_log
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.candump import CandumpReader
 from robotctl.telemetry.mcap_log import McapLog, McapLogError, Published, is_complete, recover
@@ -58,9 +58,13 @@ class StateLog:
         """Complete the file; raises OSError where the disk refuses."""
         log, file = self._log, self._file
         self._log = self._file = None
-        if log is not None and file is not None:
-            with file:
+        if file is None:
+            return
+        try:
+            if log is not None:
                 log.close()
+        finally:
+            close_log(file)
 
 
 class BusLog:
@@ -131,11 +135,15 @@ class BusLog:
         self._leave()
         file, self._file = self._file, None
         if file is not None:
-            file.close()
+            close_log(file)
 
 
 def recover_all(folder: LogFolder) -> tuple[str, ...]:
-    """Complete the MCAP logs that a kill or a power cut left open; return a sentence for each."""
+    """Complete the MCAP logs that a kill or a power cut left open; return a sentence for each.
+
+    Files without a byte, of any log, are removed.
+    """
+    folder.remove_empty()
     notes = []
     for path in sorted(folder.directory.glob("robot-*.mcap")):
         try:
