@@ -18,7 +18,7 @@ from robotctl.planning.pursuit import (
     reachable_curvature,
     turn_rate,
 )
-from robotctl.planning.situation import Situation, Step, done, failed
+from robotctl.planning.situation import Situation, Step, Stopwatch, done, failed
 
 _REACH_AGAIN = 1.15
 """Backing up for a point out of reach goes on until it is reachable with this share to spare."""
@@ -182,14 +182,13 @@ class Wait:
 
     def reset(self) -> None:
         """Begin to wait with the next step."""
-        self._since_ns: int | None = None
+        self._watch = Stopwatch()
 
     def pause(self) -> None:
         """Keep the time waited."""
+        self._watch.pause()
 
     def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
         """Return a stop; done when the time is over."""
-        if self._since_ns is None:
-            self._since_ns = now_ns
-        left_ns = self._since_ns + self._duration_ns - now_ns
+        left_ns = self._duration_ns - self._watch.step(now_ns)
         return done() if left_ns <= 0 else Step(0.0, 0.0, text=f"{left_ns / 1e9:.0f} s to wait")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robotctl.planning.behaviours import FollowPath
 from robotctl.planning.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
-from robotctl.planning.situation import Behaviour, Situation, Status, Step, failed
+from robotctl.planning.situation import Behaviour, Situation, Status, Step, Stopwatch, failed
 
 _STANDSTILL_M_S = 0.03
 """Where the guard allows less, the robot stands."""
@@ -50,7 +50,7 @@ class Guarded:
         self._guard = guard
         self._blocked_max_ns = round(config.blocked_max_s * 1e9)
         self._time_out_s = time_out_s
-        self._start_ns: int | None = None
+        self._watch = Stopwatch()
         self._blocked_ns: int | None = None
 
     @property
@@ -67,27 +67,27 @@ class Guarded:
     def reset(self) -> None:
         """Start anew."""
         self._behaviour.reset()
-        self._start_ns = None
+        self._watch = Stopwatch()
         self._blocked_ns = None
 
     def pause(self) -> None:
-        """Somebody else steers for a while."""
+        """Somebody else steers for a while, which takes none of the behaviour's time."""
         self._behaviour.pause()
+        self._watch.pause()
         self._blocked_ns = None
 
     def retry(self) -> None:
         """Go on after a failure from wherever the robot is, with all the time anew."""
         self.pause()
-        self._start_ns = None
+        self._watch = Stopwatch()
 
     def step(self, situation: Situation, now_ns: int) -> Step:
         """Return what the behaviour wants, as far as obstacles and time allow it."""
-        if self._start_ns is None:
-            self._start_ns = now_ns
+        spent_ns = self._watch.step(now_ns)
         step = self._behaviour.step(situation, now_ns)
         if step.status is not Status.RUNNING:
             return step
-        if self._time_out_s is not None and now_ns - self._start_ns > self._time_out_s * 1e9:
+        if self._time_out_s is not None and spent_ns > self._time_out_s * 1e9:
             return failed(f"not done after {self._time_out_s:g} s ({step.text})")
         step, allowed = limited(step, self._guard)
         if allowed.v_max_m_s >= _STANDSTILL_M_S:

@@ -58,3 +58,22 @@ class Behaviour(Protocol):
 
     def step(self, situation: Situation, now_ns: int) -> Step:
         """Return what to do at `now_ns`, a clock that stands still while the robot is paused."""
+
+
+class Stopwatch:
+    """Time spent in steps: it stands still from a pause to the next step."""
+
+    def __init__(self) -> None:
+        self._spent_ns = 0
+        self._last_ns: int | None = None
+
+    def pause(self) -> None:
+        """Stop until the next step."""
+        self._last_ns = None
+
+    def step(self, now_ns: int) -> int:
+        """Return the time spent up to this step [ns]."""
+        if self._last_ns is not None:
+            self._spent_ns += now_ns - self._last_ns
+        self._last_ns = now_ns
+        return self._spent_ns

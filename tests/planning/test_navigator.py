@@ -11,6 +11,7 @@ from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
 from robotctl.planning.mission import (
     DriveItem,
+    GoToItem,
     Mission,
     StartPose,
     TurnToItem,
@@ -186,6 +187,30 @@ def test_an_interrupted_mission_goes_on_where_it_was_left(robot, make_run):
     run.until(lambda out: out.mission_completed, 10.0)
     assert (run.now_ns - before) / 1e9 < 6.0
     assert min(pose.x_m for pose in run.trace[-40:]) > 2.0
+
+
+@pytest.mark.parametrize("other", [HOLD, MANUAL], ids=["hold", "manual"])
+def test_time_in_another_mode_is_no_time_of_the_item(robot, make_run, other):
+    way = GoToItem("go_to", 4.0, 1.0, name="away", time_out_s=30.0)
+    run = make_run(robot, mission=mission(WaitItem("wait", 20.0), way))
+    run.step(AUTO)
+    for _ in range(20):
+        run.step()
+    run.step(other)
+    for _ in range(20 * 40):
+        run.step()
+    run.step(AUTO)
+    began_ns = run.now_ns
+    run.until(lambda out: out.item == 1, 25.0)
+    assert run.now_ns - began_ns == pytest.approx(19e9, abs=0.2e9)
+    for _ in range(20):
+        run.step()
+    run.step(other)
+    for _ in range(20 * 40):
+        run.step()
+    run.step(AUTO)
+    out = run.until(lambda out: out.mission_completed or out.mission_failed, 29.0)
+    assert out.mission_completed, out.message
 
 
 @pytest.mark.parametrize("mode", [AUTO, RTL])
