@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from robotctl.app.log_folder import LogFolder, close_log
-from robotctl.runtime.flight_ring import Part, RingReader, crashed, dump
+from robotctl.runtime.flight_ring import Part, RingReader, crashed, dump, remove_parts
 from robotctl.runtime.messages import ControlState
 from robotctl.runtime.recorder import RecordError
 from robotctl.runtime.safety import LATCHED
@@ -18,6 +18,8 @@ AFTERMATH_NS: Final = 1_000_000_000
 
 MOST_DUMPS: Final = 20
 """Older dumps are removed."""
+
+_KINDS: Final = ("fault", "crash")
 
 
 class RecordCopy:
@@ -96,7 +98,8 @@ class FlightDumps:
     ring
         The ring's file.
     directory
-        Where to; made where it is missing.
+        Where to; made where it is missing. Dumps that a dead recorder left half written are
+        removed there.
     """
 
     def __init__(self, ring: Path, directory: Path) -> None:
@@ -104,6 +107,8 @@ class FlightDumps:
         self._directory = directory
         self._latched = False
         self._due_ns: int | None = None
+        for kind in _KINDS:
+            remove_parts(directory, f"{kind}-*.rec")
 
     def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
         """Take in what was published; return a sentence for each dump or its failure."""
@@ -145,7 +150,7 @@ class FlightDumps:
             self._directory.mkdir(parents=True, exist_ok=True)
             dump(ring, target)
             dumps = sorted(
-                (*self._directory.glob("fault-*.rec"), *self._directory.glob("crash-*.rec")),
+                (path for each in _KINDS for path in self._directory.glob(f"{each}-*.rec")),
                 key=lambda path: path.stat().st_mtime_ns,
             )
             for old in dumps[:-MOST_DUMPS]:

@@ -41,6 +41,7 @@ _HEAD: Final = struct.Struct("<24sIII")
 _HEAD_SIZE: Final = 1 << 16
 _SEGMENT_HEAD: Final = struct.Struct("<QQ")
 _SEQUENCE: Final = struct.Struct("<Q")
+_PART: Final = ".part"
 _RESERVE: Final = 1 << 15
 """A segment with less room is full: the longest tick needs less."""
 
@@ -265,6 +266,8 @@ def remove_old(folder: Path) -> None:
 def dump(ring: Path, target: Path) -> None:
     """Write a ring as a record; the target appears when it is whole and on the disk.
 
+    Until then it is `TARGET.part`, locked while its writer lives, and removed where that fails.
+
     Raises
     ------
     RecordError
@@ -275,13 +278,27 @@ def dump(ring: Path, target: Path) -> None:
     reader = RingReader(ring)
     try:
         parts = reader.read()
-        part_file = target.with_name(f"{target.name}.part")
-        with part_file.open("wb") as file:
-            file.write(reader.header)
-            for part in parts:
-                file.write(part.data)
-            file.flush()
-            os.fsync(file.fileno())
-        part_file.rename(target)
+        part_file = target.with_name(f"{target.name}{_PART}")
+        try:
+            with part_file.open("wb") as file:
+                with suppress(OSError):  # some network disks know no locks
+                    fcntl.flock(file, fcntl.LOCK_EX)
+                file.write(reader.header)
+                for part in parts:
+                    file.write(part.data)
+                file.flush()
+                os.fsync(file.fileno())
+                part_file.rename(target)
+        except OSError:
+            part_file.unlink(missing_ok=True)
+            raise
     finally:
         reader.close()
+
+
+def remove_parts(folder: Path, pattern: str) -> None:
+    """Remove what dumps to targets like `pattern` left when their writer died."""
+    for path in folder.glob(f"{pattern}{_PART}"):
+        with suppress(OSError):  # it ended just now, or may not be removed
+            if not is_written(path):
+                path.unlink()

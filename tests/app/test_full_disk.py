@@ -1,5 +1,6 @@
 """A disk without room: nothing is left lying about, and what was stopped goes on when there is."""
 
+import fcntl
 import functools
 import resource
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ import msgspec
 import pytest
 
 from robotctl.app.config import find_file, load_robot
+from robotctl.app.flight import FlightDumps
 from robotctl.app.log_folder import LogConfig, LogFolder
 from robotctl.app.logs import BusLog, StateLog, recover_all
 from robotctl.app.options import StackOptions
@@ -20,7 +22,7 @@ from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import Inputs
 from robotctl.runtime.flight_ring import FlightRing
-from robotctl.runtime.messages import Feedback, LoopStatistics
+from robotctl.runtime.messages import Feedback, LoopStatistics, SafetyState
 from robotctl.runtime.topics import ring_path
 
 OPTIONS = StackOptions("robot", str(find_file("diff_drive").resolve()))
@@ -118,3 +120,35 @@ def test_empty_logs_of_a_disk_that_was_full_go_at_the_next_start_without_a_word(
     (note,) = recover_all(folder)
     assert "robot-0003.mcap" in note
     assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "robot-0003.mcap"]
+
+
+def test_a_flight_dump_that_the_disk_refuses_leaves_nothing_and_the_next_one_is_whole(
+    tmp_path: Path,
+) -> None:
+    loop = Loop(tmp_path / "a.ring")
+    loop.ticks(200)
+    flights = tmp_path / "flights"
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    state = loop.core.snapshot(0, LoopStatistics())
+    fault = msgspec.structs.replace(state, state=SafetyState.FAULT)
+    with full_disk(room=4096):
+        dumps.step([fault], 0)
+        (note,) = dumps.close()
+        left = list(flights.iterdir())
+    assert left == []
+    assert "the flight recorder is not written" in note
+    dumps.step([state, fault], 0)
+    dumps.close()
+    (file,) = flights.iterdir()
+    assert replay_file(file).result.agreed == 200
+    loop.ring.close()
+
+
+def test_half_a_dump_goes_at_the_next_start_unless_its_writer_lives(tmp_path: Path) -> None:
+    for name in ("fault-1.rec.part", "crash-2.rec.part", "fault-3.rec.part", "mine.part"):
+        (tmp_path / name).write_bytes(b"half")
+    with (tmp_path / "fault-3.rec.part").open("ab") as live:
+        fcntl.flock(live, fcntl.LOCK_EX)
+        FlightDumps(tmp_path / "a.ring", tmp_path)
+        left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["fault-3.rec.part", "mine.part"]
