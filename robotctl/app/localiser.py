@@ -19,6 +19,14 @@ _EXTERNAL_SIGMA_M: Final = 0.1
 _EXTERNAL_SIGMA_RAD: Final = 0.1
 """Of a pose from outside that comes without covariance."""
 
+_LEAST_VARIANCE: Final = 1e-6
+"""Nobody measures better than 1 mm and 1 mrad [m^2, rad^2]."""
+_MOST_VARIANCE: Final = 1e6
+"""A pose within 1 km and 1000 rad says nothing, however much worse it is [m^2, rad^2]."""
+_LEAST_OF_CORRELATION: Final = 1e-9
+_LEAST_OF_COVARIANCE: Final = 1e-12
+"""Shares that the smallest eigenvalue has at least of the largest: less is rounding."""
+
 
 class Seen(NamedTuple):
     """What came from the sensors since the last step, each with its own time."""
@@ -60,10 +68,26 @@ def localisation_state(
 
 
 def external_covariance(pose: ExternalPose) -> NDArray[np.float64]:
-    """Return the covariance (3, 3) of a pose from outside, its diagonal where it is none."""
+    """Return the covariance (3, 3) of a pose from outside, its diagonal where it is none.
+
+    It can be inverted: variances are kept within 1e-6 and 1e6, and correlations that leave no
+    room, or come near it by 1e-9, are not believed.
+    """
     if len(pose.covariance) != 6:
         return np.diag([_EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_RAD**2])
     matrix = from_upper_triangle(pose.covariance)
-    if np.linalg.eigvalsh(matrix)[0] > 0.0:
+    variances = np.clip(np.diag(matrix), _LEAST_VARIANCE, _MOST_VARIANCE)
+    np.fill_diagonal(matrix, variances)
+    sigmas = np.sqrt(variances)
+    correlation = matrix / np.outer(sigmas, sigmas)
+    if _is_positive(correlation, _LEAST_OF_CORRELATION) and _is_positive(
+        matrix, _LEAST_OF_COVARIANCE
+    ):
         return matrix
-    return np.diag(np.diag(matrix))
+    return np.diag(variances)
+
+
+def _is_positive(matrix: NDArray[np.float64], least: float) -> bool:
+    """Say whether the smallest eigenvalue is more than `least` of the largest."""
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return bool(eigenvalues[0] > least * eigenvalues[-1])

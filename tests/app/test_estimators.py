@@ -14,11 +14,14 @@ from robotctl.app.estimators import Estimators, make_estimators
 from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.localiser import Seen, external_covariance
 from robotctl.app.mapper import Mapper
+from robotctl.app.mcl_localiser import pose_measurement
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.app.scan_messages import camera_scan, lidar_scan
 from robotctl.errors import ConfigError
+from robotctl.estimation.ekf import checked_covariance
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.pose_estimate import upper_triangle
 from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
@@ -251,6 +254,66 @@ def test_particles_go_by_what_the_camera_sees_but_not_by_pictures_that_it_does_n
 def test_a_covariance_from_outside_is_used_as_far_as_it_is_one(given, expected) -> None:
     found = external_covariance(ExternalPose(0, 0.0, 0.0, 0.0, given))
     assert found == pytest.approx(np.array(expected))
+
+
+def correlated(rng: np.random.Generator) -> tuple[float, ...]:
+    """Return a covariance as it may come: 32 bit floats of any size, mostly fully correlated."""
+    sigmas = 10.0 ** rng.uniform(-20.0, 19.0, 3)
+    if rng.random() < 0.5:
+        sigmas = rng.choice([1e-6, 0.1, 0.1, 1.0, 1e3], 3)
+    signs = rng.choice([-1.0, 1.0], 3)
+    several = rng.standard_normal((3, rng.integers(1, 4)))
+    several /= np.linalg.norm(several, axis=1)[:, None]
+    correlation = several @ several.T if rng.random() < 0.5 else np.outer(signs, signs)
+    if rng.random() < 0.3:
+        correlation[0, 1] *= 1.0 + rng.choice([-1e-3, -1e-7, 1e-9, 1e-3, 1e9])
+    with np.errstate(under="ignore", over="ignore"):
+        matrix = (correlation * np.outer(sigmas, sigmas)).astype(np.float32)
+    variances = np.clip(np.diag(matrix), np.finfo(np.float32).smallest_subnormal, None)
+    np.fill_diagonal(matrix, variances)
+    return tuple(np.where(np.isfinite(matrix), matrix, 0.0)[np.triu_indices(3)].tolist())
+
+
+def test_any_covariance_from_outside_can_be_inverted_and_says_less_the_farther_off() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(5000):
+        pose = ExternalPose(0, 1.0, 2.0, 0.5, correlated(rng))
+        covariance = external_covariance(pose)
+        checked_covariance(covariance)  # what the EKF demands
+        off = rng.standard_normal((20, 3)) * 10.0 ** rng.uniform(-3.0, 3.0, (20, 1))
+        off[:, 2] = np.clip(off[:, 2], -1.0, 1.0)
+        here = np.array([pose.x_m, pose.y_m, pose.theta_rad])
+        logs = pose_measurement(pose)(np.vstack([here + off, here]))
+        assert np.all(np.isfinite(logs)), pose
+        assert np.all(logs[:-1] < 0.0), pose
+        assert logs[-1] == 0.0
+        largest = np.linalg.eigvalsh(covariance)[-1]
+        at_least = -0.5 * np.sum(off**2, axis=1) / largest
+        assert np.all(logs[:-1] <= 0.999 * at_least), pose
+
+
+def test_a_covariance_that_is_sound_is_taken_as_it_is() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(200):
+        root = rng.standard_normal((3, 5))
+        matrix = root @ root.T
+        pose = ExternalPose(0, 1.0, 2.0, 0.0, upper_triangle(matrix))
+        assert external_covariance(pose) == pytest.approx(matrix, rel=1e-12)
+        off = 0.1 * rng.standard_normal((4, 3))
+        expected = [-0.5 * each @ np.linalg.solve(matrix, each) for each in off]
+        assert pose_measurement(pose)(off + np.array([1.0, 2.0, 0.0])) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("method", ["ekf", "mcl"])
+def test_no_covariance_from_outside_ends_a_localiser(world: Path, method: str) -> None:
+    rng = np.random.default_rng(9)
+    several = estimators(world, f'localisation.method="{method}"')
+    for step in range(200):
+        now_ns = 50 * MS * step
+        here = way(now_ns)
+        poses = [ExternalPose(now_ns, here.x_m, here.y_m, 0.0, correlated(rng)) for _ in range(3)]
+        found = several.step(control(now_ns, here), (), poses, now_ns)
+        assert np.all(np.isfinite(found.covariance))
 
 
 def test_a_map_may_lie_beside_the_robots_file(world: Path, monkeypatch) -> None:
