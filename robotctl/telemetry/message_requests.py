@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Message
-from robotctl.telemetry.commands import ACCEPTED, DENIED, Command
+from robotctl.telemetry.commands import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Command
 from robotctl.telemetry.service import Context, TelemetryRobot
 from robotctl.telemetry.streams import OFF, Builder, Streams
 
@@ -57,7 +57,10 @@ class MessageRequests:
         }
 
     def on_command(self, command: Command, now_ns: int) -> int:
-        """Carry out one of the commands; DENIED where the message is not ours to send."""
+        """Carry out one of the commands; DENIED where the message is not ours to send.
+
+        TEMPORARILY_REJECTED where there is nothing to say in it at the moment.
+        """
         if command.number == REQUEST_CAPABILITIES:
             return self._send(AUTOPILOT_VERSION, command, now_ns)
         message_id = _whole(command.params[0])
@@ -73,9 +76,10 @@ class MessageRequests:
         builder = self._builders.get(message_id)
         if builder is None:
             return DENIED
-        for message in builder(now_ns):
+        messages = builder(now_ns)
+        for message in messages:
             self._context.links.reply(message, command.peer)
-        return ACCEPTED
+        return ACCEPTED if messages else TEMPORARILY_REJECTED
 
     def _set_interval(self, message_id: int, command: Command, now_ns: int) -> int:
         interval_us = command.params[1]

@@ -243,6 +243,21 @@ def test_messages_may_be_asked_for_once(bench):
     assert len(asked) == 8
 
 
+def test_a_message_with_nothing_to_say_is_temporarily_rejected(bench):
+    """ODOMETRY before control is heard; BATTERY_STATUS of a robot without a battery."""
+    bench.command(REQUEST, common.MAVLINK_MSG_ID_ODOMETRY)
+    bench.step()
+    sent = bench.take()
+    assert [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"] == [BUSY]
+    assert not [m for m, _ in sent if m.get_type() == "ODOMETRY"]
+    bench.run(0.2, battery=None)
+    bench.take()
+    for number in (common.MAVLINK_MSG_ID_BATTERY_STATUS, common.MAVLINK_MSG_ID_ODOMETRY):
+        bench.command(REQUEST, number)
+    bench.step()
+    assert results(bench) == [BUSY, ACCEPTED]
+
+
 @pytest.mark.parametrize("number", [33, 99999, math.nan, math.inf, -1, 30.5])
 def test_messages_that_are_not_ours_are_denied(bench, number):
     bench.command(REQUEST, number)
