@@ -21,6 +21,7 @@ from robotctl.planning.mission_runner import MissionRunner
 from robotctl.planning.mode import Mode
 from robotctl.planning.obstacle_guard import ObstacleGuard, Point
 from robotctl.planning.requests import (
+    FARTHEST_M,
     ModeRequest,
     PositionRequest,
     Request,
@@ -321,4 +322,4 @@ def _finite(inputs: NavigationInputs) -> bool:
 
 def _on_earth(x_m: float, y_m: float) -> bool:
     """Say whether a point is finite and within 1000 km of the origin."""
-    return abs(x_m) < 1e6 and abs(y_m) < 1e6
+    return abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M

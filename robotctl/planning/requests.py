@@ -9,6 +9,9 @@ from robotctl.planning.mode import Mode
 REQUEST_LIFE_NS: Final = 1_000_000_000
 """An older request for a mode or a position is not carried out [ns]; HOLD always is."""
 
+FARTHEST_M: Final = 1e6
+"""Coordinates of a position are below this [m]; where they are not, somebody has miscounted."""
+
 
 class ModeRequest(NamedTuple):
     """Change who steers."""

@@ -13,7 +13,7 @@ that was sent before has to be sent again.
 z, vz and their bits do not matter to a rover, nor does FORCE_SET without accelerations, which many
 programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
 velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite, a
-sideways velocity) is refused, counted by reason, and said once in a while.
+point 1000 km away, a sideways velocity) is refused, counted by reason, and said once in a while.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.model.angles import wrap_angle
 from robotctl.model.twist import Twist
+from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.mavlink_port import Message, Peer
 from robotctl.runtime.messages import PositionTarget, VelocityTarget
 from robotctl.telemetry import frames
@@ -128,11 +129,13 @@ def position_target(message: Message, used: Used, now_ns: int) -> PositionTarget
     Raises
     ------
     Refused
-        If the frame or a number is wrong.
+        If the frame or a number is wrong, or the point is where the navigator does not go.
     """
     if message.coordinate_frame != LOCAL_NED:
         raise Refused(f"position frame {message.coordinate_frame} is not LOCAL_NED")
     _check_finite(message.x, message.y)
+    if max(abs(message.x), abs(message.y)) >= FARTHEST_M:
+        raise Refused(f"position {FARTHEST_M / 1e3:g} km away or farther")
     point = frames.enu_from_ned(message.x, message.y)
     return PositionTarget(now_ns, point.x, point.y)
 

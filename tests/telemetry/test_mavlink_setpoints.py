@@ -2,11 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
+from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.messages import ManualControl, PositionTarget, VelocityTarget
 
 BODY_NED, BODY_FRD, LOCAL = 8, 12, 1
@@ -61,6 +63,13 @@ def test_the_mask_0fc7_that_many_programs_use_is_a_velocity(bench):
 def test_a_position_becomes_a_point_of_the_world(bench):
     bench.receive(setpoint(LOCAL, using(POSITION, YAW), x=3.0, y=1.0, z=-2.0, yaw=1.0))
     assert bench.step() == [PositionTarget(bench.now_ns, 1.0, 3.0)]  # 3 north, 1 east
+
+
+def test_a_far_position_is_taken_as_long_as_the_navigator_goes_there(bench):
+    far_m = float(np.nextafter(np.float32(FARTHEST_M), np.float32(0.0)))
+    bench.receive(setpoint(LOCAL, using(POSITION), x=-far_m, y=far_m))
+    assert bench.step() == [PositionTarget(bench.now_ns, far_m, -far_m)]
+    assert bench.texts() == []
 
 
 def test_a_local_velocity_ahead_drives_straight_on(bench):
@@ -144,6 +153,8 @@ REFUSED = {
     "inf vx": setpoint(mask=using(VELOCITY), vx=math.inf),
     "nan yaw rate": setpoint(mask=using(VELOCITY, YAW_RATE), yaw_rate=math.nan),
     "nan x": setpoint(LOCAL, using(POSITION), x=math.nan),
+    "far north": setpoint(LOCAL, using(POSITION), x=FARTHEST_M),
+    "far west": setpoint(LOCAL, using(POSITION), y=-2e6),
     "inf y": setpoint(LOCAL, using(POSITION), y=-math.inf),
     "nan local vx": setpoint(LOCAL, using(VELOCITY), vx=math.nan),
     "nan yaw": setpoint(LOCAL, using(VELOCITY, YAW), yaw=math.nan),
@@ -189,7 +200,7 @@ def test_any_set_point_gives_finite_numbers_or_nothing(make_bench, frame, mask, 
     )
     for request in bench.step(bench.control(theta_rad=1.0)):
         if isinstance(request, PositionTarget):
-            assert math.isfinite(request.x_m + request.y_m)
+            assert max(abs(request.x_m), abs(request.y_m)) < FARTHEST_M
             assert mask & POSITION == 0 or mask & 3 == 0
         else:
             assert math.isfinite(request.v_m_s)
