@@ -17,6 +17,7 @@ from robotctl.app.signals import StopFlag
 from robotctl.app.sim import SimRun
 from robotctl.app.sim_options import SimOptions
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.files import check_files, write_file
 from robotctl.cli.keys import HINT, Keys
 from robotctl.cli.score_view import score_table
 from robotctl.cli.view import make_view
@@ -92,6 +93,7 @@ def sim(
 
     Status 0: completed. 3: not completed. 2: bad input.
     """
+    check_files(report)
     options = SimOptions(
         robot=find_file(robot),
         mission=find_file(mission, "missions"),
@@ -110,7 +112,7 @@ def sim(
         result = _run(options, headless=headless, until_done=until_done)
     Console().print(score_table(result))
     if report is not None:
-        report.write_bytes(result.json())
+        write_file(report, lambda path: path.write_bytes(result.json()))
     sys.exit(0 if result.mission_completed else NOT_COMPLETED)
 
 

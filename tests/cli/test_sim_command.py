@@ -95,13 +95,21 @@ def test_a_folder_that_cannot_be_made_is_named_without_a_traceback(runtime: Path
     assert left_behind(runtime) == ([], [])
 
 
-def test_a_report_that_cannot_be_written_does_not_lose_the_score(runtime: Path) -> None:
+def test_a_report_without_its_folder_is_refused_before_the_run(runtime: Path) -> None:
     target = runtime / "no_such_folder" / "report.json"
     with sim(runtime, "--lockstep", "--max-seconds", "1", "--report", str(target)) as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
+    assert output == f"robotctl: {target}: the folder {target.parent} does not exist\n"
+
+
+def test_a_report_on_a_full_disk_does_not_lose_the_score(runtime: Path) -> None:
+    with sim(runtime, "--lockstep", "--max-seconds", "1", "--report", "/dev/full") as process:
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2
     assert "not completed" in output
-    assert f"robotctl: {target}: No such file or directory" in output
+    assert "robotctl: /dev/full: cannot be written: No space left on device" in output
+    assert "Traceback" not in output
 
 
 def test_ctrl_c_while_the_command_is_still_being_read_is_no_error() -> None:

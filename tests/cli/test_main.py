@@ -1,0 +1,78 @@
+"""How `robotctl` ends when a disk, or whoever reads its output, does not take what it writes."""
+
+import errno
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DEADLINE_S = 90.0
+ROBOTCTL = [sys.executable, "-c", "from robotctl.cli.main import main; main()"]
+
+
+@pytest.mark.parametrize("command", [["config", "schema"], ["version"], ["sim", "--help"]])
+def test_output_onto_a_full_disk_ends_with_a_sentence(command: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*ROBOTCTL, *command], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (done.returncode, done.stderr) == (2, "robotctl: No space left on device\n")
+
+
+def test_a_reader_that_has_gone_is_no_error_to_talk_about() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            [*ROBOTCTL, "version"], stdout=writing, stderr=subprocess.PIPE, check=False
+        )
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
+def test_a_disk_that_refuses_without_naming_a_file_ends_with_what_it_says(number: int) -> None:
+    done = refused_with(number)
+    assert (done.returncode, done.stderr) == (2, f"robotctl: {os.strerror(number)}\n")
+
+
+def test_an_error_of_the_system_that_is_no_disks_is_a_defect_and_shows_where() -> None:
+    done = refused_with(errno.EBADF)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+
+
+def refused_with(number: int) -> "subprocess.CompletedProcess[str]":
+    """Run a command in which a write fails with this error number."""
+    program = f"""
+import os
+from robotctl.cli import config
+def refuse(*_):
+    raise OSError({number}, os.strerror({number}))
+config.load_robot = refuse
+from robotctl.cli.main import main
+main()
+"""
+    command = [sys.executable, "-c", program, "config", "check", "diff_drive"]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_a_simulated_run_whose_record_fills_the_disk_ends_with_a_sentence(tmp_path: Path) -> None:
+    room = 50_000
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+
+    command = ["sim", "--lockstep", "--max-seconds", "5", "--record", str(tmp_path)]
+    done = subprocess.run(
+        [*ROBOTCTL, *command],
+        capture_output=True, text=True, check=False,
+        preexec_fn=limit, timeout=DEADLINE_S,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1] == "robotctl: File too large"
+    assert "Traceback" not in done.stderr
