@@ -86,7 +86,9 @@ def service_files(
             '"socketcan"'
         )
     if mission is not None:
-        check_mission(load_mission(mission), config.drive, sonar_directions(config.sonar))
+        margin_m = config.navigation.guard.margin_m
+        sides = sonar_directions(config.sonar)
+        check_mission(load_mission(mission), config.drive, sides, margin_m)
     beside = {ROBOT.parent / name: data for name, data in files_beside(config, robot).items()}
     if taken := beside.keys() & {ROBOT, MISSION}:
         raise ConfigError(f"{robot}: the name {min(taken).name} is taken in /{ROBOT.parent}")

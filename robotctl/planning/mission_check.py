@@ -18,7 +18,7 @@ def item_title(mission: Mission, index: int) -> str:
     return f"item {index + 1}{name} ({item.kind})"
 
 
-def check_mission(mission: Mission, drive: Drive, sides: frozenset[str]) -> None:
+def check_mission(mission: Mission, drive: Drive, sides: frozenset[str], margin_m: float) -> None:
     """Check that a robot can drive a mission.
 
     Parameters
@@ -29,6 +29,8 @@ def check_mission(mission: Mission, drive: Drive, sides: frozenset[str]) -> None
         Its drive model.
     sides
         Directions in which it has a sonar: any of "left", "right", "front".
+    margin_m
+        Gap that the obstacle guard keeps [m], `guard.margin_m`: nothing ahead comes nearer.
 
     Raises
     ------
@@ -38,13 +40,13 @@ def check_mission(mission: Mission, drive: Drive, sides: frozenset[str]) -> None
     problems = [
         f"{mission.name}: {item_title(mission, index)}: {problem}"
         for index, item in enumerate(mission.item)
-        for problem in _problems(item, drive, sides)
+        for problem in _problems(item, drive, sides, margin_m)
     ]
     if problems:
         raise MissionError("\n".join(problems))
 
 
-def _problems(item: Item, drive: Drive, sides: frozenset[str]) -> Iterator[str]:
+def _problems(item: Item, drive: Drive, sides: frozenset[str], margin_m: float) -> Iterator[str]:
     """Yield why a robot cannot do an item."""
     if isinstance(item, TurnToItem) and drive.steered:
         yield f"a robot with {drive.kind} drive cannot turn on the spot; use drive with an arc"
@@ -60,6 +62,12 @@ def _problems(item: Item, drive: Drive, sides: frozenset[str]) -> Iterator[str]:
         for side in needed:
             if side not in sides:
                 yield f"this robot has no sonar that looks to the {side}"
+        front_m = item.until.front_below_m
+        if front_m is not None and front_m <= margin_m:
+            yield (
+                f"until.front_below_m = {front_m:g} is never reached, since this robot stops "
+                f"{margin_m:g} m before an obstacle; above navigation.guard.margin_m is allowed"
+            )
 
 
 def _has_corner(item: DriveItem) -> bool:

@@ -149,3 +149,18 @@ def test_a_mission_that_this_robot_cannot_drive_is_not_installed(home: Path) -> 
     service_files(find_file("diff_drive"), mission, PROGRAM, 4)
     with pytest.raises(MissionError, match=r"item 1 \(turn_to\).*cannot turn on the spot"):
         service_files(find_file("tricycle"), mission, PROGRAM, 4)
+
+
+def test_the_gap_of_this_robots_guard_counts_when_a_mission_is_checked(home: Path) -> None:
+    mission = home / "wall.toml"
+    mission.write_text(
+        'name = "wall"\nworld = "flat"\nstart = {x_m = 0.0, y_m = 0.0}\n'
+        '[[item]]\nkind = "follow_wall"\nside = "left"\ndistance_m = 0.5\n'
+        "until = {front_below_m = 0.2}\n"
+    )
+    robot = robot_file(home, 'method = "none"')
+    service_files(robot, mission, PROGRAM, 4)
+    wide = robot.read_text() + "\n[navigation.guard]\nmargin_m = 0.25\n"
+    robot.write_text(wide)
+    with pytest.raises(MissionError, match=r"front_below_m = 0\.2 .*stops 0\.25 m before"):
+        service_files(robot, mission, PROGRAM, 4)
