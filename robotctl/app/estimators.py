@@ -13,7 +13,11 @@ import numpy as np
 
 from robotctl.app.config import RobotConfig
 from robotctl.app.ekf_localiser import EkfLocaliser
-from robotctl.app.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.app.localisation_map import (
+    LocalisationMap,
+    load_localisation_map,
+    walls_for_ekf,
+)
 from robotctl.app.localiser import Localiser, Seen
 from robotctl.app.map_sensors import MapSensors
 from robotctl.app.mapper import Mapper
@@ -21,7 +25,6 @@ from robotctl.app.mcl_localiser import MclLocaliser
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.app.place_watch import load_place_watch
 from robotctl.app.scan_messages import camera_scan, lidar_scan
-from robotctl.errors import ConfigError
 from robotctl.estimation.compiled import COMPILING, cache_is_cold
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
@@ -182,15 +185,12 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
 def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocaliser:
     """Return the EKF of a robot."""
     settings = config.localisation
-    if chart.walls is None:
-        raise ConfigError(
-            f"localisation.map: {settings.map} has cells; the EKF needs walls, a world (.toml)"
-        )
+    walls = walls_for_ekf(chart, settings.map)
     sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
     covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
     known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
     ekf = PoseEkf(EkfConfig(motion=config.odometry, sonar=settings.sonar), known)
-    return EkfLocaliser(ekf, config.sonar, chart.walls)
+    return EkfLocaliser(ekf, config.sonar, walls)
 
 
 def _mcl(

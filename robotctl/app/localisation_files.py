@@ -6,13 +6,12 @@ import os
 from pathlib import Path
 
 from robotctl.app.config import RobotConfig
-from robotctl.app.localisation_map import find_map, load_localisation_map
+from robotctl.app.localisation_map import CELLS, find_map, load_localisation_map, walls_for_ekf
 from robotctl.app.map_file import image_of
 from robotctl.app.place_watch import find_places, load_place_watch
 from robotctl.errors import ConfigError
 
 _ANY_AREA_M2 = 1.0
-_CELLS = (".yaml", ".yml")
 
 
 def check_localisation(config: RobotConfig, robot: Path) -> None:
@@ -33,11 +32,8 @@ def check_localisation(config: RobotConfig, robot: Path) -> None:
     try:
         if settings.map:
             chart = load_localisation_map(settings.map, beside)
-            if settings.method == "ekf" and chart.walls is None:
-                problems.append(
-                    f"{robot}: localisation.map: {settings.map} has cells; the EKF needs walls, "
-                    "a world (.toml)"
-                )
+            if settings.method == "ekf":
+                walls_for_ekf(chart, settings.map)
     except (ConfigError, OSError) as error:
         problems.append(f"{robot}: localisation.map: {error}")
     try:
@@ -71,7 +67,7 @@ def files_beside(config: RobotConfig, robot: Path) -> dict[Path, bytes]:
         file, name = find_map(settings.map, beside), Path(settings.map)
         if not name.is_absolute() and file in {beside / name, name}:
             named[name] = file
-            if file.suffix in _CELLS:
+            if file.suffix in CELLS:
                 image = image_of(file)
                 named[name.parent / os.path.relpath(image, file.parent)] = image
     if settings.places and not Path(settings.places).is_absolute():

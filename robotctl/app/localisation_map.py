@@ -13,7 +13,7 @@ from robotctl.estimation.wall_raster import grid_of_walls
 from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
 
-_CELLS = (".yaml", ".yml")
+CELLS = (".yaml", ".yml")
 _IMAGES = (".pgm", ".png", ".bmp", ".jpg")
 
 
@@ -43,7 +43,7 @@ def find_map(name: str, beside: Path) -> Path:
     here = beside / name
     if here.is_file():
         return here
-    return find_file(name, "maps", ".yaml") if name.endswith(_CELLS) else find_file(name, "worlds")
+    return find_file(name, "maps", ".yaml") if name.endswith(CELLS) else find_file(name, "worlds")
 
 
 def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
@@ -55,7 +55,20 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
         If there is none, or it is wrong.
     """
     path = find_map(name, beside)
-    if name.endswith(_CELLS):
+    if name.endswith(CELLS):
         return LocalisationMap(load_map(path), None)
     walls = load_walls(path)
     return LocalisationMap(grid_of_walls(walls), walls)
+
+
+def walls_for_ekf(chart: LocalisationMap, name: str) -> WallMap:
+    """Return the walls of the map called `name`.
+
+    Raises
+    ------
+    ConfigError
+        If it has cells alone.
+    """
+    if chart.walls is None:
+        raise ConfigError(f"{name}: has cells; the EKF needs walls, a world (.toml)")
+    return chart.walls

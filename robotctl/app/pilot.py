@@ -163,14 +163,15 @@ class Pilot:
         self, requests: Sequence[NavigationRequest], now_ns: int
     ) -> list[NavigationRequest]:
         """Return the requests without those that came too late."""
-        late = [each for each in requests if _too_late(each, now_ns)]
+        taken = [each for each in requests if not _too_late(each, now_ns)]
+        late = [each for each in requests if each not in taken]
         if late:
             oldest_s = (now_ns - min(each.stamp_ns for each in late)) / 1e9
             what = "request" if len(late) == 1 else "requests"
             self._news.append(
                 f"{len(late)} {what} for a mode or position dropped: {oldest_s:.1f} s old"
             )
-        return [each for each in requests if not _too_late(each, now_ns)]
+        return taken
 
     def _look(self, control: ControlState, views: Sequence[CameraView]) -> list[Point]:
         """Return what lies on the floor around, by all that the camera saw since arming."""

@@ -157,7 +157,11 @@ class Supervised:
         return self._beats if monitor is None else monitor.count()
 
     def start(self, now_s: float) -> None:
-        """Start the process."""
+        """Start the process; raises OSError where memory or descriptors are short."""
+        self.phase = Phase.STARTING
+        self._started_s = self._stepped_s = now_s
+        self._beats, self._stalled_s = 0, 0.0
+        self._hung = self._renewed = False
         monitor = self._monitor = HeartbeatMonitor()
         self._process = start_child(
             self._command,
@@ -166,11 +170,7 @@ class Supervised:
         )
         if not self.role.vital:
             _kill_first_when_memory_is_short(self._process.pid)
-        self.phase = Phase.STARTING
         self.starts += 1
-        self._started_s = self._stepped_s = now_s
-        self._beats, self._stalled_s = 0, 0.0
-        self._hung = self._renewed = False
 
     def step(self, now_s: float) -> Exit | None:
         """Look after the process at `now_s`, monotonic [s]; return its end where it has ended."""
@@ -186,18 +186,16 @@ class Supervised:
         return None
 
     def _start_again(self, now_s: float) -> Exit | None:
-        """Start the next life; where memory or descriptors are short, that life has ended."""
+        """Start the next life; where that fails, it has ended."""
         try:
             self.start(now_s)
         except OSError as error:
-            self.phase = Phase.STARTING
-            self._started_s, self._hung, self._renewed = now_s, False, False
             return self._ended(0, error.errno or 0, now_s)
         return None
 
     def _look_for_progress(self, process: subprocess.Popen[bytes], now_s: float) -> None:
         """Note progress; kill a process that has made none for too long."""
-        beats = 0 if self._monitor is None else self._monitor.count()
+        beats = self.beats
         pause_s = min(now_s - self._stepped_s, _LONGEST_STEP_S)
         self._stepped_s = now_s
         if beats != self._beats:

@@ -253,7 +253,8 @@ class SocketPort:
         time takes their place. Frames that waited for long stay old. Leaves by `BlockingIOError`
         when there are no more.
         """
-        steady, offset_ns = self._is_steady(), time.time_ns() - time.monotonic_ns()
+        offset_ns = _wall_offset_ns()
+        steady = abs(offset_ns - self._offset_ns) < _MAX_CLOCK_STEP_NS
         self._offset_ns = offset_ns
         buffers = [self._buffer]
         for _ in range(DRAIN_LIMIT):
@@ -262,14 +263,10 @@ class SocketPort:
             if ancillary and steady:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
                 stamp_ns = seconds * 1_000_000_000 + nanoseconds - offset_ns
-                if stamp_ns < now_ns - _MAX_AGE_NS:  # a process that stood for long, or the clock
-                    steady = self._is_steady()
+                if stamp_ns < now_ns - _MAX_AGE_NS:  # this process stood for long, or it was set
+                    steady = abs(_wall_offset_ns() - offset_ns) < _MAX_CLOCK_STEP_NS
                     stamp_ns = stamp_ns if steady else now_ns
             self._take(now_ns, stamp_ns, frames)
-
-    def _is_steady(self) -> bool:
-        """Return whether the wall clock has gone on evenly since frames were last taken."""
-        return abs(time.time_ns() - time.monotonic_ns() - self._offset_ns) < _MAX_CLOCK_STEP_NS
 
     def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
         """Keep the frame in the buffer if it is wanted; note it if it is an error frame."""
@@ -281,6 +278,11 @@ class SocketPort:
             meter = self._meter
             meter.error_frames += 1
             meter.state = bus_state(can_id & ~CAN_ERR_FLAG, data, meter.state)
+
+
+def _wall_offset_ns() -> int:
+    """Return what the wall clock is ahead of the monotonic one [ns]."""
+    return time.time_ns() - time.monotonic_ns()
 
 
 def _refuse(_: bytes) -> int:

@@ -13,6 +13,7 @@ from robotctl.model.wheels import (
     require_positive,
     require_steering,
     steering_angle_rad,
+    within_linkage,
 )
 
 
@@ -94,7 +95,7 @@ class TricycleDrive:
         `steering_meas_rad` [rad], within the linkage, as no steering then turns the robot.
         """
         if v_m_s == 0.0:
-            kept_rad = max(-self.steering_max_rad, min(steering_meas_rad, self.steering_max_rad))
+            kept_rad = within_linkage(steering_meas_rad, self.steering_max_rad)
             return WheelReference(0.0, 0.0, kept_rad)
         offset = self.steering_offset_rad
         steering = steering_angle_rad(

@@ -57,7 +57,14 @@ def steering_angle_rad(
     tan(s) = L omega / v for the wheel's angle s; the servo's is s - `offset_rad`, clamped to
     `limit_rad` on both sides [rad].
     """
-    angle = math.atan(wheelbase_m * omega_rad_s / v_m_s) - offset_rad
-    if angle > limit_rad:
+    return within_linkage(math.atan(wheelbase_m * omega_rad_s / v_m_s) - offset_rad, limit_rad)
+
+
+def within_linkage(angle_rad: float, limit_rad: float) -> float:
+    """Return the servo's angle clamped to what the linkage allows on both sides [rad].
+
+    A nan stays one, which is for the command guard to find.
+    """
+    if angle_rad > limit_rad:
         return limit_rad
-    return max(angle, -limit_rad)
+    return max(angle_rad, -limit_rad)

@@ -143,7 +143,6 @@ class Navigator:
         self._behaviour: Guarded | None = None
         self._ended = ""
         self._refused = ""
-        self._active_ns = 0
         self._last_ns: int | None = None
         """Time of the last step, None where that was not enabled."""
 
@@ -181,8 +180,6 @@ class Navigator:
         if not inputs.enabled:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="not armed"))
-        if self._last_ns is not None:
-            self._active_ns += max(now_ns - self._last_ns, 0)
         self._last_ns = now_ns
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
@@ -246,7 +243,7 @@ class Navigator:
             self._behaviour = Guarded(home, self._guard, self._config.guard)
 
     def _pause(self) -> None:
-        """Stop time for whatever is going on."""
+        """Stop whatever is going on, and its time."""
         self._last_ns = None
         self._look_around.pause()
         self._pause_mode()
@@ -263,9 +260,9 @@ class Navigator:
         if self._mode is Mode.MANUAL:
             return self._manual(now_ns)
         if self._mode is Mode.AUTO and self._runner is not None:
-            return self._runner.step(situation, self._active_ns)
+            return self._runner.step(situation, now_ns)
         if self._behaviour is not None:
-            step = self._behaviour.step(situation, self._active_ns)
+            step = self._behaviour.step(situation, now_ns)
             if step.status is Status.RUNNING:
                 return step
             self._behaviour = None

@@ -57,7 +57,7 @@ class Behaviour(Protocol):
         """Somebody else steers for a while; the next step goes on from wherever the robot is."""
 
     def step(self, situation: Situation, now_ns: int) -> Step:
-        """Return what to do at `now_ns`, a clock that stands still while the robot is paused."""
+        """Return what to do at `now_ns`, monotonic [ns]; time in a pause does not count."""
 
 
 class Stopwatch:

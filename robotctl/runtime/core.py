@@ -42,7 +42,7 @@ from robotctl.runtime.plausibility_sonar import SonarMonitor
 from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
 
 _AHEAD_NS: Final = 50_000_000
-"""A set-point may be younger than the tick that reads it, which had to wait, by this [ns]."""
+"""A request may be younger than the tick that reads it, which had to wait, by this [ns]."""
 
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
@@ -272,8 +272,6 @@ class ControlCore:
         stopping = inputs.feedback.emergency_stop is not None or any(
             isinstance(request, EmergencyStop) for request in inputs.requests
         )
-        if stopping:
-            self._refuse_pending("made before an emergency stop")
         oldest_ns = now_ns - self._safety.request_max_age_ms * 1_000_000
         for request in inputs.requests:
             match request:
@@ -431,8 +429,8 @@ class ControlCore:
         changed = self.machine.on(event, reason)
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
             self._stopped_ns = now_ns
-        if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._refuse_pending(f"made before the stop: {reason}")
+        if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._velocity = None
             self._notices.append(Notice(now_ns, _SEVERITY_CRITICAL, f"stopped: {reason}"))
         elif changed and event in (Event.ARM, Event.DISARM, Event.READY):

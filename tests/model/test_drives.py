@@ -164,6 +164,8 @@ def test_a_car_whose_centre_of_rotation_lies_between_its_wheels_is_refused():
 def test_nan_goes_through_and_is_not_turned_into_a_valid_command(drive):
     assert any(math.isnan(value) for value in drive.inverse(0.3, math.nan))
     assert any(math.isnan(value) for value in drive.inverse(math.nan, 0.1))
+    if drive.steered:
+        assert math.isnan(drive.inverse(0.0, 0.0, math.nan).steering_rad)
 
 
 # What calibration brings: unequal wheels, a steering that does not stand where it says

@@ -193,22 +193,21 @@ def test_an_interrupted_mission_goes_on_where_it_was_left(robot, make_run):
 def test_time_in_another_mode_is_no_time_of_the_item(robot, make_run, other):
     way = GoToItem("go_to", 4.0, 1.0, name="away", time_out_s=30.0)
     run = make_run(robot, mission=mission(WaitItem("wait", 20.0), way))
+
+    def drive_a_second_and_pause_for_40():
+        for _ in range(20):
+            run.step()
+        run.step(other)
+        for _ in range(20 * 40):
+            run.step()
+        run.step(AUTO)
+
     run.step(AUTO)
-    for _ in range(20):
-        run.step()
-    run.step(other)
-    for _ in range(20 * 40):
-        run.step()
-    run.step(AUTO)
+    drive_a_second_and_pause_for_40()
     began_ns = run.now_ns
     run.until(lambda out: out.item == 1, 25.0)
     assert run.now_ns - began_ns == pytest.approx(19e9, abs=0.2e9)
-    for _ in range(20):
-        run.step()
-    run.step(other)
-    for _ in range(20 * 40):
-        run.step()
-    run.step(AUTO)
+    drive_a_second_and_pause_for_40()
     out = run.until(lambda out: out.mission_completed or out.mission_failed, 29.0)
     assert out.mission_completed, out.message
 
