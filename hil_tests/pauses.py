@@ -1,9 +1,10 @@
 """A witness of the machine's own pauses, for tests in real time.
 
-A virtual machine is taken off its processors for tens of milliseconds now and then. A robot on it
-stops, as it must, and the test that drove it fails for no fault of the robot. The witness is a
-process that wakes every few milliseconds above every other task: where it wakes late, the machine
-stood.
+A virtual machine is taken off its processors for tens of milliseconds now and then, at once or in
+pieces. A robot on it stops, as it must, and the test that drove it fails for no fault of the robot.
+The witness is a process that wakes every few milliseconds above every other task: where it wakes
+late, the machine stood. A robot's processes wait for each other across all processors, so that the
+time counts in which any of them stood.
 """
 
 from __future__ import annotations
@@ -14,12 +15,18 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
+from collections.abc import Iterable
 
 LIMIT_MS = 25
 """Half of the time for which a drive on simcan may be silent before the robot stops."""
 
+WINDOW_MS = 100
+"""Pauses count together where all of them ended within this time."""
+
 ABOVE_ALL = 99
 _PERIOD_NS = 5_000_000
+_LATE_NS = 1_000_000
 _ABOVE, _BESIDE = b"above\n", b"beside\n"
 
 
@@ -49,7 +56,7 @@ class PauseWitness:
         return self._process.pid
 
     def longest_ms(self, since_ns: int) -> float:
-        """Return the longest pause [ms] above `LIMIT_MS` that ended after `since_ns`, else 0."""
+        """Return how long the machine stood after `since_ns` [ms]: above `LIMIT_MS`, else 0."""
         with contextlib.suppress(BlockingIOError):
             while heard := os.read(self._output, 65536):
                 self._heard += heard
@@ -63,15 +70,42 @@ class PauseWitness:
         self._process.communicate()
 
 
-def _watch(processor: int) -> None:
-    """Say when this thread woke late on a processor [ns], and by how much [ns], for ever."""
+def covered_ns(intervals: Iterable[tuple[int, int]]) -> int:
+    """Return how much time intervals (begin, end) cover, where they overlap once [ns]."""
+    total_ns = covered_until_ns = 0
+    for begin_ns, end_ns in sorted(intervals):
+        total_ns += max(end_ns - max(begin_ns, covered_until_ns), 0)
+        covered_until_ns = max(covered_until_ns, end_ns)
+    return total_ns
+
+
+class Pauses:
+    """The pauses of the last `WINDOW_MS`, of all processors."""
+
+    def __init__(self) -> None:
+        self._pauses: deque[tuple[int, int]] = deque()
+        self._lock = threading.Lock()
+
+    def add(self, due_ns: int, woken_ns: int) -> int:
+        """Take in a pause that has just ended; return for how long the machine stood [ns]."""
+        with self._lock:
+            self._pauses.append((due_ns, woken_ns))
+            while self._pauses[0][1] < woken_ns - WINDOW_MS * 1_000_000:
+                self._pauses.popleft()
+            return covered_ns(self._pauses)
+
+
+def _watch(processor: int, pauses: Pauses) -> None:
+    """Say until when [ns] and for how long [ns] the machine stood, for ever."""
     os.sched_setaffinity(0, {processor})
     while True:
         due_ns = time.monotonic_ns() + _PERIOD_NS
         time.sleep(_PERIOD_NS / 1e9)
-        late_ns = time.monotonic_ns() - due_ns
-        if late_ns > LIMIT_MS * 1_000_000:
-            os.write(1, b"%d %d\n" % (due_ns + late_ns, late_ns))
+        woken_ns = time.monotonic_ns()
+        if woken_ns - due_ns > _LATE_NS:
+            stood_ns = pauses.add(due_ns, woken_ns)
+            if stood_ns > LIMIT_MS * 1_000_000:
+                os.write(1, b"%d %d\n" % (woken_ns, stood_ns))
 
 
 def _main() -> None:
@@ -83,8 +117,9 @@ def _main() -> None:
         os.write(1, _BESIDE)
     else:
         os.write(1, _ABOVE)
+        pauses = Pauses()
         for processor in processors:
-            threading.Thread(target=_watch, args=(processor,), daemon=True).start()
+            threading.Thread(target=_watch, args=(processor, pauses), daemon=True).start()
     sys.stdin.read()
 
 

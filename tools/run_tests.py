@@ -43,8 +43,8 @@ GUEST_LIMIT_S = 2400.0
 POLL_S = 0.2
 
 TOLD = ("FAILED ", "ERROR ", "RUN AGAIN ")
-WIDE = {"COLUMNS": "200"}
-"""Else pytest cuts what it says of a failure at 80 columns."""
+SETTINGS = {"COLUMNS": "200", "PYTHONDONTWRITEBYTECODE": ""}
+"""Else pytest cuts what it says at 80 columns, and each process compiles all code anew."""
 
 PASSED, FAILED, NOT_RUN = "passed", "FAILED", "NOT RUN"
 
@@ -88,7 +88,7 @@ def stage(name: str, *commands: tuple[str, ...]) -> Outcome:
             subprocess.Popen(
                 command,
                 cwd=ROOT,
-                env=os.environ | WIDE,
+                env=os.environ | SETTINGS,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_tests.pauses import LIMIT_MS, PauseWitness
+from hil_tests.pauses import LIMIT_MS, WINDOW_MS, Pauses, PauseWitness, covered_ns
 
 ROOT = Path(__file__).resolve().parents[2]
 TESTS = """
@@ -70,6 +70,32 @@ def test_a_pause_is_noted_as_long_as_it_was_and_only_once_it_was(witness: PauseW
     after_ns = time.monotonic_ns()
     assert 3 * LIMIT_MS < noted_ms <= (after_ns - before_ns) / 1e6
     assert witness.longest_ms(after_ns) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("intervals", "covered"),
+    [
+        ((), 0),
+        (((3, 7),), 4),
+        (((5, 9), (1, 4)), 7),
+        (((1, 6), (4, 9)), 8),
+        (((1, 9), (3, 5), (8, 10)), 9),
+        (((1, 4), (1, 4)), 3),
+    ],
+)
+def test_time_that_two_processors_stood_counts_once(
+    intervals: tuple[tuple[int, int], ...], covered: int
+) -> None:
+    assert covered_ns(intervals) == covered
+    assert covered == len({tick for begin, end in intervals for tick in range(begin, end)})
+
+
+def test_short_pauses_count_together_until_they_are_old() -> None:
+    ms, pauses = 1_000_000, Pauses()
+    ended_ms = [WINDOW_MS // 2 * number for number in range(1, 6)]
+    stood = [pauses.add((end - 12) * ms, end * ms) for end in ended_ms]
+    assert [stood_ns // ms for stood_ns in stood] == [12, 24, 36, 36, 36]
+    assert pauses.add((1000 + WINDOW_MS) * ms, (1002 + WINDOW_MS) * ms) == 2 * ms
 
 
 def test_only_a_test_that_failed_while_the_machine_stood_is_run_again(
