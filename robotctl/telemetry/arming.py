@@ -9,9 +9,9 @@
 | DO_FLIGHTTERMINATION, param1 0 | denied: only arming ends an emergency stop |
 
 Arming and disarming are acknowledged when the control process has answered. A request to arm that
-is repeated meanwhile, or up to a second later, is not carried out again: a late copy that took
-another way must not arm a robot that was stopped in between. Where it was, the answer is
-"temporarily rejected". Disarming and stops are always carried out.
+is repeated meanwhile, or a little later as `late_copies` says, is not carried out again: a late
+copy that took another way must not arm a robot that was stopped in between. Where it was, the
+answer is "temporarily rejected". Disarming and stops are always carried out.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from robotctl.telemetry.commands import (
     Command,
     acknowledge,
 )
+from robotctl.telemetry.late_copies import LateCopies
 from robotctl.telemetry.service import Context
 
 ARM_DISARM: int = common.MAV_CMD_COMPONENT_ARM_DISARM
@@ -39,7 +40,6 @@ FORCE = 21196.0
 TIMEOUT_NS = 2_000_000_000
 """How long the control process may take [ns]; it refuses by itself after one second."""
 
-REPEAT_NS = 1_000_000_000
 WARNING = 4
 
 
@@ -48,13 +48,6 @@ class _Pending:
     command: Command
     arm: bool
     deadline_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Answered:
-    meaning: tuple[float, bool]
-    result: int
-    answered_ns: int
 
 
 class Arming:
@@ -66,7 +59,7 @@ class Arming:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._pending: dict[int, _Pending] = {}
-        self._answered: dict[tuple[int, int], _Answered] = {}
+        self._copies = LateCopies()
         self._last_request = 0
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
@@ -97,15 +90,19 @@ class Arming:
     def _arm(self, command: Command, now_ns: int) -> int | None:
         if self._find(command.sender, arm=True) is not None:
             return None
-        last = self._answered.get(command.sender)
-        copy = last is not None and last.meaning == _meaning(command)
-        if last is not None and copy and now_ns - last.answered_ns <= REPEAT_NS:
-            control = self._context.fresh_control(now_ns)
-            armed = control is not None and control.state in POWERED
-            if armed or last.result != ACCEPTED:
-                return last.result
-            self._context.say(now_ns, WARNING, "Arm: stopped a moment ago, ask again")
-            return TEMPORARILY_REJECTED
+        control = self._context.fresh_control(now_ns)
+        armed = control is not None and control.state in POWERED
+        copy = self._copies.answer(
+            command.sender,
+            _meaning(command),
+            now_ns,
+            confirmation=command.confirmation,
+            holds=armed,
+        )
+        if copy is not None:
+            if copy == TEMPORARILY_REJECTED:
+                self._context.say(now_ns, WARNING, "Arm: asked for a moment ago, ask again")
+            return copy
         if self._context.robot.has_localiser and self._context.fresh_localisation(now_ns) is None:
             self._context.say(now_ns, WARNING, "Arm: the localiser is not ready")
             return TEMPORARILY_REJECTED
@@ -154,14 +151,8 @@ class Arming:
     def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:
         acknowledge(self._context, pending.command, result)
         if pending.arm:
-            self._answered[pending.command.sender] = _Answered(
-                _meaning(pending.command), result, now_ns
-            )
-        self._answered = {
-            sender: answered
-            for sender, answered in self._answered.items()
-            if now_ns - answered.answered_ns <= REPEAT_NS
-        }
+            command = pending.command
+            self._copies.remember(command.sender, _meaning(command), result, now_ns)
 
 
 def _meaning(command: Command) -> tuple[float, bool]:

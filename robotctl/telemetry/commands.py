@@ -20,12 +20,14 @@ class Command(NamedTuple):
     """A command and where it came from.
 
     `params` are param1 to param7; of a COMMAND_INT, 5 and 6 are its integers x and y.
+    `confirmation` counts how often the sender has sent it before; COMMAND_INT does not say.
     """
 
     number: int
     params: tuple[float, ...]
     sender: tuple[int, int]
     peer: Peer
+    confirmation: int = 0
 
 
 class CommandHandler(Protocol):
@@ -53,9 +55,11 @@ class Commands:
         first = (message.param1, message.param2, message.param3, message.param4)
         if message.get_msgId() == common.MAVLINK_MSG_ID_COMMAND_INT:
             last = (float(message.x), float(message.y), message.z)
+            confirmation = 0
         else:
             last = (message.param5, message.param6, message.param7)
-        command = Command(message.command, first + last, source(message), peer)
+            confirmation = message.confirmation
+        command = Command(message.command, first + last, source(message), peer, confirmation)
         handler = self._handlers.get(command.number)
         result = UNSUPPORTED if handler is None else handler.on_command(command, now_ns)
         if result is not None:

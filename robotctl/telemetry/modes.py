@@ -1,4 +1,9 @@
-"""Mode changes: MAV_CMD_DO_SET_MODE and the older SET_MODE message."""
+"""Mode changes: MAV_CMD_DO_SET_MODE and the older SET_MODE message.
+
+A late copy of a request for a mode in which the robot may move is not carried out, `late_copies`
+says which: it would start a completed mission anew, or drive off again after HOLD. HOLD is carried
+out however often it comes.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +21,8 @@ from robotctl.telemetry.commands import (
     Command,
     acknowledge,
 )
-from robotctl.telemetry.service import Context
+from robotctl.telemetry.late_copies import LateCopies
+from robotctl.telemetry.service import Context, source
 
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
 CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -33,6 +39,7 @@ WARNING = 4
 @dataclass(frozen=True, slots=True)
 class _Pending:
     command: Command | None
+    sender: tuple[int, int]
     mode: Mode
     asked_ns: int
 
@@ -46,12 +53,14 @@ class Modes:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._pending: _Pending | None = None
+        self._copies = LateCopies()
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
         """Take SET_MODE, which has no acknowledgement."""
         mode = self._wanted(message.base_mode, message.custom_mode, now_ns)
-        if mode is not None:
-            self._ask(None, mode, now_ns)
+        if mode is None or self._of_copy(source(message), mode, 0, now_ns) is not None:
+            return
+        self._ask(_Pending(None, source(message), mode, now_ns))
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
         """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number."""
@@ -59,9 +68,33 @@ class Modes:
         if mode is None:
             return DENIED
         if self._pending is not None and self._is_repeated(self._pending, command, mode):
+            if mode is Mode.HOLD:
+                self._context.requests.append(SetMode(now_ns, mode))
             return None
-        self._ask(command, mode, now_ns)
-        return None
+        copy = self._of_copy(command.sender, mode, command.confirmation, now_ns)
+        if copy is None:
+            self._ask(_Pending(command, command.sender, mode, now_ns))
+        return copy
+
+    def _of_copy(
+        self, sender: tuple[int, int], mode: Mode, confirmation: int, now_ns: int
+    ) -> int | None:
+        """Return the answer to a late copy, None where the request is to be carried out."""
+        copy = self._copies.answer(
+            sender, mode, now_ns, confirmation=confirmation, holds=self._holds(mode, now_ns)
+        )
+        if copy == TEMPORARILY_REJECTED:
+            text = f"Mode {mode.name}: asked for a moment ago, ask again"
+            self._context.say(now_ns, WARNING, text)
+        return copy
+
+    def _holds(self, mode: Mode, now_ns: int) -> bool:
+        """Say whether the robot does what `mode` asks for; AUTO is over at the mission's end."""
+        navigation = self._context.fresh_navigation(now_ns)
+        if navigation is None or navigation.mode != mode:
+            return False
+        ended = navigation.mission_completed or navigation.mission_failed
+        return not (mode is Mode.AUTO and ended)
 
     def _wanted(self, base_mode: float, custom_mode: float, now_ns: int) -> Mode | None:
         if not (0.0 <= base_mode <= 255.0 and int(base_mode) & CUSTOM):
@@ -79,11 +112,11 @@ class Modes:
         before = pending.command
         return before is not None and before.sender == command.sender and pending.mode == mode
 
-    def _ask(self, command: Command | None, mode: Mode, now_ns: int) -> None:
+    def _ask(self, wish: _Pending) -> None:
         if self._pending is not None:
-            self._answer(self._pending, TEMPORARILY_REJECTED)
-        self._context.requests.append(SetMode(now_ns, mode))
-        self._pending = _Pending(command, mode, now_ns)
+            self._answer(self._pending, TEMPORARILY_REJECTED, wish.asked_ns)
+        self._context.requests.append(SetMode(wish.asked_ns, wish.mode))
+        self._pending = wish
 
     def step(self, now_ns: int) -> None:
         """Acknowledge the mode that was taken, or was not in time."""
@@ -96,13 +129,15 @@ class Modes:
             and navigation.stamp_ns > pending.asked_ns
             and navigation.mode == pending.mode
         ):
-            self._answer(pending, ACCEPTED)
+            self._answer(pending, ACCEPTED, now_ns)
         elif now_ns - pending.asked_ns > TIMEOUT_NS:
             why = "navigation does not answer" if navigation is None else navigation.message
             self._context.say(now_ns, WARNING, f"Mode {pending.mode.name} not taken: {why}")
-            self._answer(pending, TEMPORARILY_REJECTED)
+            self._answer(pending, TEMPORARILY_REJECTED, now_ns)
 
-    def _answer(self, pending: _Pending, result: int) -> None:
+    def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:
         self._pending = None
+        if pending.mode is not Mode.HOLD:
+            self._copies.remember(pending.sender, pending.mode, result, now_ns)
         if pending.command is not None:
             acknowledge(self._context, pending.command, result)
