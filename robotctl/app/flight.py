@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from robotctl.app.log_folder import LogFolder, close_log
-from robotctl.runtime.flight_ring import Part, RingReader, crashed, dump, remove_parts
+from robotctl.runtime.flight_ring import Part, RingReader, dump, remove_parts
 from robotctl.runtime.messages import ControlState
 from robotctl.runtime.recorder import RecordError
+from robotctl.runtime.ring_file import crashed
 from robotctl.runtime.safety import LATCHED
 
 AFTERMATH_NS: Final = 1_000_000_000

@@ -21,10 +21,10 @@ from robotctl.app.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
-from robotctl.runtime.flight_ring import crashed, is_written
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import Notice
 from robotctl.runtime.ports import Clock
+from robotctl.runtime.ring_file import crashed, retire
 from robotctl.runtime.topics import (
     Endpoints,
     Publisher,
@@ -102,8 +102,7 @@ class Recording:
             clock.sleep_until(clock.now_ns() + _LOOK_NS)
             self.listen(clock.now_ns())
             self.step(receive(), clock.now_ns())
-        if self._ring.exists() and not is_written(self._ring):
-            self._ring.replace(crashed(self._ring))
+        retire(self._ring)
         self.step(receive(), clock.now_ns())
         if self._dumps is None:
             crashed(self._ring).unlink(missing_ok=True)

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from robotctl.runtime.flight_ring import crashed
 from robotctl.runtime.flight_ring import dump as dump_ring
 from robotctl.runtime.recorder import RecordError
+from robotctl.runtime.ring_file import crashed
 from robotctl.runtime.topics import ring_path
 
 app = typer.Typer(help="The flight recorder and the logs.", no_args_is_help=True)

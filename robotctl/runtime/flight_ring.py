@@ -8,7 +8,10 @@ every process, however they end, but no power cut.
 
 The ring is cut into segments, each beginning with a checkpoint of the core, so that what is left
 after the oldest segment was overwritten can be replayed. A segment's sequence number is 0 while
-its beginning is written; its length moves on when a tick is there as a whole.
+its beginning is written; its length moves on when a tick is there as a whole. Both are stored as
+one aligned word each, so that a reader in another process, or after a kill between any two
+instructions, finds the old value or the new one. (`struct.pack_into` clears the place first and
+then writes byte by byte.)
 """
 
 from __future__ import annotations
@@ -28,19 +31,17 @@ import msgspec
 from robotctl.errors import LinkError
 from robotctl.runtime.core import Inputs, Outputs
 from robotctl.runtime.recorder import LENGTH, Checkpoint, RecordError, RecordHeader, Tick, framed
+from robotctl.runtime.ring_file import leads_to, new_locked, remove_dead, remove_old
 
 SEGMENTS: Final = 16
 SEGMENT_SIZE: Final = 1 << 18
 """Bytes; with `SEGMENTS` a ring of 4 MiB: some 85 s at 200 Hz, 17 s at 1 kHz."""
 
-MOST_DEAD: Final = 4
-"""Rings kept of processes that did not end in order and whose recorder did not either."""
-
 _MAGIC: Final = b"robotctl flight ring 1\n"
 _HEAD: Final = struct.Struct("<24sIII")
 _HEAD_SIZE: Final = 1 << 16
-_SEGMENT_HEAD: Final = struct.Struct("<QQ")
-_SEQUENCE: Final = struct.Struct("<Q")
+_SEGMENT_HEAD: Final = struct.Struct("@QQ")
+_WORD: Final = _SEGMENT_HEAD.size // 2
 _PART: Final = ".part"
 _RESERVE: Final = 1 << 15
 """A segment with less room is full: the longest tick needs less."""
@@ -59,12 +60,12 @@ class FlightRing:
     checkpoint
         Returns the present state of the core.
     segments, segment_size
-        Of the ring; the size in bytes.
+        Of the ring; the size in bytes, a multiple of 8.
 
     Raises
     ------
     LinkError
-        If the file cannot be made, or there is no memory for it.
+        If the file cannot be made, there is no memory for it, or another process writes it.
     """
 
     def __init__(
@@ -80,13 +81,10 @@ class FlightRing:
         self._segments, self._segment_size = segments, segment_size
         self._encode = msgspec.msgpack.Encoder().encode
         self._ticks = self._sequence = 0
-        self._segment = self._at = self._end = 0
+        self._segment = self._at = self._end = self._mark = 0
         try:
-            if path.exists():
-                if is_written(path):
-                    raise LinkError(f"{path}: another process writes it")
-                path.replace(crashed(path))
             remove_old(path.parent)
+            self._lock = new_locked(path)
             self._memory = self._map(_HEAD_SIZE + segments * segment_size)
         except OSError as error:
             raise LinkError(f"{path}: cannot be made: {error.strerror}") from error
@@ -95,20 +93,20 @@ class FlightRing:
             raise LinkError(f"{path}: the configuration has {len(start)} bytes, too many")
         self._memory[_HEAD.size : _HEAD.size + len(start)] = start
         self._begin_segment()
-        _HEAD.pack_into(self._memory, 0, _MAGIC, segments, segment_size, len(start))
+        _HEAD.pack_into(self._memory, 0, b"", segments, segment_size, len(start))
+        self._memory[: len(_MAGIC)] = _MAGIC  # last: a reader believes the rest from here on
 
     def _map(self, size: int) -> mmap.mmap:
         """Return the ring's memory, all of it present."""
-        descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            os.posix_fallocate(descriptor, 0, size)
-            memory = mmap.mmap(descriptor, size)
+            os.posix_fallocate(self._lock, 0, size)
+            memory = mmap.mmap(self._lock, size)
         except OSError:
-            os.close(descriptor)
+            self._path.unlink(missing_ok=True)
+            os.close(self._lock)
             raise
-        self._lock = descriptor
         memory[:] = bytes(size)
+        self._words = memoryview(memory).cast("Q")
         return memory
 
     def record(
@@ -124,7 +122,7 @@ class FlightRing:
             LENGTH.pack_into(memory, at, len(payload))
             memory[start:end] = payload
             self._at = end
-            _SEQUENCE.pack_into(memory, self._segment + _SEQUENCE.size, end - self._segment)
+            self._words[self._mark] = end - self._segment
         if self._end - self._at < _RESERVE or end > self._end:
             self._begin_segment()
 
@@ -139,17 +137,24 @@ class FlightRing:
         memory = self._memory
         self._segment = _HEAD_SIZE + (self._sequence % self._segments) * self._segment_size
         self._end = self._segment + self._segment_size
-        _SEGMENT_HEAD.pack_into(memory, self._segment, 0, 0)
+        self._mark = self._segment // _WORD + 1
+        self._words[self._mark - 1] = 0
         self._sequence += 1
         message = framed(self._encode(Checkpoint(self._ticks, core)))
         start = self._segment + _SEGMENT_HEAD.size
         self._at = start + len(message)
         memory[start : self._at] = message
-        _SEGMENT_HEAD.pack_into(memory, self._segment, self._sequence, self._at - self._segment)
+        self._words[self._mark] = self._at - self._segment
+        self._words[self._mark - 1] = self._sequence
 
     def close(self) -> None:
         """Remove the ring: its process ends in order. Who has it open can still read it."""
         self._path.unlink(missing_ok=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Do what the kernel does when the process ends."""
+        self._words.release()
         self._memory.close()
         os.close(self._lock)
 
@@ -199,28 +204,29 @@ class RingReader:
 
     def replaced(self) -> bool:
         """Return whether the path leads elsewhere by now: the process ended or started anew."""
-        try:
-            now = self.path.stat()
-        except FileNotFoundError:
-            return True
-        return now.st_ino != os.fstat(self._descriptor).st_ino
+        return not leads_to(self.path, self._descriptor)
 
     def read(self, after: Part | None = None) -> list[Part]:
-        """Return what is in the ring, or what came after the part given, oldest first."""
-        done = after.sequence if after is not None else 0
+        """Return what is in the ring, or what came after the part given, oldest first.
+
+        A segment that begins meanwhile waits for the next call: what came into the one before it
+        after that was read would else be passed over.
+        """
+        done = after.sequence if after is not None else 1
+        places = [_HEAD_SIZE + index * self._segment_size for index in range(self._segments)]
+        begun = sorted((self._segment_head(place)[0], place) for place in places)
         parts = []
-        for index in range(self._segments):
-            place = _HEAD_SIZE + index * self._segment_size
-            sequence, used = self._segment_head(place)
+        for sequence, place in begun:
             begin = _SEGMENT_HEAD.size
             if after is not None and sequence == done:
                 begin = after.offset + len(after.data)
-            if sequence < max(done, 1) or used <= begin:
+            now, used = self._segment_head(place)
+            if sequence < done or now != sequence or used <= begin:
                 continue
             data = os.pread(self._descriptor, used - begin, place + begin)
             if self._segment_head(place)[0] == sequence:
                 parts.append(Part(sequence, begin, data))
-        return sorted(parts)
+        return parts
 
     def _segment_head(self, place: int) -> tuple[int, int]:
         """Return sequence number and length of a segment."""
@@ -230,37 +236,6 @@ class RingReader:
     def close(self) -> None:
         """Close the file."""
         os.close(self._descriptor)
-
-
-def crashed(path: Path) -> Path:
-    """Return where the ring of a process goes that did not end in order."""
-    return path.with_name(f"{path.name}.crashed")
-
-
-def is_written(path: Path) -> bool:
-    """Return whether the process that made a ring is still alive; it holds a lock on the file."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except FileNotFoundError:
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
-
-
-def remove_old(folder: Path) -> None:
-    """Remove rings of dead processes but the newest: nobody else gives their memory back."""
-    dead = []
-    for path in folder.glob("*.ring*"):
-        with suppress(FileNotFoundError):  # others do the same
-            if not is_written(path):
-                dead.append((path.stat().st_mtime_ns, path))
-    for _, path in sorted(dead)[:-MOST_DEAD]:
-        path.unlink(missing_ok=True)
 
 
 def dump(ring: Path, target: Path) -> None:
@@ -300,5 +275,4 @@ def remove_parts(folder: Path, pattern: str) -> None:
     """Remove what dumps to targets like `pattern` left when their writer died."""
     for path in folder.glob(f"{pattern}{_PART}"):
         with suppress(OSError):  # it ended just now, or may not be removed
-            if not is_written(path):
-                path.unlink()
+            remove_dead(path)

@@ -22,7 +22,7 @@ from robotctl.cli.commands import app
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import ControlCore, Inputs
-from robotctl.runtime.flight_ring import FlightRing, crashed
+from robotctl.runtime.flight_ring import FlightRing
 from robotctl.runtime.messages import (
     ControlState,
     Feedback,
@@ -30,18 +30,13 @@ from robotctl.runtime.messages import (
     SafetyState,
     WheelFeedback,
 )
+from robotctl.runtime.ring_file import crashed
 from robotctl.runtime.topics import ring_path
 
 OPTIONS = StackOptions("robot", str(find_file("diff_drive").resolve()))
 CONFIG = load_robot(find_file("diff_drive"))
 STATE = make_core(CONFIG, OPTIONS).snapshot(0, LoopStatistics())
 SMALL = 4, 1 << 16
-
-
-def die(ring: FlightRing) -> None:
-    """What the kernel does for a process that ends."""
-    ring._memory.close()
-    os.close(ring._lock)
 
 
 class Loop:
@@ -98,7 +93,7 @@ def test_a_stop_is_dumped_once_with_what_came_of_it(
 
 def test_a_crash_is_dumped_by_whoever_comes_next(tmp_path: Path, loop: Loop) -> None:
     loop.ticks(1000)
-    die(loop.ring)
+    loop.ring._let_go()
     second = Loop(tmp_path / "a.ring")
     second.ticks(3)
     dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
@@ -119,7 +114,7 @@ def test_a_stop_that_a_crash_follows_is_in_the_dump_of_the_crash_and_in_no_other
     dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
     loop.ticks(100)
     assert dumps.step([state(SafetyState.FAULT)], 0) == ()
-    die(loop.ring)
+    loop.ring._let_go()
     second = Loop(tmp_path / "a.ring")
     (note,) = dumps.step([state(SafetyState.BOOT)], AFTERMATH_NS)
     assert "crash-" in note
@@ -212,7 +207,7 @@ def test_a_recorder_that_ends_leaves_no_ring_of_a_dead_process_and_every_ring_of
     options = msgspec.structs.replace(OPTIONS, flights=str(tmp_path / "flights"))
     dead = Loop(path)
     dead.ticks(50)
-    die(dead.ring)
+    dead.ring._let_go()
     Recording(CONFIG, options).finish(list, RealClock())
     assert not path.exists()
     assert not crashed(path).exists()

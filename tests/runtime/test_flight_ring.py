@@ -13,16 +13,10 @@ import msgspec
 import pytest
 
 from robotctl.errors import LinkError
+from robotctl.runtime import flight_ring
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.core import ControlCore
-from robotctl.runtime.flight_ring import (
-    MOST_DEAD,
-    FlightRing,
-    RingReader,
-    crashed,
-    dump,
-    is_written,
-)
+from robotctl.runtime.flight_ring import FlightRing, RingReader, dump
 from robotctl.runtime.recorder import (
     Checkpoint,
     RecordError,
@@ -31,6 +25,7 @@ from robotctl.runtime.recorder import (
     read_record,
     replay,
 )
+from robotctl.runtime.ring_file import MOST_DEAD, crashed, is_written
 from tests.runtime.robot_double import RobotDouble, make_core
 
 HEADER = RecordHeader("0", "{}", 1.0, 2.0, 0.0)
@@ -218,6 +213,97 @@ def test_the_ring_of_a_killed_process_replays_to_its_last_tick(
     assert not path.exists()
 
 
+BUSY = """
+import sys
+from pathlib import Path
+from robotctl.runtime.flight_ring import FlightRing
+from tests.runtime.robot_double import RobotDouble
+from tests.runtime.test_flight_ring import HEADER, SMALL
+robot = RobotDouble()
+robot.tick(robot.velocity(0.4, 0.3))
+ring = FlightRing(Path(sys.argv[1]), HEADER, lambda: b"", *SMALL)
+print("on its way", flush=True)
+while True:
+    ring.record(*robot.record[0], 1000, 2000)
+"""
+
+
+def test_the_fill_mark_of_a_segment_never_goes_back(tmp_path: Path) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", BUSY, str(tmp_path / "a.ring")],
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+    )
+    seen: dict[int, int] = {}
+    back = []
+    with child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"on its way\n"
+        reader = RingReader(tmp_path / "a.ring")
+        end_s = time.monotonic() + 1.5
+        while time.monotonic() < end_s:
+            for index in range(SMALL[0]):
+                sequence, used = reader._segment_head((1 << 16) + index * SMALL[1])
+                if sequence and not seen.get(sequence, 1) <= used <= SMALL[1]:
+                    back.append((sequence, seen.get(sequence), used))
+                seen[sequence] = used
+        reader.close()
+        child.kill()
+    assert back == []
+    assert len(seen) > 20
+
+
+def test_a_segment_that_begins_while_a_follower_reads_costs_it_nothing(tmp_path: Path) -> None:
+    robot = RobotDouble()
+    ring = make_ring(tmp_path / "a.ring", robot.core)
+
+    class Reader(RingReader):
+        """Is as slow as can be: the loop goes on before each of its looks."""
+
+        def _segment_head(self, place: int) -> tuple[int, int]:
+            drive(robot, ring, 3)
+            return super()._segment_head(place)
+
+    reader = Reader(tmp_path / "a.ring")
+    data, last = reader.header, None
+    for _ in range(40):
+        for part in reader.read(last):
+            data, last = data + part.data, part
+    for part in RingReader(tmp_path / "a.ring").read(last):
+        data += part.data
+    _, entries = read_record(io.BytesIO(data), "x")
+    listed = list(entries)
+    assert sum(isinstance(each, Checkpoint) for each in listed) > SMALL[0]
+    assert [each.now_ns for each in listed if isinstance(each, Tick)] == [
+        each[0] for each in robot.record
+    ]
+    ring.close()
+
+
+def test_a_ring_that_is_just_being_made_is_read_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Head:
+        """The head's encoding, which leaves the computer to a reader when it is done."""
+
+        size = flight_ring._HEAD.size
+
+        def pack_into(self, *arguments: object) -> None:
+            flight_ring_head.pack_into(*arguments)
+            with pytest.raises(RecordError, match="just being made"):
+                RingReader(tmp_path / "a.ring")
+
+        def unpack(self, data: bytes) -> tuple[object, ...]:
+            return flight_ring_head.unpack(data)
+
+    flight_ring_head = flight_ring._HEAD
+    monkeypatch.setattr(flight_ring, "_HEAD", Head())
+    ring = make_ring(tmp_path / "a.ring", make_core())
+    (part,) = RingReader(tmp_path / "a.ring").read()
+    assert part.begins_segment
+    ring.close()
+
+
 def test_what_is_no_ring_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="cannot be read: No such file"):
         RingReader(tmp_path / "none")
@@ -245,8 +331,7 @@ def test_the_rings_of_many_dead_processes_do_not_fill_the_memory(tmp_path: Path)
     live = make_ring(tmp_path / "live.ring", make_core())
     for number in range(MOST_DEAD + 3):
         dead = make_ring(tmp_path / f"dead-{number}.ring", make_core())
-        dead._memory.close()
-        os.close(dead._lock)
+        dead._let_go()
         os.utime(tmp_path / f"dead-{number}.ring", (number, number))
     make_ring(tmp_path / "next.ring", make_core()).close()
     assert sorted(path.name for path in tmp_path.iterdir()) == [

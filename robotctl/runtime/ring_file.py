@@ -1,0 +1,155 @@
+"""Whose a flight ring is: the lock of its writer, and where the ring of a dead process goes.
+
+A ring is locked by its writer as long as that lives. Who renames or removes one locks it first and
+then looks whether the path still leads to what is locked: between the two, somebody else may have
+put another file there. So the ring of a live process is never taken away.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from robotctl.errors import LinkError
+
+MOST_DEAD: Final = 4
+"""Rings kept of processes that did not end in order and whose recorder did not either."""
+
+_PROBES: Final = 50
+_PROBE_S: Final = 0.002
+"""Who asks whether a ring is written locks it for some microseconds; a writer waits that out."""
+
+
+def crashed(path: Path) -> Path:
+    """Return where the ring of a process goes that did not end in order."""
+    return path.with_name(f"{path.name}.crashed")
+
+
+def is_written(path: Path) -> bool:
+    """Return whether the process that made a ring is still alive; it holds a lock on the file."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def leads_to(path: Path, descriptor: int) -> bool:
+    """Return whether a path leads to an open file, not to another that has taken its place."""
+    try:
+        there = path.stat()
+    except FileNotFoundError:
+        return False
+    return os.path.samestat(there, os.fstat(descriptor))
+
+
+def new_locked(path: Path) -> int:
+    """Return the descriptor of an empty file at a path, locked; a dead process's ring gives way.
+
+    Raises
+    ------
+    LinkError
+        If another process writes it.
+    OSError
+        If it cannot be made.
+    """
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            if not _locked(descriptor):
+                raise LinkError(f"{path}: another process writes it")
+            if leads_to(path, descriptor):
+                if os.fstat(descriptor).st_size == 0:
+                    return os.dup(descriptor)  # the lock is on both
+                path.replace(crashed(path))
+        finally:
+            os.close(descriptor)
+
+
+def retire(path: Path) -> None:
+    """Move the ring of a dead process to `crashed(path)`; that of a live one stays.
+
+    Raises
+    ------
+    OSError
+        If it cannot be moved.
+    """
+    descriptor = _lock_dead(path)
+    if descriptor is None:
+        return
+    try:
+        if os.fstat(descriptor).st_size == 0:  # one that is just being made, or never was
+            path.unlink()
+        else:
+            path.replace(crashed(path))
+    finally:
+        os.close(descriptor)
+
+
+def remove_dead(path: Path) -> None:
+    """Remove a file unless its writer lives.
+
+    Raises
+    ------
+    OSError
+        If it cannot be removed.
+    """
+    descriptor = _lock_dead(path)
+    if descriptor is None:
+        return
+    try:
+        path.unlink()
+    finally:
+        os.close(descriptor)
+
+
+def remove_old(folder: Path) -> None:
+    """Remove rings of dead processes but the newest: nobody else gives their memory back."""
+    dead = []
+    for path in folder.glob("*.ring*"):
+        with suppress(FileNotFoundError):  # others do the same
+            if not is_written(path):
+                dead.append((path.stat().st_mtime_ns, path))
+    for _, path in sorted(dead)[:-MOST_DEAD]:
+        remove_dead(path)
+
+
+def _locked(descriptor: int) -> bool:
+    """Lock a file that nobody but a probe may have locked; return whether that went."""
+    for _ in range(_PROBES):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(_PROBE_S)
+        else:
+            return True
+    return False
+
+
+def _lock_dead(path: Path) -> int | None:
+    """Lock the file at a path; None where there is none, or its writer lives."""
+    while True:
+        try:
+            descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        except FileNotFoundError:
+            return None
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            os.close(descriptor)
+            if isinstance(error, BlockingIOError):
+                return None
+            raise
+        if leads_to(path, descriptor):
+            return descriptor
+        os.close(descriptor)
