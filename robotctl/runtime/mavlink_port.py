@@ -12,6 +12,10 @@ KINDS = ("udpout", "udpin", "tcpout", "tcpin", "serial")
 FORMS = (
     "udpout:HOST:PORT, udpin:HOST:PORT, tcpout:HOST:PORT, tcpin:HOST:PORT or serial:/dev/NAME:BAUD"
 )
+HOSTS = (
+    "an IPv4 address, an IPv6 address in brackets, or a name of parts of 1 to 63 characters with "
+    "single dots between them"
+)
 MAX_BAUD = 4_000_000
 
 Message: TypeAlias = Any
@@ -43,7 +47,8 @@ class LinkConfig:
     Raises
     ------
     ValueError
-        If `url` has none of these forms; the message names them.
+        If `url` has none of these forms or its host cannot be one; the message names what is
+        allowed.
     """
 
     url: str
@@ -63,7 +68,7 @@ def parse_link_url(url: str) -> LinkAddress:
     Raises
     ------
     ValueError
-        Names what is wrong with `url` and which forms are allowed.
+        Names what is wrong with `url` and what is allowed.
     """
     kind, _, rest = url.partition(":")
     if kind not in KINDS:
@@ -83,11 +88,23 @@ def parse_link_url(url: str) -> LinkAddress:
     lowest = 0 if kind.endswith("in") else 1
     if not lowest <= port <= 65535:
         raise _refusal(url, f"port {port} is not in {lowest} to 65535")
-    return LinkAddress(kind, socket[1] or socket[2], port)
+    host = socket[1] or socket[2]
+    if not _may_be_host(host):
+        raise _refusal(url, f'"{host}" is no host', HOSTS)
+    return LinkAddress(kind, host, port)
 
 
-def _refusal(url: str, problem: str) -> ValueError:
-    return ValueError(f'"{url}": {problem}; allowed: {FORMS}')
+def _may_be_host(host: str) -> bool:
+    """Say whether a name server can be asked for `host`."""
+    try:
+        host.encode("idna")  # as `socket.getaddrinfo` does
+    except UnicodeError:
+        return False
+    return True
+
+
+def _refusal(url: str, problem: str, allowed: str = FORMS) -> ValueError:
+    return ValueError(f'"{url}": {problem}; allowed: {allowed}')
 
 
 class Peer(NamedTuple):

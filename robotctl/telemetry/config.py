@@ -74,7 +74,7 @@ class MavlinkConfig:
     Raises
     ------
     ValueError
-        If a value is out of range, a link's host cannot be one or two links are the same.
+        If a value is out of range or two links are the same.
     """
 
     system_id: int = 1
@@ -90,25 +90,9 @@ class MavlinkConfig:
                 raise ValueError(f"{name} must be 1 to 255, not {getattr(self, name)}")
         _check_range("setpoint_timeout_s", self.setpoint_timeout_s, 0.05, 10.0)
         _check_range("gcs_timeout_s", self.gcs_timeout_s, 1.0, 60.0)
-        for link in self.link:
-            _check_host(link)
         urls = [link.url for link in self.link]
         if repeated := sorted({url for url in urls if urls.count(url) > 1}):
             raise ValueError(f"links must differ, found more than once: {', '.join(repeated)}")
-
-
-def _check_host(link: LinkConfig) -> None:
-    """Refuse a host that no name server can be asked for; a serial line has none."""
-    kind, host, _ = link.address
-    if kind == "serial":
-        return
-    try:
-        host.encode("idna")  # as `socket.getaddrinfo` does
-    except UnicodeError:
-        raise ValueError(
-            f'link "{link.url}": "{host}" is no host; allowed: an IPv4 or IPv6 address, or a '
-            f"name of parts of 1 to 63 characters with single dots between them"
-        ) from None
 
 
 def _check_range(name: str, value: float, low: float, high: float) -> None:

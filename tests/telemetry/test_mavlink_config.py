@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robotctl import toml_source
 from robotctl.errors import ConfigError
-from robotctl.runtime.mavlink_port import LinkConfig
+from robotctl.runtime.mavlink_port import LinkConfig, parse_link_url
 from robotctl.telemetry.config import MavlinkConfig, StreamRates
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -74,10 +74,11 @@ def test_a_wrong_url_is_refused_with_all_allowed_forms(url, complaint):
     ],
 )
 def test_a_host_that_cannot_be_one_is_refused_with_what_is_allowed(host):
-    link = LinkConfig(f"udpout:{host}:14550")
-    with pytest.raises(ValueError, match="is no host; allowed: an IPv4 or IPv6 address") as no:
-        MavlinkConfig(link=(LinkConfig("tcpin:127.0.0.1:5760"), link))
-    assert f'"{host}"' in str(no.value)
+    url = f"udpout:{host}:14550"
+    for read in (parse_link_url, LinkConfig):
+        with pytest.raises(ValueError, match="is no host; allowed: an IPv4 address, an IPv6") as no:
+            read(url)
+        assert f'"{url}": "{host}"' in str(no.value)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_a_host_that_cannot_be_one_is_refused_with_what_is_allowed(host):
     ],
 )
 def test_hosts_that_may_exist_are_taken(url):
-    assert MavlinkConfig(link=(LinkConfig(url),)).link[0].url == url
+    assert LinkConfig(url).url == url
 
 
 @given(st.text(max_size=40))
@@ -119,6 +120,16 @@ def test_errors_of_a_file_become_config_errors_with_their_lines():
     assert "robot.toml:2: link[0]" in message or "robot.toml:1: link[0]" in message
     assert 'did you mean "tcpin"' in message
     assert "attitude_hz must be 0 (off) or 0.001 to 100, not -1.0" in message
+
+
+def test_a_host_that_cannot_be_one_is_a_config_error_with_its_line():
+    text = '[[link]]\nurl = "tcpin:127.0.0.1:5760"\n[[link]]\nurl = "udpout:gcs..local:14550"\n'
+    with pytest.raises(ConfigError) as refused:
+        toml_source.parse(text, MavlinkConfig, "robot.toml")
+    (line,) = str(refused.value).splitlines()
+    assert "link[1]" in line
+    assert "robot.toml:3" in line or "robot.toml:4" in line
+    assert '"udpout:gcs..local:14550": "gcs..local" is no host; allowed: ' in line
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import select
 import socket
 import time
@@ -13,6 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.drivers import mavlink_link_udp
 from robotctl.drivers.mavlink_link import MavlinkLinks
+from robotctl.drivers.mavlink_link_lookup import HostLookup
 
 HEARTBEAT = common.MAVLink_heartbeat_message(10, 3, 1, 4, 3, 3)
 
@@ -427,11 +429,17 @@ def test_a_host_that_is_unknown_does_not_hold_up_the_other_links(party, udp, eve
 
 @pytest.mark.parametrize("host", ["192.168.1..20", ".local", "a" * 64])
 @pytest.mark.parametrize("kind", ["udpout", "tcpout", "udpin", "tcpin"])
-def test_a_host_that_is_no_name_is_an_error_of_the_link(party, kind, host):
-    robot = party(f"{kind}:{host}:14550")
-    robot.step()
-    assert not robot.status().open
-    assert host in robot.status().last_error
+def test_a_host_that_is_no_name_is_refused_before_there_are_links(party, kind, host):
+    with pytest.raises(ValueError, match="is no host; allowed: ") as refused:
+        party(f"{kind}:{host}:14550")
+    assert f'"{host}"' in str(refused.value)
+
+
+@pytest.mark.parametrize("host", ["192.168.1..20", ".local", "a" * 64])
+@pytest.mark.parametrize("kind", [socket.SOCK_DGRAM, socket.SOCK_STREAM])
+def test_looking_up_a_host_that_is_no_name_is_an_error_of_the_network(kind, host):
+    with pytest.raises(OSError, match=re.escape(host)):
+        HostLookup(host, 14550, kind).result()
 
 
 def test_the_descriptor_of_all_links_becomes_readable_when_something_comes(party, udp, eventually):
