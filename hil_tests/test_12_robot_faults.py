@@ -116,10 +116,10 @@ def test_a_drive_with_another_firmware_is_not_armed(lasting: Rig) -> None:
     lasting.wait_for_state(SafetyState.FAULT, 1.0)
 
     def refused() -> bool:
-        ack = lasting.control.ack
-        return ack is not None and not ack.accepted and any("drive" in r for r in ack.reasons)
+        acks = lasting.control.acks[-1:]
+        return any("drive" in r for ack in acks for r in ack.reasons)
 
     lasting.ask_to_arm()
     lasting.wait(refused, 3.0, "arming is refused for the drive's sake")
-    reasons = lasting.control.ack.reasons
+    reasons = lasting.control.acks[-1].reasons
     assert any("wire version" in r or "revision" in r for r in reasons), reasons

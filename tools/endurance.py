@@ -174,7 +174,7 @@ class Endurance:
         if now_ns - since_ns > RECOVERY_NS:
             self.failed_recoveries += 1
             print(f"{now_ns / 1e9:.1f} s: not recovered: {control.state.name}, {control.reason}, "
-                  f"{control.ack}", flush=True)  # fmt: skip
+                  f"{control.acks[-1:]}", flush=True)  # fmt: skip
             self._stopped_ns = now_ns
         if now_ns < since_ns or now_ns - self._asked_ns < SECOND_NS:
             return []

@@ -168,7 +168,7 @@ def is_over(control: ControlState | None, navigation: NavigationState | None) ->
 def run_message(control: ControlState, navigation: NavigationState | None) -> str:
     """Return the line that explains how a run stands: why it cannot drive, else what it does."""
     if control.state not in POWERED:
-        refused = control.ack.reasons if control.ack is not None else ()
+        refused = control.acks[-1].reasons if control.acks else ()
         reason = control.reason or "; ".join(refused)
         if reason:
             return f"{control.state.name.lower().replace('_', ' ')}: {reason}"

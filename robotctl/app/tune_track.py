@@ -146,8 +146,8 @@ def _arm(bench: Bench) -> None:
         bench.tick(wish)
         _check_running(bench)
     else:
-        ack = bench.snapshot().ack
-        reasons = "; ".join(ack.reasons) if ack is not None else ""
+        acks = bench.snapshot().acks
+        reasons = "; ".join(acks[-1].reasons) if acks else ""
         raise ExperimentError(f"the robot does not arm: {reasons or machine.reason}")
     for _ in range(round(_REST_S * 1e9 / bench.period_ns)):
         bench.tick()

@@ -19,6 +19,7 @@ _PURE: Final = (
     "robotctl.control.",
     "robotctl.estimation.",
     "robotctl.planning.mode",
+    "robotctl.runtime.arm_requests",
     "robotctl.runtime.core",
     "robotctl.runtime.health",
     "robotctl.runtime.messages",

@@ -6,6 +6,7 @@ of a run give its outputs again bit for bit.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -21,9 +22,9 @@ from robotctl.model.drives import DifferentialDrive, Drive
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.twist import Twist
+from robotctl.runtime.arm_requests import ArmRequests
 from robotctl.runtime.health import Health
 from robotctl.runtime.messages import (
-    Ack,
     Arm,
     ControlRequest,
     ControlState,
@@ -41,9 +42,7 @@ from robotctl.runtime.plausibility import Plausibility, PlausibilityConfig
 from robotctl.runtime.plausibility_sonar import SonarMonitor
 from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
 
-_AHEAD_NS: Final = 50_000_000
-"""A request may be younger than the tick that reads it, which had to wait, by this [ns]."""
-
+_UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
 _COUNTS_GAP_NS = 500_000_000
@@ -166,12 +165,11 @@ class ControlCore:
         self._nodes: tuple[NodeStatus, ...] = ()
         self._boots: dict[int, int] = {}
         self._ticks = 0
-        self._pending: Arm | None = None
+        self._arming = ArmRequests()
         self._objections: tuple[str, ...] = ()
         self._cleared_ns = 0
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
-        self._ack: Ack | None = None
         self._notices: list[Notice] = []
 
     @property
@@ -188,7 +186,7 @@ class ControlCore:
         if inputs.requests or inputs.feedback.emergency_stop is not None:
             stop = self._take_requests(inputs, now_ns)
         self._supervise(now_ns)
-        clear = self._pending is not None and self._try_to_arm(now_ns)
+        clear = bool(self._arming.waiting) and self._try_to_arm(now_ns)
         self._command_before = self._command
         self._command = self._drive_wheels(now_ns)
         return Outputs(self._command, stop, clear, tuple(self._notices))
@@ -282,32 +280,21 @@ class ControlCore:
                     source = request.source.name.lower().replace("_", " ")
                     self._on(Event.EMERGENCY_STOP, f"emergency stop ({source})", now_ns)
                 case Arm(arm=False):
-                    self._pending = None
+                    self._arming.answer_waiting("disarmed")
                     self._on(Event.DISARM, "disarmed", now_ns)
-                    self._ack = Ack(request.request_id, accepted=True)
-                case Arm() if not oldest_ns <= request.stamp_ns <= now_ns + _AHEAD_NS:
+                    self._arming.answer(request.request_id)
+                case Arm() if not oldest_ns <= request.stamp_ns <= now_ns:
                     when = "too old" if request.stamp_ns < oldest_ns else "of the future"
-                    self._ack = Ack(request.request_id, accepted=False, reasons=(when,))
+                    self._arming.answer(request.request_id, when)
                 case Arm() if stopping or request.stamp_ns <= self._stopped_ns:
-                    reasons = (f"made before the stop: {self.machine.reason}",)
-                    self._ack = Ack(request.request_id, accepted=False, reasons=reasons)
+                    before = f"made before the stop: {self.machine.reason}"
+                    self._arming.answer(request.request_id, before)
                 case Arm():
-                    self._pending = self._asked_again(request)
+                    self._arming.wait(request)
                     self._objections = inputs.objections
                     if self.machine.state in LATCHED:
                         self._on(Event.RESET, "arming after a stop", now_ns)
         return stop
-
-    def _refuse_pending(self, reason: str) -> None:
-        """Answer a request to arm that waits: no."""
-        if self._pending is not None:
-            self._ack = Ack(self._pending.request_id, accepted=False, reasons=(reason,))
-            self._pending = None
-
-    def _asked_again(self, request: Arm) -> Arm:
-        """Return the request to wait for: asking again does not put off the answer."""
-        before = self._pending
-        return msgspec.structs.replace(request, stamp_ns=before.stamp_ns) if before else request
 
     def _supervise(self, now_ns: int) -> None:
         """Let health move the state machine."""
@@ -324,23 +311,19 @@ class ControlCore:
 
     def _try_to_arm(self, now_ns: int) -> bool:
         """Arm if nothing speaks against it; return whether the drive's latches must be cleared."""
-        request = self._pending
-        if request is None:
-            return False
+        arming = self._arming
         if self.machine.state in POWERED:
-            self._pending = None
-            self._ack = Ack(request.request_id, accepted=True)
+            arming.answer_waiting()
             return False
         refusals = self._refusals(now_ns)
         if not refusals and self._on(Event.ARM, "", now_ns):
-            self._pending = None
-            self._ack = Ack(request.request_id, accepted=True)
+            arming.answer_waiting()
             self._take_over()
             return False
-        if now_ns - request.stamp_ns > self._safety.arm_timeout_ms * 1_000_000:
-            self._pending = None
-            self._ack = Ack(request.request_id, accepted=False, reasons=refusals)
-            text = f"arming refused: {'; '.join(refusals) or self.machine.reason}"
+        if now_ns - arming.since_ns > self._safety.arm_timeout_ms * 1_000_000:
+            refusals = refusals or (self.machine.reason,)
+            arming.answer_waiting(*refusals)
+            text = f"arming refused: {'; '.join(refusals)}"
             self._notices.append(Notice(now_ns, _SEVERITY_WARNING, text))
             return False
         if self._health.drive_latched and now_ns - self._cleared_ns > _CLEAR_INTERVAL_NS:
@@ -392,7 +375,7 @@ class ControlCore:
         if velocity is None or now_ns > velocity.expires_ns:
             return 0.0, 0.0
         age_ns = now_ns - velocity.stamp_ns
-        if not -_AHEAD_NS <= age_ns <= self._setpoint_limit_ns:
+        if not 0 <= age_ns <= self._setpoint_limit_ns:
             return 0.0, 0.0
         return velocity.v_m_s, velocity.omega_rad_s
 
@@ -429,7 +412,7 @@ class ControlCore:
         changed = self.machine.on(event, reason)
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
             self._stopped_ns = now_ns
-            self._refuse_pending(f"made before the stop: {reason}")
+            self._arming.answer_waiting(f"made before the stop: {reason}")
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._velocity = None
             self._notices.append(Notice(now_ns, _SEVERITY_CRITICAL, f"stopped: {reason}"))
@@ -444,22 +427,23 @@ class ControlCore:
         health, pose = self._health, self.odometry.pose_world_base
         motor, drive = health.fresh_motor(now_ns), health.fresh_drive(now_ns)
         wheels = self._wheels
+        measured = health.wheels_fresh(now_ns)
+        twist = self._twist_meas if measured else _UNKNOWN_TWIST
         duties = (self._command.duty1, self._command.duty2)
         n = len(wheels)
         return ControlState(
             stamp_ns=now_ns,
             state=self.machine.state,
             reason=self.machine.reason,
-            ack=self._ack,
             x_m=pose.x_m,
             y_m=pose.y_m,
             theta_rad=pose.theta_rad,
-            v_m_s=self._twist_meas.v_m_s,
-            omega_rad_s=self._twist_meas.omega_rad_s,
+            v_m_s=twist.v_m_s,
+            omega_rad_s=twist.omega_rad_s,
             v_ref_m_s=self._twist_ref.v_m_s,
             omega_ref_rad_s=self._twist_ref.omega_rad_s,
             distance_m=self.odometry.distance_m,
-            wheel_rad_s=tuple(w.estimator.velocity_rad_s for w in wheels),
+            wheel_rad_s=self._speeds_rad_s() if measured else (math.nan,) * n,
             wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),
             wheel_distance_m=tuple(
                 w.estimator.position_rad * radius_m
@@ -469,7 +453,7 @@ class ControlCore:
             current_a=(motor.current1_a, motor.current2_a)[:n] if motor else (),
             temperature_c=(motor.temperature1_c, motor.temperature2_c)[:n] if motor else (),
             steering_rad=self._steering_rad,
-            bus_voltage_v=drive.bus_voltage_v if drive else float("nan"),
+            bus_voltage_v=drive.bus_voltage_v if drive else math.nan,
             battery=health.fresh_battery(now_ns),
             sonar_m=health.fresh_sonar_m(now_ns),
             sonar_stamp_ns=tuple(max(stamp_ns, 0) for stamp_ns in health.sonar_ns),
@@ -478,4 +462,5 @@ class ControlCore:
             bus=health.bus,
             loop=loop,
             odometer_m=self.odometer_start_m + self.odometry.distance_m,
+            acks=self._arming.acks,
         )

@@ -97,6 +97,10 @@ class Health:
         # There are some, and none has a problem but perhaps its age.
         self._in_service = bool(nodes) and not any(node.problem for node in nodes)
 
+    def wheels_fresh(self, now_ns: int) -> bool:
+        """Return whether the newest wheel feedback is not too old."""
+        return is_fresh(self._wheels_ns, now_ns, self._wheels_limit_ns)
+
     def fresh_sonar_m(self, now_ns: int) -> tuple[float, ...]:
         """Return the range of each sonar [m]; inf: no echo; nan: too old, or none at all."""
         limit_ns = self._sonar_limit_ns
@@ -150,7 +154,7 @@ class Health:
         reasons = []
         if self.bus.state in _DEAD_BUS_STATES:
             reasons.append(f"the CAN bus is {_words(self.bus.state)}")
-        if not is_fresh(self._wheels_ns, now_ns, self._wheels_limit_ns):
+        if not self.wheels_fresh(now_ns):
             reasons.append(f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms")
         motor, limit_ns = self.fresh_motor(now_ns), self._status_limit_ns
         if motor is None:

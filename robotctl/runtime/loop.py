@@ -20,7 +20,11 @@ SCHEDULER = "scheduler"
 
 
 class Ticker(Protocol):
-    """The work of one period, split into the stages of `STAGES` for the blame of an overrun."""
+    """The work of one period, split into the stages of `STAGES` for the blame of an overrun.
+
+    `receive` is given the time of waking. The other stages are given the time at which it had
+    ended, by which ages are judged: a pause of the process while it received counts, too.
+    """
 
     def receive(self, now_ns: int) -> None:
         """Take in what arrived."""
@@ -74,13 +78,13 @@ class Loop:
         woken_ns = now()
         ticker.receive(woken_ns)
         received_ns = now()
-        ticker.control(woken_ns)
+        ticker.control(received_ns)
         controlled_ns = now()
-        ticker.send(woken_ns)
+        ticker.send(received_ns)
         sent_ns = now()
         self.lag_ns = lag_ns = woken_ns - deadline_ns
         self.step_ns = step_ns = sent_ns - woken_ns
-        ticker.publish(woken_ns)
+        ticker.publish(received_ns)
         done_ns = now()
         self.ticks += 1
         self.lag.add(lag_ns // 100)

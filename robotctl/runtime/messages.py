@@ -196,7 +196,7 @@ class VelocityCommand(msgspec.Struct, frozen=True, tag=True):
 
 
 class Arm(msgspec.Struct, frozen=True, tag=True):
-    """Request to arm or disarm. `request_id` comes back in `ControlState.ack`."""
+    """Request to arm or disarm. `request_id` comes back in `ControlState.acks`."""
 
     stamp_ns: int
     request_id: int
@@ -267,7 +267,7 @@ NavigationRequest: TypeAlias = (
 
 
 class Ack(msgspec.Struct, frozen=True):
-    """Answer to the last `Arm`: `reasons` says why it was refused, empty when accepted."""
+    """Answer to an `Arm`: `reasons` says why it was refused, empty when accepted."""
 
     request_id: int
     accepted: bool
@@ -295,16 +295,16 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     """What the control process publishes, 50 times a second.
 
     Pose is odometry: `base` in the `world` frame fixed where the control process started (m,
-    rad). Wheel arrays have one entry per driven wheel. `sonar_m[i]` belongs to the i-th sonar of
-    the configuration: inf where there was no echo, nan where the sensor is missing, faulty or
-    stale. `distance_m` counts from the start of the process, `odometer_m` over the robot's life
-    (nan where its file cannot be read).
+    rad). Wheel arrays have one entry per driven wheel. Measured velocities are nan while wheel
+    feedback is stale. `sonar_m[i]` belongs to the i-th sonar of the configuration: inf where there
+    was no echo, nan where the sensor is missing, faulty or stale. `distance_m` counts from the
+    start of the process, `odometer_m` over the robot's life (nan where its file cannot be read).
+    `acks` are the last answers to `Arm`, the newest last.
     """
 
     stamp_ns: int
     state: SafetyState
     reason: str
-    ack: Ack | None
     x_m: float
     y_m: float
     theta_rad: float
@@ -329,6 +329,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     bus: BusStatus
     loop: LoopStatistics
     odometer_m: float = 0.0
+    acks: tuple[Ack, ...] = ()
 
 
 class NavigationState(msgspec.Struct, frozen=True, tag=True):

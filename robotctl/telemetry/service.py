@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
+from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.model.sonar import SonarMount
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import Locator
@@ -43,10 +44,8 @@ class TelemetryRobot:
         Version of robotctl, `major.minor.patch`.
     sonars : tuple of SonarMount
         In the order of `ControlState.sonar_m`.
-    sonar_min_m, sonar_max_m : float
-        Range within which a sonar measures [m].
-    sonar_fov_rad : float
-        Full angle of its beam [rad].
+    sonar : SonarModelConfig
+        What each of them hears, the robot's `[localisation.sonar]`: its range and its beam.
     has_localiser : bool
         Its navigation has a localiser, which must be ready before the robot is armed.
     """
@@ -54,9 +53,7 @@ class TelemetryRobot:
     name: str = "robot"
     version: str = "0.0.0"
     sonars: tuple[SonarMount, ...] = ()
-    sonar_min_m: float = 0.02
-    sonar_max_m: float = 4.0
-    sonar_fov_rad: float = 0.52
+    sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
     has_localiser: bool = False
 
 
@@ -84,8 +81,7 @@ class Context:
         """Take in one message of another process."""
         if isinstance(state, ControlState):
             self.control = self.locator.locate(state)
-            if state.ack is not None:
-                self.acks.append(state.ack)
+            self.acks.extend(state.acks)
         elif isinstance(state, NavigationState):
             self.navigation = state
         elif isinstance(state, LocalisationState):

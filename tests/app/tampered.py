@@ -87,7 +87,7 @@ class Trial:
     def armed(self) -> "Trial":
         self.wait(2.0)
         self.arm()
-        assert self.state == SafetyState.ARMED, self.bench.snapshot().ack
+        assert self.state == SafetyState.ARMED, self.bench.snapshot().acks[-1]
         return self
 
     def drive(self, v_m_s: float, omega_rad_s: float, seconds: float) -> float:

@@ -129,7 +129,7 @@ def test_no_wish_to_clear_faults_outlives_an_emergency_stop(on_the_bus):
         robot.tick()
         states.add((robot.state.name, robot.drive_state))
     assert states == {("EMERGENCY_STOP", "EMERGENCY_STOP")}
-    ack = robot.bench.snapshot().ack
+    ack = robot.bench.snapshot().acks[-1]
     assert ack.request_id == asked.request_id
     assert not ack.accepted
 

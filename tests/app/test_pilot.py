@@ -54,6 +54,8 @@ class Armed:
             STATE,
             stamp_ns=self.now_ns,
             state=SafetyState.ARMED,
+            v_m_s=0.0,
+            omega_rad_s=0.0,
             sonar_m=(math.inf,) * len(CONFIG.sonar),
         )
         return self.pilot.step(control, None, requests, self.now_ns)

@@ -47,7 +47,11 @@ waypoints = [[1.0, 1.0], [9.0, 1.0]]
 kind = "wait"
 duration_s = 1.0
 """
-BLANK = make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics())
+BLANK = msgspec.structs.replace(
+    make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics()),
+    v_m_s=0.0,
+    omega_rad_s=0.0,
+)
 NAVIGATION = NavigationState(0, Mode.AUTO, "out and back", 1, 3, "", False, False, "")
 
 

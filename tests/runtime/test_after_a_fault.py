@@ -153,7 +153,7 @@ def assert_no_jump(robot: RobotDouble) -> None:
         assert_stopped(robot)
         robot.tick(robot.velocity(0.5, -1.0))
     first, command = robot.snapshot(), robot.outputs.command
-    assert first.state in POWERED, first.ack
+    assert first.state in POWERED, first.acks
     assert abs(first.v_ref_m_s - first.v_m_s) <= FIRST_V * 1.001
     assert abs(first.omega_ref_rad_s - first.omega_rad_s) <= FIRST_OMEGA * 1.001
     assert max(abs(command.duty1), abs(command.duty2)) <= FIRST_DUTY * 1.001

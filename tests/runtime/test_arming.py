@@ -29,9 +29,9 @@ WAIT_TICKS = SafetyConfig().arm_timeout_ms * 1_000_000 // PERIOD_NS
 def answer(robot: RobotDouble) -> Ack:
     robot.arm(31)
     for _ in range(WAIT_TICKS + 2):
-        ack = robot.snapshot().ack
-        if ack is not None and ack.request_id == 31:
-            return ack
+        acks = robot.snapshot().acks
+        if acks and acks[-1].request_id == 31:
+            return acks[-1]
         robot.tick()
     raise AssertionError("no answer")
 
@@ -163,18 +163,48 @@ def test_disarming_has_no_age() -> None:
     robot.ticks(300, (0.3, 0.0))
     robot.tick(Arm(robot.now_ns - 5_000_000_000, 7, arm=False))
     assert robot.state == SafetyState.STANDBY
-    assert robot.snapshot().ack == Ack(7, accepted=True)
+    assert robot.snapshot().acks[-1] == Ack(7, accepted=True)
     assert not robot.outputs.command.enable
 
 
-@pytest.mark.parametrize(("ahead_ns", "reason"), [(50_000_001, "of the future"), (None, "too old")])
+def test_each_of_two_who_ask_is_answered_the_same() -> None:
+    robot = RobotDouble()
+    robot.ticks(WARM_TICKS)
+    robot.objections = ("the log folder is full",)
+    first, second = (Arm(robot.now_ns, number, arm=True) for number in (4, 9))
+    robot.tick(first)
+    robot.tick(second)
+    robot.ticks(WAIT_TICKS + 1)
+    refused = (Ack(4, accepted=False, reasons=robot.objections), Ack(9, False, robot.objections))
+    assert robot.snapshot().acks == refused
+    robot.objections = ()
+    both = (Arm(robot.now_ns, 11, arm=True), Arm(robot.now_ns, 12, arm=True))
+    robot.tick(*both, Arm(robot.now_ns, 13, arm=False))
+    assert robot.snapshot().acks[2:] == (
+        Ack(11, False, ("disarmed",)),
+        Ack(12, False, ("disarmed",)),
+        Ack(13, accepted=True),
+    )
+    assert robot.state == SafetyState.STANDBY
+
+
+def test_the_last_answers_are_kept_and_no_more() -> None:
+    robot = RobotDouble()
+    robot.ticks(WARM_TICKS)
+    for request_id in range(100):
+        robot.tick(Arm(robot.now_ns, request_id, arm=request_id % 2 == 0))
+    acks = robot.snapshot().acks
+    assert [ack.request_id for ack in acks] == list(range(92, 100))
+
+
+@pytest.mark.parametrize(("ahead_ns", "reason"), [(1, "of the future"), (None, "too old")])
 def test_a_request_to_arm_of_another_time_is_refused(ahead_ns: int | None, reason: str) -> None:
     robot = RobotDouble()
     robot.ticks(WARM_TICKS)
     limit_ns = -SafetyConfig().request_max_age_ms * 1_000_000
     offset_ns = limit_ns - 1 if ahead_ns is None else ahead_ns
     robot.tick(Arm(robot.now_ns + PERIOD_NS + offset_ns, 5, arm=True))
-    assert robot.snapshot().ack == Ack(5, accepted=False, reasons=(reason,))
+    assert robot.snapshot().acks[-1] == Ack(5, accepted=False, reasons=(reason,))
     robot.ticks(WAIT_TICKS)
     assert robot.state == SafetyState.STANDBY
 
@@ -193,7 +223,6 @@ def test_a_request_to_arm_that_a_stop_overtakes_is_answered() -> None:
     robot.battery = LOW  # it has to wait
     robot.arm(31)
     robot.tick(EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR))
-    ack = robot.snapshot().ack
-    assert ack is not None
+    ack = robot.snapshot().acks[-1]
     assert (ack.request_id, ack.accepted) == (31, False)
     assert "emergency stop" in ack.reasons[0]

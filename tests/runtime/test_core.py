@@ -29,8 +29,7 @@ def test_it_boots_to_standby_and_arms_on_request_only() -> None:
     assert robot.outputs.command.enable is False
     robot.arm(request_id=42)
     assert robot.state == SafetyState.ARMED
-    ack = robot.snapshot().ack
-    assert ack is not None
+    ack = robot.snapshot().acks[-1]
     assert (ack.request_id, ack.accepted) == (42, True)
 
 
@@ -178,8 +177,7 @@ def test_an_emergency_stop_wins_over_a_request_to_arm_in_the_same_tick(way: str)
         robot.tick(arm)
     else:
         robot.tick(*((stop, arm) if way == "request before" else (arm, stop)))
-    ack = robot.snapshot().ack
-    assert ack is not None
+    ack = robot.snapshot().acks[-1]
     assert (ack.request_id, ack.accepted) == (77, False)
     robot.ticks(300, (0.5, 0.0))
     assert robot.state == SafetyState.EMERGENCY_STOP
@@ -193,8 +191,7 @@ def test_a_request_to_arm_made_before_the_stop_does_not_end_it_however_late_it_c
     robot.motor_state = DriveState.EMERGENCY_STOP
     robot.ticks(2)
     robot.tick(late)
-    ack = robot.snapshot().ack
-    assert ack is not None
+    ack = robot.snapshot().acks[-1]
     assert (ack.request_id, ack.accepted) == (78, False)
     assert ack.reasons == ("made before the stop: emergency stop (operator)",)
     robot.ticks(300, (0.5, 0.0))
@@ -208,8 +205,7 @@ def test_a_refused_arming_says_every_reason() -> None:
     robot.ticks(3)
     robot.arm(5)
     robot.ticks(250)
-    ack = robot.snapshot().ack
-    assert ack is not None
+    ack = robot.snapshot().acks[-1]
     assert (ack.request_id, ack.accepted) == (5, False)
     assert any("status" in reason for reason in ack.reasons)
     assert any("battery is low" in reason for reason in ack.reasons)
@@ -223,8 +219,7 @@ def test_asking_again_and_again_does_not_put_off_the_refusal() -> None:
     for request_id in range(1, 31):
         robot.arm(request_id)
         robot.ticks(9)
-    ack = robot.snapshot().ack
-    assert ack is not None
+    ack = robot.snapshot().acks[-1]
     assert not ack.accepted
     assert ack.request_id >= 20
 
@@ -235,8 +230,7 @@ def test_an_old_request_to_arm_is_refused() -> None:
     robot.tick(Arm(robot.now_ns - 2_000_000_000, 6, arm=True))
     robot.ticks(3)
     assert robot.state == SafetyState.STANDBY
-    ack = robot.snapshot().ack
-    assert ack is not None
+    ack = robot.snapshot().acks[-1]
     assert not ack.accepted
 
 

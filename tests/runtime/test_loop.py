@@ -1,6 +1,7 @@
 """The loop on a clock that the test moves."""
 
 from collections.abc import Callable
+from typing import ClassVar
 
 import pytest
 from hypothesis import given
@@ -49,6 +50,37 @@ def test_ticks_stand_on_an_absolute_grid_however_long_the_work_takes() -> None:
     loop, work = run(100, lambda tick, stage: 1000 * tick)
     assert work.started_ns == [PERIOD_NS * (i + 1) for i in range(100)]
     assert loop.overruns == 0
+
+
+def test_the_stages_after_receiving_are_given_the_time_at_which_it_had_ended() -> None:
+    pause_ns = 3 * PERIOD_NS // 4
+    clock = VirtualClock()
+
+    class Noting(Work):
+        given_ns: ClassVar[dict[str, int]] = {}
+
+        def receive(self, now_ns: int) -> None:
+            self.given_ns["receive"] = now_ns
+            super().receive(now_ns)
+
+        def control(self, now_ns: int) -> None:
+            self.given_ns["control"] = now_ns
+            super().control(now_ns)
+
+        def send(self, now_ns: int) -> None:
+            self.given_ns["send"] = now_ns
+
+        def publish(self, now_ns: int) -> None:
+            self.given_ns["publish"] = now_ns
+
+    costs_ns = {"receive": pause_ns, "control": 1000}
+    work = Noting(clock, lambda tick, stage: costs_ns[stage])
+    loop = Loop(clock, PERIOD_NS)
+    clock.sleep_until(PERIOD_NS)
+    loop.tick(work, PERIOD_NS)
+    received_ns = PERIOD_NS + pause_ns
+    told = dict.fromkeys(("control", "send", "publish"), received_ns)
+    assert work.given_ns == {"receive": PERIOD_NS, **told}
 
 
 def test_an_overrun_skips_its_deadlines_and_is_blamed_on_the_longest_stage() -> None:

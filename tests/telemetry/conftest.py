@@ -13,6 +13,7 @@ import msgspec
 import pytest
 from pymavlink.dialects.v20 import common
 
+from robotctl.estimation.sonar_config import SonarModelConfig
 from robotctl.model.sonar import SonarMount
 from robotctl.runtime.mavlink_port import LinkConfig, Peer, Received
 from robotctl.runtime.messages import (
@@ -30,12 +31,13 @@ from robotctl.telemetry.telemetry import Telemetry
 
 HEADINGS_DEG = (0, 45, 90, 135, 180, -135, -90, -45)
 SONARS = tuple(SonarMount(f"sonar_{h}", 0.1, 0.0, float(h)) for h in HEADINGS_DEG)
+SONAR = SonarModelConfig()
 
 CONTROL = ControlState(
     stamp_ns=0,
     state=SafetyState.STANDBY,
     reason="",
-    ack=None,
+    acks=(),
     x_m=1.0,
     y_m=2.0,
     theta_rad=0.0,
@@ -122,10 +124,10 @@ class FakeLinks:
 class Bench:
     """Telemetry on fake links under a clock that tests turn."""
 
-    def __init__(self, links=1, sonars=SONARS, **config):
+    def __init__(self, links=1, sonars=SONARS, sonar=SONAR, **config):
         self.config = MavlinkConfig(**config)
         self.links = FakeLinks(links)
-        self.robot = TelemetryRobot("tester", "1.2.3", sonars)
+        self.robot = TelemetryRobot("tester", "1.2.3", sonars, sonar)
         self.telemetry = Telemetry(self.config, self.robot, self.links)
         self.now_ns = 1_000_000_000_000
 

@@ -37,7 +37,7 @@ def test_arming_is_acknowledged_when_control_has_armed(bench):
     assert isinstance(request, Arm)
     assert request.arm
     assert results(bench) == []
-    bench.step(bench.control(ack=Ack(request.request_id, accepted=True)))
+    bench.step(bench.control(acks=(Ack(request.request_id, accepted=True),)))
     ((ack, target),) = bench.take("COMMAND_ACK")
     assert (ack.command, ack.result) == (ARM, ACCEPTED)
     assert (ack.target_system, ack.target_component) == (255, 190)
@@ -46,8 +46,8 @@ def test_arming_is_acknowledged_when_control_has_armed(bench):
 
 def test_an_answer_to_another_request_acknowledges_nothing(bench):
     bench.command(ARM, 1)
-    (request,) = bench.step(bench.control(ack=Ack(1, accepted=True)))
-    bench.step(bench.control(ack=Ack(request.request_id - 1, accepted=True)))
+    (request,) = bench.step(bench.control(acks=(Ack(1, accepted=True),)))
+    bench.step(bench.control(acks=(Ack(request.request_id - 1, accepted=True),)))
     assert results(bench) == []
 
 
@@ -55,7 +55,7 @@ def test_a_refusal_is_denied_and_its_reasons_are_said(bench):
     bench.command(ARM, 1)
     (request,) = bench.step()
     reasons = ("node 2 (sonar) is missing", "emergency stop")
-    bench.step(bench.control(ack=Ack(request.request_id, accepted=False, reasons=reasons)))
+    bench.step(bench.control(acks=(Ack(request.request_id, accepted=False, reasons=reasons),)))
     sent = bench.take()
     assert [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"] == [DENIED]
     texts = [m.text for m, _ in sent if m.get_type() == "STATUSTEXT"]
@@ -77,7 +77,7 @@ def test_an_arm_request_repeated_while_it_is_carried_out_is_not_sent_twice(bench
     bench.command(ARM, 1, confirmation=1)
     bench.command(ARM, 1, peer=Peer(0, 9))
     assert bench.step() == []
-    bench.step(bench.control(ack=Ack(request.request_id, accepted=True)))
+    bench.step(bench.control(acks=(Ack(request.request_id, accepted=True),)))
     assert results(bench) == [ACCEPTED]
 
 
@@ -85,7 +85,7 @@ def test_an_arm_request_repeated_while_it_is_carried_out_is_not_sent_twice(bench
 def test_a_late_copy_of_an_arm_request_does_not_arm_a_stopped_robot(bench, unused):
     bench.command(ARM, 1, *[unused] * 6)
     (request,) = bench.step()
-    bench.step(bench.control(ack=Ack(request.request_id, accepted=True)))
+    bench.step(bench.control(acks=(Ack(request.request_id, accepted=True),)))
     bench.command(TERMINATE, 1)
     assert isinstance(bench.step()[0], EmergencyStop)
     bench.take()
@@ -101,7 +101,7 @@ def test_a_copy_of_an_arm_request_to_a_robot_that_is_armed_gets_the_same_answer(
     bench.command(ARM, 1)
     (request,) = bench.step()
     ack = Ack(request.request_id, accepted=True)
-    bench.step(bench.control(ack=ack, state=SafetyState.ARMED))
+    bench.step(bench.control(acks=(ack,), state=SafetyState.ARMED))
     bench.take()
     bench.command(ARM, 1, confirmation=1)
     assert bench.step() == []
@@ -114,8 +114,8 @@ def test_disarming_is_always_carried_out_even_behind_an_arm_request(bench):
     bench.command(ARM, 0)
     requests = bench.step()
     assert [request.arm for request in requests] == [True, False, False]
-    bench.step(bench.control(ack=Ack(requests[0].request_id, accepted=True)))
-    bench.step(bench.control(ack=Ack(requests[2].request_id, accepted=True)))
+    bench.step(bench.control(acks=(Ack(requests[0].request_id, accepted=True),)))
+    bench.step(bench.control(acks=(Ack(requests[2].request_id, accepted=True),)))
     bench.run(3.0)
     assert results(bench) == [ACCEPTED, ACCEPTED]
 

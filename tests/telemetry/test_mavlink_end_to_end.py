@@ -36,7 +36,7 @@ class Robot:
         self.links = MavlinkLinks(self.config.link)
         self.telemetry = Telemetry(self.config, TelemetryRobot("tester", "1.2.3"), self.links)
         self.make_control, self.make_navigation = states
-        self.state, self.mode, self.ack = SafetyState.STANDBY, Mode.HOLD, None
+        self.state, self.mode, self.acks = SafetyState.STANDBY, Mode.HOLD, ()
         self.requests = []
         self.now_ns = time.monotonic_ns()
 
@@ -44,14 +44,14 @@ class Robot:
         self.now_ns += 10_000_000
         now_ns = self.now_ns
         states = [
-            self.make_control(now_ns, state=self.state, ack=self.ack, theta_rad=math.pi / 2),
+            self.make_control(now_ns, state=self.state, acks=self.acks, theta_rad=math.pi / 2),
             self.make_navigation(now_ns, mode=self.mode),
         ]
         for request in self.telemetry.step(now_ns, states):
             self.requests.append(request)
             if isinstance(request, Arm):
                 self.state = SafetyState.ARMED if request.arm else SafetyState.STANDBY
-                self.ack = Ack(request.request_id, accepted=True)
+                self.acks = (Ack(request.request_id, accepted=True),)
             elif isinstance(request, SetMode):
                 self.mode = request.mode
             elif isinstance(request, EmergencyStop):
