@@ -81,7 +81,8 @@ class Context:
         """Take in one message of another process."""
         if isinstance(state, ControlState):
             self.control = self.locator.locate(state)
-            self.acks.extend(state.acks)
+            if state.ack is not None:
+                self.acks.append(state.ack)
         elif isinstance(state, NavigationState):
             self.navigation = state
         elif isinstance(state, LocalisationState):

@@ -115,10 +115,11 @@ def distance_sensors(state: ControlState, robot: TelemetryRobot) -> list[Message
     """Return one DISTANCE_SENSOR for each sonar that works; its number is its place.
 
     Where there was no echo the distance is one step above the maximum, which ground stations
-    show as out of range.
+    show as out of range. A least distance is not known of any sonar: it is 0.
     """
     messages = []
-    most_cm = frames.centimetres(robot.sonar_max_m)
+    most_cm = min(frames.centimetres(robot.sonar.max_range_m), frames.UINT16_MAX - 1)
+    beam_rad = math.radians(robot.sonar.beam_deg)
     sonars = zip(robot.sonars, state.sonar_m, state.sonar_stamp_ns, strict=False)
     for number, (mount, range_m, stamp_ns) in enumerate(sonars):
         if math.isnan(range_m):
@@ -127,15 +128,15 @@ def distance_sensors(state: ControlState, robot: TelemetryRobot) -> list[Message
         messages.append(
             common.MAVLink_distance_sensor_message(
                 frames.boot_ms(stamp_ns),
-                frames.centimetres(robot.sonar_min_m),
+                0,
                 most_cm,
                 most_cm + 1 if math.isinf(range_m) else frames.centimetres(range_m),
                 common.MAV_DISTANCE_SENSOR_ULTRASOUND,
                 number,
                 rotation.orientation,
                 255,  # covariance not known
-                robot.sonar_fov_rad,
-                robot.sonar_fov_rad,
+                beam_rad,
+                beam_rad,
                 rotation.quaternion,
                 0,  # quality not known
             )
