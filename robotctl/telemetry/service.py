@@ -81,8 +81,7 @@ class Context:
         """Take in one message of another process."""
         if isinstance(state, ControlState):
             self.control = self.locator.locate(state)
-            if state.ack is not None:
-                self.acks.append(state.ack)
+            self.acks.extend(state.acks)
         elif isinstance(state, NavigationState):
             self.navigation = state
         elif isinstance(state, LocalisationState):
