@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import queue
 import shutil
@@ -128,7 +129,7 @@ class SimRun:
             BEST_EFFORT,
             *options.settings(self.world),
             f'can.interface="{interface}"',
-            f'can.channel="{channel}"',
+            f"can.channel={json.dumps(channel, ensure_ascii=False)}",
         )
         robot = options.robot.resolve()
         self.config: RobotConfig = load_robot(robot, overrides)

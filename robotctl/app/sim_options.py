@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import Scenario, load_scenario
+from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError, RobotctlError
 
 
@@ -38,6 +40,11 @@ class SimOptions:
         Scenario of the faults that befall the robot; None: none.
     localisation
         Settings of the localiser, `key=value`; where they name no map it is the world itself.
+
+    Raises
+    ------
+    ConfigError
+        If there can be no such bus.
     """
 
     robot: Path
@@ -51,6 +58,14 @@ class SimOptions:
     faults: Path | None = None
     localisation: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Check the bus as the robot's file is checked, also where a run needs none."""
+        interface, channel = self.channel
+        try:
+            CanConfig(interface, channel)
+        except ValueError as error:
+            raise ConfigError(f"--bus {self.bus}: {error}") from error
+
     def settings(self, world: Path) -> tuple[str, ...]:
         """Return all settings of the robot in a world, the user's own last."""
         if not self.localisation:
@@ -58,7 +73,7 @@ class SimOptions:
         return (f'localisation.map="{world}"', *self.localisation, *self.overrides)
 
     @property
-    def channel(self) -> tuple[str, str]:
+    def channel(self) -> tuple[Literal["socketcan", "simcan"], str]:
         """python-can interface and channel of the host."""
         kind, _, channel = self.bus.partition(":")
         if kind == "simcan":

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 _BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+_DEVICE_BYTES: Final = 15
+"""IFNAMSIZ of netdevice(7) less the NUL."""
+_DEVICE: Final = re.compile(rb"(?!\.\.?$)[^\s\xa0/:\0]+")
+"""As dev_valid_name() of Linux: its isspace() takes Latin-1's no-break space for one too."""
+_SIMULATED: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*|[^\0]*/[^\0]*")
+"""A name, or the path of a socket, which has a slash in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +25,8 @@ class CanConfig:
     interface
         python-can interface: `socketcan` (kernel) or `simcan` (the simulated bus).
     channel
-        Network device (`can0`) or the simulated bus's socket.
+        Network device (`can0`), as Linux allows them to be named; or the simulated bus's name or
+        the path of its socket.
     bitrate
         [bit/s], one of CiA 301's. The kernel's interface must have been brought up with it; here
         it only scales the bus load.
@@ -31,9 +40,25 @@ class CanConfig:
         """Check the ranges."""
         if not self.channel:
             raise ValueError("channel must not be empty")
+        if self.interface == "socketcan" and not _is_device(self.channel):
+            raise ValueError(
+                f"channel must be the name of a network device, such as can0: at most "
+                f"{_DEVICE_BYTES} bytes, no white space, '/' or ':', not {self.channel!r}"
+            )
+        if self.interface == "simcan" and not _SIMULATED.fullmatch(self.channel):
+            raise ValueError(
+                "channel must be the name of a simulated bus (letters, digits, '_', '.' and '-', "
+                f"a letter or digit first) or the path of its socket, not {self.channel!r}"
+            )
         if self.bitrate not in _BITRATES:
             allowed = ", ".join(str(bitrate) for bitrate in _BITRATES)
             raise ValueError(f"bitrate must be one of {allowed}, not {self.bitrate}")
+
+
+def _is_device(name: str) -> bool:
+    """Return whether Linux allows a network device of this name."""
+    encoded = os.fsencode(name)
+    return len(encoded) <= _DEVICE_BYTES and _DEVICE.fullmatch(encoded) is not None
 
 
 @dataclass(frozen=True, slots=True)

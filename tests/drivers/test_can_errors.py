@@ -1,5 +1,8 @@
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from firmware_sim.bus.channels import socket_paths
 from robotctl.drivers.can_config import CanConfig, NodeParameters
 from robotctl.drivers.can_errors import bus_state
 from robotctl.runtime.messages import BusState
@@ -50,6 +53,40 @@ def test_an_error_frame_moves_the_state_as_linux_describes_it(error_class, paylo
 def test_a_bus_that_cannot_be_is_refused(fields, said):
     with pytest.raises(ValueError, match=said):
         CanConfig(**fields)
+
+
+@pytest.mark.parametrize(
+    "channel",
+    ["can 0", "can0\n", "can0\xa0", "a/b", "can:0", ".", "..", "c" * 16, "ü" * 8, "can\x000", " "],
+)
+def test_a_name_that_linux_gives_no_network_device_is_refused_with_what_is_allowed(channel):
+    said = "channel must be the name of a network device, such as can0: at most 15 bytes"
+    with pytest.raises(ValueError, match=said) as refused:
+        CanConfig(channel=channel)
+    assert str(refused.value).endswith(f"not {channel!r}")
+
+
+@pytest.mark.parametrize(
+    "channel", ["can0", "vcan-1.b", "c" * 15, "ü" * 7, "...", "0", "a%d", "can@"]
+)
+def test_a_name_that_linux_gives_a_network_device_is_taken(channel):
+    assert CanConfig(channel=channel).channel == channel
+
+
+@given(st.text(st.sampled_from("aZ09_.-/ :ü\n\xa0"), min_size=1, max_size=20))
+def test_a_simulated_bus_may_be_named_as_its_hub_allows(channel):
+    try:
+        socket_paths(channel)
+    except ValueError:
+        with pytest.raises(ValueError, match="channel must be the name of a simulated bus"):
+            CanConfig("simcan", channel)
+    else:
+        assert CanConfig("simcan", channel).channel == channel
+
+
+def test_no_path_of_a_socket_has_a_nul_in_it():
+    with pytest.raises(ValueError, match="or the path of its socket, not '/run/"):
+        CanConfig("simcan", "/run/\0hub")
 
 
 @pytest.mark.parametrize(
