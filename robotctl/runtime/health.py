@@ -162,8 +162,12 @@ class Health:
         elif motor.state in _LATCHED_DRIVE_STATES:
             words = f"{_words(motor.state)}{fault_words(motor.faults)}"
             reasons.append(f"the motor controller is in {words}")
-        if self.fresh_drive(now_ns) is None:
+        drive = self.fresh_drive(now_ns)
+        if drive is None:
             reasons.append(f"drive status is older than {limit_ns / 1e6:g} ms")
+        elif drive.command_age_ms * 1_000_000 > self._wheels_limit_ns:
+            limit_ms = self._wheels_limit_ns / 1e6
+            reasons.append(f"the motor controller has had no valid command for {limit_ms:g} ms")
         reasons += self._battery_faults(now_ns)
         reasons += self._sonar_faults(now_ns)
         reasons += self._node_problems(now_ns)

@@ -70,6 +70,7 @@ class RobotDouble:
         self.battery: BatteryFeedback | None = BatteryFeedback(0, 12.0, 1.0, 0.8, 25, False, False)
         self.mute_wheels = False
         self.mute_status = False
+        self.command_age_ms = 1
         self.mute_battery = False
         self.battery_sent: BatteryFeedback | None = None
         self.battery_ns = 0
@@ -146,7 +147,7 @@ class RobotDouble:
             motor=MotorStatus(now, self.motor_state, *self.currents_a(), 30, 30, self.faults)
             if status
             else None,
-            drive=DriveStatus(now, 0, 0.0, BUS_V, 1, 0) if status else None,
+            drive=DriveStatus(now, 0, 0.0, BUS_V, self.command_age_ms, 0) if status else None,
             sonars=self._sonars(),
             battery=self._battery(),
             emergency_stop=stop,

@@ -71,6 +71,26 @@ def test_an_input_that_is_too_old_keeps_the_robot_from_arming(name: str) -> None
     assert any(words in reason for reason in ack.reasons)
 
 
+def test_commands_that_do_not_reach_the_drive_stop_the_robot_for_that_reason() -> None:
+    limit_ms = SAFETY.feedback_timeout_periods * PERIOD_NS // MS
+    robot = RobotDouble().armed()
+    robot.command_age_ms = limit_ms
+    robot.ticks(20, (0.4, 0.0))
+    assert robot.state == SafetyState.DRIVING
+    robot.command_age_ms = limit_ms + 1
+    robot.ticks(1, (0.4, 0.0))
+    assert robot.state == SafetyState.FAULT
+    reason = "the motor controller has had no valid command for 15 ms"
+    assert robot.snapshot().reason == reason
+    robot.tick()
+    robot.arm(8)
+    robot.ticks(SAFETY.arm_timeout_ms * MS // PERIOD_NS + 2)
+    assert robot.snapshot().acks[-1].reasons == (reason,)
+    robot.command_age_ms = 1
+    robot.arm(9)
+    assert robot.state == SafetyState.ARMED
+
+
 def test_nobody_is_told_an_old_value() -> None:
     robot = RobotDouble().armed()
     robot.mute_status = robot.mute_battery = robot.mute_sonars = True
