@@ -67,7 +67,8 @@ class MavlinkConfig:
     rates : StreamRates
         Rates of the periodic messages.
     setpoint_timeout_s : float
-        Velocity set-points and manual control are void after this long [s], 0.05 to 10.
+        Velocity set-points and manual control are void after this long [s], 0.05 to 10; set-points
+        from their sending where their `time_boot_ms` tells, all else from its arrival.
     gcs_timeout_s : float
         A ground station is lost when its heartbeat is older [s], 1 to 60.
 

@@ -10,6 +10,10 @@
 Velocities and positions count in GUIDED alone, and positions only while the robot is armed: one
 that was sent before has to be sent again.
 
+A set-point counts from when it was sent, as far as `sender_clock` can tell from `time_boot_ms`;
+where it cannot, from its arrival. One that is void by then, or a position older than requests live,
+is refused.
+
 z, vz and their bits do not matter to a rover, nor does FORCE_SET without accelerations, which many
 programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
 velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite, a
@@ -26,11 +30,12 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.model.angles import wrap_angle
 from robotctl.model.twist import Twist
-from robotctl.planning.requests import FARTHEST_M
+from robotctl.planning.requests import FARTHEST_M, REQUEST_LIFE_NS
 from robotctl.runtime.mavlink_port import Message, Peer
 from robotctl.runtime.messages import PositionTarget, VelocityTarget
 from robotctl.telemetry import frames
-from robotctl.telemetry.service import Context
+from robotctl.telemetry.sender_clock import SenderClocks
+from robotctl.telemetry.service import Context, source
 
 BODY_FRAMES = frozenset({common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_FRD})
 LOCAL_NED: int = common.MAV_FRAME_LOCAL_NED
@@ -67,13 +72,16 @@ class Setpoints:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._timeout_ns = round(context.config.setpoint_timeout_s * 1e9)
+        self._clocks = SenderClocks()
         self.refused: Counter[str] = Counter()
         self._said_ns: dict[str, int] = {}
 
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take one set-point."""
+        stream = (peer, source(message))
+        late_ns = self._clocks.late_ns(stream, message.time_boot_ms, now_ns)
         try:
-            self._follow(message, now_ns)
+            self._follow(message, late_ns, now_ns)
         except Refused as refused:
             reason = str(refused)
             self.refused[reason] += 1
@@ -84,16 +92,20 @@ class Setpoints:
     def step(self, now_ns: int) -> None:
         """Do nothing: the requests carry the time when they are void."""
 
-    def _follow(self, message: Message, now_ns: int) -> None:
+    def _follow(self, message: Message, late_ns: int, now_ns: int) -> None:
         used = used_parts(message.type_mask)
+        life_ns = REQUEST_LIFE_NS if used.position else self._timeout_ns
+        if late_ns >= life_ns:
+            raise Refused(f"came {life_ns / 1e9:g} s late or later")
+        sent_ns = now_ns - late_ns
         if used.position:
-            self._context.requests.append(position_target(message, used, now_ns))
+            self._context.requests.append(position_target(message, used, sent_ns))
             return
         control = self._context.fresh_control(now_ns)
         twist = velocity_twist(message, used, None if control is None else control.theta_rad)
-        expires_ns = now_ns + self._timeout_ns
+        expires_ns = sent_ns + self._timeout_ns
         self._context.requests.append(
-            VelocityTarget(now_ns, expires_ns, twist.v_m_s, twist.omega_rad_s)
+            VelocityTarget(sent_ns, expires_ns, twist.v_m_s, twist.omega_rad_s)
         )
 
 
@@ -123,7 +135,7 @@ def used_parts(mask: int) -> Used:
     return used
 
 
-def position_target(message: Message, used: Used, now_ns: int) -> PositionTarget:  # noqa: ARG001
+def position_target(message: Message, used: Used, sent_ns: int) -> PositionTarget:  # noqa: ARG001
     """Return the point of `world` to drive to.
 
     Raises
@@ -137,7 +149,7 @@ def position_target(message: Message, used: Used, now_ns: int) -> PositionTarget
     if max(abs(message.x), abs(message.y)) >= FARTHEST_M:
         raise Refused(f"position {FARTHEST_M / 1e3:g} km away or farther")
     point = frames.enu_from_ned(message.x, message.y)
-    return PositionTarget(now_ns, point.x, point.y)
+    return PositionTarget(sent_ns, point.x, point.y)
 
 
 def velocity_twist(message: Message, used: Used, theta_rad: float | None) -> Twist:
