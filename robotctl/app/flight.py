@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
+import errno
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -20,7 +22,11 @@ AFTERMATH_NS: Final = 1_000_000_000
 MOST_DUMPS: Final = 20
 """Older dumps are removed."""
 
+RETRY_NS: Final = 10_000_000_000
+"""So long after the disk refused a crash it is tried again [ns]."""
+
 _KINDS: Final = ("fault", "crash")
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
 class RecordCopy:
@@ -92,7 +98,8 @@ class FlightDumps:
     """Writes the ring to a file when something went wrong.
 
     `fault-TIME.rec` follows a fault or an emergency stop, `crash-TIME.rec` a control process that
-    did not end in order.
+    did not end in order. On a full disk the oldest dumps make room for a new one, but no more of
+    them than it can need. The ring of a crash stays in memory until the disk takes it.
 
     Parameters
     ----------
@@ -108,6 +115,7 @@ class FlightDumps:
         self._directory = directory
         self._latched = False
         self._due_ns: int | None = None
+        self._retry_ns: int | None = None
         for kind in _KINDS:
             remove_parts(directory, f"{kind}-*.rec")
 
@@ -119,43 +127,99 @@ class FlightDumps:
                 if latched and not self._latched and self._due_ns is None:
                     self._due_ns = now_ns + AFTERMATH_NS
                 self._latched = latched
-        notes = self._dump_crash()
+        notes: tuple[str, ...] = ()
+        if self._retry_ns is None or now_ns >= self._retry_ns:
+            notes = self._dump_crash(now_ns)
         if self._due_ns is not None and now_ns >= self._due_ns:
             self._due_ns = None
-            notes += self._dump(self._ring, "fault")
+            notes += self._dump_fault()
         return notes
 
     def close(self) -> tuple[str, ...]:
         """Write what is still due."""
-        notes = self._dump_crash()
+        notes = self._dump_crash(0)
         if self._due_ns is not None:
             self._due_ns = None
-            notes += self._dump(self._ring, "fault")
+            notes += self._dump_fault()
         return notes
 
-    def _dump_crash(self) -> tuple[str, ...]:
+    def _dump_fault(self) -> tuple[str, ...]:
+        """Write the ring of the control process that runs."""
+        notes: list[str] = []
+        with suppress(OSError):  # the notes say it; in a minute the ring holds the fault no more
+            self._dump(self._ring, "fault", notes, make_room=True)
+        return tuple(notes)
+
+    def _dump_crash(self, now_ns: int) -> tuple[str, ...]:
         """Write the ring of a control process that did not end in order, and remove it."""
         left = crashed(self._ring)
-        if not left.exists():
+        number = _file_number(left)
+        if number is None:
             return ()
-        notes = self._dump(left, "crash")
-        left.unlink(missing_ok=True)
         self._due_ns = None  # The fault is in this one; the ring that is there now knows nothing.
-        return notes
+        is_first, notes = self._retry_ns is None, list[str]()
+        try:
+            self._dump(left, "crash", notes, make_room=is_first)
+        except OSError:
+            self._retry_ns = now_ns + RETRY_NS
+            return tuple(notes) if is_first else ()
+        self._retry_ns = None
+        if _file_number(left) == number:  # else one of another crash came while the disk was slow
+            left.unlink(missing_ok=True)
+        return tuple(notes)
 
-    def _dump(self, ring: Path, kind: str) -> tuple[str, ...]:
-        """Write a ring and remove the oldest dumps."""
+    def _dump(self, ring: Path, kind: str, notes: list[str], *, make_room: bool) -> None:
+        """Write a ring, remove the oldest dumps, and add sentences about both.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses the dump.
+        """
         now = dt.datetime.now(dt.UTC)
         target = self._directory / f"{kind}-{now:%Y%m%dT%H%M%S}.{now.microsecond // 1000:03d}Z.rec"
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            dump(ring, target)
-            dumps = sorted(
-                (path for each in _KINDS for path in self._directory.glob(f"{each}-*.rec")),
-                key=lambda path: path.stat().st_mtime_ns,
-            )
-            for old in dumps[:-MOST_DUMPS]:
-                old.unlink(missing_ok=True)
+            self._write(ring, target, notes, make_room=make_room)
         except (OSError, RecordError) as error:
-            return (f"{target}: the flight recorder is not written: {error}",)
-        return (f"flight recorder written to {target}",)
+            notes.append(f"{target}: the flight recorder is not written: {error}")
+            if isinstance(error, OSError):
+                raise
+            return
+        notes.append(f"flight recorder written to {target}")
+        try:
+            for old in self._oldest_first()[:-MOST_DUMPS]:
+                old.unlink(missing_ok=True)
+        except OSError as error:
+            notes.append(f"the oldest dumps of the flight recorder stay: {error}")
+
+    def _write(self, ring: Path, target: Path, notes: list[str], *, make_room: bool) -> None:
+        """Write a ring; on a full disk in the place of the oldest dumps, one after the other."""
+        freed = 0
+        while True:
+            try:
+                dump(ring, target)
+            except OSError as error:
+                dumps = self._oldest_first() if make_room and error.errno in _FULL else []
+                if not dumps or freed >= ring.stat().st_size:
+                    raise
+            else:
+                return
+            freed += dumps[0].stat().st_size
+            dumps[0].unlink()
+            notes.append(f"the disk is full: {dumps[0]} is removed for a newer one")
+
+    def _oldest_first(self) -> list[Path]:
+        """Return all dumps that are there."""
+        return sorted(
+            (path for each in _KINDS for path in self._directory.glob(f"{each}-*.rec")),
+            key=lambda path: path.stat().st_mtime_ns,
+        )
+
+
+def _file_number(path: Path) -> int | None:
+    """Return what tells a file from another one in its place; None where there is none."""
+    try:
+        return path.stat().st_ino
+    except FileNotFoundError:
+        return None

@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
@@ -95,23 +95,28 @@ class Recording:
             notes += self._logs.step(messages, now_ns)
         return notes
 
-    def finish(self, receive: Callable[[], list[Published]], clock: Clock) -> None:
-        """Take in the end of the control process, which removes its ring; then close everything."""
+    def finish(self, receive: Callable[[], list[Published]], clock: Clock) -> tuple[str, ...]:
+        """Take in the end of the control process, which removes its ring; then close everything.
+
+        Returns what people should know, as `step`.
+        """
+        notes: tuple[str, ...] = ()
         deadline_ns = clock.now_ns() + _END_NS
         while self._ring.exists() and clock.now_ns() < deadline_ns:
             clock.sleep_until(clock.now_ns() + _LOOK_NS)
-            self.listen(clock.now_ns())
-            self.step(receive(), clock.now_ns())
+            notes += self.listen(clock.now_ns())
+            notes += self.step(receive(), clock.now_ns())
         retire(self._ring)
-        self.step(receive(), clock.now_ns())
+        notes += self.step(receive(), clock.now_ns())
         if self._dumps is None:
             crashed(self._ring).unlink(missing_ok=True)
         if self._keeper is not None:
-            self._keeper.close()
+            notes += self._keeper.close()
         if self._dumps is not None:
-            self._dumps.close()
+            notes += self._dumps.close()
         if self._logs is not None:
-            self._logs.close()
+            notes += self._logs.close()
+        return notes
 
 
 class Logs:
@@ -161,14 +166,18 @@ class Logs:
         news = () if self._troubled else (f"logging stopped: {error}",)
         self._troubled = True
         self._retry_ns = now_ns + _RETRY_NS
-        self.close()
+        self.close()  # that it refuses this too is no news
         return news
 
-    def close(self) -> None:
-        """Close all files; on a disk that refuses even that, what it has is what there is."""
-        for log in (self._copy, self._states, self._bus):
-            with suppress(OSError):
+    def close(self) -> tuple[str, ...]:
+        """Close all files; return a sentence for each whose end the disk refuses."""
+        notes = []
+        for what, log in (("ticks", self._copy), ("states", self._states), ("bus", self._bus)):
+            try:
                 log.close()
+            except OSError as error:
+                notes.append(f"the log of the {what} lacks its end: {error}")
+        return tuple(notes)
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:
@@ -182,7 +191,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         messages = Subscriber[Published](context, endpoints.published, Published)
         publisher = Publisher(context, endpoints.recorder_notices)
         recording = Recording(config, options)
-        stack.callback(recording.finish, messages.receive, clock)
+        stack.callback(_finish, recording, messages.receive, clock)
         heartbeat = Heartbeat(os.environ)
         due_ns = 0
         while not stopped():
@@ -195,6 +204,12 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 publisher.send(Notice(now_ns, _SEVERITY_WARNING, note))
             heartbeat.beat()
             clock.sleep_until(now_ns + recording.period_ns)
+
+
+def _finish(recording: Recording, receive: Callable[[], list[Published]], clock: Clock) -> None:
+    """End a recording; who listened to its notices may have ended, so its last words go here."""
+    for note in recording.finish(receive, clock):
+        print(f"robotctl recorder: {note}", file=sys.stderr)  # noqa: T201
 
 
 def main() -> int:

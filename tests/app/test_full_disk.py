@@ -1,7 +1,9 @@
 """A disk without room: nothing is left lying about, and what was stopped goes on when there is."""
 
+import errno
 import fcntl
 import functools
+import os
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +13,7 @@ import msgspec
 import pytest
 
 from robotctl.app.config import find_file, load_robot
-from robotctl.app.flight import FlightDumps
+from robotctl.app.flight import MOST_DUMPS, RETRY_NS, FlightDumps
 from robotctl.app.log_folder import LogConfig, LogFolder
 from robotctl.app.logs import BusLog, StateLog, recover_all
 from robotctl.app.options import StackOptions
@@ -21,8 +23,9 @@ from robotctl.app.robot import make_core, record_header
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import Inputs
-from robotctl.runtime.flight_ring import FlightRing
-from robotctl.runtime.messages import Feedback, LoopStatistics, SafetyState
+from robotctl.runtime.flight_ring import FlightRing, dump
+from robotctl.runtime.messages import ControlState, Feedback, LoopStatistics, SafetyState
+from robotctl.runtime.ring_file import crashed, retire
 from robotctl.runtime.topics import ring_path
 
 OPTIONS = StackOptions("robot", str(find_file("diff_drive").resolve()))
@@ -141,6 +144,176 @@ def test_a_flight_dump_that_the_disk_refuses_leaves_nothing_and_the_next_one_is_
     dumps.close()
     (file,) = flights.iterdir()
     assert replay_file(file).result.agreed == 200
+    loop.ring.close()
+
+
+class SmallDisk:
+    """Takes the dumps in a folder up to so many bytes together, and then says what a disk says."""
+
+    def __init__(self, folder: Path, room: int, code: int = errno.ENOSPC) -> None:
+        self.folder, self.room, self.code = folder, room, code
+
+    def fsync(self, descriptor: int) -> None:
+        if sum(path.stat().st_size for path in self.folder.glob("*.rec*")) > self.room:
+            raise OSError(self.code, os.strerror(self.code))
+
+
+def old_dumps(folder: Path, count: int, size: int) -> None:
+    folder.mkdir()
+    for number in range(count):
+        (folder / f"fault-{number:02d}.rec").write_bytes(bytes(size))
+        os.utime(folder / f"fault-{number:02d}.rec", (number, number))
+    (folder / "mine.rec").write_bytes(b"")
+
+
+def fault_of(loop: Loop) -> ControlState:
+    state = loop.core.snapshot(0, LoopStatistics())
+    return msgspec.structs.replace(state, state=SafetyState.FAULT)
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT])
+def test_on_a_full_disk_the_oldest_dumps_make_room_for_a_new_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    loop = Loop(tmp_path / "a.ring")
+    loop.ticks(2000)
+    dump(tmp_path / "a.ring", tmp_path / "now.rec")
+    size = (tmp_path / "now.rec").stat().st_size
+    flights = tmp_path / "flights"
+    old_dumps(flights, 6, 2 * size // 3)
+    monkeypatch.setattr(os, "fsync", SmallDisk(flights, 6 * (2 * size // 3), code).fsync)
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    dumps.step([fault_of(loop)], 0)
+    first, second, written = dumps.close()
+    assert first == f"the disk is full: {flights}/fault-00.rec is removed for a newer one"
+    assert second == f"the disk is full: {flights}/fault-01.rec is removed for a newer one"
+    (new,) = flights.glob("fault-2*.rec")
+    assert written == f"flight recorder written to {new}"
+    assert replay_file(new).result.agreed == 2000
+    assert sorted(path.name for path in flights.iterdir()) == sorted(
+        [*(f"fault-{number:02d}.rec" for number in range(2, 6)), new.name, "mine.rec"]
+    )
+    loop.ring.close()
+
+
+def test_where_others_take_the_room_no_more_dumps_go_than_a_new_one_can_need(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop = Loop(tmp_path / "a.ring")
+    loop.ticks(200)
+    flights = tmp_path / "flights"
+    old_dumps(flights, 6, 3_000_000)
+    monkeypatch.setattr(os, "fsync", SmallDisk(flights, 0).fsync)
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    dumps.step([fault_of(loop)], 0)
+    *removed, refused = dumps.close()
+    assert len(removed) == 2
+    assert "the flight recorder is not written: [Errno 28] No space left on device" in refused
+    assert sorted(path.name for path in flights.iterdir()) == [
+        *(f"fault-{number:02d}.rec" for number in range(2, 6)),
+        "mine.rec",
+    ]
+    loop.ring.close()
+
+
+def test_a_disk_that_refuses_for_another_reason_costs_no_dump(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop = Loop(tmp_path / "a.ring")
+    flights = tmp_path / "flights"
+    old_dumps(flights, 2, 10)
+    monkeypatch.setattr(os, "fsync", SmallDisk(flights, 0, errno.EIO).fsync)
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    dumps.step([fault_of(loop)], 0)
+    (refused,) = dumps.close()
+    assert "Input/output error" in refused
+    assert len(list(flights.iterdir())) == 3
+    loop.ring.close()
+
+
+def test_a_crash_waits_in_memory_until_the_disk_takes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop = Loop(tmp_path / "a.ring")
+    loop.ticks(200)
+    loop.ring._let_go()
+    retire(tmp_path / "a.ring")
+    flights = tmp_path / "flights"
+    old_dumps(flights, 6, 3_000_000)
+    disk = SmallDisk(flights, 0)
+    monkeypatch.setattr(os, "fsync", disk.fsync)
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    assert "is not written" in dumps.step([], 0)[-1]
+    assert [dumps.step([], second * 1_000_000_000) for second in range(1, 60)] == [()] * 59
+    assert dumps.close() == ()
+    assert crashed(tmp_path / "a.ring").exists()
+    assert len(list(flights.glob("fault-*.rec"))) == 4
+    disk.room = 100_000_000
+    (note,) = dumps.step([], 2 * RETRY_NS + 60_000_000_000)
+    (file,) = flights.glob("crash-*.rec")
+    assert note == f"flight recorder written to {file}"
+    assert replay_file(file).result.agreed == 200
+    assert not crashed(tmp_path / "a.ring").exists()
+
+
+def test_a_crash_while_the_one_before_is_written_is_dumped_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def crash(ticks: int) -> None:
+        loop = Loop(tmp_path / "a.ring")
+        loop.ticks(ticks)
+        loop.ring._let_go()
+        retire(tmp_path / "a.ring")
+
+    def slow(descriptor: int) -> None:
+        monkeypatch.setattr(os, "fsync", lambda _: None)
+        crash(70)
+
+    crash(50)
+    monkeypatch.setattr(os, "fsync", slow)
+    dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")
+    dumps.step([], 0)
+    dumps.step([], 1)
+    assert [
+        replay_file(path).result.agreed for path in sorted((tmp_path / "flights").iterdir())
+    ] == [50, 70]
+    assert not crashed(tmp_path / "a.ring").exists()
+
+
+def test_old_dumps_that_cannot_be_removed_do_not_make_a_new_one_unwritten(tmp_path: Path) -> None:
+    loop = Loop(tmp_path / "a.ring")
+    flights = tmp_path / "flights"
+    (flights / "fault-00.rec").mkdir(parents=True)  # no file
+    os.utime(flights / "fault-00.rec", (0, 0))
+    for number in range(MOST_DUMPS):
+        (flights / f"fault-1{number}.rec").touch()
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    dumps.step([fault_of(loop)], 0)
+    written, stays = dumps.close()
+    assert written.startswith("flight recorder written to ")
+    assert "the oldest dumps of the flight recorder stay: [Errno 21] Is a directory" in stays
+    loop.ring.close()
+
+
+def test_the_last_words_of_a_recorder_are_what_the_disk_refused_at_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("robotctl.app.recorder._END_NS", 0)
+    places = {name: str(tmp_path / name) for name in ("record", "flights", "state")}
+    recording = Recording(CONFIG, msgspec.structs.replace(OPTIONS, **places))
+    loop = Loop(ring_path("robot"))
+    now_ns = RealClock().now_ns()
+    moving = msgspec.structs.replace(fault_of(loop), stamp_ns=now_ns, v_m_s=1.0)
+    further = msgspec.structs.replace(moving, odometer_m=moving.odometer_m + 1.0)
+    recording.step([moving], now_ns)
+    recording.step([further], now_ns + 1)
+    with full_disk(room=20):
+        notes = recording.finish(list, RealClock())
+    assert [note[-15:] for note in notes] == [" File too large"] * 3
+    assert "state/progress.json" in notes[0]
+    assert "the flight recorder is not written" in notes[1]
+    assert "the log of the states lacks its end" in notes[2]
     loop.ring.close()
 
 
