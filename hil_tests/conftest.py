@@ -26,9 +26,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--reactions", default="", help="append each reaction time to this file")
 
 
-RERUNS = 3
-RERUNS_DELAY_S = 5
-"""A machine that stands does so for a while."""
+RERUN_LATER = {"reruns": 3, "reruns_delay": 5, "reruns_delay_backoff_factor": 3}
+"""How often, and when [s]: a machine that stands may do so for a minute."""
 PAUSE = "pause of the machine"
 PRIORITY = 1
 """Of the tests, where permitted: below the robot."""
@@ -59,8 +58,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A test that failed while the machine stood says nothing: it is run again."""
     for item in items:
         says_nothing = partial(item.stash.get, STOOD, False)
-        rerun = {"reruns": RERUNS, "reruns_delay": RERUNS_DELAY_S}
-        item.add_marker(pytest.mark.flaky(**rerun, condition=says_nothing))
+        item.add_marker(pytest.mark.flaky(**RERUN_LATER, condition=says_nothing))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -102,7 +102,7 @@ class LineView:
         self._print(
             progress.elapsed_s,
             f"{control.state.name} {item} x {control.x_m:.2f} m y {control.y_m:.2f} m "
-            f"{math.degrees(control.theta_rad):.0f}° v {control.v_m_s:.2f} m/s "
+            f"{math.degrees(control.theta_rad):.0f}° v {_measured(control.v_m_s)} m/s "
             f"lag p99 {control.loop.lag_us_p99:.0f} µs bus {100 * control.bus.load:.0f} %",
         )
 
@@ -226,14 +226,14 @@ class LiveView:
         )
         table.add_row(
             "velocity",
-            f"{control.v_m_s:5.2f} m/s (ref {control.v_ref_m_s:5.2f}) "
-            f"{control.omega_rad_s:5.2f} rad/s (ref {control.omega_ref_rad_s:5.2f})",
+            f"{_measured(control.v_m_s):>5} m/s (ref {control.v_ref_m_s:5.2f}) "
+            f"{_measured(control.omega_rad_s):>5} rad/s (ref {control.omega_ref_rad_s:5.2f})",
         )
         for index, name in enumerate(self._config.drive.wheel_names):
             current = f"{control.current_a[index]:5.2f} A" if control.current_a else ""
             table.add_row(
                 name,
-                f"{control.wheel_rad_s[index]:6.2f} rad/s "
+                f"{_measured(control.wheel_rad_s[index]):>6} rad/s "
                 f"(ref {control.wheel_ref_rad_s[index]:6.2f}) "
                 f"duty {control.duty[index]:5.2f} {current}",
             )
@@ -271,6 +271,11 @@ class LiveView:
             f"{bus.received + bus.sent} frames, {bus.error_frames} error frames",
         )
         return table
+
+
+def _measured(value: float) -> str:
+    """Write a measured value, which is nan where nobody measures it now."""
+    return "-" if math.isnan(value) else f"{value:.2f}"
 
 
 def _map_title(progress: Progress) -> str:
