@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from robotctl.app.log_folder import LogFolder, close_log
-from robotctl.runtime.flight_ring import Part, RingReader, dump, remove_parts
+from robotctl.runtime.flight_ring import Part, RingReader, dump
 from robotctl.runtime.messages import ControlState
+from robotctl.runtime.part_file import remove_parts
 from robotctl.runtime.recorder import RecordError
 from robotctl.runtime.ring_file import crashed
 from robotctl.runtime.safety import LATCHED

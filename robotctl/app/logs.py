@@ -10,6 +10,7 @@ import can
 from robotctl.app.log_folder import LogFolder, close_log
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.candump import CandumpReader
+from robotctl.runtime.part_file import remove_parts
 from robotctl.telemetry.mcap_log import McapLog, McapLogError, Published, is_complete, recover
 
 FLUSH_NS: Final = 1_000_000_000
@@ -141,9 +142,11 @@ class BusLog:
 def recover_all(folder: LogFolder) -> tuple[str, ...]:
     """Complete the MCAP logs that a kill or a power cut left open; return a sentence for each.
 
-    Files without a byte, of any log, are removed.
+    Files without a byte, of any log, are removed, and what was left of a completion that was cut
+    itself.
     """
     folder.remove_empty()
+    remove_parts(folder.directory, "robot-*.mcap")
     notes = []
     for path in sorted(folder.directory.glob("robot-*.mcap")):
         try:

@@ -16,13 +16,11 @@ then writes byte by byte.)
 
 from __future__ import annotations
 
-import fcntl
 import mmap
 import os
 import pickle
 import struct
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -30,8 +28,9 @@ import msgspec
 
 from robotctl.errors import LinkError
 from robotctl.runtime.core import Inputs, Outputs
+from robotctl.runtime.part_file import part_file
 from robotctl.runtime.recorder import LENGTH, Checkpoint, RecordError, RecordHeader, Tick, framed
-from robotctl.runtime.ring_file import leads_to, new_locked, remove_dead, remove_old
+from robotctl.runtime.ring_file import leads_to, new_locked, remove_old
 
 SEGMENTS: Final = 16
 SEGMENT_SIZE: Final = 1 << 18
@@ -42,7 +41,6 @@ _HEAD: Final = struct.Struct("<24sIII")
 _HEAD_SIZE: Final = 1 << 16
 _SEGMENT_HEAD: Final = struct.Struct("@QQ")
 _WORD: Final = _SEGMENT_HEAD.size // 2
-_PART: Final = ".part"
 _RESERVE: Final = 1 << 15
 """A segment with less room is full: the longest tick needs less."""
 
@@ -241,8 +239,6 @@ class RingReader:
 def dump(ring: Path, target: Path) -> None:
     """Write a ring as a record; the target appears when it is whole and on the disk.
 
-    Until then it is `TARGET.part`, locked while its writer lives, and removed where that fails.
-
     Raises
     ------
     RecordError
@@ -253,26 +249,9 @@ def dump(ring: Path, target: Path) -> None:
     reader = RingReader(ring)
     try:
         parts = reader.read()
-        part_file = target.with_name(f"{target.name}{_PART}")
-        try:
-            with part_file.open("wb") as file:
-                with suppress(OSError):  # some network disks know no locks
-                    fcntl.flock(file, fcntl.LOCK_EX)
-                file.write(reader.header)
-                for part in parts:
-                    file.write(part.data)
-                file.flush()
-                os.fsync(file.fileno())
-                part_file.rename(target)
-        except OSError:
-            part_file.unlink(missing_ok=True)
-            raise
+        with part_file(target) as file:
+            file.write(reader.header)
+            for part in parts:
+                file.write(part.data)
     finally:
         reader.close()
-
-
-def remove_parts(folder: Path, pattern: str) -> None:
-    """Remove what dumps to targets like `pattern` left when their writer died."""
-    for path in folder.glob(f"{pattern}{_PART}"):
-        with suppress(OSError):  # it ended just now, or may not be removed
-            remove_dead(path)

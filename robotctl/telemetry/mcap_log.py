@@ -24,6 +24,7 @@ import robotctl
 from robotctl.errors import RobotctlError
 from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.part_file import part_file
 from robotctl.telemetry.log_schema import (
     LASER_SCHEMA,
     LOG_SCHEMA,
@@ -117,7 +118,7 @@ def is_complete(path: Path) -> bool:
 def recover(path: Path) -> int:
     """Make a log that was cut complete, up to its last whole chunk; return its messages.
 
-    The file is replaced when the whole one is written.
+    The file is replaced when the whole one is on the disk; until then that is `NAME.mcap.part`.
 
     Raises
     ------
@@ -126,15 +127,12 @@ def recover(path: Path) -> int:
     OSError
         If it cannot be read or written.
     """
-    target = path.with_name(f"{path.name}.part")
     with path.open("rb") as source:
         if source.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise McapLogError(f"{path}: not an MCAP file")
         source.seek(0)
-        with target.open("wb") as file:
-            count = _copy(source, file)
-    target.replace(path)
-    return count
+        with part_file(path) as file:
+            return _copy(source, file)
 
 
 def whole_records(source: BinaryIO) -> Iterator[McapRecord | None]:

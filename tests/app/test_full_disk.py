@@ -27,6 +27,7 @@ from robotctl.runtime.flight_ring import FlightRing, dump
 from robotctl.runtime.messages import ControlState, Feedback, LoopStatistics, SafetyState
 from robotctl.runtime.ring_file import crashed, retire
 from robotctl.runtime.topics import ring_path
+from robotctl.telemetry.mcap_log import is_complete
 
 OPTIONS = StackOptions("robot", str(find_file("diff_drive").resolve()))
 CONFIG = load_robot(find_file("diff_drive"))
@@ -123,6 +124,59 @@ def test_empty_logs_of_a_disk_that_was_full_go_at_the_next_start_without_a_word(
     (note,) = recover_all(folder)
     assert "robot-0003.mcap" in note
     assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "robot-0003.mcap"]
+
+
+def cut_log(folder: LogFolder) -> Path:
+    """A log of some messages whose recorder was killed."""
+    states = StateLog(folder, 0, "rover")
+    state = make_core(CONFIG, OPTIONS).snapshot(0, LoopStatistics())
+    for second in range(1, 20):
+        states.step([state], second * 1_000_000_000)
+    (path,) = folder.directory.iterdir()
+    content = path.read_bytes()
+    states.close()
+    path.write_bytes(content)
+    return path
+
+
+def test_a_log_that_a_full_disk_does_not_let_be_completed_stays_and_leaves_no_part(
+    tmp_path: Path,
+) -> None:
+    folder = LogFolder(tmp_path, LogConfig())
+    path = cut_log(folder)
+    content = path.read_bytes()
+    with full_disk(room=4096):
+        (note,) = recover_all(folder)
+        left = list(tmp_path.iterdir())
+    assert "was cut and cannot be completed: [Errno 27] File too large" in note
+    assert left == [path]
+    assert path.read_bytes() == content
+    assert "was cut, completed with its 19 messages" in recover_all(folder)[0]
+
+
+def test_a_completion_is_on_the_disk_before_it_takes_the_place_of_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def power_cut(descriptor: int) -> None:
+        assert is_complete(path.with_name("robot-0001.mcap.part"))
+        raise OSError(errno.EIO, "no power")
+
+    folder = LogFolder(tmp_path, LogConfig())
+    path = cut_log(folder)
+    monkeypatch.setattr(os, "fsync", power_cut)
+    (note,) = recover_all(folder)
+    assert "no power" in note
+    assert not is_complete(path)
+
+
+def test_half_a_completion_goes_at_the_next_start_unless_its_writer_lives(tmp_path: Path) -> None:
+    for name in ("robot-0001.mcap.part", "robot-0002.mcap.part", "mine.mcap.part"):
+        (tmp_path / name).write_bytes(b"half")
+    with (tmp_path / "robot-0002.mcap.part").open("ab") as live:
+        fcntl.flock(live, fcntl.LOCK_EX)
+        assert recover_all(LogFolder(tmp_path, LogConfig())) == ()
+        left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["mine.mcap.part", "robot-0002.mcap.part"]
 
 
 def test_a_flight_dump_that_the_disk_refuses_leaves_nothing_and_the_next_one_is_whole(

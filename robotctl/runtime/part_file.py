@@ -1,0 +1,46 @@
+"""Files that appear when they are whole; before that they are `NAME.part`, locked by the writer."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from robotctl.runtime.ring_file import remove_dead
+
+_PART: Final = ".part"
+
+
+@contextmanager
+def part_file(target: Path) -> Iterator[BinaryIO]:
+    """Open a file that takes its target's place when it is whole and on the disk.
+
+    It is removed where that fails; what is at the target stays then.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    part = target.with_name(f"{target.name}{_PART}")
+    try:
+        with part.open("wb") as file:
+            with suppress(OSError):  # some network disks know no locks
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+            part.replace(target)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def remove_parts(folder: Path, pattern: str) -> None:
+    """Remove what writers of targets like `pattern` left when they died."""
+    for path in folder.glob(f"{pattern}{_PART}"):
+        with suppress(OSError):  # it ended just now, or may not be removed
+            remove_dead(path)
