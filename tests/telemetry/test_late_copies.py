@@ -4,11 +4,12 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Peer
-from robotctl.runtime.messages import Arm, Mode, SetMode
+from robotctl.runtime.messages import Ack, Arm, Mode, SetMode
 
 ARM = common.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE = common.MAV_CMD_DO_SET_MODE
 ACCEPTED, BUSY = common.MAV_RESULT_ACCEPTED, common.MAV_RESULT_TEMPORARILY_REJECTED
+DENIED = common.MAV_RESULT_DENIED
 
 
 def results(bench):
@@ -126,6 +127,15 @@ def test_what_its_sender_repeats_for_want_of_an_answer_is_a_copy_for_longer(
     requests = bench.step(bench.control(), bench.navigation(mode=Mode.HOLD))
     assert [type(each) for each in requests] == ([SetMode, Arm] if carried_out else [])
     assert results(bench) == ([] if carried_out else [BUSY, BUSY])
+
+
+def test_a_copy_of_what_was_refused_is_refused_alike(bench):
+    bench.command(ARM, 1)
+    (request,) = bench.step()
+    bench.step(bench.control(acks=(Ack(request.request_id, accepted=False),)))
+    bench.command(ARM, 1)
+    assert bench.step() == []
+    assert results(bench) == [DENIED, DENIED]
 
 
 def test_the_answer_to_a_copy_does_not_prolong_the_time_for_copies(bench):

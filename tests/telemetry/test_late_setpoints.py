@@ -114,6 +114,13 @@ def test_a_sender_that_was_started_anew_is_followed_at_once(bench, sender, boot_
     assert sender.deliver(sender.stall(2.0)[:10]) == []  # and protected again
 
 
+def test_a_sender_started_anew_may_have_another_clock(sender):
+    """It is not trusted for what the one before was."""
+    sender.restart(0)
+    sender.rate = 0.5
+    assert len(sender.send(20.0)) == 200
+
+
 def test_the_wrap_of_the_clock_is_not_noticed(bench):
     sender = Sender(bench, WRAP_MS - 4_000)
     assert len(sender.send(3.0)) == 30
