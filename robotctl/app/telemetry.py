@@ -34,6 +34,17 @@ from robotctl.telemetry.telemetry import Telemetry
 RATE_HZ: Final = 100
 
 
+def described(config: RobotConfig) -> TelemetryRobot:
+    """Return what telemetry knows of the robot before it hears of it."""
+    return TelemetryRobot(
+        name=config.robot.name,
+        version=robotctl.__version__,
+        sonars=config.sonar,
+        sonar=config.localisation.sonar,
+        has_localiser=config.localisation.method != "none",
+    )
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Serve the links until SIGTERM or SIGINT."""
     stopped = StopFlag()
@@ -47,18 +58,12 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_navigation = RequestSender(context, endpoints.navigation_requests)
     publisher = Publisher(context, endpoints.telemetry_notices)
     mavlink = config.mavlink
-    robot = TelemetryRobot(
-        name=config.robot.name,
-        version=robotctl.__version__,
-        sonars=config.sonar,
-        has_localiser=config.localisation.method != "none",
-    )
     with ExitStack() as stack:
         stack.callback(context.destroy, linger=0)
         links = stack.enter_context(
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
         )
-        telemetry = Telemetry(mavlink, robot, links)
+        telemetry = Telemetry(mavlink, described(config), links)
         heartbeat = Heartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.
         stop: EmergencyStop | None = None
