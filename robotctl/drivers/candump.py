@@ -71,6 +71,7 @@ class CandumpReader:
     def __init__(self, config: CanConfig, epoch_ns: int) -> None:
         self._channel = config.channel
         self._epoch_ns = epoch_ns
+        self._gone: OSError | None = None
         bus = can.Bus(
             interface=config.interface,
             channel=config.channel,
@@ -90,8 +91,10 @@ class CandumpReader:
         Raises
         ------
         OSError
-            If the bus has gone.
+            If the bus has gone; the last frames before that are returned first.
         """
+        if self._gone is not None:
+            raise self._gone
         lines: list[str] = []
         try:
             if self._descriptor.kernel:
@@ -100,6 +103,10 @@ class CandumpReader:
                 self._drain(lines)
         except BlockingIOError:
             pass
+        except OSError as error:
+            if not lines:
+                raise
+            self._gone = error
         return "".join(lines)
 
     def _drain(self, lines: list[str]) -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import can
@@ -49,8 +50,8 @@ def test_python_can_reads_a_line_back(can_id: int, data: bytes, time_us: int) ->
     assert message.timestamp == pytest.approx(time_us / 1e6, abs=1e-6)
 
 
-@pytest.fixture
-def hub() -> Iterator[str]:
+@contextmanager
+def running_hub() -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     name = f"candump-{os.getpid()}"
     command = [sys.executable, "-m", "firmware_sim.bus", "--channel", name, "--ack"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -58,8 +59,39 @@ def hub() -> Iterator[str]:
         while name not in Path(f"/proc/{process.pid}/net/unix").read_text():
             assert time.monotonic() < deadline_s
             time.sleep(0.01)
-        yield name
+        yield process, name
         process.terminate()
+
+
+@pytest.fixture
+def hub() -> Iterator[str]:
+    with running_hub() as (_, name):
+        yield name
+
+
+def test_the_last_frames_before_the_bus_goes_are_logged(tmp_path: Path) -> None:
+    with running_hub() as (process, name):
+        config = CanConfig(interface="simcan", channel=name)
+        log = BusLog(LogFolder(tmp_path, LogConfig()), config, 0)
+        log.step(0)
+        with (
+            can.Bus(interface="simcan", channel=name) as sender,
+            can.Bus(interface="simcan", channel=name) as listener,
+        ):
+            for number in range(20):
+                sender.send(can.Message(arbitration_id=number, is_extended_id=False))
+            for number in range(20):
+                heard = listener.recv(DEADLINE_S)
+                assert heard is not None
+                assert heard.arbitration_id == number
+        process.terminate()
+        process.wait()
+    assert log.step(1) == ()
+    (note,) = log.step(2)
+    assert note == "the log does not hear the bus: the bus has hung up"
+    log.close()
+    with can.io.CanutilsLogReader(tmp_path / "can-0001.log") as reader:
+        assert [each.arbitration_id for each in reader] == list(range(20))
 
 
 def test_every_frame_of_the_bus_is_logged_over_files_and_the_log_waits_for_its_bus(
