@@ -17,7 +17,7 @@ MAX_BYTES: Final = 1_000_000
 
 
 class ExitLog:
-    """Appends to `exits.jsonl`; each line is on the disk when `write` returns.
+    """Appends to `exits.jsonl`; each line is the kernel's when `write` returns.
 
     Parameters
     ----------

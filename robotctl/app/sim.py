@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import queue
 import shutil
@@ -32,7 +31,13 @@ from robotctl.app.score import (
     loop_report,
     run_message,
 )
-from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulation_overrides
+from robotctl.app.sim_options import (
+    SimOptions,
+    SimulatorError,
+    bus_overrides,
+    load_faults,
+    simulation_overrides,
+)
 from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.world import load_walls
 from robotctl.model.camera import SIMULATED
@@ -121,15 +126,13 @@ class SimRun:
     def __init__(self, options: SimOptions, stopped: Callable[[], bool] = lambda: False) -> None:
         self._options = options
         self._stopped = stopped
-        interface, channel = options.channel
         self.mission = load_mission(options.mission)
         self.world = find_file(options.world or self.mission.world, "worlds").resolve()
         overrides = (
             PATIENCE,
             BEST_EFFORT,
             *options.settings(self.world),
-            f'can.interface="{interface}"',
-            f"can.channel={json.dumps(channel, ensure_ascii=False)}",
+            *bus_overrides(options),
         )
         robot = options.robot.resolve()
         self.config: RobotConfig = load_robot(robot, overrides)

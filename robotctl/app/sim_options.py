@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,6 +85,13 @@ class SimOptions:
                 "such as vcan0"
             )
         return "socketcan", kind
+
+
+def bus_overrides(options: SimOptions) -> tuple[str, ...]:
+    """Return the settings that put a robot on the bus of a simulated run."""
+    interface, channel = options.channel
+    # A string of JSON is one of TOML too: the path of a socket may hold a quote.
+    return f'can.interface="{interface}"', f"can.channel={json.dumps(channel, ensure_ascii=False)}"
 
 
 def simulation_overrides(overrides: Sequence[str]) -> list[str]:

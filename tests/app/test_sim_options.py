@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from robotctl.app.config import find_file, load_robot
-from robotctl.app.sim_options import SimOptions
+from robotctl.app.sim_options import SimOptions, bus_overrides
 from robotctl.errors import ConfigError
 
 
@@ -39,6 +39,12 @@ def test_a_bus_is_an_interface_and_a_channel(bus: str, channel: tuple[str, str])
 def test_a_bus_that_cannot_be_is_refused_before_the_run(bus: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         on(bus)
+
+
+@pytest.mark.parametrize("channel", ['/run/a"b\\c d/hub', "simcan0"])
+def test_a_robot_is_put_on_the_bus_whatever_its_path(channel: str) -> None:
+    robot = load_robot(find_file("diff_drive"), bus_overrides(on(f"simcan:{channel}")))
+    assert (robot.can.interface, robot.can.channel) == ("simcan", channel)
 
 
 def test_a_channel_in_a_robots_file_is_refused_with_its_place() -> None:
