@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from robotctl.app.log_folder import LogFolder, close_log
-from robotctl.runtime.flight_ring import Part, RingReader, dump
+from robotctl.runtime.flight_ring import Part, RingReader, dump, dump_size
 from robotctl.runtime.messages import ControlState
 from robotctl.runtime.part_file import remove_parts
 from robotctl.runtime.recorder import RecordError
@@ -100,7 +100,7 @@ class FlightDumps:
 
     `fault-TIME.rec` follows a fault or an emergency stop, `crash-TIME.rec` a control process that
     did not end in order. On a full disk the oldest dumps make room for a new one, but no more of
-    them than it can need. The ring of a crash stays in memory until the disk takes it.
+    them than it needs. The ring of a crash stays in memory until the disk takes it.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ class FlightDumps:
                 dump(ring, target)
             except OSError as error:
                 dumps = self._oldest_first() if make_room and error.errno in _FULL else []
-                if not dumps or freed >= ring.stat().st_size:
+                if not dumps or freed >= dump_size(ring):
                     raise
             else:
                 return

@@ -236,6 +236,21 @@ class RingReader:
         os.close(self._descriptor)
 
 
+def dump_size(ring: Path) -> int:
+    """Return how long a dump of a ring is now [bytes].
+
+    Raises
+    ------
+    RecordError
+        If the ring cannot be read.
+    """
+    reader = RingReader(ring)
+    try:
+        return len(reader.header) + sum(len(part.data) for part in reader.read())
+    finally:
+        reader.close()
+
+
 def dump(ring: Path, target: Path) -> None:
     """Write a ring as a record; the target appears when it is whole and on the disk.
 

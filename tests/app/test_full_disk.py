@@ -23,7 +23,7 @@ from robotctl.app.robot import make_core, record_header
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import Inputs
-from robotctl.runtime.flight_ring import FlightRing, dump
+from robotctl.runtime.flight_ring import FlightRing, dump, dump_size
 from robotctl.runtime.messages import ControlState, Feedback, LoopStatistics, SafetyState
 from robotctl.runtime.ring_file import crashed, retire
 from robotctl.runtime.topics import ring_path
@@ -232,7 +232,8 @@ def test_on_a_full_disk_the_oldest_dumps_make_room_for_a_new_one(
     loop = Loop(tmp_path / "a.ring")
     loop.ticks(2000)
     dump(tmp_path / "a.ring", tmp_path / "now.rec")
-    size = (tmp_path / "now.rec").stat().st_size
+    size = dump_size(tmp_path / "a.ring")
+    assert size == (tmp_path / "now.rec").stat().st_size
     flights = tmp_path / "flights"
     old_dumps(flights, 6, 2 * size // 3)
     monkeypatch.setattr(os, "fsync", SmallDisk(flights, 6 * (2 * size // 3), code).fsync)
@@ -250,13 +251,13 @@ def test_on_a_full_disk_the_oldest_dumps_make_room_for_a_new_one(
     loop.ring.close()
 
 
-def test_where_others_take_the_room_no_more_dumps_go_than_a_new_one_can_need(
+def test_where_others_take_the_room_no_more_dumps_go_than_a_new_one_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loop = Loop(tmp_path / "a.ring")
     loop.ticks(200)
     flights = tmp_path / "flights"
-    old_dumps(flights, 6, 3_000_000)
+    old_dumps(flights, 6, dump_size(tmp_path / "a.ring") - 1)
     monkeypatch.setattr(os, "fsync", SmallDisk(flights, 0).fsync)
     dumps = FlightDumps(tmp_path / "a.ring", flights)
     dumps.step([fault_of(loop)], 0)
@@ -301,7 +302,7 @@ def test_a_crash_waits_in_memory_until_the_disk_takes_it(
     assert [dumps.step([], second * 1_000_000_000) for second in range(1, 60)] == [()] * 59
     assert dumps.close() == ()
     assert crashed(tmp_path / "a.ring").exists()
-    assert len(list(flights.glob("fault-*.rec"))) == 4
+    assert len(list(flights.glob("fault-*.rec"))) == 5
     disk.room = 100_000_000
     (note,) = dumps.step([], 2 * RETRY_NS + 60_000_000_000)
     (file,) = flights.glob("crash-*.rec")
