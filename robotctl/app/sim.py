@@ -56,6 +56,7 @@ from robotctl.runtime.messages import (
     SafetyState,
     SetMode,
 )
+from robotctl.runtime.safety import POWERED
 from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
 
 PATIENCE = "safety.feedback_timeout_periods=10"
@@ -137,7 +138,7 @@ class SimRun:
         robot = options.robot.resolve()
         self.config: RobotConfig = load_robot(robot, overrides)
         self.walls = load_walls(self.world)
-        load_faults(options.faults)
+        load_faults(options)
         start = self.mission.start
         instance = f"sim-{os.getpid()}"
         record = str(options.record.resolve()) if options.record else ""
@@ -167,6 +168,8 @@ class SimRun:
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
         self._said_waiting = False
+        self._was_armed = self._was_steered = False
+        """From the first time on it is for the operator to arm, and to choose who steers."""
         self._score = RunScore(self.walls, camera_score(self.config, options, self.world))
         self.progress = Progress()
 
@@ -248,9 +251,10 @@ class SimRun:
         return (*links, f"CAN {interface} {channel}")
 
     def steps(self, *, until_done: bool = True) -> Iterator[Progress]:
-        """Arm, start the mission, and yield the progress until the run is over.
+        """Arm and start the mission, each once, and yield the progress until the run is over.
 
         Without `until_done` the robot stays in service after its mission, for ground stations.
+        Whoever disarms it, holds it or takes it over meanwhile has it from then on.
         """
         begin_s = asked_s = time.monotonic()
         asked_s -= _ASK_S
@@ -286,7 +290,7 @@ class SimRun:
             self._stack.emergency_stop()
 
     def _ask(self, progress: Progress) -> None:
-        """Ask for what is missing: arming, then mode AUTO."""
+        """Ask for what has not been yet: arming, then mode AUTO."""
         control, navigation = progress.control, progress.navigation
         if control is None or navigation is None:
             if control is not None and progress.elapsed_s > _SAY_S and not self._said_waiting:
@@ -294,13 +298,9 @@ class SimRun:
                 progress.lines.append("waiting for navigation, which prepares its estimators")
             return
         now_ns = time.monotonic_ns()
-        if control.state == SafetyState.STANDBY:
+        if not self._was_armed and control.state == SafetyState.STANDBY:
             self._to_control.send(Arm(now_ns, next(self._request_ids), arm=True))
-        elif (
-            control.state in (SafetyState.ARMED, SafetyState.DRIVING)
-            and navigation.mode == Mode.HOLD
-            and not navigation.mission_completed
-        ):
+        elif not self._was_steered and control.state in POWERED:
             self._to_navigation.send(SetMode(now_ns, Mode.AUTO))
 
     def _listen(self) -> None:
@@ -314,6 +314,7 @@ class SimRun:
             match message:
                 case ControlState():
                     progress.control = self._score.control(message)
+                    self._was_armed |= message.state in POWERED
                 case LocalisationState():
                     progress.localisation = message
                     self._score.localisation(message)
@@ -327,6 +328,7 @@ class SimRun:
                     self._score.view(message)
                 case NavigationState():
                     progress.navigation = message
+                    self._was_steered |= message.mode != Mode.HOLD
                 case Notice():
                     progress.lines.append(message.text)
 
