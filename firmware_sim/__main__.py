@@ -104,11 +104,12 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
 
     _check_bus(options.bus)
     _check_addresses(options)
-    scenario = load_scenario(options.faults) if options.faults else Scenario()
+    robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
+    scenario = load_scenario(options.faults, robot) if options.faults else Scenario()
     if options.state is not None:
         _make_directory(options.state)
     simulation = Simulation(
-        load_robot(options.robot, dict(parse_override(text) for text in options.set)),
+        robot,
         options.world,
         options.seed,
         options.start,

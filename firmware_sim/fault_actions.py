@@ -120,7 +120,10 @@ def under_voltage(faults: Faults, arguments: Arguments) -> Undo:
 def brown_out(faults: Faults, arguments: Arguments) -> Undo:
     """Let the drive's supply sag evenly; below `RESET_V` its processor is held in reset."""
     simulation, stage = faults.simulation, faults.stage
-    start_ns, drop_v = simulation.now_ns, stage.bus_voltage_v - number(arguments, "volts")
+    left_v, supply_v = number(arguments, "volts"), simulation.plant.bus_voltage_v
+    if supply_v <= left_v:
+        raise SimulationError(f"the supply has {supply_v:.2f} V, not over {left_v:g} V")
+    start_ns, drop_v = simulation.now_ns, stage.bus_voltage_v - left_v
     lost_v = 0.0
 
     def set_loss(wanted_v: float) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from firmware_sim import fault_actions as act
+from firmware_sim import fault_fits as fits
 from firmware_sim.bus.errors import BusError
 from firmware_sim.bus.faults import (
     Babble,
@@ -40,19 +41,23 @@ _FRAMES: Final = {
 
 DRIVE: Final[dict[str, Kind]] = {
     "encoder_stuck": Kind(
-        "an encoder counts no more", act.encoder(STUCK), {**_WHEEL, **_LASTING}
+        "an encoder counts no more", act.encoder(STUCK), {**_WHEEL, **_LASTING},
+        fits.wheel,
     ),
     "encoder_reversed": Kind(
-        "an encoder counts backwards", act.encoder(REVERSED), {**_WHEEL, **_LASTING}
+        "an encoder counts backwards", act.encoder(REVERSED), {**_WHEEL, **_LASTING},
+        fits.wheel,
     ),
     "encoder_glitch": Kind(
         "an encoder's count jumps once", act.glitch,
         {**_WHEEL, "counts": Parameter(500.0, "counts", -32000.0, 32000.0, whole=True)},
+        fits.wheel,
     ),
     "encoder_disconnected": Kind(
         "an encoder's cable is open: it counts at random what its inputs pick up while the bridges "
         "switch, and nothing while they do not", act.disconnect_encoder,
         {**_WHEEL, "edges": Parameter(2000.0, "1/s, 0: none", 0.0, 50000.0), **_LASTING},
+        fits.wheel,
     ),
     "wheels_swapped": Kind(
         "the encoders' cables are in each other's sockets",
@@ -64,14 +69,16 @@ DRIVE: Final[dict[str, Kind]] = {
     "carried": Kind(
         "somebody carries the robot to another place of the room, drawn from the seed", act.carry
     ),
-    "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}),
+    "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}, fits.wheel),
     "over_current": Kind(
         "a motor draws more current than it shows torque", act.draw_current,
         {**_WHEEL, "amperes": Parameter(20.0, "A", 0.1, 100.0), **_LASTING},
+        fits.wheel,
     ),
     "over_temperature": Kind(
         "a winding is hotter", act.heat,
         {**_WHEEL, "kelvin": Parameter(150.0, "K", 1.0, 200.0), **_LASTING},
+        fits.wheel,
     ),
     "under_voltage": Kind(
         "the supply at the drive breaks down", act.under_voltage,
@@ -85,16 +92,18 @@ DRIVE: Final[dict[str, Kind]] = {
             "sag": Parameter(0.2, "s until then", 0.001, 60.0),
             **_LASTING,
         },
+        fits.sag,
     ),
 }  # fmt: skip
 
 SONARS: Final[dict[str, Kind]] = {
     "sonar_silent": Kind(
         "the sonar ring sends no ranges, its heartbeat goes on",
-        act.lose(*wire.SONAR_RANGES), _FOR,
+        act.lose(*wire.SONAR_RANGES), _FOR, fits.sonars,
     ),
     "sonar_stuck": Kind(
-        "the sonar ring repeats its last ranges", lambda faults, _: faults.ring.stick(), _LASTING
+        "the sonar ring repeats its last ranges", lambda faults, _: faults.ring.stick(), _LASTING,
+        fits.sonars,
     ),
     "sonar_crosstalk": Kind(
         "a sonar takes the echo of another of its group of four for its own: it reads too near",
@@ -104,6 +113,7 @@ SONARS: Final[dict[str, Kind]] = {
             "other": Parameter(1.0, "number of the one that is heard", 0.0, 15.0, whole=True),
             **_LASTING,
         },
+        fits.crosstalk,
     ),
 }  # fmt: skip
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from firmware_sim.errors import SimulationError
+from firmware_sim.fault_fits import Fits, anything
 
 if TYPE_CHECKING:
     from firmware_sim.faults import Faults
@@ -19,6 +20,9 @@ Undo: TypeAlias = Callable[[], None]
 """Ends a fault that lasts."""
 
 DURATION: Final = "duration"
+
+FAILED: Final = " failed: "
+"""Stands between a fault of a scenario and why it could not begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +83,14 @@ class Kind:
         Lets it begin; returns what ends it, or None where nothing is left to end.
     parameters
         By name.
+    fits
+        Yields the arguments that a robot cannot have.
     """
 
     help: str
     begin: Callable[[Faults, Arguments], Undo | None]
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    fits: Fits = anything
 
     def value(self, key: str, given: object) -> Value:
         """Return the value of one parameter; raises SimulationError where it is unknown or wrong.

@@ -77,8 +77,14 @@ class Faults:
         return name
 
     def begin(self, name: str, given: Arguments) -> None:
-        """Let a fault begin now; raises SimulationError where name or arguments are wrong."""
+        """Let a fault begin now; raises SimulationError where it is wrong, or not of this robot."""
         kind, arguments = check(name, given)
+        misfits = [
+            f"fault {name}: {key}: {problem}"
+            for key, problem in kind.fits(self.simulation.config, arguments)
+        ]
+        if misfits:
+            raise SimulationError("; ".join(misfits))
         undo = kind.begin(self, arguments)
         if undo is None:
             return

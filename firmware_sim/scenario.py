@@ -32,12 +32,14 @@ import numpy as np
 
 from firmware_sim.errors import SimulationError
 from firmware_sim.fault_catalogue import CATALOGUE
-from firmware_sim.fault_kinds import DURATION, Kind, Value, nearest
+from firmware_sim.fault_fits import KIND
+from firmware_sim.fault_kinds import DURATION, FAILED, Kind, Value, nearest
 
 if TYPE_CHECKING:
+    from firmware_sim.config import RobotConfig
     from firmware_sim.faults import Faults
 
-AT, EVERY, KIND = "at", "every", "kind"
+AT, EVERY = "at", "every"
 LONGEST_S: Final = 1e6
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]")
@@ -84,13 +86,20 @@ class Scenario:
     seed: int = 0
 
 
-def load_scenario(path: Path) -> Scenario:
+def load_scenario(path: Path, robot: RobotConfig) -> Scenario:
     """Read and check a scenario's file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    robot
+        Whom the faults are to befall; it must be able to feel them.
 
     Raises
     ------
     SimulationError
-        The file cannot be read or is wrong; one line for each error.
+        The file cannot be read or is wrong, or not for this robot; one line for each error.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -99,7 +108,7 @@ def load_scenario(path: Path) -> Scenario:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
     except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
         raise SimulationError(f"{path}: {error}") from error
-    reader = _Reader(path, _key_lines(text))
+    reader = _Reader(path, _key_lines(text), robot)
     scenario = reader.scenario(data)
     if reader.problems:
         raise SimulationError("\n".join(reader.problems))
@@ -158,7 +167,7 @@ class _Player:
         try:
             self._faults.begin(planned.kind, planned.arguments)
         except SimulationError as error:
-            line += f" failed: {error}"
+            line += f"{FAILED}{error}"
         self._announce(line)
         if planned.every_s is not None:
             self._wait(planned.duration_s + self._pause_s())
@@ -167,9 +176,10 @@ class _Player:
 class _Reader:
     """Turns the tables of one file into values and collects what is wrong with them."""
 
-    def __init__(self, path: Path, lines: Mapping[str, int]) -> None:
+    def __init__(self, path: Path, lines: Mapping[str, int], robot: RobotConfig) -> None:
         self._path = path
         self._lines = lines
+        self._robot = robot
         self.problems: list[str] = []
 
     def scenario(self, data: Mapping[str, Any]) -> Scenario:
@@ -199,6 +209,8 @@ class _Reader:
             self._blame(f"{where}.{KIND}", f"{name!r} is no kind of fault{hint}")
             return None
         arguments = self._arguments(where, kind, table)
+        for key, problem in kind.fits(self._robot, kind.complete(arguments)):
+            self._blame(f"{where}.{key}", problem)
         at_s, every_s = (self._time(where, table, key) for key in (AT, EVERY))
         if (AT in table) == (EVERY in table):
             self._blame(where, f"needs either {AT} or {EVERY}, the time in seconds")

@@ -198,7 +198,7 @@ class LockstepRun:
         seen = camera_score(self.config, options, self._world)
         self._score = RunScore(load_walls(self._world), seen)
         self._faults: list[str] = []
-        scenario = load_faults(options.faults)
+        scenario = load_faults(options)
         self._navigation: NavigationState | None = None
         self._localisation: LocalisationState | None = None
         self._asked_ns = -_ARM_RETRY_NS

@@ -9,6 +9,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from firmware_sim.fault_kinds import FAILED
 from robotctl.model.angles import wrap_angle
 from robotctl.model.motion import between
 from robotctl.model.se2 import SE2
@@ -116,7 +117,8 @@ class Report(msgspec.Struct, frozen=True):
 
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
-    `faults` are those of the scenario that have begun, each with the simulator's time.
+    `faults` are those of the scenario whose time has come, each with the simulator's time, and why
+    where it could not begin.
     `pose_error` is that of the pose that the robot goes by; `localisation`, `map_quality` and
     `camera` are None without a localiser, without mapping and without a camera.
     """
@@ -143,6 +145,16 @@ class Report(msgspec.Struct, frozen=True):
     localisation: LocalisationReport | None = None
     map_quality: MapQuality | None = None
     camera: CameraReport | None = None
+
+    @property
+    def failed_faults(self) -> tuple[str, ...]:
+        """Those of `faults` that could not begin: the run has not tested what it was to test."""
+        return tuple(each for each in self.faults if FAILED in each)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the mission was completed, under all the faults that were to befall the robot."""
+        return self.mission_completed and not self.failed_faults
 
     def json(self) -> bytes:
         """Return the report as indented JSON."""

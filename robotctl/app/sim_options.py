@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from firmware_sim.config import load_robot as load_simulated_robot
+from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import Scenario, load_scenario
 from robotctl.drivers.can_config import CanConfig
@@ -118,15 +119,18 @@ def check_simulated_robot(robot: Path) -> None:
         raise SimulatorError(str(error)) from error
 
 
-def load_faults(path: Path | None) -> Scenario:
-    """Return a scenario of faults; None: one without any.
+def load_faults(options: SimOptions) -> Scenario:
+    """Return the scenario of a run, checked against its robot; one without faults by default.
 
     Raises
     ------
     SimulatorError
-        If the file is wrong.
+        If the file is wrong, or the robot's.
     """
+    if options.faults is None:
+        return Scenario()
     try:
-        return Scenario() if path is None else load_scenario(path)
+        settings = dict(parse_override(text) for text in simulation_overrides(options.overrides))
+        return load_scenario(options.faults, load_simulated_robot(options.robot, settings))
     except SimulationError as error:
         raise SimulatorError(str(error)) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from rich.table import Table
 
@@ -57,7 +58,7 @@ def score_table(report: Report) -> Table:
             f"{bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['errors']} errors",
         ),
     )
-    for name, text in (*rows, *_place_rows(report), *_fault_rows(report.faults)):
+    for name, text in (*rows, *_place_rows(report), *_fault_rows(report)):
         table.add_row(name, text)
     return table
 
@@ -121,10 +122,15 @@ def _share(inside: float | None) -> str:
     return "-" if inside is None else f"{100 * inside:.0f} % inside 95 %"
 
 
-def _fault_rows(faults: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Return a row for the faults that befell the robot, where there were any."""
-    if not faults:
-        return []
-    more = len(faults) - _FAULTS_SHOWN
-    shown = [*faults[:_FAULTS_SHOWN], *([f"and {more} more"] if more > 0 else [])]
-    return [("faults", "\n".join(shown))]
+def _fault_rows(report: Report) -> list[tuple[str, str]]:
+    """Return a row for the faults that befell the robot, and one for those that could not."""
+    failed = report.failed_faults
+    begun = [each for each in report.faults if each not in failed]
+    rows = (("faults", begun), ("not applied", failed))
+    return [(name, _first_lines(lines)) for name, lines in rows if lines]
+
+
+def _first_lines(lines: Sequence[str]) -> str:
+    """Return the first lines and how many more there are."""
+    more = len(lines) - _FAULTS_SHOWN
+    return "\n".join([*lines[:_FAULTS_SHOWN], *([f"and {more} more"] if more > 0 else [])])

@@ -91,7 +91,7 @@ def sim(
 ) -> None:
     """Drive a mission in simulation and score it.
 
-    Status 0: completed. 3: not completed. 2: bad input.
+    Status 0: completed. 3: not completed, or a fault could not begin. 2: bad input.
     """
     check_files(report)
     options = SimOptions(
@@ -113,7 +113,7 @@ def sim(
     Console().print(score_table(result))
     if report is not None:
         write_file(report, lambda path: path.write_bytes(result.json()))
-    sys.exit(0 if result.mission_completed else NOT_COMPLETED)
+    sys.exit(0 if result.passed else NOT_COMPLETED)
 
 
 def _localisation(

@@ -1,7 +1,11 @@
 """Whole missions under faults, in lockstep."""
 
+import dataclasses
 import hashlib
+import json
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,7 +14,8 @@ from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.score import Report
 from robotctl.app.sim import SimRun
-from robotctl.app.sim_options import SimOptions, SimulatorError
+from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults
+from robotctl.cli.commands import app
 from robotctl.errors import ConfigError
 
 PATROL = find_file("patrol", "missions")
@@ -22,7 +27,7 @@ def drive(faults: Path | None, **options: object) -> Report:
 
 def can_log(folder: Path, faults: Path | None) -> str:
     drive(faults, record=folder, max_seconds=8.0)
-    return hashlib.sha256((folder / "can.log").read_bytes()).hexdigest()
+    return hashlib.sha256((folder / "can-0001.log").read_bytes()).hexdigest()
 
 
 def test_the_same_seeds_and_file_give_the_same_can_log_to_the_byte(tmp_path: Path) -> None:
@@ -55,6 +60,55 @@ def test_a_scenario_that_is_wrong_is_refused_before_anything_starts(tmp_path: Pa
         drive(wrong)
     with pytest.raises(ConfigError, match='did you mean "sensors"'):
         find_file("sensor", "scenarios")
+
+
+def options_of(faults: Path, robot: str = "diff_drive") -> SimOptions:
+    return SimOptions(find_file(robot), PATROL, faults=faults, max_seconds=1.0)
+
+
+@pytest.mark.parametrize("run", [run_lockstep, SimRun], ids=["lockstep", "real time"])
+@pytest.mark.parametrize(
+    ("robot", "table", "said"),
+    [
+        ("diff_drive", 'kind = "sonar_crosstalk"\nother = 15', ":3: fault[0].other: 15, the robot"),
+        ("diff_drive", 'kind = "sonar_crosstalk"\nother = 0', ":3: fault[0].other: 0, must be"),
+        ("tricycle", 'kind = "encoder_stuck"\nwheel = "right"', ":3: fault[0].wheel: 'right', the"),
+    ],
+)
+def test_a_fault_that_the_robot_cannot_feel_is_refused_before_anything_starts(
+    tmp_path: Path, run: Callable[[SimOptions], object], robot: str, table: str, said: str
+) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(f"[[fault]]\n{table}\nat = 1\n")
+    with pytest.raises(SimulatorError) as caught:
+        run(options_of(scenario, robot))
+    assert str(caught.value).startswith(f"{scenario}{said}")
+
+
+def test_settings_of_the_robot_count_for_its_faults_too(tmp_path: Path) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text('[[fault]]\nkind = "brown_out"\nvolts = 12.4\nat = 1\n')
+    options = options_of(scenario)
+    assert load_faults(options).faults
+    low = dataclasses.replace(options, overrides=("simulation.battery.voltage_scale=0.9",))
+    with pytest.raises(SimulatorError, match=r":3: .*12\.4, the battery has 11\.34 V"):
+        load_faults(low)
+
+
+def test_a_fault_that_could_not_begin_fails_the_run_and_stands_in_its_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario, file = tmp_path / "scenario.toml", tmp_path / "report.json"
+    scenario.write_text('[[fault]]\nkind = "brown_out"\nvolts = 12.59\nat = 0.5\n')
+    arguments = ["sim", "--lockstep", "--headless", "--report", str(file)]
+    with pytest.raises(SystemExit) as ended:
+        app([*arguments, "--faults", str(scenario)])
+    assert ended.value.code == 3
+    report = json.loads(file.read_text())
+    assert report["mission_completed"]
+    (fault,) = report["faults"]
+    assert re.fullmatch(r".* failed: the supply has 12\.5\d V, not over 12\.59 V", fault)
+    assert "not applied" in capsys.readouterr().out
 
 
 def test_a_run_in_real_time_shows_each_fault_and_reports_it(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Scenario files: what they may say, and when their faults begin."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -8,13 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmware_sim.battery import OCV_V
+from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.errors import SimulationError
+from firmware_sim.fault_catalogue import CATALOGUE
+from firmware_sim.fault_fits import FULL_CELL_V
 from firmware_sim.faults import check
 from firmware_sim.scenario import PlannedFault, Scenario, load_scenario, play
 from firmware_sim.simulation import Simulation
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SECOND_NS = 1_000_000_000
+
+DIFF, TRICYCLE, ACKERMANN = (
+    load_robot(CONFIGS / f"{name}.toml") for name in ("diff_drive", "tricycle", "ackermann")
+)
+FIVE_SONARS = dataclasses.replace(DIFF, sonar=DIFF.sonar[:5])
+NO_SONARS = dataclasses.replace(DIFF, sonar=())
 
 GOOD = """\
 seed = 3
@@ -34,19 +45,19 @@ every = 20
 
 @pytest.fixture
 def load(tmp_path):
-    def load(text: str) -> Scenario:
+    def load(text: str, robot: RobotConfig = DIFF) -> Scenario:
         path = tmp_path / "scenario.toml"
         path.write_text(text, encoding="utf-8")
-        return load_scenario(path)
+        return load_scenario(path, robot)
 
     return load
 
 
 @pytest.fixture
 def problems(load, tmp_path):
-    def problems(text: str) -> list[str]:
+    def problems(text: str, robot: RobotConfig = DIFF) -> list[str]:
         with pytest.raises(SimulationError) as caught:
-            load(text)
+            load(text, robot)
         return [
             line.removeprefix(f"{tmp_path}/scenario.toml") for line in str(caught.value).split("\n")
         ]
@@ -96,7 +107,7 @@ def test_every_line_of_a_fault_is_one_that_the_console_takes(load):
     "path", sorted((CONFIGS / "scenarios").glob("*.toml")), ids=lambda p: p.stem
 )
 def test_the_files_that_come_with_the_robot_are_right(path):
-    assert load_scenario(path).faults
+    assert load_scenario(path, DIFF).faults
 
 
 @pytest.mark.parametrize(
@@ -168,6 +179,109 @@ def test_a_mistake_is_named_with_its_line_and_what_is_allowed(problems, wrong, l
     assert problems(wrong) == [f":{line}: {problem}"]
 
 
+MISFITS = [
+    (
+        DIFF,
+        "sonar_crosstalk sonar=0 other=15",
+        "other",
+        "15, the robot has 8 sonars, allowed: 0 to 7",
+    ),
+    (DIFF, "sonar_crosstalk sonar=8", "sonar", "8, the robot has 8 sonars, allowed: 0 to 7"),
+    (
+        DIFF,
+        "sonar_crosstalk sonar=3 other=3",
+        "other",
+        "3, must be another that fires together with sonar 3, allowed: 0, 1, 2",
+    ),
+    (
+        DIFF,
+        "sonar_crosstalk sonar=3 other=4",
+        "other",
+        "4, must be another that fires together with sonar 3, allowed: 0, 1, 2",
+    ),
+    (
+        FIVE_SONARS,
+        "sonar_crosstalk sonar=4 other=3",
+        "other",
+        "3, must be another that fires together with sonar 4, allowed: none",
+    ),
+    (NO_SONARS, "sonar_crosstalk sonar=0 other=1", "kind", "the robot has no sonars"),
+    (NO_SONARS, "sonar_silent", "kind", "the robot has no sonars"),
+    (NO_SONARS, "sonar_stuck", "kind", "the robot has no sonars"),
+    (DIFF, "brown_out volts=12.7", "volts", "12.7, the battery has 12.6 V, allowed: less"),
+    *(
+        (
+            robot,
+            f"{kind} wheel=right",
+            "wheel",
+            f"'right', the {robot.drive.kind} drive has one motor, allowed: left, drive",
+        )
+        for robot in (TRICYCLE, ACKERMANN)
+        for kind in (
+            "encoder_stuck",
+            "encoder_reversed",
+            "encoder_glitch",
+            "encoder_disconnected",
+            "wheel_blocked",
+            "over_current",
+            "over_temperature",
+        )
+    ),
+]
+
+
+def table(line: str) -> str:
+    """Write a fault's line as a table of a scenario."""
+    kind, *words = line.split()
+    rows = []
+    for word in words:
+        key, _, value = word.partition("=")
+        rows.append(f"{key} = {value if value[0].isdigit() else repr(value)}")
+    return "\n".join(["[[fault]]", "at = 1", f'kind = "{kind}"', *rows])
+
+
+@pytest.mark.parametrize(("robot", "line", "key", "problem"), MISFITS)
+def test_a_fault_that_the_robot_cannot_feel_is_refused_with_its_line(
+    problems, robot, line, key, problem
+):
+    text = table(line)
+    number = next(i for i, row in enumerate(text.split("\n"), 1) if row.startswith(key))
+    assert problems(text, robot) == [f":{number}: fault[0].{key}: {problem}"]
+
+
+@pytest.mark.parametrize(("robot", "line", "key", "problem"), MISFITS)
+def test_such_a_fault_is_refused_at_run_time_with_the_same_words(robot, line, key, problem):
+    simulation = Simulation(robot, CONFIGS / "worlds" / "empty_room.toml")
+    with pytest.raises(SimulationError) as caught:
+        simulation.faults.inject(line)
+    assert str(caught.value) == f"fault {line.split()[0]}: {key}: {problem}"
+
+
+def test_a_default_that_does_not_fit_is_told_at_the_table(problems):
+    text = '[[fault]]\nkind = "sonar_crosstalk"\nsonar = 5\nat = 1'
+    assert problems(text) == [
+        ":1: fault[0].other: 1, must be another that fires together with sonar 5, allowed: 4, 6, 7"
+    ]
+
+
+@pytest.mark.parametrize("robot", [DIFF, TRICYCLE, ACKERMANN], ids=lambda each: each.robot.name)
+@pytest.mark.parametrize("kind", CATALOGUE)
+def test_every_fault_with_its_defaults_is_one_of_every_robot_that_comes_along(load, robot, kind):
+    assert load(f'[[fault]]\nkind = "{kind}"\nat = 1', robot).faults
+
+
+def test_a_full_cell_has_the_voltage_of_the_battery():
+    assert OCV_V.max() == FULL_CELL_V
+
+
+def test_a_supply_that_is_below_what_a_brown_out_leaves_is_told_as_the_fault_begins():
+    scenario = Scenario((PlannedFault("brown_out", {"volts": 12.59}, 0.1, None),))
+    [(_, line)] = begun(scenario, 0.2)
+    assert line == (
+        "0.100 s: brown_out volts=12.59 failed: the supply has 12.57 V, not over 12.59 V"
+    )
+
+
 def test_all_mistakes_of_a_file_are_told_at_once(problems):
     text = GOOD.replace("right", "wright").replace("0x181", "0x1181").replace("seed", "sed")
     assert [problem.split(":")[1] for problem in problems(text)] == ["1", "5", "11"]
@@ -183,7 +297,7 @@ def test_a_file_that_is_no_toml_or_not_there_is_named(problems, tmp_path):
     assert "4300 digits" in problems("seed = " + "9" * 5000)[0]
     assert "recursion" in problems("seed = " + "[" * 5000)[0]
     with pytest.raises(SimulationError, match=r"missing\.toml: cannot be read"):
-        load_scenario(tmp_path / "missing.toml")
+        load_scenario(tmp_path / "missing.toml", DIFF)
 
 
 def test_a_fault_begins_at_its_time_and_once():

@@ -6,9 +6,11 @@ import tomllib
 import pytest
 from write_docs import BEGIN, END, FAULTS, STATES, diagram
 
+from firmware_sim.config import load_robot
 from firmware_sim.fault_catalogue import CATALOGUE
 from firmware_sim.faults import check
 from firmware_sim.scenario import load_scenario
+from robotctl.app.config import find_file
 from robotctl.runtime.messages import SafetyState
 from robotctl.runtime.plausibility import PlausibilityConfig
 from robotctl.runtime.safety import TRANSITIONS, SafetyConfig
@@ -66,7 +68,7 @@ def test_the_examples_of_the_page_are_right(tmp_path):
     assert len(tomllib.loads(example)["fault"]) == 2
     path = tmp_path / "example.toml"
     path.write_text(example, encoding="utf-8")
-    load_scenario(path)
+    load_scenario(path, load_robot(find_file("diff_drive")))
     for line in re.search(r"```\n(encoder.*?)clear\n```", FAULTS_PAGE, re.DOTALL)[1].splitlines():
         name, *words = line.split()
         check(name, dict(word.split("=") for word in words))

@@ -1,0 +1,71 @@
+"""Which arguments of a fault a robot cannot have, though the bounds of the catalogue allow them.
+
+A fault that a robot cannot feel would leave a test of it green without having been applied. Each
+function yields the key and what is wrong with it, and what this robot allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from firmware_sim.nodes.sonar import GROUP_SIZE
+from firmware_sim.parameters import DifferentialDrive
+
+if TYPE_CHECKING:
+    from firmware_sim.config import RobotConfig
+    from firmware_sim.fault_kinds import Arguments
+
+Misfits: TypeAlias = Iterator[tuple[str, str]]
+Fits: TypeAlias = "Callable[[RobotConfig, Arguments], Misfits]"
+
+KIND: Final = "kind"
+"""The key to blame where no argument would do."""
+
+FULL_CELL_V: Final = 4.2
+"""Of `firmware_sim.battery`, which loads numba."""
+
+
+def anything(_robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield nothing: every robot feels it."""
+    return iter(())
+
+
+def wheel(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no such motor."""
+    if arguments["wheel"] == "right" and not isinstance(robot.drive, DifferentialDrive):
+        yield "wheel", f"'right', the {robot.drive.kind} drive has one motor, allowed: left, drive"
+
+
+def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield where the robot has no sonar at all."""
+    if not robot.sonar:
+        yield KIND, "the robot has no sonars"
+
+
+def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no such sonars, or the two do not fire together."""
+    yield from sonars(robot, arguments)
+    count = len(robot.sonar)
+    numbers = {key: int(float(arguments[key])) for key in ("sonar", "other")}
+    missing = [key for key, number in numbers.items() if number >= count > 0]
+    for key in missing:
+        yield key, f"{numbers[key]}, the robot has {count} sonars, allowed: 0 to {count - 1}"
+    if missing or not count:
+        return
+    listener, speaker = numbers["sonar"], numbers["other"]
+    first = listener // GROUP_SIZE * GROUP_SIZE
+    group = [each for each in range(first, min(first + GROUP_SIZE, count)) if each != listener]
+    if speaker not in group:
+        allowed = ", ".join(map(str, group)) or "none"
+        rule = f"must be another that fires together with sonar {listener}"
+        yield "other", f"{speaker}, {rule}, allowed: {allowed}"
+
+
+def sag(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the battery never has more than the voltage that is left."""
+    battery = robot.simulation.battery
+    full_v = battery.cells * FULL_CELL_V * battery.voltage_scale
+    volts = float(arguments["volts"])
+    if volts >= full_v:
+        yield "volts", f"{volts:g}, the battery has {full_v:g} V, allowed: less"
