@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import datetime as dt
+import difflib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from robotctl.errors import LinkError
 from robotctl.runtime.flight_ring import dump as dump_ring
 from robotctl.runtime.recorder import RecordError
-from robotctl.runtime.ring_file import crashed
-from robotctl.runtime.topics import ring_path
+from robotctl.runtime.ring_file import is_written
+from robotctl.runtime.topics import ring_folder, ring_name
 
 app = typer.Typer(help="The flight recorder and the logs.", no_args_is_help=True)
 
@@ -22,7 +26,8 @@ def dump(
         Path | None, typer.Argument(help="Where to; default: flight-TIME.rec here.")
     ] = None,
     instance: Annotated[
-        str, typer.Option(help="Which robot; default: the only one there is.")
+        str,
+        typer.Option(help="Which robot, by its name or that of its ring; default: the only one."),
     ] = "",
 ) -> None:
     """Write the last minute of the control loop to a record, for `robotctl replay`.
@@ -53,21 +58,75 @@ def recover(
 
 
 def find_ring(instance: str) -> Path:
-    """Return the ring of an instance, or the only one there is.
+    """Return the ring that a name leads to, or without a name the only one there is.
+
+    A name is that of a robot, or as `ring_names` has it. Makes nothing.
 
     Raises
     ------
     RecordError
         If there is none, or more than one to choose from.
     """
-    if instance:
-        path = ring_path(instance)
-        return path if path.exists() or not crashed(path).exists() else crashed(path)
-    folder = ring_path("robot").parent
+    folder = ring_folder()
     rings = sorted((*folder.glob("*.ring"), *folder.glob("*.ring.crashed")))
-    if len(rings) == 1:
-        return rings[0]
     if not rings:
         raise RecordError(f"{folder}: no flight recorder is there: no robot runs, nor has crashed")
-    names = ", ".join(path.name.rpartition("-")[0] for path in rings)
-    raise RecordError(f"{folder}: which robot? --instance is one of: {names}")
+    if not instance and len(rings) == 1:
+        return rings[0]
+    names = ring_names(rings)
+    if instance in names:
+        return names[instance]
+    robots = {_robot(path) for path in rings}
+    if not instance or instance in robots:
+        raise RecordError(f"{folder}: which robot? {_choice(rings, names)}")
+    near = difflib.get_close_matches(instance, sorted(robots | names.keys()), n=1, cutoff=0.5)
+    hint = f'; did you mean "{near[0]}"?' if near else "."
+    raise RecordError(f"{instance}: no flight recorder has that name{hint} {_choice(rings, names)}")
+
+
+def ring_names(rings: Sequence[Path]) -> dict[str, Path]:
+    """Return the ring that each name leads to.
+
+    Parameters
+    ----------
+    rings
+        Sorted, the ring of a live process before one that the same robot left in a crash.
+
+    Returns
+    -------
+    dict
+        By the file's name; by its stem, such as `robot-0e531925`; and by that of the robot, where
+        there is one ring of such a robot or one belongs to our own folder of sockets.
+    """
+    stems = {_stem(path): path for path in reversed(rings)}
+    names: dict[str, Path] = {}
+    for robot in {_robot(path) for path in rings}:
+        of_robot = {stem: path for stem, path in stems.items() if _robot(path) == robot}
+        with suppress(LinkError):  # whose sockets would not fit here, hence are elsewhere
+            own = Path(ring_name(robot)).stem
+            of_robot = {own: of_robot[own]} if own in of_robot else of_robot
+        if len(of_robot) == 1:
+            names[robot] = next(iter(of_robot.values()))
+    return names | stems | {path.name: path for path in rings}
+
+
+def _choice(rings: Sequence[Path], names: Mapping[str, Path]) -> str:
+    """Return what there is to choose from: of each ring the shortest name that leads to it."""
+    words = []
+    for path in rings:
+        with suppress(FileNotFoundError):  # it ended meanwhile
+            begun = dt.datetime.fromtimestamp(path.stat().st_mtime, dt.UTC)
+            lives = "runs" if is_written(path) else "ended"
+            name = min((each for each in names if names[each] == path), key=len)
+            words.append(f"{name} ({lives}, begun {begun:%Y-%m-%d %H:%M:%S} UTC)")
+    return f"--instance is one of: {', '.join(words)}"
+
+
+def _stem(path: Path) -> str:
+    """Return the name of a ring without what says that its process crashed."""
+    return path.name.removesuffix(".crashed").removesuffix(".ring")
+
+
+def _robot(path: Path) -> str:
+    """Return the name of the robot whose ring it is."""
+    return _stem(path).rpartition("-")[0]

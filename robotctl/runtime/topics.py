@@ -11,6 +11,7 @@ import os
 import select
 import tempfile
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -67,7 +68,7 @@ def endpoint_directory(instance: str) -> Path:
 
 
 def ring_path(instance: str) -> Path:
-    """Return where the flight ring of a robot is: in memory, in a private directory.
+    """Return where the flight ring of a robot is: in memory, in a private directory, made here.
 
     One ring belongs to one `endpoint_directory`, whose path is part of its name.
 
@@ -76,20 +77,50 @@ def ring_path(instance: str) -> Path:
     LinkError
         As `endpoint_directory`.
     """
-    key = zlib.crc32(bytes(endpoint_directory(instance)))
-    return _private(_MEMORY / f"robotctl-{os.getuid()}") / f"{instance}-{key:08x}.ring"
+    endpoint_directory(instance)
+    return _private(ring_folder()) / ring_name(instance)
+
+
+def ring_folder() -> Path:
+    """Return where the flight rings of this user are, or would be.
+
+    Raises
+    ------
+    LinkError
+        Where the folder belongs to somebody else or is open to others.
+    """
+    folder = _MEMORY / f"robotctl-{os.getuid()}"
+    with suppress(FileNotFoundError):
+        _refuse_others(folder)
+    return folder
+
+
+def ring_name(instance: str) -> str:
+    """Return how the flight ring of a robot is called in `ring_folder`.
+
+    Raises
+    ------
+    LinkError
+        As `endpoint_path`.
+    """
+    return f"{instance}-{zlib.crc32(bytes(endpoint_path(instance))):08x}.ring"
 
 
 def _private(directory: Path) -> Path:
     """Make a directory that only this user can enter."""
     try:
         directory.mkdir(mode=0o700, exist_ok=True)
-        status = directory.lstat()
+        _refuse_others(directory)
     except OSError as error:
         raise LinkError(f"{directory}: cannot be made: {error.strerror}") from error
+    return directory
+
+
+def _refuse_others(directory: Path) -> None:
+    """Raise a `LinkError` for a directory that somebody else can enter; an `OSError` for none."""
+    status = directory.lstat()
     if status.st_uid != os.getuid() or status.st_mode & 0o077:
         raise LinkError(f"{directory}: must belong to user {os.getuid()} and be closed to others")
-    return directory
 
 
 class Endpoints:
