@@ -78,6 +78,20 @@ class Place:
         return state
 
 
+def resume(pilot: Pilot, options: StackOptions) -> tuple[str, ...]:
+    """Let the mission stand where it was before this process started again; return notices."""
+    saved, notes = load_progress(options)
+    if saved is None or not saved.fits(options):
+        return notes
+    try:
+        pilot.resume(saved.item, saved.item_s_m)
+    except ValueError as error:
+        return (*notes, f"{options.state}: {error}; mode AUTO begins the mission anew")
+    if not saved.item:
+        return notes
+    return (*notes, f"the mission stands at item {saved.item + 1}; mode AUTO goes on there")
+
+
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Navigate until SIGTERM or SIGINT; then the commands expire and the robot comes to rest."""
     stopped = StopFlag()
@@ -94,11 +108,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_control = RequestSender(context, endpoints.control_requests)
     heartbeat = Heartbeat(os.environ)
     pilot = Pilot(config, options)
-    saved, notes = load_progress(options)
-    if saved is not None and saved.fits(options):
-        pilot.resume(saved.item, saved.item_s_m)
-        if saved.item:
-            notes += (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)
+    notes = resume(pilot, options)
     estimators = load_estimators(config, options)
     place = None if estimators is None else Place(estimators, publisher)
     heard = [endpoints.lidar] if place is not None else []

@@ -15,6 +15,7 @@ from typing import Final
 import msgspec
 
 from robotctl.app.options import StackOptions
+from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import Locator
 from robotctl.runtime.messages import ControlState, NavigationState
@@ -45,6 +46,11 @@ class Progress(msgspec.Struct, frozen=True):
         CRC-32 of the mission's file; 0 without a mission.
     item, item_s_m
         Mission item in progress, from 0, and the way along it [m].
+
+    Raises
+    ------
+    ValueError
+        Where a value can be none of a robot's; in a file that is damage like any other.
     """
 
     run: str
@@ -55,6 +61,21 @@ class Progress(msgspec.Struct, frozen=True):
     mission_crc: int = 0
     item: int = 0
     item_s_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges; the odometer is nan where it is unknown."""
+        if self.odometer_m < 0.0 or math.isinf(self.odometer_m):
+            raise ValueError(f"odometer_m must be finite and at least 0, not {self.odometer_m:g}")
+        if not (abs(self.x_m) < FARTHEST_M and abs(self.y_m) < FARTHEST_M):
+            raise ValueError(
+                f"x_m and y_m must be below {FARTHEST_M:.0f}, not {self.x_m:g} and {self.y_m:g}"
+            )
+        if not math.isfinite(self.theta_rad):
+            raise ValueError(f"theta_rad must be finite, not {self.theta_rad:g}")
+        if self.item < 0:
+            raise ValueError(f"item must be at least 0, not {self.item}")
+        if not 0.0 <= self.item_s_m < math.inf:
+            raise ValueError(f"item_s_m must be finite and at least 0, not {self.item_s_m:g}")
 
     def fits(self, options: StackOptions) -> bool:
         """Return whether pose and mission item are those of this run and this mission."""
@@ -85,13 +106,25 @@ def state_directory(environment: Mapping[str, str]) -> Path:
     return Path(home) / "robotctl"
 
 
-def resumed(options: StackOptions) -> tuple[StackOptions, Progress]:
-    """Return options that go on with the run that was interrupted, and where that stands.
+def resumed(options: StackOptions, items: int) -> tuple[StackOptions, Progress, tuple[str, ...]]:
+    """Return options that go on with the run that was interrupted, where it stands, and notes.
+
+    Parameters
+    ----------
+    options
+        Of the new run.
+    items
+        How many its mission has; 0 without a mission.
+
+    Returns
+    -------
+    tuple
+        The options, what was saved, and a sentence for each file that was found damaged.
 
     Raises
     ------
     StateError
-        If there is none, or its mission was another.
+        If there is none, or its mission was another, or had fewer items than are saved.
     """
     saved, notes = load_progress(options)
     if saved is None:
@@ -101,7 +134,10 @@ def resumed(options: StackOptions) -> tuple[StackOptions, Progress]:
         raise StateError(
             "\n".join((*notes, f"{options.state}: the run saved there is of another mission"))
         )
-    return options, saved
+    if saved.item > items:
+        why = f"the mission has {items} items, against {saved.item} done in the run saved there"
+        raise StateError("\n".join((*notes, f"{options.state}: {why}")))
+    return options, saved, notes
 
 
 def mission_crc(options: StackOptions) -> int:
@@ -173,23 +209,29 @@ class ProgressKeeper:
         return self._save(progress, self._tried_ns)
 
     def _present(self) -> Progress | None:
-        """Return what there is to save; None before anything was heard, or without odometer."""
+        """Return what there is to save.
+
+        None before anything was heard, without odometer, and of values that nobody would read.
+        """
         control, navigation = self._control, self._navigation
         if control is None or not math.isfinite(control.odometer_m):
             return None
         item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
         if navigation is None and self._saved is not None:
             item, item_s_m = self._saved.item, self._saved.item_s_m
-        return Progress(
-            self._run,
-            control.odometer_m,
-            control.x_m,
-            control.y_m,
-            control.theta_rad,
-            self._mission_crc,
-            item,
-            item_s_m,
-        )
+        try:
+            return Progress(
+                self._run,
+                control.odometer_m,
+                control.x_m,
+                control.y_m,
+                control.theta_rad,
+                self._mission_crc,
+                item,
+                item_s_m,
+            )
+        except ValueError:
+            return None
 
     def _due(self, progress: Progress, now_ns: int) -> bool:
         """Return whether to save now."""

@@ -50,7 +50,8 @@ def run(
     """
     path = find_file(robot)
     mission_path = find_file(mission, "missions") if mission else None
-    start = load_mission(mission_path).start.pose if mission_path else None
+    loaded = load_mission(mission_path) if mission_path else None
+    start = loaded.start.pose if loaded else None
     state = state_directory(os.environ).resolve()
     options = StackOptions(
         instance="robot",
@@ -65,13 +66,15 @@ def run(
         state=str(state),
         run=uuid.uuid4().hex,
     )
+    config = options.load()
     if resume:
-        options, saved = resumed(options)
+        options, saved, notes = resumed(options, len(loaded.item) if loaded else 0)
+        for note in notes:
+            print(note)
         print(
             f"resuming with item {saved.item + 1} at x {saved.x_m:.2f} m, y {saved.y_m:.2f} m, "
             f"{math.degrees(saved.theta_rad):.0f} deg: the robot must stand there"
         )
-    config = options.load()
     stopped = StopFlag()
     asked_early = EmergencySignal()
     notifier = ServiceNotifier(os.environ)

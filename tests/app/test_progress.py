@@ -1,6 +1,7 @@
 """What survives restarts: odometer, pose within a run, and the mission item, resumed on purpose."""
 
 import math
+import zlib
 from pathlib import Path
 
 import msgspec
@@ -8,12 +9,14 @@ import pytest
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.control import continued
+from robotctl.app.navigation import resume
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot
 from robotctl.app.progress import (
     Progress,
     ProgressKeeper,
     load_progress,
+    mission_crc,
     progress_file,
     resumed,
     state_directory,
@@ -233,14 +236,84 @@ def test_auto_goes_on_within_the_interrupted_item_and_only_when_it_is_asked_for(
 
 def test_a_run_is_resumed_only_with_its_own_mission(options: StackOptions) -> None:
     with pytest.raises(StateError, match="there is no run to resume"):
-        resumed(options)
+        resumed(options, 3)
     keeper(options).step([control(0), navigation(0)], 0)
-    later, saved = resumed(msgspec.structs.replace(options, run="second"))
+    later, saved, notes = resumed(msgspec.structs.replace(options, run="second"), 3)
+    assert notes == ()
     assert later.run == "first"
     assert saved.item == 1
     Path(options.mission).write_text(MISSION + "# changed\n")
     with pytest.raises(StateError, match="another mission"):
-        resumed(options)
+        resumed(options, 3)
+
+
+def write_progress(options: StackOptions, **changes: object) -> Path:
+    """Write a state file with a correct checksum, whatever its values are."""
+    path = progress_file(Path(options.state)).path
+    values = {
+        "run": "first",
+        "odometer_m": 5.0,
+        "x_m": 1.0,
+        "y_m": 1.0,
+        "theta_rad": 0.0,
+        "mission_crc": mission_crc(options),
+        "item": 1,
+        "item_s_m": 0.0,
+    }
+    body = msgspec.json.encode(values | changes)
+    path.write_bytes(b"robotctl-state 1 %d %08x\n" % (len(body), zlib.crc32(body)) + body)
+    return path
+
+
+def test_a_file_written_by_hand_is_read(options: StackOptions) -> None:
+    write_progress(options, x_m=-999_999.0, item=3)
+    _, saved, notes = resumed(options, 3)
+    assert (saved.x_m, saved.item, notes) == (-999_999.0, 3, ())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("item", -1),
+        ("item_s_m", -0.001),
+        ("x_m", 1e308),
+        ("x_m", -1e6),
+        ("y_m", 1e6),
+        ("odometer_m", -1.0),
+    ],
+)
+def test_a_value_that_no_robot_has_is_damage_and_the_generation_before_counts(
+    options: StackOptions, name: str, value: float
+) -> None:
+    path = write_progress(options, **{name: value})
+    with pytest.raises(StateError, match=rf"(?s)damaged .*{name}.* must be .*no run to resume"):
+        resumed(options, 3)
+    assert path.with_name("progress.json.damaged-1").exists()
+    write_progress(options, item=2).rename(path.with_name("progress.json.previous"))
+    write_progress(options, **{name: value})
+    _, saved, (note,) = resumed(options, 3)
+    assert saved.item == 2
+    assert "progress.json.damaged-2" in note
+
+
+def test_a_state_that_could_not_be_read_again_is_not_saved(options: StackOptions) -> None:
+    kept = keeper(options)
+    kept.step([control(0)], 0)
+    for worse in ({"x_m": math.nan}, {"y_m": 2e6}, {"theta_rad": math.inf}):
+        assert kept.step([control(9 * SECOND_NS, odometer_m=7.0, **worse)], 9 * SECOND_NS) == ()
+    assert on_disk(options).odometer_m == 0.0
+
+
+def test_an_item_beyond_the_mission_resumes_nothing_and_navigation_begins_anew(
+    options: StackOptions,
+) -> None:
+    write_progress(options, item=4)
+    with pytest.raises(StateError, match="mission has 3 items, against 4 done"):
+        resumed(options, 3)
+    pilot = Pilot(CONFIG, options)
+    (note,) = resume(pilot, options)
+    assert note == f"{options.state}: item must be 0 to 3, not 4; mode AUTO begins the mission anew"
+    assert pilot.step(None, None, [], 0)[1].item == 0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,58 @@
+"""What `robotctl run` refuses before anything starts."""
+
+import zlib
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robotctl.app.config import find_file
+from robotctl.app.progress import NAME, Progress, progress_file
+from robotctl.errors import RobotctlError
+from tests.cli.command import status_of
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"item": 99}, "the mission has 5 items, against 99 done in the run saved there"),
+        ({"item": -1}, "item must be at least 0, not -1"),
+        ({"x_m": 1e308}, "x_m and y_m must be below 1000000, not 1e+308 and 0"),
+    ],
+)
+def test_progress_that_no_robot_can_have_made_is_refused_with_a_sentence_alone(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    changes: dict[str, float],
+    sentence: str,
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    crc = zlib.crc32(find_file("patrol", "missions").read_bytes())
+    values = msgspec.to_builtins(Progress("first", 5.0, 0.0, 0.0, 0.0, crc, 1))
+    body = msgspec.json.encode(values | changes)
+    heading = b"robotctl-state 1 %d %08x\n" % (len(body), zlib.crc32(body))
+    (tmp_path / NAME).write_bytes(heading + body)
+    assert status_of("run", "--mission", "patrol", "--resume") == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert sentence in said.err
+
+
+def test_what_is_damaged_is_said_where_the_generation_before_is_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    crc = zlib.crc32(find_file("patrol", "missions").read_bytes())
+    for item in (1, 2):
+        progress_file(tmp_path).save(Progress("first", 5.0, 3.0, 4.0, 0.0, crc, item))
+    (tmp_path / NAME).write_bytes(b"")
+
+    def end() -> None:
+        raise RobotctlError("far enough")
+
+    monkeypatch.setattr("robotctl.cli.run.StopFlag", end)
+    assert status_of("run", "--mission", "patrol", "--resume") == 2
+    first, second = capsys.readouterr().out.splitlines()
+    assert "set aside as" in first
+    assert second.startswith("resuming with item 2 at x 3.00 m, y 4.00 m")
