@@ -186,7 +186,10 @@ def measure_write_speed(folder: Path) -> float:
 
 def check_disk(folder: Path) -> list[Finding]:
     """Check space and speed of the medium below `folder`, or its nearest parent that exists."""
-    while not folder.is_dir():
+    while not os.path.isdir(folder):  # noqa: PTH112 - where nobody may look, look further up
+        if os.path.lexists(folder):
+            fix = "move that away, or name another folder with --logs"
+            return [fail("logs", f"{folder} is no folder", fix)]
         folder = folder.parent
     status = os.statvfs(folder)
     findings = [check_space(folder, status.f_bavail * status.f_frsize)]

@@ -8,6 +8,7 @@ from typing import Final
 
 import msgspec
 
+from robotctl.app.log_folder import LogError
 from robotctl.app.supervised import Exit
 
 NAME: Final = "exits.jsonl"
@@ -23,10 +24,20 @@ class ExitLog:
     ----------
     directory
         Made where it is missing.
+
+    Raises
+    ------
+    LogError
+        If something else is in its place.
+    OSError
+        If the directory cannot be made.
     """
 
     def __init__(self, directory: Path) -> None:
-        directory.mkdir(parents=True, exist_ok=True)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except FileExistsError as error:
+            raise LogError(f"{directory}: is no folder") from error
         self._path = directory / NAME
 
     def write(self, ended: Exit, now: dt.datetime) -> str:

@@ -1,5 +1,6 @@
 """Checks of the computer on folders that stand for computers."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -138,6 +139,32 @@ def test_the_write_test_finds_a_parent_that_exists_and_leaves_nothing_behind(
 def test_a_disk_that_cannot_be_written_fails_with_the_reason() -> None:
     findings = check_disk(Path("/proc/sys"))
     assert_is(findings[-1], FAIL, "/proc/sys", "--logs")
+
+
+def test_logs_below_a_folder_that_is_closed_to_us_are_no_reason_to_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def closed(path: Path, **options: object) -> os.stat_result:
+        if Path(path).is_relative_to(tmp_path / "shut"):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return stat(path, **options)
+
+    stat = os.stat
+    monkeypatch.setattr(os, "stat", closed)
+    space, _ = check_disk(tmp_path / "shut" / "today")
+    assert f"for {tmp_path}" in space.found
+
+
+@pytest.mark.parametrize("below", ["", "logs/of/today"])
+@pytest.mark.parametrize("what", ["file", "dangling link"])
+def test_logs_go_into_no_file(tmp_path: Path, below: str, what: str) -> None:
+    path = tmp_path / "logs"
+    if what == "file":
+        path.write_text("notes")
+    else:
+        path.symlink_to(tmp_path / "gone")
+    (finding,) = check_disk(path / below)
+    assert_is(finding, FAIL, f"{path} is no folder", "--logs")
 
 
 def test_cameras_and_serial_lines_need_read_and_write_rights(

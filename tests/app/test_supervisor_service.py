@@ -12,6 +12,7 @@ import pytest
 
 from robotctl.app import exit_log
 from robotctl.app.exit_log import ExitLog
+from robotctl.app.log_folder import LogError
 from robotctl.app.service import ServiceNotifier
 from robotctl.app.supervised import Exit, Phase
 from robotctl.app.supervisor import Supervisor
@@ -171,6 +172,13 @@ def test_each_end_is_a_line_of_json_on_the_disk(tmp_path: Path) -> None:
         "asked": False, "beats": 42, "ran_s": 1.5, "restart_in_s": 0.25,
     }  # fmt: skip
     assert any("SIGKILL" in each for each in lines)
+
+
+def test_a_file_in_place_of_the_folder_of_logs_is_said_to_be_none(tmp_path: Path) -> None:
+    file = tmp_path / "logs"
+    file.write_text("notes")
+    with pytest.raises(LogError, match=f"^{file}: is no folder$"):
+        ExitLog(file)
 
 
 def test_the_exit_log_keeps_two_files_of_bounded_size(
