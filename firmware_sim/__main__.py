@@ -57,6 +57,13 @@ def parser() -> argparse.ArgumentParser:
     add("--lidar", metavar="ADDRESS", help="publish the lidar's scans at ipc:///PATH")
     add("--camera", metavar="ADDRESS", help="publish the camera's pictures at ipc:///PATH")
     add("--log", type=Path, metavar="FILE", help="write a candump log")
+    add(
+        "--log-mb",
+        type=_megabytes,
+        default=math.inf,
+        metavar="MB",
+        help="go on in the next number after so much, FILE-0002 after FILE or FILE-0001 (never)",
+    )
     add("--faults", type=Path, metavar="FILE", help="TOML of the faults that befall the robot")
     add("--duration", type=_seconds, default=math.inf, metavar="S", help="end after this time")
     add("--priority", type=_priority, default=0, help="of SCHED_FIFO, 1..99, where permitted (off)")
@@ -71,13 +78,21 @@ def _priority(text: str) -> int:
 
 
 def _seconds(text: str) -> float:
+    return _positive(text, "seconds")
+
+
+def _megabytes(text: str) -> float:
+    return _positive(text, "megabytes")
+
+
+def _positive(text: str, unit: str) -> float:
     try:
-        duration_s = float(text)
+        value = float(text)
     except ValueError:
-        duration_s = math.nan
-    if not duration_s > 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no positive number of seconds")
-    return duration_s
+        value = math.nan
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no positive number of {unit}")
+    return value
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -131,7 +146,7 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
         if options.camera is not None:
             loop.take_pictures(stack.enter_context(CameraProcess(_camera_arguments(options))))
         if options.log:
-            stack.enter_context(_open_log(simulation, options.log, channel))
+            stack.enter_context(_open_log(simulation, options, channel))
         play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
         loop.run(lambda: _finished(simulation, signals, options.duration), options.priority)
@@ -164,10 +179,13 @@ def _camera_arguments(options: argparse.Namespace) -> list[str]:
     return [*arguments, *(f"--set={text}" for text in options.set)]
 
 
-def _open_log(simulation: Simulation, path: Path, channel: str) -> LogWriter:
+def _open_log(simulation: Simulation, options: argparse.Namespace, channel: str) -> LogWriter:
     epoch_ns = time.time_ns() - simulation.now_ns
+    file_bytes = options.log_mb * 1e6
     try:
-        return LogWriter(simulation.bus, path, channel, epoch_ns=epoch_ns)
+        return LogWriter(
+            simulation.bus, options.log, channel, epoch_ns=epoch_ns, file_bytes=file_bytes
+        )
     except OSError as error:
         raise SimulationError(f"--log: {error}") from error
 

@@ -7,7 +7,10 @@ Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
 
 from __future__ import annotations
 
+import math
+import re
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -57,8 +60,23 @@ def log_line(frame: Frame, channel: str, epoch_ns: int = 0) -> str:
     return f"({micros // 1_000_000:010d}.{micros % 1_000_000:06d}) {channel} {name}#{text}\n"
 
 
+def next_log(path: Path) -> Path:
+    """Return the path of the log after this one: `run-0008.log` after `run-0007.log`.
+
+    What has no number is the first of its kind. A number whose file is there is passed over.
+    """
+    match = re.fullmatch(r"(.*)-(\d+)", path.stem)
+    stem, digits = match.groups() if match else (path.stem, "0001")
+    number = int(digits)
+    while True:
+        number += 1
+        following = path.with_name(f"{stem}-{number:0{len(digits)}d}{path.suffix}")
+        if not following.exists():
+            return following
+
+
 class LogWriter:
-    """Writes every frame of a bus to a file.
+    """Writes every frame of a bus to a file, or to files in turn.
 
     Parameters
     ----------
@@ -71,6 +89,10 @@ class LogWriter:
         Name of the bus in the log.
     epoch_ns
         Added to the time of the bus (ns).
+    file_bytes
+        A file given by its path that has become larger is followed by another.
+    next_file
+        Returns the path of that from the path of the last.
 
     Raises
     ------
@@ -81,7 +103,14 @@ class LogWriter:
     """
 
     def __init__(
-        self, bus: Bus, file: Path | TextIO, channel: str = "simcan0", *, epoch_ns: int = 0
+        self,
+        bus: Bus,
+        file: Path | TextIO,
+        channel: str = "simcan0",
+        *,
+        epoch_ns: int = 0,
+        file_bytes: float = math.inf,
+        next_file: Callable[[Path], Path] = next_log,
     ) -> None:
         if not channel or channel.split() != [channel]:
             raise ValueError(f"channel {channel!r}: a log needs a name without spaces")
@@ -89,14 +118,27 @@ class LogWriter:
         self._file = file.open("w", encoding="ascii") if isinstance(file, Path) else file
         self._channel = channel
         self._epoch_ns = epoch_ns
+        self._file_bytes = file_bytes if self._owned else math.inf
+        self._next_file = next_file
+        self._bytes = 0
         bus.tap(self._write)
 
     def _write(self, frame: Frame) -> None:
         if not self._file.closed:
+            line = log_line(frame, self._channel, self._epoch_ns)
             try:
-                self._file.write(log_line(frame, self._channel, self._epoch_ns))
+                if self._bytes > self._file_bytes:
+                    self._turn()
+                self._file.write(line)
             except OSError as error:
                 self._give_up(error)
+            self._bytes += len(line)
+
+    def _turn(self) -> None:
+        """Go on in the next file."""
+        self._file.close()
+        self._file = self._next_file(Path(self._file.name)).open("w", encoding="ascii")
+        self._bytes = 0
 
     def flush(self) -> None:
         """Pass on what has been written so far."""
