@@ -6,7 +6,7 @@ from pathlib import Path
 
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.own_log import truth_file
+from robotctl.telemetry.own_log import truth_files
 
 
 def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str] | None:
@@ -16,7 +16,7 @@ def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str] | None
     while it was localised.
     """
     if recording.reference is not None and recording.reference_has_heading:
-        name = "the simulation's truth" if truth_file(log).exists() else "the log's reference"
+        name = "the simulation's truth" if truth_files(log) else "the log's reference"
         return recording.reference, name
     references = [
         (entry.scan.stamp_ns, entry.reference)

@@ -3,8 +3,9 @@
 Odometry comes from the topic `control`, scans from the topic `lidar`, what the robot believed of
 its place from `localisation`. Where the sonars sit and what they heard is in `control-0001.rec`
 beside it; without that their ranges come from `control` too (`own_sonars`). The reference is
-`truth.tum` in the folder, where there is one (its times are those of the log). All of a folder is
-taken for one robot. JSON knows no infinity: a beam of the lidar without a range is inf there; a
+`truth-0001.tum` in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is
+one (its times are those of the log); older versions called it `truth.tum`. All of a folder is taken
+for one robot. JSON knows no infinity: a beam of the lidar without a range is inf there; a
 sonar without one has heard no echo if its time is new, since the time of one that failed or is not
 there stays. See docs/logs.md.
 """
@@ -12,6 +13,7 @@ there stays. See docs/logs.md.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
@@ -37,6 +39,9 @@ from robotctl.telemetry.own_sonars import LoggedState, OwnSonars, own_sonars
 from robotctl.telemetry.tum import read_tum
 
 TRUTH: Final = "truth.tum"
+"""The truth in a folder of an older version, which kept that of its last run."""
+
+_NUMBER: Final = re.compile(r"(?:robot|truth)-(\d+)\.(?:mcap|tum)")
 _LATE_NS: Final = 500_000_000
 
 
@@ -94,9 +99,23 @@ def _folder(path: Path) -> Path:
     return path if path.is_dir() else path.parent
 
 
-def truth_file(path: Path) -> Path:
-    """Return where the truth of a log of ours is, a folder or one file of it, if it has some."""
-    return _folder(path) / TRUTH
+def truth_files(path: Path) -> list[Path]:
+    """Return where the truth of a log of ours is: of all runs of a folder, or of that of one file.
+
+    A run's truth has the number of its first log. It is empty where the run did not come to its
+    end: then nobody knows where the robot was.
+    """
+    folder = _folder(path)
+    truths = sorted([*folder.glob(TRUTH), *folder.glob("truth-[0-9]*.tum")], key=_number)
+    if not path.is_dir():
+        truths = [each for each in truths if _number(each) <= _number(path)][-1:]
+    return [each for each in truths if each.stat().st_size]
+
+
+def _number(path: Path) -> int:
+    """Return the number in the name of a file; 0 where it has none."""
+    match = _NUMBER.fullmatch(path.name)
+    return int(match[1]) if match else 0
 
 
 def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
@@ -124,8 +143,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
         raise LogFormatError(f"{path}: no message of the topic `control` in it")
     odometry, in_time = _odometry(content)
     sonars = own_sonars(_of_one_robot(in_time, path), _folder(path)) if with_sonars else OwnSonars()
-    truth = truth_file(path)
-    reference = read_tum(truth) if truth.exists() else None
+    reference = _reference(path, odometry)
     return Recording(
         name=path.name,
         scans=tuple(_scan(*each, odometry, reference, path) for each in content.lidar),
@@ -136,6 +154,21 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
         sonar_mounts=sonars.mounts,
         notes=(*content.notes, *sonars.notes),
     )
+
+
+def _reference(path: Path, odometry: Trajectory) -> Trajectory | None:
+    """Return the truth of the time of the log; None where there is none."""
+    truths = [read_tum(each) for each in truth_files(path)]
+    truths = [
+        each
+        for each in truths
+        if each.stamps_ns[0] <= odometry.stamps_ns[-1]
+        and odometry.stamps_ns[0] <= each.stamps_ns[-1]
+    ]
+    if not truths:
+        return None
+    stamps_ns, _ = in_order(np.concatenate([each.stamps_ns for each in truths]))
+    return Trajectory(stamps_ns, np.concatenate([each.poses for each in truths]))
 
 
 def _take_in(file: Path, content: _Content) -> None:

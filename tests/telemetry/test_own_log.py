@@ -122,6 +122,40 @@ def test_the_truth_beside_the_logs_is_the_reference(folder):
     assert recording.scans[0].reference.x_m == pytest.approx(5.5)
 
 
+def write_truth(path, begin_s, x_m):
+    stamps_ns = EPOCH_NS + np.array([begin_s, begin_s + 1]) * 10**9
+    write_tum(path, Trajectory(stamps_ns, np.array([[x_m, 0.0, 0.0]] * 2)))
+
+
+def test_the_truth_of_a_log_is_that_with_its_number_or_the_last_before(tmp_path):
+    for number in range(1, 6):
+        write(tmp_path / f"robot-{number:04d}.mcap", state(number, 0.0), state(number + 1, 0.0))
+    write_truth(tmp_path / "truth.tum", 1, 10.0)
+    write_truth(tmp_path / "truth-0002.tum", 2, 20.0)
+    write_truth(tmp_path / "truth-0003.tum", 3, 30.0)
+    (tmp_path / "truth-0005.tum").write_bytes(b"")
+    found = [read_recording(tmp_path / f"robot-{number:04d}.mcap") for number in range(1, 6)]
+    assert [each.reference and each.reference.poses[0, 0] for each in found] == [
+        10,
+        20,
+        30,
+        30,
+        None,
+    ]
+
+
+def test_a_truth_of_another_time_is_not_that_of_a_log(folder):
+    write_truth(folder / "truth-0001.tum", 100, 0.0)
+    assert read_recording(folder / "robot-0001.mcap").reference is None
+    assert read_recording(folder).reference is None
+
+
+def test_the_logs_of_a_folder_of_runs_have_the_truths_of_all(folder):
+    write_truth(folder / "truth-0001.tum", 0, 1.0)
+    write_truth(folder / "truth-0002.tum", 2, 2.0)
+    assert read_recording(folder).reference.poses[:, 0].tolist() == [1.0, 1.0, 2.0, 2.0]
+
+
 def test_a_log_that_a_kill_cut_is_read_up_to_the_cut(tmp_path):
     path = tmp_path / "robot-0001.mcap"
     with path.open("wb") as file:
