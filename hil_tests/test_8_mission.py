@@ -44,7 +44,7 @@ def test_a_robot_that_is_not_told_its_place_finds_it_and_maps_on_its_way(
     assert place["localised_share"] > 0.9
     assert place["error"]["max_m"] < 0.3
     assert score["map_quality"]["precision"] > 0.9
-    assert (tmp_path / "map.yaml").is_file()
+    assert (tmp_path / "map-0001.yaml").is_file()
 
 
 @pytest.mark.timeout(400)

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from firmware_sim.bus.log import LogWriter
 from firmware_sim.config import load_robot as load_simulated_robot
 from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
@@ -24,8 +23,8 @@ from robotctl.app.camera_score import camera_score
 from robotctl.app.config import RobotConfig, find_file
 from robotctl.app.load_estimators import load_estimators
 from robotctl.app.lockstep_camera import LockstepCamera
+from robotctl.app.lockstep_logs import LockstepLogs
 from robotctl.app.log_folder import LogFolder
-from robotctl.app.logs import StateLog
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
@@ -57,7 +56,6 @@ from robotctl.runtime.messages import (
     SetMode,
     WheelCommand,
 )
-from robotctl.runtime.recorder import Recorder
 from robotctl.runtime.safety import POWERED
 
 if TYPE_CHECKING:
@@ -226,43 +224,36 @@ class LockstepRun:
         bench, record = self.bench, self._options.record
         every = max(1, round(self._pilot.period_ns / bench.period_ns))
         end_ns = round(self._options.max_seconds * 1e9)
-        with ExitStack() as files:
-            recorder = self._open_record(files, record) if record is not None else None
-            states = self._open_state_log(files, record) if record is not None else None
+        with nullcontext() if record is None else self._open_logs(record) as logs:
             requests: tuple[ControlRequest, ...] = ()
             while bench.clock.now_ns() < end_ns:
                 outputs = bench.tick(requests)
-                if recorder is not None:
-                    recorder.record(bench.clock.now_ns(), bench.inputs, outputs)
-                if states is not None:
-                    states.step(outputs.notices, bench.clock.now_ns())
+                if logs is not None:
+                    logs.tick(bench.clock.now_ns(), bench.inputs, outputs)
                 requests = ()
                 if bench.ticks % every == 0:
                     control = bench.snapshot()
                     seen = self._see(control)
                     views = [each for each in seen if isinstance(each, CameraView)]
                     navigation, requests = self._navigate(control, views)
-                    if states is not None:
-                        states.step((control, *seen, navigation), control.stamp_ns)
+                    if logs is not None:
+                        logs.states((control, *seen, navigation), control.stamp_ns)
                     yield control, navigation
                     if is_over(control, navigation):
                         break
             bench.robot.close()
-            if record is not None:
-                self._score.save(record)
+            if logs is not None:
+                self._score.save(logs.directory, logs.run)
 
-    def _open_record(self, files: ExitStack, directory: Path) -> Recorder:
-        """Write the CAN log and the control record into `directory`."""
-        folder = LogFolder(directory, self.config.log)
-        files.enter_context(LogWriter(self.bench.simulation.bus, directory / "can.log"))
-        file = files.enter_context(folder.new("control", "rec").open("wb"))
-        return Recorder(file.write, record_header(self.config, self._stack))
-
-    def _open_state_log(self, files: ExitStack, directory: Path) -> StateLog:
-        """Write the states in virtual time into `directory`."""
-        states = StateLog(LogFolder(directory, self.config.log), 0, self.config.robot.name)
-        files.callback(states.close)
-        return states
+    def _open_logs(self, directory: Path) -> LockstepLogs:
+        """Log into `directory`."""
+        return LockstepLogs(
+            LogFolder(directory, self.config.log),
+            self.bench.simulation.bus,
+            record_header(self.config, self._stack),
+            self.bench.core,
+            self.config.robot.name,
+        )
 
     def _see(self, control: ControlState) -> list[LidarScan | CameraView | LocalisationState]:
         """Let the estimators work, and score them; return what they saw and believe."""

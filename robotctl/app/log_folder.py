@@ -13,7 +13,9 @@ from robotctl.errors import RobotctlError
 
 MOST_TOTAL_MB: Final = 1e9
 
-_LOG: Final = re.compile(r"(control|can|robot)-(\d{4,})\.(rec|log|mcap)")
+_LOG: Final = re.compile(r"(control|can|robot|simulator|truth)-(\d{4,})\.(rec|log|mcap|tum)")
+_NUMBERED: Final = re.compile(rf"{_LOG.pattern}|(map)-(\d{{4,}})\.yaml")
+_OF_THE_RECORDER: Final = ("control", "can", "robot")
 
 
 class LogError(RobotctlError):
@@ -75,17 +77,36 @@ class LogFolder:
     def new(self, kind: str, suffix: str) -> Path:
         """Return the path of a new file, such as `control-0002.rec`; make room first."""
         self.trim()
-        numbers = [
-            int(match[2])
-            for path in self.directory.iterdir()
-            if (match := _LOG.fullmatch(path.name)) and match[1] == kind
-        ]
-        return self.directory / f"{kind}-{max(numbers, default=0) + 1:04d}.{suffix}"
+        number = self._last(kind) + 1
+        if kind == "robot":
+            number = max(number, self._last("truth"))
+        return self.directory / f"{kind}-{number:04d}.{suffix}"
+
+    def begin_run(self) -> int:
+        """Return the number of a simulated run, that of its first log of states, its truth and map.
+
+        An empty truth takes it, and stays where the run does not come to its end: so its logs are
+        not taken for those of the run before.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses.
+        """
+        run = 1 + max(map(self._last, ("robot", "truth", "map")))
+        (self.directory / f"truth-{run:04d}.tum").touch(exist_ok=False)
+        return run
+
+    def _last(self, kind: str) -> int:
+        """Return the greatest number of the files of one kind; 0 without any."""
+        matches = (_NUMBERED.fullmatch(path.name) for path in self.directory.iterdir())
+        return max((int(m[2] or m[5]) for m in matches if m and kind in (m[1], m[4])), default=0)
 
     def remove_empty(self) -> None:
-        """Remove logs in which nothing arrived: a disk was full."""
+        """Remove logs of the recorder in which nothing arrived: a disk was full."""
         for path in self.directory.iterdir():
-            if _LOG.fullmatch(path.name):
+            match = _LOG.fullmatch(path.name)
+            if match and match[1] in _OF_THE_RECORDER:
                 _remove_if_empty(path)
 
     def trim(self, keep: Collection[Path] = ()) -> None:

@@ -104,14 +104,24 @@ class RunScore:
         """How well the camera saw; None without one."""
         return None if self._camera is None else self._camera.result()
 
-    def save(self, folder: Path) -> None:
-        """Write the true way as `truth.tum`, and the map, where there is one, as `map.yaml`."""
+    def save(self, folder: Path, run: int, epoch_ns: int = 0) -> None:
+        """Write the true way of a run, and its map, where there is one.
+
+        Parameters
+        ----------
+        folder
+            Where its logs are.
+        run
+            What `LogFolder.begin_run` says: `truth-0001.tum`, `map-0001.yaml`.
+        epoch_ns
+            Added to the times of the poses to get those of the logs [ns].
+        """
         if self._truths:
-            stamps = np.array([pose.stamp_ns for pose in self._truths])
+            stamps = np.array([pose.stamp_ns + epoch_ns for pose in self._truths])
             poses = np.array([pose[1:] for pose in self._truths])
-            write_tum(folder / "truth.tum", Trajectory(stamps, poses))
+            write_tum(folder / f"truth-{run:04d}.tum", Trajectory(stamps, poses))
         if self._map is not None:
-            save_map(folder / "map", self._map)
+            save_map(folder / f"map-{run:04d}", self._map)
 
 
 def grid_of(message: LiveMap) -> GridMap:

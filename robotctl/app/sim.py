@@ -20,6 +20,7 @@ import zmq
 from robotctl.app.camera_score import camera_score
 from robotctl.app.children import lines_of, said_ready, start_child
 from robotctl.app.config import RobotConfig, find_file, load_robot
+from robotctl.app.log_folder import LogFolder
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
 from robotctl.app.run_score import RunScore
@@ -164,6 +165,8 @@ class SimRun:
         self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
         self._said: queue.Queue[str | None] = queue.Queue()
         self._faults: list[str] = []
+        self._run = 0
+        self._epoch_ns = time.time_ns() - time.monotonic_ns()
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
@@ -232,8 +235,10 @@ class SimRun:
         if camera is not None and camera.enabled and camera.source == SIMULATED:
             command += ["--camera", self._endpoints.camera_frames]
         if options.record is not None:
-            options.record.mkdir(parents=True, exist_ok=True)
-            command += ["--log", str(options.record / "can.log")]
+            folder = LogFolder(options.record, self.config.log)
+            self._run = folder.begin_run()
+            command += ["--log", str(folder.new("simulator", "log"))]
+            command += ["--log-mb", str(self.config.log.file_mb)]
         if options.faults is not None:
             command += ["--faults", str(options.faults)]
         self._firmware = start_child(command, stdout=subprocess.PIPE, text=True)
@@ -343,7 +348,7 @@ class SimRun:
     def report(self) -> Report:
         """Return the score of the run so far; with a record, write truth and map beside it."""
         if self._options.record is not None:
-            self._score.save(self._options.record)
+            self._score.save(self._options.record, self._run, self._epoch_ns)
         progress = self.progress
         control, navigation, truth = progress.control, progress.navigation, progress.truth
         if control is None or navigation is None or truth is None:

@@ -47,6 +47,9 @@ class Checkpoint(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=0):
     core: bytes = b""
 
 
+_WHOLE_RUN: Final = Checkpoint(0)
+
+
 class Tick(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=1):
     """One step: its time, all that went in and came out, and how punctual it was.
 
@@ -102,7 +105,7 @@ class Replayed:
 
 
 class Recorder:
-    """Encodes a whole run and hands it on.
+    """Encodes a run, or what of it is to come, and hands it on.
 
     Parameters
     ----------
@@ -110,13 +113,20 @@ class Recorder:
         Takes whole messages.
     header
         Sent first.
+    begin
+        The core before the first tick; by default the run begins with the record.
     """
 
-    def __init__(self, sink: Callable[[bytes], object], header: RecordHeader) -> None:
+    def __init__(
+        self,
+        sink: Callable[[bytes], object],
+        header: RecordHeader,
+        begin: Checkpoint = _WHOLE_RUN,
+    ) -> None:
         self._sink = sink
         self._encoder = msgspec.msgpack.Encoder()
         self._sink(framed(self._encoder.encode(header)))
-        self._sink(framed(self._encoder.encode(Checkpoint(0))))
+        self._sink(framed(self._encoder.encode(begin)))
 
     def record(self, now_ns: int, inputs: Inputs, outputs: Outputs) -> None:
         """Add one tick."""

@@ -29,9 +29,9 @@ from robotctl.model.recording import RecordedSonar, Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.own_log import TRUTH
 from robotctl.telemetry.tum import write_tum
 
+TRUTH = "truth-0001.tum"
 QUIET = "simulation.sonar.crosstalk_probability=0.0"
 ROBOT = find_file("diff_drive")
 

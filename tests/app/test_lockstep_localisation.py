@@ -68,7 +68,7 @@ def test_the_map_it_draws_is_that_of_the_room(tmp_path: Path) -> None:
     report = drive(localisation=MCL + MAPPING, max_seconds=45, record=tmp_path)
     assert report.map_quality.precision > 0.95
     assert report.map_quality.recall > 0.8
-    grid = load_map(tmp_path / "map.yaml")
+    grid = load_map(tmp_path / "map-0001.yaml")
     walls = load_walls(find_file("flat", "worlds")).segments
     cells = grid.centre_of(np.argwhere(grid.occupied()))
     assert np.mean(_distances(cells, walls) < 0.1) > 0.95
@@ -94,7 +94,7 @@ def test_the_same_seed_gives_the_same_estimates_to_the_byte(tmp_path: Path) -> N
 def test_its_own_recording_has_scans_truth_and_odometry(tmp_path: Path) -> None:
     drive(localisation=MCL, max_seconds=6, record=tmp_path)
     recording = read_recording(tmp_path)
-    truth = read_tum(tmp_path / "truth.tum")
+    truth = read_tum(tmp_path / "truth-0001.tum")
     assert len(recording.scans) == pytest.approx(60, abs=3)
     assert recording.odometry is not None
     scan = recording.scans[-1]
@@ -128,12 +128,12 @@ def test_settings_that_do_not_work_are_named(settings: tuple[str, ...], says: st
 def test_the_ekf_needs_walls(tmp_path: Path) -> None:
     drive(localisation=MAPPING, max_seconds=8, record=tmp_path)
     with pytest.raises(ConfigError, match="walls"):
-        drive(max_seconds=1, localisation=(*EKF, f'localisation.map="{tmp_path}/map.yaml"'))
+        drive(max_seconds=1, localisation=(*EKF, f'localisation.map="{tmp_path}/map-0001.yaml"'))
 
 
 def test_a_map_it_drew_itself_is_enough_to_find_its_place(tmp_path: Path) -> None:
     drive(localisation=MAPPING, record=tmp_path)
-    chart = (f'localisation.map="{tmp_path}/map.yaml"',)
+    chart = (f'localisation.map="{tmp_path}/map-0001.yaml"',)
     report = drive(localisation=MCL + UNKNOWN + chart, max_seconds=30)
     assert report.localisation.localised_after_s is not None
     assert report.localisation.error.rmse_m < 0.15

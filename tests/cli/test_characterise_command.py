@@ -75,7 +75,7 @@ def test_settings_that_tell_places_less_well_are_not_written(monkeypatch, capsys
 
 def test_a_recording_without_poses_ends_with_a_sentence(capsys, tmp_path, log):
     shutil.copytree(log, tmp_path / "log")
-    (tmp_path / "log" / "truth.tum").unlink()
+    (tmp_path / "log" / "truth-0001.tum").unlink()
     words = ("--log", tmp_path / "log", "--map", "flat")
     assert run(*words) == command.ABORTED
     assert "nobody knows where the readings were taken" in capsys.readouterr().err
