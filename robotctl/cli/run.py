@@ -17,7 +17,7 @@ from robotctl.app.config import find_file
 from robotctl.app.exit_log import ExitLog
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
-from robotctl.app.progress import resumed, state_directory
+from robotctl.app.progress import Progress, resumed, state_directory
 from robotctl.app.service import ServiceNotifier
 from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.app.stack import Stack
@@ -26,6 +26,15 @@ from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.keys import HINT, Keys
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
+
+
+def place_of(saved: Progress, items: int) -> str:
+    """Say where a run goes on: which of so many mission items, and the pose."""
+    item = f"with item {saved.item + 1} of {items}"
+    if saved.item == items:
+        item = "behind the last item of its mission" if items else "without a mission"
+    heading_deg = math.degrees(saved.theta_rad)
+    return f"{item} at x {saved.x_m:.2f} m, y {saved.y_m:.2f} m, {heading_deg:.0f} deg"
 
 
 def run(
@@ -68,13 +77,11 @@ def run(
     )
     config = options.load()
     if resume:
-        options, saved, notes = resumed(options, len(loaded.item) if loaded else 0)
+        items = len(loaded.item) if loaded else 0
+        options, saved, notes = resumed(options, items)
         for note in notes:
             print(note)
-        print(
-            f"resuming with item {saved.item + 1} at x {saved.x_m:.2f} m, y {saved.y_m:.2f} m, "
-            f"{math.degrees(saved.theta_rad):.0f} deg: the robot must stand there"
-        )
+        print(f"resuming {place_of(saved, items)}: the robot must stand there")
     stopped = StopFlag()
     asked_early = EmergencySignal()
     notifier = ServiceNotifier(os.environ)

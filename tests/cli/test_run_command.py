@@ -8,6 +8,7 @@ import pytest
 
 from robotctl.app.config import find_file
 from robotctl.app.progress import NAME, Progress, progress_file
+from robotctl.cli.run import place_of
 from robotctl.errors import RobotctlError
 from tests.cli.command import status_of
 
@@ -39,6 +40,20 @@ def test_progress_that_no_robot_can_have_made_is_refused_with_a_sentence_alone(
     assert sentence in said.err
 
 
+@pytest.mark.parametrize(
+    ("item", "items", "words"),
+    [
+        (0, 5, "with item 1 of 5"),
+        (4, 5, "with item 5 of 5"),
+        (5, 5, "behind the last item of its mission"),
+        (0, 0, "without a mission"),
+    ],
+)
+def test_it_says_where_it_goes_on(item: int, items: int, words: str) -> None:
+    saved = Progress("first", 5.0, 3.0, 4.0, 0.5, 1, item)
+    assert place_of(saved, items) == f"{words} at x 3.00 m, y 4.00 m, 29 deg"
+
+
 def test_what_is_damaged_is_said_where_the_generation_before_is_resumed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -55,4 +70,4 @@ def test_what_is_damaged_is_said_where_the_generation_before_is_resumed(
     assert status_of("run", "--mission", "patrol", "--resume") == 2
     first, second = capsys.readouterr().out.splitlines()
     assert "set aside as" in first
-    assert second.startswith("resuming with item 2 at x 3.00 m, y 4.00 m")
+    assert second.startswith("resuming with item 2 of 5 at x 3.00 m, y 4.00 m")
