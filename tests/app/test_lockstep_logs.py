@@ -5,12 +5,16 @@ from pathlib import Path
 
 import pytest
 
+from robotctl.app.config import find_file
+from robotctl.app.lockstep import LockstepRun
+from robotctl.app.log_folder import LogConfig, LogFolder
 from robotctl.app.replay import replay_file
+from robotctl.app.sim_options import SimOptions
 from robotctl.runtime.recorder import Tick, read_record
 from robotctl.telemetry.own_log import truth_files
 from robotctl.telemetry.recorded_log import read_recording
 from robotctl.telemetry.tum import read_tum
-from tests.app.missions import drive, fingerprint
+from tests.app.missions import PATROL, drive, fingerprint
 
 SMALL = ("log.file_mb=0.05", "log.total_mb=100")
 
@@ -56,10 +60,22 @@ def test_each_log_of_a_folder_of_runs_has_the_truth_of_its_own_run(tmp_path: Pat
 
 def test_a_run_that_was_broken_off_has_no_truth_of_the_run_before(tmp_path: Path) -> None:
     drive(max_seconds=2, record=tmp_path)
-    drive(max_seconds=2, record=tmp_path)
-    (tmp_path / "truth-0002.tum").write_bytes(b"")
+    broken_off = LockstepRun(SimOptions(find_file("diff_drive"), PATROL, record=tmp_path)).steps()
+    for _ in range(20):
+        next(broken_off)
+    broken_off.close()
     assert read_recording(tmp_path / "robot-0001.mcap").reference is not None
     assert read_recording(tmp_path / "robot-0002.mcap").reference is None
+
+
+def test_a_run_that_was_broken_off_at_once_leaves_the_next_ones_truth_with_its_log(
+    tmp_path: Path,
+) -> None:
+    assert LogFolder(tmp_path, LogConfig()).begin_run() == 1
+    drive(max_seconds=1, record=tmp_path)
+    (log,) = tmp_path.glob("robot-*.mcap")
+    assert truth_files(log) == [tmp_path / "truth-0002.tum"]
+    assert read_recording(log).reference is not None
 
 
 def test_files_change_at_their_greatest_size_and_nothing_is_lost_between_two(

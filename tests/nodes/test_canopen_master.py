@@ -336,6 +336,7 @@ def signals_kept():
         (["--seed", "-1"], "no whole number"),
         (["--priority", "100"], "not in 0..99"),
         (["--duration", "nan"], "no positive number"),
+        (["--log-mb", "0"], "no positive number of megabytes"),
         (["--state", __file__], "not a directory"),
         (["--state", f"{__file__}/below"], "not a directory"),
         (["--state", "/proc/nowhere"], "cannot be made"),
