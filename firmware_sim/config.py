@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import json
+import re
 import reprlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -22,8 +24,69 @@ from firmware_sim.camera_parameters import CameraSection
 from firmware_sim.errors import SimulationError
 from firmware_sim.parameters import Drive, SimulationParameters, SonarMount
 from firmware_sim.quantities import Positive
+from firmware_sim.toml_lines import Key, key_lines
 
 T = TypeVar("T")
+
+_KEY_FIRST = re.compile(r"([a-z]\w*(?:\.\w+)*): ")
+
+
+@dataclass(frozen=True, slots=True)
+class TomlFile:
+    """The tables of a file, and where each key of it was set.
+
+    Attributes
+    ----------
+    path
+        The file.
+    data
+        Its tables.
+    lines
+        Of its keys, counted from 1.
+    settings
+        `--set KEY=VALUE` of the keys that do not come from the file.
+    """
+
+    path: Path
+    data: dict[str, Any]
+    lines: Mapping[Key, int]
+    settings: dict[Key, str] = field(default_factory=dict)
+
+    def put(self, dotted: str, value: Any) -> None:
+        """Set a dotted key in nested tables; raises SimulationError where one is no table."""
+        setting = f"--set {dotted}={_toml(value)}"
+        key = tuple(dotted.split("."))
+        *tables, last = key
+        data = self.data
+        for table in tables:
+            data = data.setdefault(table, {})
+            if not isinstance(data, dict):
+                raise SimulationError(f"{setting}: {dotted}: {table} is not a table")
+        data[last] = value
+        self.settings[key] = setting
+
+    def place(self, key: Key) -> str:
+        """Return where a key was set: the setting, or file and line of it or of its table."""
+        for length in range(len(key), 0, -1):
+            if setting := self.settings.get(key[:length]):
+                return setting
+            if length == len(key) and (within := self._set_within(key)):
+                return within
+            if line := self.lines.get(key[:length]):
+                return f"{self.path}:{line}"
+        return str(self.path)
+
+    def _set_within(self, table: Key) -> str:
+        """Return the settings of a table's keys."""
+        within = (text for key, text in self.settings.items() if key[: len(table)] == table)
+        return " ".join(within)
+
+    def value(self, key: Key) -> Any:
+        """Return what the file has at a key; raises LookupError or TypeError without."""
+        value: Any = self.data
+        for part in key:
+            value = value[part]
+        return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +152,10 @@ def load_robot(path: Path, overrides: Mapping[str, Any] | None = None) -> RobotC
     SimulationError
         The file cannot be read or is wrong; one line for each error.
     """
-    data = read_toml(path)
+    file = read_toml(path)
     for key, value in (overrides or {}).items():
-        _put(data, key, value, path)
-    return validate(_ROBOT, data, path)
+        file.put(key, value)
+    return validate(_ROBOT, file)
 
 
 def parse_override(text: str) -> tuple[str, Any]:
@@ -126,61 +189,93 @@ def parse_override(text: str) -> tuple[str, Any]:
     return key, parsed
 
 
-def read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> TomlFile:
     """Parse a TOML file; raises SimulationError naming the file."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        return TomlFile(path, tomllib.loads(text), key_lines(text))
     except (OSError, UnicodeDecodeError) as error:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
     except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
         raise SimulationError(f"{path}: {error}") from error
 
 
-def validate(adapter: TypeAdapter[T], data: Mapping[str, Any], path: Path) -> T:
+def validate(adapter: TypeAdapter[T], file: TomlFile) -> T:
     """Turn the tables of a file into values; raises SimulationError with all of its errors."""
     try:
-        return adapter.validate_python(data)
+        return adapter.validate_python(file.data)
     except ValidationError as error:
         known = _known_keys(adapter)
         items = error.errors()
         # What is wrong in a list makes the list wrong: that is said once.
         within = {item["loc"][:n] for item in items for n in range(len(item["loc"]))}
-        lines = [_line(path, item, known) for item in items if item["loc"] not in within]
+        lines = [_line(file, item, known) for item in items if item["loc"] not in within]
         raise SimulationError("\n".join(lines)) from error
 
 
-def _line(path: Path, item: Any, known: list[str]) -> str:
-    """One error of pydantic as `file: key: rule`."""
+def _line(file: TomlFile, item: Any, known: list[str]) -> str:
+    """One error of pydantic as `file:line: key: rule, found value`."""
     # The tag of a union appears in the location, but is not part of the key.
     tags = {"differential", "tricycle", "ackermann", "box", "pillar"}
     head, *rest = item["loc"] or ("",)
-    key = ".".join([str(head), *(str(part) for part in rest if part not in tags)])
+    key: Key = (head, *(part for part in rest if part not in tags)) if item["loc"] else ()
+    key, problem = _problem(file, key, item, known)
+    dotted = ".".join(map(str, key))
+    return ": ".join(part for part in (file.place(key), dotted, problem) if part)
+
+
+def _problem(file: TomlFile, key: Key, item: Any, known: list[str]) -> tuple[Key, str]:
+    """Return the key to blame and what is wrong with it."""
     kind, found, context = item["type"], item["input"], item.get("ctx", {})
-    hint = ""
     if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
-        return f"{path}: {key}: unknown key{_hint(str(item['loc'][-1]), known)}"
+        return key, f"unknown key{_hint(str(item['loc'][-1]), known)}"
     if kind == "missing":
-        return f"{path}: {key}: missing"
+        return key, "missing"
     if kind == "union_tag_not_found":
-        return f"{path}: {key}.kind: missing"
+        return (*key, "kind"), "missing"
     if kind == "value_error":
-        return ": ".join(part for part in (str(path), key, str(context["error"])) if part)
+        return _named_key(file, key, str(context["error"]))
+    hint = ""
     if kind == "union_tag_invalid":
-        key, found = f"{key}.kind", context["tag"]
+        key, found = (*key, "kind"), context["tag"]
         allowed = context["expected_tags"].replace("'", "")
         rule, hint = f"must be one of {allowed}", _hint(found, allowed.split(", "))
     elif kind in {"dataclass_type", "model_attributes_type"}:
         rule = "must be a table"
     elif kind == "tuple_type":
-        is_table = isinstance(found, dict)
-        rule = f"each must be a table of its own, [[{key}]]" if is_table else "must be a list"
+        is_table, dotted = isinstance(found, dict), ".".join(map(str, key))
+        rule = f"each must be a table of its own, [[{dotted}]]" if is_table else "must be a list"
     elif kind in {"too_long", "too_short"}:
         end, words = ("max", "at most") if kind == "too_long" else ("min", "at least")
         rule, found = f"must have {words} {context[f'{end}_length']} entries", len(found)
     else:
         rule = item["msg"].replace("Input should be", "must be")
         rule = rule.replace("String should match pattern", "must match")
-    return f"{path}: {key}: {rule}, found {reprlib.repr(found)}{hint}"
+    return key, f"{rule}, found {reprlib.repr(found)}{hint}"
+
+
+def _named_key(file: TomlFile, table: Key, message: str) -> tuple[Key, str]:
+    """Return the key that a constructor's message begins with, and the rest of it.
+
+    Its table and the whole message where it begins with none.
+    """
+    named = _KEY_FIRST.match(message)
+    if named is None:
+        return table, message
+    key, rule = (*table, *named[1].split(".")), message[named.end() :]
+    try:
+        found = file.value(key)
+    except (LookupError, TypeError):  # its default, which the message tells where it matters
+        return key, rule
+    is_told = isinstance(found, dict | list) or reprlib.repr(found) in rule
+    return key, rule if is_told else f"{rule}, found {found!r}"
+
+
+def _toml(value: Any) -> str:
+    """Write a value about as the user has."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else str(value)
 
 
 def _hint(word: str, allowed: list[str]) -> str:
@@ -193,13 +288,3 @@ def _known_keys(adapter: TypeAdapter[T]) -> list[str]:
     schema = adapter.json_schema()
     tables = [schema, *schema.get("$defs", {}).values()]
     return sorted({key for table in tables for key in table.get("properties", {})})
-
-
-def _put(data: dict[str, Any], key: str, value: Any, path: Path) -> None:
-    """Set a dotted key in nested tables."""
-    *tables, last = key.split(".")
-    for table in tables:
-        data = data.setdefault(table, {})
-        if not isinstance(data, dict):
-            raise SimulationError(f"{path}: {key}: {table} is not a table")
-    data[last] = value

@@ -205,7 +205,7 @@ def load_world(path: Path) -> World:
     SimulationError
         The file cannot be read or is wrong; one line for each error.
     """
-    file = validate(_FILE, read_toml(path), path)
+    file = validate(_FILE, read_toml(path))
     things = tuple(_things(file, path))
     for thing in things:
         _check_near(thing.corners, thing.name, path)

@@ -9,10 +9,11 @@ import dataclasses
 import difflib
 import json
 import re
+import reprlib
 import tomllib
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,26 +24,42 @@ from robotctl.errors import ConfigError
 T = TypeVar("T")
 Key = tuple[str | int, ...]
 
+Rules = Callable[[T], Iterable[tuple[Key, str]]]
+"""Yields what no key alone shows: the key to blame and what is wrong."""
+
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _ASSIGNMENT = re.compile(r"^\s*([A-Za-z0-9_\-\"'.]+)\s*=")
+_END_OF_VALUE = re.compile(r"[\]}\"']\s*(?:#.*)?$")
+_KEY_FIRST = re.compile(r"([a-z]\w*(?:\.\w+)*)(?:: | (?=must |puts ))")
+_TELLS_VALUE = re.compile(r"\bfound\b|\bnot [-\d('\"]|\bnot (?:nan|inf)\b")
 
 
-def load(path: Path, kind: type[T], overrides: Sequence[str] = ()) -> T:
+def load(
+    path: Path, kind: type[T], overrides: Sequence[str] = (), rules: Rules[T] | None = None
+) -> T:
     """Read `path` into the dataclass `kind`, after applying `overrides` (`a.b.c=value`).
 
     Raises
     ------
     ConfigError
-        One line for each error: `FILE:LINE: key: what is wrong; did you mean "..."?`
+        One line for each error: `FILE:LINE: key: what is allowed, found X; did you mean "..."?`,
+        with the line of the key, or of its table where it has its default; `--set SETTING` in the
+        place of file and line where the user set it.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}{_near_file(path)}") from error
-    return parse(text, kind, str(path), overrides)
+    return parse(text, kind, str(path), overrides, rules)
 
 
-def parse(text: str, kind: type[T], name: str, overrides: Sequence[str] = ()) -> T:
+def parse(
+    text: str,
+    kind: type[T],
+    name: str,
+    overrides: Sequence[str] = (),
+    rules: Rules[T] | None = None,
+) -> T:
     """Turn the TOML `text` of a file called `name` into the dataclass `kind`, as `load`."""
     try:
         data = tomllib.loads(text)
@@ -53,13 +70,17 @@ def parse(text: str, kind: type[T], name: str, overrides: Sequence[str] = ()) ->
     for override in overrides:
         key = _apply_override(data, override)
         sources[key] = f"--set {override}"
-    problems = [
-        f"{_place(key, sources, name)}: {_dotted(key)}: {problem}"
-        for key, problem in (*_unknown_keys(data, kind, ()), *_invalid_values(data, kind))
-    ]
-    if problems:
-        raise ConfigError("\n".join(problems))
-    return _adapter(kind).validate_json(json.dumps(data), strict=True)
+
+    def refuse(problems: Iterable[tuple[Key, str]]) -> None:
+        lines = [f"{_place(key, sources, name)}: {_dotted(key)}: {why}" for key, why in problems]
+        if lines:
+            raise ConfigError("\n".join(lines))
+
+    refuse((*_unknown_keys(data, kind, ()), *_invalid_values(data, kind)))
+    value = _adapter(kind).validate_json(json.dumps(data), strict=True)
+    if rules is not None:
+        refuse(rules(value))
+    return value
 
 
 def nearest(word: str, allowed: Sequence[str]) -> str:
@@ -88,24 +109,98 @@ def _invalid_values(data: dict[str, Any], kind: type[Any]) -> Iterator[tuple[Key
         _adapter(kind).validate_json(json.dumps(data, default=str), strict=True)
     except pydantic.ValidationError as error:
         for item in error.errors(include_url=False):
-            key = _data_key(item["loc"], data)
-            if item["type"] == "missing":
-                yield key, "missing key, it has no default"
-            else:
-                message = item["msg"].removeprefix("Value error, ")
-                shown = item["input"]
-                found = f"; found {shown!r}" if not isinstance(shown, dict | list) else ""
-                yield key, f"{message[:1].lower()}{message[1:]}{found}"
+            yield from _problems(item, data, kind)
 
 
-def _data_key(location: tuple[str | int, ...], data: Any) -> Key:
+def _problems(item: Mapping[str, Any], data: Any, kind: Any) -> Iterator[tuple[Key, str]]:
+    """Yield what an error of pydantic says; that of a constructor may have several lines."""
+    what, found, context = item["type"], item["input"], item.get("ctx", {})
+    key = _data_key(item["loc"], data, missing=what == "missing")
+    if what == "missing":
+        yield key, "missing key, it has no default"
+    elif what.startswith("union_tag_"):
+        key = (*key, context["discriminator"].strip("'"))
+        if what == "union_tag_not_found":
+            yield key, "missing key, it has no default"
+        else:
+            yield key, f"must be one of {context['expected_tags']}, found {context['tag']!r}"
+    elif what == "value_error":
+        for line in str(context["error"]).splitlines():
+            yield _named_key(key, line, data, kind)
+    else:
+        message = item["msg"]
+        yield key, f"{message[:1].lower()}{message[1:]}, found {shown(found)}"
+
+
+def _named_key(at: Key, message: str, data: Any, kind: Any) -> tuple[Key, str]:
+    """Return the key that a constructor's message begins with, and the rest with what was found.
+
+    Its table, `at`, and the whole message where that begins with none of the table's keys.
+    """
+    table, table_kind = data, _dataclass_of(data, kind)
+    for part in at:
+        table, table_kind = _step(table, table_kind, part)
+    named = _KEY_FIRST.match(message)
+    if named is None:
+        return at, message
+    key: Key = at
+    for part in named[1].split("."):
+        if not _has(table, table_kind, part):
+            return at, message
+        table, table_kind = _step(table, table_kind, part)
+        key = (*key, part)
+    rule = message[named.end() :]
+    return key, rule if _TELLS_VALUE.search(rule) else f"{rule}, found {shown(table)}"
+
+
+def _has(table: Any, kind: Any, part: str) -> bool:
+    """Whether a table has or may have a key."""
+    names = [each.name for each in dataclasses.fields(kind)] if _is_dataclass(kind) else []
+    return part in names or (isinstance(table, dict) and part in table)
+
+
+def _step(table: Any, kind: Any, part: str | int) -> tuple[Any, Any]:
+    """Return value and type of a key of a table, its default where the table has it not."""
+    inner: Any = None
+    if isinstance(part, int):
+        inner = next(iter(typing.get_args(kind)), None)
+    elif _is_dataclass(kind):
+        inner = typing.get_type_hints(kind, include_extras=True).get(part)
+    try:
+        value = table[part]
+    except (KeyError, IndexError, TypeError):
+        value = _default(kind, part)
+    return value, _dataclass_of(value, inner)
+
+
+def _default(kind: Any, part: str | int) -> Any:
+    """Return the default of a field; None where it has none, or a table as its own."""
+    fields = dataclasses.fields(kind) if _is_dataclass(kind) else ()
+    values = [each.default for each in fields if each.name == part]
+    return None if not values or values[0] is dataclasses.MISSING else values[0]
+
+
+def _is_dataclass(kind: Any) -> bool:
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
+
+
+def shown(value: Any) -> str:
+    """Return a value as an error shows it: short, a table as nothing but that."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return reprlib.repr(value)
+
+
+def _data_key(location: tuple[str | int, ...], data: Any, *, missing: bool) -> Key:
     """Drop from pydantic's location the names of union members, which are no keys of the file."""
     key: list[str | int] = []
     for position, part in enumerate(location):
         try:
             data = data[part]
         except (KeyError, IndexError, TypeError):
-            if position < len(location) - 1:
+            if not (missing and position == len(location) - 1):
                 continue
         key.append(part)
     return tuple(key)
@@ -178,13 +273,35 @@ def _key_lines(text: str) -> dict[Key, int]:
     lines: dict[Key, int] = {}
     table: Key = ()
     counts: dict[Key, int] = {}
-    for number, line in enumerate(text.splitlines(), 1):
+    rest = enumerate(text.splitlines(), 1)
+    for number, line in rest:
         if header := _HEADER.match(line):
             table = _resolve(_split(header[2]), counts, append=header[1] == "[[")
             lines.setdefault(table, number)
         elif assignment := _ASSIGNMENT.match(line):
             lines.setdefault((*table, *_split(assignment[1])), number)
+            _pass_value(line, rest)
     return lines
+
+
+def _pass_value(first: str, rest: Iterator[tuple[int, str]]) -> None:
+    """Pass the further lines of a value that begins in a line; they may look like headers."""
+    value = first
+    while not _is_whole(value):
+        for _, line in rest:
+            value = f"{value}\n{line}"
+            if _END_OF_VALUE.search(line):
+                break
+        else:
+            return
+
+
+def _is_whole(text: str) -> bool:
+    try:
+        tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    return True
 
 
 def _resolve(parts: Key, counts: dict[Key, int], *, append: bool) -> Key:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -107,11 +107,7 @@ def load_robot(path: Path, overrides: Sequence[str] = ()) -> RobotConfig:
     ConfigError
         With one line for each error.
     """
-    config = toml_source.load(path, RobotConfig, overrides)
-    problems = [f"{path}: {problem}" for problem in _contradictions(config)]
-    if problems:
-        raise ConfigError("\n".join(problems))
-    return config
+    return toml_source.load(path, RobotConfig, overrides, _contradictions)
 
 
 def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
@@ -130,22 +126,23 @@ def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
     return config.camera
 
 
-def _contradictions(config: RobotConfig) -> list[str]:
-    """Return what no key alone shows."""
-    problems = []
+def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what no key alone shows: the key to blame and what is wrong."""
     try:
         config.control.loops(config.drive.wheel_names)
     except ValueError as error:
-        problems += str(error).splitlines()
+        for line in str(error).splitlines():
+            key, _, problem = line.partition(": ")
+            yield tuple(key.split(".")), problem
     two_periods_ms = 2 * config.runtime.period_ns / 1e6
     if config.safety.command_timeout_ms < two_periods_ms:
-        problems.append(
-            f"safety.command_timeout_ms: {config.safety.command_timeout_ms} is under two control "
-            f"periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
-        )
+        bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
+        yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
     names = [mount.name for mount in config.sonar]
     for name in sorted({name for name in names if names.count(name) > 1}):
-        problems.append(f"sonar: the name {name!r} is given {names.count(name)} times")
+        second = names.index(name, names.index(name) + 1)
+        rule = f"must be another than those before, found {name!r}"
+        yield ("sonar", second, "name"), f"{rule}, which is given {names.count(name)} times"
     if len(names) > MAX_SONARS:
-        problems.append(f"sonar: {len(names)} sonars, the bus carries {MAX_SONARS}")
-    return problems
+        problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
+        yield ("sonar", MAX_SONARS), problem

@@ -105,8 +105,8 @@ def simulation_overrides(overrides: Sequence[str]) -> list[str]:
     return [each for each in overrides if each.startswith(shared)]
 
 
-def check_simulated_robot(robot: Path) -> None:
-    """Check the part of a robot's file that firmware_sim reads.
+def check_simulated_robot(robot: Path, overrides: Sequence[str] = ()) -> None:
+    """Check the part of a robot's file that firmware_sim reads, after the user's settings.
 
     Raises
     ------
@@ -114,7 +114,8 @@ def check_simulated_robot(robot: Path) -> None:
         With one line for each error.
     """
     try:
-        load_simulated_robot(robot)
+        settings = dict(parse_override(text) for text in simulation_overrides(overrides))
+        load_simulated_robot(robot, settings)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
 

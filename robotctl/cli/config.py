@@ -28,7 +28,7 @@ def check(
     path = find_file(file)
     config = load_robot(path, overrides or ())
     if config.simulation:
-        check_simulated_robot(path)
+        check_simulated_robot(path, overrides or ())
     if config.localisation.map or config.localisation.places:
         # It loads numba.
         from robotctl.app.localisation_files import check_localisation  # noqa: PLC0415

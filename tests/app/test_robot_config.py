@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from robotctl.app.config import config_directory, find_file, load_robot
+from robotctl.app.sim_options import SimulatorError, check_simulated_robot
 from robotctl.errors import ConfigError
 
 ROBOTS = sorted(config_directory().glob("*.toml"))
@@ -67,3 +68,54 @@ def test_a_time_out_under_two_periods_is_refused_with_both_figures() -> None:
 def test_a_file_that_is_not_there_names_the_nearest_one() -> None:
     with pytest.raises(ConfigError, match='did you mean "diff_drive"'):
         find_file("dif_drive")
+
+
+@pytest.mark.parametrize(
+    ("row", "wrong", "problem"),
+    [
+        ("track_width_m = 0.300", "track_width_m = nan", "must be positive and finite, found nan"),
+        ("wheel_radius_m = 0.050", "wheel_radius_m = -0.05", "and finite, found -0.05"),
+        ("counts_per_revolution = 2400", "counts_per_revolution = 0", "and finite, found 0"),
+        ("command_timeout_ms = 90", "command_timeout_ms = 9", "must be 10 to 1000, not 9"),
+        ('name = "right"', 'name = "left"', "found 'left', which is given 2 times"),
+    ],
+)
+def test_a_wrong_value_has_the_line_of_its_key_and_is_told(
+    tmp_path: Path, row: str, wrong: str, problem: str
+) -> None:
+    text, path = find_file("diff_drive").read_text(encoding="utf-8"), tmp_path / "mine.toml"
+    before, found, after = text.partition(f"\n{row}")
+    assert found
+    path.write_text(f"{before}\n{wrong}{after}", encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_robot(path)
+    message, key = str(caught.value), wrong.partition(" = ")[0]
+    assert message.startswith(f"{path}:{before.count(chr(10)) + 2}: ")
+    assert f"{key}: " in message
+    assert message.endswith(problem)
+
+
+def test_contradictions_have_a_line_too(tmp_path: Path) -> None:
+    text, path = find_file("diff_drive").read_text(encoding="utf-8"), tmp_path / "mine.toml"
+    rows = [*text.replace("[control.right]", "[control.drive]").splitlines()]
+    rows += [
+        f'[[sonar]]\nname = "more{i}"\nx_m = 0.1\ny_m = 0.0\nheading_deg = 0.0' for i in range(9)
+    ]
+    text = "\n".join(rows)
+    path.write_text(text, encoding="utf-8")
+    lines = text.splitlines()
+    with pytest.raises(ConfigError) as caught:
+        load_robot(path)
+    drive, seventeenth = lines.index("[control.drive]") + 1, len(lines) - 4
+    assert {problem.partition(": ")[0] for problem in str(caught.value).splitlines()} >= {
+        f"{path}:{drive}",
+        f"{path}:{seventeenth}",
+    }
+
+
+def test_settings_of_the_simulator_are_checked_and_named() -> None:
+    with pytest.raises(SimulatorError) as caught:
+        check_simulated_robot(find_file("diff_drive"), ["simulation.mass_kg=nan"])
+    assert str(caught.value) == (
+        "--set simulation.mass_kg=nan: simulation.mass_kg: must be a finite number, found nan"
+    )

@@ -48,5 +48,5 @@ def test_a_robot_is_put_on_the_bus_whatever_its_path(channel: str) -> None:
 
 
 def test_a_channel_in_a_robots_file_is_refused_with_its_place() -> None:
-    with pytest.raises(ConfigError, match=r"can: channel must be .* not 'can 0'"):
+    with pytest.raises(ConfigError, match=r"can.channel: must be .* not 'can 0'"):
         load_robot(find_file("diff_drive"), ['can.channel="can 0"'])

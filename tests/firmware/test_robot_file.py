@@ -11,6 +11,7 @@ import pytest
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.parameters import AckermannDrive, DifferentialDrive, TricycleDrive
+from firmware_sim.toml_lines import key_lines
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 DIFF = CONFIGS / "diff_drive.toml"
@@ -84,7 +85,7 @@ def test_overrides_replace_values_by_dotted_key() -> None:
         ("simulation.sonar.min_range_m", 5.0, "min_range_m: 5.0 is not less than max_range_m"),
         ("simulation.lidar.rate_hz", 1e12, "must be less than or equal to 240, found 100"),
         ("camera.rate_hz", 1e-300, "camera.rate_hz: must be greater than or equal to 0.1"),
-        ("simulation.camera.z_error_m", -0.4, "toml: simulation.camera.z_error_m: puts the camera"),
+        ("simulation.camera.z_error_m", -0.4, ": simulation.camera.z_error_m: puts the camera"),
         ("drive", 3, "drive: must be a table, found 3"),
         ("drive.kind", "tricyle", "found 'tricyle'; did you mean \"tricycle\"?"),
         ("drive.kind", "tricyle", "drive.kind: must be one of differential, tricycle, ackermann"),
@@ -96,10 +97,12 @@ def test_overrides_replace_values_by_dotted_key() -> None:
         ("can.bitrate", 83_333, "bitrate: 83333: a bit must last whole nanoseconds"),
     ],
 )
-def test_a_wrong_value_is_reported_with_file_and_key(key: str, value: Any, said: str) -> None:
+def test_a_wrong_value_is_reported_with_its_setting_and_key(
+    key: str, value: Any, said: str
+) -> None:
     with pytest.raises(SimulationError) as error:
         load_robot(DIFF, {key: value})
-    assert str(DIFF) in str(error.value)
+    assert all(line.startswith(f"--set {key}=") for line in str(error.value).splitlines())
     assert said in str(error.value)
 
 
@@ -111,7 +114,82 @@ def test_sections_of_robotctl_alone_are_not_looked_at() -> None:
 def test_a_table_that_is_wrong_is_not_copied_into_the_message() -> None:
     with pytest.raises(SimulationError) as error:
         load_robot(DIFF, {"simulation.body": []})
-    assert str(error.value) == (f"{DIFF}: simulation: body: 0 corners; an outline needs at least 3")
+    assert str(error.value) == (
+        "--set simulation.body=[]: simulation.body: 0 corners; an outline needs at least 3"
+    )
+
+
+@pytest.mark.parametrize(
+    ("row", "wrong", "said"),
+    [
+        ("v_max_m_s = 0.8", "v_max_m_s = 1e300", "less than or equal to 1000000, found 1e+300"),
+        ("mass_kg = 6.0", "mass_kg = nan", "must be a finite number, found nan"),
+        ("track_width_m = 0.300", "track_width_m = -1.0", "equal to 0.000000001, found -1.0"),
+        ("gear_ratio = 20.0", "gear_ratios = 20.0", 'did you mean "gear_ratio"?'),
+        ("bitrate = 1_000_000", "bitrate = 83333", "83333: a bit must last whole nanoseconds"),
+        ('name = "rear"', "name = 3", "found 3"),
+        ("rate_hz = 10.0", "rate_hz = 1e12", "less than or equal to 240, found 1000000000000.0"),
+        ('kind = "differential"', 'kind = "diferential"', "found 'diferential'; did you mean"),
+        ("max_range_m = 4.0", "max_range_m = 4.0\nmin_range_m = 13.0", "13.0 is not less than"),
+    ],
+)
+def test_a_wrong_value_of_a_file_is_reported_with_its_line(
+    tmp_path: Path, row: str, wrong: str, said: str
+) -> None:
+    text, path = DIFF.read_text(encoding="utf-8"), tmp_path / "robot.toml"
+    before, found, after = text.partition(f"\n{row}")
+    assert found
+    path.write_text(f"{before}\n{wrong}{after}", encoding="utf-8")
+    number = before.count("\n") + 2 + wrong.count("\n")
+    with pytest.raises(SimulationError) as error:
+        load_robot(path)
+    last = str(error.value).splitlines()[-1]
+    key = wrong.splitlines()[-1].partition(" = ")[0]
+    assert re.match(rf"{re.escape(str(path))}:{number}: [\w.]*\b{key}: ", last), last
+    assert said in last
+
+
+def test_what_is_missing_has_the_line_of_its_table_and_without_a_table_none(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text('[robot]\nname = "a"\n\n[simulation]\nmass_kg = 1.0\n', encoding="utf-8")
+    with pytest.raises(SimulationError) as error:
+        load_robot(path)
+    assert set(str(error.value).splitlines()) == {
+        f"{path}: drive: missing",
+        f"{path}:4: simulation.yaw_inertia_kg_m2: missing",
+        f"{path}:4: simulation.body: missing",
+    }
+
+
+VALUES = """\
+first = [
+    [1, 2],
+    [3]
+]
+text = \"\"\"
+[no.header]
+no = "key"
+\"\"\"
+[[list]]
+a.b = 1
+[list.inner]
+c = 2
+[[list]]
+'d' = {e = 3}
+"""
+
+
+def test_lines_are_found_behind_values_that_look_like_headers() -> None:
+    assert key_lines(VALUES) == {
+        ("first",): 1,
+        ("text",): 5,
+        ("list", 0): 9,
+        ("list", 0, "a", "b"): 10,
+        ("list", 0, "inner"): 11,
+        ("list", 0, "inner", "c"): 12,
+        ("list", 1): 13,
+        ("list", 1, "d"): 14,
+    }
 
 
 @pytest.mark.parametrize(

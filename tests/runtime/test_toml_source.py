@@ -93,14 +93,39 @@ def test_all_errors_of_a_file_come_at_once() -> None:
     assert "robot.toml:3: shape[0].radius_m: missing key, it has no default" in found
 
 
-def test_a_rule_of_a_constructor_is_told_at_its_table() -> None:
-    assert errors("[gains]\nkp = -1\n") == ["robot.toml:1: gains: kp must not be negative"]
+def test_a_rule_of_a_constructor_is_told_at_its_key_with_what_was_found() -> None:
+    wrong = "gains.kp: must not be negative, found -1"
+    assert errors("[gains]\nkp = -1\n") == [f"robot.toml:2: {wrong}"]
+    assert errors("gains.kp = -1\n") == [f"robot.toml:1: {wrong}"]
+    assert errors("gains = {kd = 1, kp = -1}\n") == [f"robot.toml:1: {wrong}"]
+    assert errors(GOOD, "gains.kp=-1") == [f"--set gains.kp=-1: {wrong}"]
+    (line,) = errors('[gains]\nkp = 1\n[[shape]]\nradius_m = "1"\nkind = "round"\n')
+    assert line.startswith("robot.toml:4: shape[0].radius_m: ")
+    assert line.endswith(", found '1'")
+
+
+def test_a_rule_of_several_keys_blames_the_one_that_it_names_first() -> None:
+    def rules(file: File) -> list[tuple[tuple[str | int, ...], str]]:
+        return [(("gains", "kd"), "kd is wrong"), (("left", "kp"), "kp is wrong")]
+
+    with pytest.raises(ConfigError) as caught:
+        parse("names = []\n[gains]\nkp = 1\n", File, "robot.toml", (), rules)
+    assert str(caught.value).splitlines() == [
+        "robot.toml:2: gains.kd: kd is wrong",
+        "robot.toml: left.kp: kp is wrong",
+    ]
+
+
+def test_lines_are_right_behind_values_that_look_like_headers() -> None:
+    text = 'names = [\n  "a", "b",\n  "[gains]"\n]\n[gains]\nkp = 1\nkdd = """\n[left]\n"""\n'
+    (line,) = errors(text)
+    assert line.startswith("robot.toml:7: gains.kdd: unknown key")
 
 
 def test_a_wrong_kind_names_the_allowed_ones() -> None:
     (line,) = errors('[gains]\nkp = 1\n[[shape]]\nkind = "oval"\n')
-    assert line.startswith("robot.toml:3: shape[0]:")
-    assert "oval" in line
+    assert line.startswith("robot.toml:4: shape[0].kind: must be one of")
+    assert line.endswith("found 'oval'")
     assert "'round', 'square'" in line
 
 

@@ -119,7 +119,7 @@ def test_errors_of_a_file_become_config_errors_with_their_lines():
     message = str(refused.value)
     assert "robot.toml:2: link[0]" in message or "robot.toml:1: link[0]" in message
     assert 'did you mean "tcpin"' in message
-    assert "attitude_hz must be 0 (off) or 0.001 to 100, not -1.0" in message
+    assert "robot.toml:4: rates.attitude_hz: must be 0 (off) or 0.001 to 100, not -1.0" in message
 
 
 def test_a_host_that_cannot_be_one_is_a_config_error_with_its_line():
