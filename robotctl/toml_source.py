@@ -150,7 +150,9 @@ def _named_key(at: Key, message: str, data: Any, kind: Any) -> tuple[Key, str]:
         table, table_kind = _step(table, table_kind, part)
         key = (*key, part)
     rule = message[named.end() :]
-    return key, rule if _TELLS_VALUE.search(rule) else f"{rule}, found {shown(table)}"
+    if _TELLS_VALUE.search(rule) or rule.startswith(f'"{table}": '):
+        return key, rule
+    return key, f"{rule}, found {shown(table)}"
 
 
 def _has(table: Any, kind: Any, part: str) -> bool:

@@ -54,7 +54,10 @@ class LinkConfig:
     url: str
 
     def __post_init__(self) -> None:
-        parse_link_url(self.url)
+        try:
+            parse_link_url(self.url)
+        except ValueError as error:
+            raise ValueError(f"url: {error}") from None
 
     @property
     def address(self) -> LinkAddress:
