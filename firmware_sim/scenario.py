@@ -20,10 +20,9 @@ nothing for those before it.
 
 from __future__ import annotations
 
-import re
 import reprlib
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -34,6 +33,7 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.fault_catalogue import CATALOGUE
 from firmware_sim.fault_fits import KIND
 from firmware_sim.fault_kinds import DURATION, FAILED, Kind, Value, nearest
+from firmware_sim.toml_lines import Key, key_lines
 
 if TYPE_CHECKING:
     from firmware_sim.config import RobotConfig
@@ -41,9 +41,6 @@ if TYPE_CHECKING:
 
 AT, EVERY = "at", "every"
 LONGEST_S: Final = 1e6
-
-_HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]")
-_ASSIGNMENT = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=")
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,16 +254,9 @@ def _text(key: str, value: Value) -> str:
 
 def _key_lines(text: str) -> dict[str, int]:
     """Map the keys of a scenario's text, `fault[0].kind`, to their lines, counted from 1."""
-    return dict(_keys(text))
+    return {_dotted(key): number for key, number in key_lines(text).items()}
 
 
-def _keys(text: str) -> Iterator[tuple[str, int]]:
-    table, count = "", 0
-    for number, line in enumerate(text.splitlines(), 1):
-        if header := _HEADER.match(line):
-            table = header[2]
-            if header[1] == "[[" and table == "fault":
-                table, count = f"fault[{count}]", count + 1
-            yield table, number
-        elif assignment := _ASSIGNMENT.match(line):
-            yield f"{table}.{assignment[1]}" if table else assignment[1], number
+def _dotted(key: Key) -> str:
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
+    return text.removeprefix(".")
