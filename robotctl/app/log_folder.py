@@ -71,6 +71,8 @@ class LogFolder:
         self._total_bytes = round(config.total_mb * 1e6)
         try:
             directory.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise LogError(f"{directory}: is no folder") from error
         except OSError as error:
             raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
 

@@ -7,7 +7,7 @@ import pytest
 
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import LockstepRun
-from robotctl.app.log_folder import LogConfig, LogFolder
+from robotctl.app.log_folder import LogConfig, LogError, LogFolder
 from robotctl.app.replay import replay_file
 from robotctl.app.sim_options import SimOptions
 from robotctl.runtime.recorder import Tick, read_record
@@ -130,3 +130,10 @@ def test_what_is_in_a_folder_of_an_older_version_stays(tmp_path: Path) -> None:
     found = fingerprint(tmp_path)
     for name, data in old.items():
         assert found[name] == hashlib.sha256(data).hexdigest()
+
+
+@pytest.mark.parametrize("below", ["", "sub"])
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path, below: str) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(LogError, match=r"is no folder$"):
+        LogFolder(tmp_path / "file" / below, LogConfig())
