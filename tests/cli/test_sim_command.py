@@ -90,7 +90,7 @@ def test_a_folder_that_cannot_be_made_is_named_without_a_traceback(runtime: Path
     with sim(runtime, "--record", "/proc/no_such_folder") as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
-    assert "robotctl: /proc/no_such_folder: No such file or directory" in output
+    assert "robotctl: /proc/no_such_folder: cannot be made: No such file or directory" in output
     assert "Traceback" not in output
     assert left_behind(runtime) == ([], [])
 
