@@ -32,7 +32,6 @@ class Row:
 
 SILENT = ("wheel feedback is older",)
 STOPPED = ("the motor controller is in stopped",)
-UNHEARD = ("the motor controller has had no valid command",)
 IMPLAUSIBLE = ("encoder", "wheel")
 BUS_GONE = ("bus", *SILENT, *STOPPED)
 DRIVE_BOOTS = ("drive", *SILENT, "under voltage")
@@ -72,10 +71,10 @@ ROWS = (
     Row("babble node=sonar duration=0.5", BUS_GONE, 100, cut_off=True),
     Row("frames_destroyed duration=0.5", BUS_GONE, 100, cut_off=True),
     Row("frames_lost id=0x181 duration=0.5", SILENT, 80),
-    Row("frames_lost id=0x201 duration=0.5", UNHEARD, 100),
+    Row("frames_lost id=0x201 duration=0.5", STOPPED, 100),
     Row("frames_stale id=0x181 duration=0.5", SILENT, 80),
-    Row("frames_stale id=0x201 duration=0.5", UNHEARD, 100),
+    Row("frames_stale id=0x201 duration=0.5", STOPPED, 100),
     Row("frames_corrupt id=0x181 duration=0.5", SILENT, 80),
-    Row("frames_corrupt id=0x201 duration=0.5", UNHEARD, 100),
+    Row("frames_corrupt id=0x201 duration=0.5", STOPPED, 100),
     Row("frames_late id=0x181 delay=0.2 duration=0.5", SILENT, 80),
 )

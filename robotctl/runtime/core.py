@@ -299,7 +299,9 @@ class ControlCore:
     def _supervise(self, now_ns: int) -> None:
         """Let health move the state machine."""
         if self.machine.state in POWERED:
-            fault = self._health.fault(now_ns) or self._plausibility.fault
+            fault = self._health.fault(now_ns)
+            if not fault and self._plausibility.fault:  # wheels that were not told do otherwise
+                fault = self._health.unheard(now_ns) or self._plausibility.fault
             if fault:
                 self._on(Event.FAULT, fault, now_ns)
         elif self.machine.state not in LATCHED:

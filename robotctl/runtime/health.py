@@ -23,6 +23,9 @@ from robotctl.runtime.safety import SafetyConfig
 BUS_LOAD_MAX: Final = 0.8
 """A fuller bus [1] delays what is least urgent, the node services, without bound."""
 
+_UNHEARD_NS: Final = 100_000_000
+"""So long behind them, lost commands explain what wheels do: monitors look at 50 ms at once."""
+
 _NEVER_NS: Final = -(1 << 62)
 _LATCHED_DRIVE_STATES: Final = frozenset(
     {DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP}
@@ -46,6 +49,8 @@ class Health:
     def __init__(self, safety: SafetyConfig, period_ns: int, sonars: tuple[str, ...] = ()) -> None:
         self.motor: MotorStatus | None = None
         self.drive: DriveStatus | None = None
+        self._unheard: DriveStatus | None = None
+        """The last that said that its newest valid command was old."""
         self.battery: BatteryFeedback | None = None
         self._take_nodes(())
         self.bus = BusStatus()
@@ -72,6 +77,8 @@ class Health:
             self.motor = feedback.motor
         if feedback.drive is not None:
             self.drive = feedback.drive
+            if feedback.drive.command_age_ms * 1_000_000 > self._wheels_limit_ns:
+                self._unheard = feedback.drive
         if feedback.battery is not None:
             self.battery = feedback.battery
         if feedback.sonars:
@@ -127,6 +134,13 @@ class Health:
         fresh = battery is not None and is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns)
         return battery if fresh else None
 
+    def unheard(self, now_ns: int) -> str | None:
+        """Return a sentence where no command reached the motor controller, by its own words."""
+        drive = self._unheard
+        if drive is None or now_ns - drive.stamp_ns > _UNHEARD_NS:
+            return None
+        return f"the motor controller had no valid command for {drive.command_age_ms} ms"
+
     def node_problem(self, now_ns: int) -> str | None:
         """Return what keeps a node from service, or None when all are in service."""
         problems = self._node_problems(now_ns)
@@ -162,12 +176,8 @@ class Health:
         elif motor.state in _LATCHED_DRIVE_STATES:
             words = f"{_words(motor.state)}{fault_words(motor.faults)}"
             reasons.append(f"the motor controller is in {words}")
-        drive = self.fresh_drive(now_ns)
-        if drive is None:
+        if self.fresh_drive(now_ns) is None:
             reasons.append(f"drive status is older than {limit_ns / 1e6:g} ms")
-        elif drive.command_age_ms * 1_000_000 > self._wheels_limit_ns:
-            limit_ms = self._wheels_limit_ns / 1e6
-            reasons.append(f"the motor controller has had no valid command for {limit_ms:g} ms")
         reasons += self._battery_faults(now_ns)
         reasons += self._sonar_faults(now_ns)
         reasons += self._node_problems(now_ns)

@@ -70,8 +70,7 @@ class SafetyConfig:
         and read back before arming. At least two control periods.
     feedback_timeout_periods
         The host stops when wheel feedback is older than so many control periods. Feedback whose
-        encoder latch is that of the feedback before counts as none. So it does when the motor
-        controller says that its newest valid command is older.
+        encoder latch is that of the feedback before counts as none.
     status_timeout_ms
         As above for the motor controller's slower status frames [ms].
     battery_timeout_ms

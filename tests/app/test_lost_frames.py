@@ -162,3 +162,29 @@ def test_a_loop_held_up_for_nearly_ten_periods_drives_on_where_ten_are_allowed()
         robot.bench.clock.sleep_until(late_ns)
         robot.drive(0.3, 0.4)
     assert robot.state == SafetyState.DRIVING, robot.bench.snapshot().reason
+
+
+@pytest.mark.parametrize("name", ["diff_drive", "ackermann"])
+def test_wheels_that_were_not_told_to_turn_back_are_not_blamed_on_an_encoder(name):
+    reasons = []
+    for at_s in (0.25, 0.27, 0.31, 0.33):
+        robot = Robot(name)
+        robot.drive(1.0, 0.6)
+        robot.drive(at_s, -0.6)
+        robot.inject("frames_lost id=0x201 duration=0.08")
+        robot.drive(0.5, -0.6)
+        if robot.state == SafetyState.FAULT:
+            reasons.append(robot.bench.snapshot().reason)
+    assert reasons
+    heard = "the motor controller had no valid command for "
+    assert {reason.rstrip("0123456789 ms") for reason in reasons} == {heard.rstrip()}
+
+
+def test_an_encoder_is_blamed_where_commands_came_through():
+    robot = Robot()
+    robot.inject("frames_lost id=0x201 duration=0.07")
+    robot.drive(0.5, 0.4)
+    robot.drive(1.0, 0.4)
+    robot.inject("encoder_stuck wheel=left duration=1")
+    robot.drive(0.5, 0.4)
+    assert robot.bench.snapshot().reason.startswith("left encoder stuck")
