@@ -26,15 +26,16 @@ def test_a_run_in_real_time_numbers_on_and_its_truth_has_the_times_of_its_log(
         record=tmp_path,
         overrides=("mavlink.link=[]", "log.file_mb=0.05", "log.total_mb=100"),
     )
-    third = tmp_path / "simulator-0003.log"
+    third, states = tmp_path / "simulator-0003.log", tmp_path / "robot-0002.mcap"
     with SimRun(options) as run:
         for progress in run.steps():
-            if progress.navigation is not None and third.exists():
+            is_logged = states.exists() and states.stat().st_size > 20_000
+            if progress.navigation is not None and third.exists() and is_logged:
                 break
         run.report()
     assert {name: (tmp_path / name).read_bytes() for name in old} == old
     assert 50_000 < (tmp_path / "simulator-0002.log").stat().st_size < 51_000
-    recording = read_recording(tmp_path / "robot-0002.mcap")
+    recording = read_recording(states)
     assert recording.reference is not None
     middle_ns = int(recording.odometry.stamps_ns[len(recording.odometry.stamps_ns) // 2])
     assert recording.reference.at(middle_ns) is not None

@@ -8,6 +8,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from firmware_sim.camera_parameters import CameraMount, Intrinsics
 from firmware_sim.config import RobotConfig, load_robot
@@ -75,7 +76,7 @@ def seen_by_opencv(
     )
     pixels, _ = cv2.projectPoints(
         np.asarray(points_base, dtype=np.float64),
-        cv2.Rodrigues(rotation)[0],
+        Rotation.from_matrix(rotation).as_rotvec(),  # cv2.Rodrigues loses digits near half a turn
         -rotation @ place,
         matrix,
         np.array(intrinsics.distortion),

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from firmware_sim.camera import Camera
@@ -40,6 +40,7 @@ LIT = {"simulation.camera.ambient": 1.0}
     roll=st.floats(-40, 40),
     seed=st.integers(0, 99),
 )
+@example(yaw=144.5620902915391, pitch=90.0, roll=33.37227663995721, seed=0)
 def test_points_fall_on_the_pixels_that_opencv_says(
     yaw: float, pitch: float, roll: float, seed: int
 ) -> None:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.model.camera import CameraConfig, CameraIntrinsics, CameraMount
@@ -56,7 +57,7 @@ def pixel_grid(step: int = 40) -> NDArray[np.float64]:
 
 def opencv_pose(camera: CameraGeometry) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     R = camera.R_base_camera.T
-    return cv2.Rodrigues(R)[0], -R @ camera.t_base_camera
+    return Rotation.from_matrix(R).as_rotvec(), -R @ camera.t_base_camera
 
 
 def test_a_camera_that_looks_forward_sees_left_points_left_and_high_points_high() -> None:
