@@ -129,6 +129,10 @@ class Rig:
         self._folder = endpoint_directory(name)
         self.endpoints = Endpoints(self._folder)
         self._context = zmq.Context()
+        if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+            # Its thread does not take after the tests, which are reset on fork.
+            self._context.set(zmq.THREAD_SCHED_POLICY, os.SCHED_FIFO)
+            self._context.set(zmq.THREAD_PRIORITY, os.sched_getparam(0).sched_priority)
         self._states = Subscriber[ControlState | NavigationState | Notice](
             self._context, self.endpoints.published, ControlState | NavigationState | Notice
         )

@@ -10,12 +10,11 @@ import numpy as np
 
 from firmware_sim.camera_parameters import CameraMount, Intrinsics
 from firmware_sim.camera_truth import Sighting, sightings, true_ranges
-from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.world import World, load_world
 from robotctl.app.config import RobotConfig
 from robotctl.app.score import CameraReport, StampedPose, TruthMatcher
-from robotctl.app.sim_options import SimOptions, SimulatorError, simulation_overrides
+from robotctl.app.sim_options import SimOptions, SimulatorError, simulated_robot
 from robotctl.runtime.estimation_messages import CameraView
 
 _REACH_M: Final = 2.0
@@ -136,16 +135,16 @@ def camera_score(config: RobotConfig, options: SimOptions, world: Path) -> Camer
     """
     if config.camera is None or not config.camera.enabled:
         return None
+    simulated = simulated_robot(options.robot, options.overrides)
+    if simulated.camera is None:
+        return None
     try:
-        settings = dict(parse_override(text) for text in simulation_overrides(options.overrides))
-        simulated = load_robot(options.robot, settings)
-        if simulated.camera is None:
-            return None
-        true = simulated.simulation.camera
-        return CameraScore(
-            load_world(world),
-            true.true_intrinsics(simulated.camera.intrinsics),
-            true.true_mount(simulated.camera.mount),
-        )
+        walls = load_world(world)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
+    true = simulated.simulation.camera
+    return CameraScore(
+        walls,
+        true.true_intrinsics(simulated.camera.intrinsics),
+        true.true_mount(simulated.camera.mount),
+    )

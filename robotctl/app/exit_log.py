@@ -8,7 +8,7 @@ from typing import Final
 
 import msgspec
 
-from robotctl.app.log_folder import LogError
+from robotctl.app.log_folder import make_folder
 from robotctl.app.supervised import Exit
 
 NAME: Final = "exits.jsonl"
@@ -28,16 +28,11 @@ class ExitLog:
     Raises
     ------
     LogError
-        If something else is in its place.
-    OSError
         If the directory cannot be made.
     """
 
     def __init__(self, directory: Path) -> None:
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except FileExistsError as error:
-            raise LogError(f"{directory}: is no folder") from error
+        make_folder(directory)
         self._path = directory / NAME
 
     def write(self, ended: Exit, now: dt.datetime) -> str:

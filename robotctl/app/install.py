@@ -13,8 +13,8 @@ from typing import Final
 import msgspec
 
 from robotctl.app.service_files import MISSION, ServiceFile
-from robotctl.app.whole_file import write_whole
 from robotctl.errors import ConfigError
+from robotctl.runtime.part_file import write_whole
 
 MANIFEST: Final = Path("etc/robotctl/installed.json")
 

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from firmware_sim.config import load_robot as load_simulated_robot
-from firmware_sim.config import parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import play
 from firmware_sim.world import load_world
@@ -37,7 +35,7 @@ from robotctl.app.score import (
     loop_report,
     run_message,
 )
-from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulation_overrides
+from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulated_robot
 from robotctl.app.world import load_walls
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
@@ -152,12 +150,11 @@ def make_simulation(
     SimulatorError
         If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
     """
+    simulated = simulated_robot(robot, overrides)
     try:
         # It loads numba, for which those who only type `robotctl --help` need not wait.
         from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
-        settings = dict(parse_override(text) for text in simulation_overrides(overrides))
-        simulated = load_simulated_robot(robot, settings)
         simulation = Simulation(simulated, load_world(world), seed, start)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error

@@ -49,6 +49,22 @@ class LogConfig:
             )
 
 
+def make_folder(directory: Path) -> None:
+    """Make a folder of logs and those above it, where it is missing.
+
+    Raises
+    ------
+    LogError
+        If it cannot be made.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise LogError(f"{directory}: is no folder") from error
+    except OSError as error:
+        raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
+
+
 class LogFolder:
     """Names new log files and removes old ones.
 
@@ -69,12 +85,7 @@ class LogFolder:
         self.directory = directory
         self.file_bytes = round(config.file_mb * 1e6)
         self._total_bytes = round(config.total_mb * 1e6)
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except (FileExistsError, NotADirectoryError) as error:
-            raise LogError(f"{directory}: is no folder") from error
-        except OSError as error:
-            raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
+        make_folder(directory)
 
     def new(self, kind: str, suffix: str) -> Path:
         """Return the path of a new file, such as `control-0002.rec`; make room first."""

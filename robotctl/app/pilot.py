@@ -163,8 +163,10 @@ class Pilot:
         self, requests: Sequence[NavigationRequest], now_ns: int
     ) -> list[NavigationRequest]:
         """Return the requests without those that came too late."""
-        taken = [each for each in requests if not _too_late(each, now_ns)]
-        late = [each for each in requests if each not in taken]
+        taken: list[NavigationRequest] = []
+        late: list[NavigationRequest] = []
+        for each in requests:
+            (late if _too_late(each, now_ns) else taken).append(each)
         if late:
             oldest_s = (now_ns - min(each.stamp_ns for each in late)) / 1e9
             what = "request" if len(late) == 1 else "requests"

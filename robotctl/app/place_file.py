@@ -17,13 +17,13 @@ from typing import Final, Literal
 import numpy as np
 
 from robotctl import toml_source
-from robotctl.app.whole_file import write_whole
 from robotctl.errors import ConfigError
 from robotctl.estimation.known_places import Place, Visit
 from robotctl.estimation.place_book import PlaceBook
 from robotctl.estimation.signatures import Signature, SignatureConfig
 from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
+from robotctl.runtime.part_file import write_whole
 
 VERSION: Final = 1
 _IN_A_LINE: Final = 12

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from firmware_sim.config import load_robot as load_simulated_robot
-from firmware_sim.config import parse_override
+from firmware_sim.config import RobotConfig as SimulatedRobot
+from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import Scenario, load_scenario
 from robotctl.drivers.can_config import CanConfig
@@ -105,8 +105,8 @@ def simulation_overrides(overrides: Sequence[str]) -> list[str]:
     return [each for each in overrides if each.startswith(shared)]
 
 
-def check_simulated_robot(robot: Path, overrides: Sequence[str] = ()) -> None:
-    """Check the part of a robot's file that firmware_sim reads, after the user's settings.
+def simulated_robot(robot: Path, overrides: Sequence[str] = ()) -> SimulatedRobot:
+    """Return what firmware_sim reads of a robot's file, after the user's settings.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def check_simulated_robot(robot: Path, overrides: Sequence[str] = ()) -> None:
     """
     try:
         settings = dict(parse_override(text) for text in simulation_overrides(overrides))
-        load_simulated_robot(robot, settings)
+        return load_robot(robot, settings)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
 
@@ -130,8 +130,8 @@ def load_faults(options: SimOptions) -> Scenario:
     """
     if options.faults is None:
         return Scenario()
+    robot = simulated_robot(options.robot, options.overrides)
     try:
-        settings = dict(parse_override(text) for text in simulation_overrides(options.overrides))
-        return load_scenario(options.faults, load_simulated_robot(options.robot, settings))
+        return load_scenario(options.faults, robot)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error

@@ -10,7 +10,7 @@ import pydantic
 import typer
 
 from robotctl.app.config import RobotConfig, find_file, load_robot
-from robotctl.app.sim_options import check_simulated_robot
+from robotctl.app.sim_options import simulated_robot
 from robotctl.cli.arguments import Overrides, RobotName
 
 app = typer.Typer(help="Check and show robot configurations.", no_args_is_help=True)
@@ -28,7 +28,7 @@ def check(
     path = find_file(file)
     config = load_robot(path, overrides or ())
     if config.simulation:
-        check_simulated_robot(path, overrides or ())
+        simulated_robot(path, overrides or ())
     if config.localisation.map or config.localisation.places:
         # It loads numba.
         from robotctl.app.localisation_files import check_localisation  # noqa: PLC0415

@@ -39,6 +39,19 @@ def part_file(target: Path) -> Iterator[BinaryIO]:
         raise
 
 
+def write_whole(target: Path, content: str | bytes) -> None:
+    """Write a file that all may read; it is the old one or the new one, never half of it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; the old one stays.
+    """
+    with part_file(target) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+        os.fchmod(file.fileno(), 0o644)
+
+
 def remove_parts(folder: Path, pattern: str) -> None:
     """Remove what writers of targets like `pattern` left when they died."""
     for path in folder.glob(f"{pattern}{_PART}"):

@@ -10,7 +10,8 @@ from __future__ import annotations
 import fcntl
 import os
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -84,16 +85,13 @@ def retire(path: Path) -> None:
     OSError
         If it cannot be moved.
     """
-    descriptor = _lock_dead(path)
-    if descriptor is None:
-        return
-    try:
+    with _dead(path) as descriptor:
+        if descriptor is None:
+            return
         if os.fstat(descriptor).st_size == 0:  # one that is just being made, or never was
             path.unlink()
         else:
             path.replace(crashed(path))
-    finally:
-        os.close(descriptor)
 
 
 def remove_dead(path: Path) -> None:
@@ -104,13 +102,9 @@ def remove_dead(path: Path) -> None:
     OSError
         If it cannot be removed.
     """
-    descriptor = _lock_dead(path)
-    if descriptor is None:
-        return
-    try:
-        path.unlink()
-    finally:
-        os.close(descriptor)
+    with _dead(path) as descriptor:
+        if descriptor is not None:
+            path.unlink()
 
 
 def remove_old(folder: Path) -> None:
@@ -134,6 +128,17 @@ def _locked(descriptor: int) -> bool:
         else:
             return True
     return False
+
+
+@contextmanager
+def _dead(path: Path) -> Iterator[int | None]:
+    """Hold the lock of the file at a path; None where there is none, or its writer lives."""
+    descriptor = _lock_dead(path)
+    try:
+        yield descriptor
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
 
 
 def _lock_dead(path: Path) -> int | None:

@@ -7,8 +7,9 @@ has more than that it spent on the way. A delay that all messages have in common
 
 The least difference rises by `LET_GO` of the time that passes, so that clocks may run apart and a
 sender whose clock stood still for a moment is not refused for ever; a message held back for 2 s may
-pass for one of 1.8 s. Nothing is said of a sender
-whose `time_boot_ms`
+pass for one of 1.8 s.
+
+Nothing is said of a sender whose `time_boot_ms`
 
 - has not advanced as time does, within `LET_GO`, over `TRUST_NS`: it counts something else;
 - stands still: it is not filled in, or too coarse;

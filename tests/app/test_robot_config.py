@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from robotctl.app.config import config_directory, find_file, load_robot
-from robotctl.app.sim_options import SimulatorError, check_simulated_robot
+from robotctl.app.sim_options import SimulatorError, simulated_robot
 from robotctl.errors import ConfigError
 
 ROBOTS = sorted(config_directory().glob("*.toml"))
@@ -115,7 +115,7 @@ def test_contradictions_have_a_line_too(tmp_path: Path) -> None:
 
 def test_settings_of_the_simulator_are_checked_and_named() -> None:
     with pytest.raises(SimulatorError) as caught:
-        check_simulated_robot(find_file("diff_drive"), ["simulation.mass_kg=nan"])
+        simulated_robot(find_file("diff_drive"), ["simulation.mass_kg=nan"])
     assert str(caught.value) == (
         "--set simulation.mass_kg=nan: simulation.mass_kg: must be a finite number, found nan"
     )

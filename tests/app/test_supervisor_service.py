@@ -177,8 +177,9 @@ def test_each_end_is_a_line_of_json_on_the_disk(tmp_path: Path) -> None:
 def test_a_file_in_place_of_the_folder_of_logs_is_said_to_be_none(tmp_path: Path) -> None:
     file = tmp_path / "logs"
     file.write_text("notes")
-    with pytest.raises(LogError, match=f"^{file}: is no folder$"):
-        ExitLog(file)
+    for folder in (file, file / "below"):
+        with pytest.raises(LogError, match=f"^{folder}: is no folder$"):
+            ExitLog(folder)
 
 
 def test_the_exit_log_keeps_two_files_of_bounded_size(
