@@ -103,7 +103,13 @@ def on_mission(rig: Rig, navigation: str = NAVIGATION) -> None:
     rig.start(NAVIGATION, navigation)
     rig.arm()
     rig.set_mode(Mode.AUTO)
-    rig.wait(lambda: rig.control.v_m_s > 0.2, PATIENT_S, "the mission drives")
+
+    def drives() -> bool:
+        state = rig.control.state
+        assert state in {SafetyState.ARMED, SafetyState.DRIVING}, rig.told()
+        return rig.control.v_m_s > 0.2
+
+    rig.wait(drives, PATIENT_S, "the mission drives")
 
 
 @pytest.mark.parametrize("fault", ["killed", "frozen", "out of memory"])
