@@ -183,23 +183,27 @@ BUS: Final[dict[str, Kind]] = {
 FRAMES: Final[dict[str, Kind]] = {
     "frames_destroyed": Kind(
         "frames break on the wire: CAN's own CRC sees it and they are sent again",
-        act.on_frames(Destroy, error=BusError.CRC_ERROR), _FRAMES,
+        act.on_frames(Destroy, error=BusError.CRC_ERROR), _FRAMES, fits.frames,
     ),
     "frames_corrupt": Kind(
         "one bit of the payload changes before the frame is sent: only E2E sees it",
-        act.on_frames(Corrupt), _FRAMES,
+        act.on_frames(Corrupt), _FRAMES, fits.frames,
     ),
-    "frames_lost": Kind("receivers lose frames", act.on_frames(Drop), _FRAMES),
-    "frames_repeated": Kind("frames are sent twice", act.on_frames(Duplicate), _FRAMES),
+    "frames_lost": Kind("receivers lose frames", act.on_frames(Drop), _FRAMES, fits.frames),
+    "frames_repeated": Kind(
+        "frames are sent twice", act.on_frames(Duplicate), _FRAMES, fits.frames
+    ),
     "frames_stale": Kind(
-        "instead of a frame the last true one is sent once more", act.on_frames(Stale), _FRAMES
+        "instead of a frame the last true one is sent once more", act.on_frames(Stale), _FRAMES,
+        fits.frames,
     ),
     "frames_reordered": Kind(
-        "a frame is sent after the next one of its identifier", act.on_frames(Reorder), _FRAMES
+        "a frame is sent after the next one of its identifier", act.on_frames(Reorder), _FRAMES,
+        fits.frames,
     ),
     "frames_late": Kind(
         "frames are handed to the controller late; others overtake them", act.delay,
-        {**_FRAMES, "delay": Parameter(0.02, "s", 0.0001, 10.0)},
+        {**_FRAMES, "delay": Parameter(0.02, "s", 0.0001, 10.0)}, fits.frames,
     ),
     "masquerade": Kind(
         "the sonar node sends motor commands, with a CRC that does not fit", act.masquerade, _FOR

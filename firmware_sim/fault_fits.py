@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from firmware_sim.nodes.sonar import GROUP_SIZE
+from firmware_sim.nodes import drive_objects, power, sonar, wire
 from firmware_sim.parameters import DifferentialDrive
 
 if TYPE_CHECKING:
@@ -54,12 +54,38 @@ def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
     if missing or not count:
         return
     listener, speaker = numbers["sonar"], numbers["other"]
-    first = listener // GROUP_SIZE * GROUP_SIZE
-    group = [each for each in range(first, min(first + GROUP_SIZE, count)) if each != listener]
+    first = listener // sonar.GROUP_SIZE * sonar.GROUP_SIZE
+    group = [
+        each for each in range(first, min(first + sonar.GROUP_SIZE, count)) if each != listener
+    ]
     if speaker not in group:
         allowed = ", ".join(map(str, group)) or "none"
         rule = f"must be another that fires together with sonar {listener}"
         yield "other", f"{speaker}, {rule}, allowed: {allowed}"
+
+
+def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where no frame of the robot or its host has the identifier; 0 is any."""
+    given, there = int(float(arguments["id"])), _identifiers(len(robot.sonar))
+    if given in there:
+        return
+    nearest = min(there - {0}, key=lambda each: abs(each - given))
+    allowed = ", ".join(f"{each:#05x}" for each in sorted(there))
+    yield "id", f"{given:#05x}, nobody sends it, nearest is {nearest:#05x}; allowed: {allowed}"
+
+
+def _identifiers(sonars: int) -> set[int]:
+    """Return the identifiers of all frames on the bus of a robot with so many sonars."""
+    nodes = (drive_objects.NODE_ID, sonar.NODE_ID, power.NODE_ID)
+    bases = (
+        wire.EMERGENCY_BASE, wire.SDO_RESPONSE_BASE, wire.SDO_REQUEST_BASE, wire.HEARTBEAT_BASE,
+    )  # fmt: skip
+    return {
+        wire.NMT, wire.EMERGENCY_STOP, wire.SYNC, wire.MOTOR_COMMAND,
+        wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS, wire.BATTERY,
+        *sonar.range_identifiers(sonars),
+        *(base + node for base in bases for node in nodes),
+    }  # fmt: skip
 
 
 def sag(robot: RobotConfig, arguments: Arguments) -> Misfits:

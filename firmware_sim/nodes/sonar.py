@@ -40,7 +40,7 @@ def sonar_objects(count: int) -> list[Object]:
     """Return all objects of a ring of `count` sonars."""
     pdos = [
         pdo_communication(0x1800 + group, f"TPDO {group + 1} communication", can_id, EVENT_DRIVEN)
-        for group, can_id in enumerate(wire.SONAR_RANGES[: _groups(count)])
+        for group, can_id in enumerate(range_identifiers(count))
     ]
     return [
         *standard_objects(NODE_ID, "robotctl sonar ring", 2),
@@ -53,8 +53,9 @@ def sonar_objects(count: int) -> list[Object]:
     ]  # fmt: skip
 
 
-def _groups(count: int) -> int:
-    return -(-count // GROUP_SIZE)
+def range_identifiers(count: int) -> tuple[int, ...]:
+    """Return the identifiers of the frames that tell the ranges of `count` sonars."""
+    return wire.SONAR_RANGES[: -(-count // GROUP_SIZE)]
 
 
 class SonarNode(Node):
@@ -86,12 +87,11 @@ class SonarNode(Node):
     ) -> None:
         if not 0 <= count <= SONARS_MAX:
             raise ValueError(f"{count} sonars, allowed are 0..{SONARS_MAX}")
-        self._groups = _groups(count)
+        identifiers = range_identifiers(count)
+        self._groups = len(identifiers)
         self._max_range_m = max_range_m
         self._fire: Callable[[int, int], Ranges] = fire
-        self._protectors = [
-            Protector(wire.data_id(each)) for each in wire.SONAR_RANGES[: self._groups]
-        ]
+        self._protectors = [Protector(wire.data_id(each)) for each in identifiers]
         self._group = 0
         self._fire_ns = NEVER_NS
         self._echoes: deque[tuple[int, int, Ranges]] = deque()

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cantools.database
 import numpy as np
 import pytest
 
@@ -179,6 +180,12 @@ def test_a_mistake_is_named_with_its_line_and_what_is_allowed(problems, wrong, l
     assert problems(wrong) == [f":{line}: {problem}"]
 
 
+SENT = (
+    "0x000, 0x001, 0x080, 0x081, 0x082, 0x083, 0x181, {}0x183, 0x201, 0x281, {}0x381, "
+    "0x581, 0x582, 0x583, 0x601, 0x602, 0x603, 0x701, 0x702, 0x703"
+)
+"""Identifiers; sonars, if there are any, have some more."""
+
 MISFITS = [
     (
         DIFF,
@@ -208,6 +215,21 @@ MISFITS = [
     (NO_SONARS, "sonar_crosstalk sonar=0 other=1", "kind", "the robot has no sonars"),
     (NO_SONARS, "sonar_silent", "kind", "the robot has no sonars"),
     (NO_SONARS, "sonar_stuck", "kind", "the robot has no sonars"),
+    *(
+        (
+            robot,
+            f"{kind} id={given}",
+            "id",
+            f"{given}, nobody sends it, nearest is {nearest}; allowed: "
+            + SENT.format(ranges, more),
+        )
+        for robot, kind, given, nearest, ranges, more in (
+            (DIFF, "frames_lost", "0x221", "0x201", "0x182, ", "0x282, "),
+            (DIFF, "frames_late", "0x7ff", "0x703", "0x182, ", "0x282, "),
+            (DIFF, "frames_corrupt", "0x382", "0x381", "0x182, ", "0x282, "),
+            (NO_SONARS, "frames_stale", "0x182", "0x181", "", ""),
+        )
+    ),
     (DIFF, "brown_out volts=12.7", "volts", "12.7, the battery has 12.6 V, allowed: less"),
     *(
         (
@@ -268,6 +290,19 @@ def test_a_default_that_does_not_fit_is_told_at_the_table(problems):
 @pytest.mark.parametrize("kind", CATALOGUE)
 def test_every_fault_with_its_defaults_is_one_of_every_robot_that_comes_along(load, robot, kind):
     assert load(f'[[fault]]\nkind = "{kind}"\nat = 1', robot).faults
+
+
+@pytest.mark.parametrize("sonars", [0, 4, 5, 16])
+def test_faults_of_frames_know_the_identifiers_of_the_dbc(sonars):
+    robot = dataclasses.replace(DIFF, sonar=(DIFF.sonar * 2)[:sonars])
+    dbc = cantools.database.load_file(CONFIGS / "robot.dbc")
+    silent = {f"SonarRanges{letter}" for letter in "ABCD"[-(-sonars // 4) :]}
+    known = {
+        given
+        for given in range(1, 0x800)
+        if not list(CATALOGUE["frames_lost"].fits(robot, {"id": float(given)}))
+    }
+    assert known == {each.frame_id for each in dbc.messages if each.name not in silent} - {0}
 
 
 def test_a_full_cell_has_the_voltage_of_the_battery():
