@@ -14,8 +14,10 @@ import gc
 import itertools
 import os
 import select
+import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from firmware_sim.bus.hub import Hub
 from firmware_sim.bus.serve import Service, sharpen_timers
@@ -146,7 +148,11 @@ class RealTime:
 
 
 def _raise_priority(priority: int) -> None:
-    """Schedule this process first in, first out, where that is permitted."""
-    if priority > 0:
-        with contextlib.suppress(PermissionError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    """Schedule all threads first in, first out, where permitted: the loop before who publishes."""
+    if priority <= 0:
+        return
+    below = max(os.sched_get_priority_min(os.SCHED_FIFO), priority - 1)
+    with contextlib.suppress(PermissionError):
+        for thread in (int(task.name) for task in Path("/proc/self/task").iterdir()):
+            taken = priority if thread == threading.get_native_id() else below
+            os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(taken))

@@ -55,6 +55,8 @@ PATIENT_S = 30.0
 _POLL_S = 0.005
 _TOLD, _TOLD_NS = 40, 50_000_000
 """So many states, so far apart, are told of a failure."""
+_TRUE = 100
+"""So many truths are kept: those of 2 s."""
 _ABOVE_CONTROL = 10
 """A real drive has a processor of its own: a host that computes for ever does not hold it up."""
 _instances = itertools.count()
@@ -147,6 +149,7 @@ class Rig:
         self.truth: Truth | None = None
         self.notices: list[str] = []
         self._history: deque[ControlState] = deque(maxlen=_TOLD)
+        self._true: deque[Truth] = deque(maxlen=_TRUE)
         self.tolerates_rejects = False
         """Whether the test disturbs frames on purpose."""
 
@@ -268,11 +271,19 @@ class Rig:
         raise AssertionError(f"no frame 0x{arbitration_id:03X} within {seconds} s")
 
     def fresh_truth(self) -> Truth:
-        """Return the first truth published from now on."""
-        now_ns = time.monotonic_ns()
-        self.wait(lambda: self.truth and self.truth.stamp_ns > now_ns, PATIENT_S, "a fresh truth")
-        assert self.truth is not None
-        return self.truth
+        """Return the first truth from now on."""
+        return self.truth_at(time.monotonic_ns())
+
+    def truth_at(self, stamp_ns: int) -> Truth:
+        """Return the first truth at or after a time, which may be up to 2 s ago."""
+        found: list[Truth] = []
+
+        def is_there() -> bool:
+            found[:] = [each for each in self._true if each.stamp_ns >= stamp_ns]
+            return bool(found)
+
+        self.wait(is_there, PATIENT_S, "a fresh truth")
+        return found[0]
 
     def room_distances(self) -> dict[str, float | None]:
         """Return the range to the wall of the empty room for each sonar square to one, else None.
@@ -292,6 +303,7 @@ class Rig:
         """Take in what the processes have published."""
         for truth in self._truths.receive():
             self.truth = truth
+            self._true.append(truth)
         for message in self._states.receive():
             if isinstance(message, ControlState):
                 self.control = message

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import can
 import pytest
@@ -14,6 +18,20 @@ from robotctl.runtime.messages import SafetyState
 
 STATUS = 0x281
 ENABLED = 2
+FLOODS = ("overload", "babble")
+"""Under these the simulator takes three quarters of a processor."""
+
+
+@pytest.fixture(autouse=True)
+def one_flood_at_a_time(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let others who run this test beside us wait: floods together would hold up every robot."""
+    given = request.node.callspec.params if hasattr(request.node, "callspec") else {}
+    if not any(getattr(each, "fault", each).startswith(FLOODS) for each in given.values()):
+        yield
+        return
+    with Path(tempfile.gettempdir(), f"robotctl-flood-{os.getuid()}.lock").open("wb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def power_off_s(rig: Rig, since_s: float) -> float:
@@ -98,14 +116,15 @@ def test_what_harms_nobody_neither_stops_the_robot_nor_leads_it_astray(
     lasting: Rig, fault: str
 ) -> None:
     lasting.drive(0.4, 0.8, 1.0)
-    truth, state = lasting.fresh_truth(), lasting.control
+    before = lasting.control
+    truth = lasting.truth_at(before.stamp_ns)
     lasting.inject(fault)
     lasting.drive(0.4, 0.8, 1.2)
-    assert lasting.control.state == SafetyState.DRIVING, lasting.control.reason
-    way_m = lasting.fresh_truth().distance_m - truth.distance_m
+    after = lasting.control
+    assert after.state == SafetyState.DRIVING, after.reason
+    way_m = lasting.truth_at(after.stamp_ns).distance_m - truth.distance_m
     counted_m = [
-        new - old
-        for new, old in zip(lasting.control.wheel_distance_m, state.wheel_distance_m, strict=True)
+        new - old for new, old in zip(after.wheel_distance_m, before.wheel_distance_m, strict=True)
     ]
     assert way_m > 0.4
     assert sum(counted_m) / 2 == pytest.approx(way_m, abs=0.05)
