@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_tests.floods import calm
 from hil_tests.ground_station import GroundStation
 from hil_tests.pauses import PauseWitness
 from hil_tests.rig import Rig, is_exact
@@ -185,7 +186,14 @@ def lasting(
 
 
 @pytest.fixture
-def mission_rig(make_rig: Callable[..., Rig], tmp_path: Path) -> Rig:
+def without_floods() -> Iterator[None]:
+    """For tests whose robot needs processes that have no priority."""
+    with calm():
+        yield
+
+
+@pytest.fixture
+def mission_rig(without_floods: None, make_rig: Callable[..., Rig], tmp_path: Path) -> Rig:
     """The firmware in the flat, and all that is needed to drive the patrol."""
     rig = make_rig(
         world="flat",
@@ -212,7 +220,7 @@ def reaction(request: pytest.FixtureRequest, bus: str) -> Callable[[str, float],
 
 
 @pytest.fixture
-def station(make_rig: Callable[..., Rig]) -> Iterator[GroundStation]:
+def station(without_floods: None, make_rig: Callable[..., Rig]) -> Iterator[GroundStation]:
     """A ground station connected to the whole stack in standby."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from contextlib import nullcontext
 
 import can
 import pytest
 
 from hil_tests.fault_rows import ROWS, Row
+from hil_tests.floods import flood
 from hil_tests.rig import COMMAND, EMCY_DRIVE, PATIENT_S, Rig, enabled
 from robotctl.runtime.messages import SafetyState
 
 STATUS = 0x281
 ENABLED = 2
 FLOODS = ("overload", "babble")
-"""Under these the simulator takes three quarters of a processor."""
 
 
 @pytest.fixture(autouse=True)
 def one_flood_at_a_time(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Let others who run this test beside us wait: floods together would hold up every robot."""
+    """Let a test that floods the bus wait for those that it would disturb."""
     given = request.node.callspec.params if hasattr(request.node, "callspec") else {}
-    if not any(getattr(each, "fault", each).startswith(FLOODS) for each in given.values()):
-        yield
-        return
-    with Path(tempfile.gettempdir(), f"robotctl-flood-{os.getuid()}.lock").open("wb") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    floods = any(getattr(each, "fault", each).startswith(FLOODS) for each in given.values())
+    with flood() if floods else nullcontext():
         yield
 
 
