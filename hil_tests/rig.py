@@ -318,7 +318,7 @@ class Rig:
         """Return what the processes have said of themselves last, in a line."""
         control, navigation = self.control, self.navigation
         state = f"{control.state.name} {control.reason!r}" if control else "silent"
-        mode = navigation.mode.name if navigation else "silent"
+        mode = f"{navigation.mode.name} {navigation.message!r}" if navigation else "silent"
         return f"control: {state}; navigation: {mode}; notices: {self.notices[-5:]}"
 
     def history(self) -> str:
