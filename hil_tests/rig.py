@@ -19,6 +19,7 @@ import canopen
 import zmq
 
 from hil_tests.firmware import Firmware
+from robotctl.app.children import start_child
 from robotctl.app.config import config_directory, find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.sim import BEST_EFFORT, PATIENCE, Truth
@@ -197,9 +198,7 @@ class Rig:
 
     def start(self, module: str = CONTROL, program: str = "") -> None:
         """Start one process of the stack, or another `program` in its place."""
-        self._processes[module] = subprocess.Popen(
-            self.options.command(program or module), stdin=subprocess.DEVNULL
-        )
+        self._processes[module] = start_child(self.options.command(program or module))
 
     def pid(self, name: str) -> int:
         """Return the process id of a running process."""
