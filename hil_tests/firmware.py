@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Sequence
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-_PR_SET_PDEATHSIG = 1
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(["hil_tests.firmware_loaded"])
 
@@ -64,14 +63,19 @@ class Firmware:
 
 
 def _run(arguments: list[str], console: Connection, log: str) -> None:
-    """Be `python -m firmware_sim` with standard input and output of its own.
-
-    It ends with the server that forked it, which ends with the tests, however they end.
-    """
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+    """Be `python -m firmware_sim` with standard input and output of its own."""
+    threading.Thread(target=_end_with_the_tests, daemon=True).start()
     output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     for source, standard in ((console.fileno(), 0), (output, 1), (output, 2)):
         os.dup2(source, standard)
     from firmware_sim.__main__ import main
 
     sys.exit(main(arguments))
+
+
+def _end_with_the_tests() -> None:
+    """End this process when that of the tests has ended, however it did."""
+    tests = multiprocessing.parent_process()
+    assert tests is not None
+    wait([tests.sentinel])
+    os.kill(os.getpid(), signal.SIGTERM)
