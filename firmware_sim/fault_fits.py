@@ -67,21 +67,24 @@ def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
 def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
     """Yield where no frame of the robot or its host has the identifier; 0 is any."""
     given, there = int(float(arguments["id"])), _identifiers(len(robot.sonar))
-    if given in there:
+    if given == 0 or given in there:
         return
-    nearest = min(there - {0}, key=lambda each: abs(each - given))
+    nearest = min(there, key=lambda each: abs(each - given))
     allowed = ", ".join(f"{each:#05x}" for each in sorted(there))
-    yield "id", f"{given:#05x}, nobody sends it, nearest is {nearest:#05x}; allowed: {allowed}"
+    yield (
+        "id",
+        f"{given:#05x}, nobody sends it, nearest is {nearest:#05x}; allowed: 0 for any, {allowed}",
+    )
 
 
 def _identifiers(sonars: int) -> set[int]:
-    """Return the identifiers of all frames on the bus of a robot with so many sonars."""
+    """Return the identifiers of a robot with so many sonars, but that of NMT, which is 0."""
     nodes = (drive_objects.NODE_ID, sonar.NODE_ID, power.NODE_ID)
     bases = (
         wire.EMERGENCY_BASE, wire.SDO_RESPONSE_BASE, wire.SDO_REQUEST_BASE, wire.HEARTBEAT_BASE,
     )  # fmt: skip
     return {
-        wire.NMT, wire.EMERGENCY_STOP, wire.SYNC, wire.MOTOR_COMMAND,
+        wire.EMERGENCY_STOP, wire.SYNC, wire.MOTOR_COMMAND,
         wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS, wire.BATTERY,
         *sonar.range_identifiers(sonars),
         *(base + node for base in bases for node in nodes),

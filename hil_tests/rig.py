@@ -147,7 +147,6 @@ class Rig:
         self._observer: can.BusABC | None = None
         self.control: ControlState | None = None
         self.navigation: NavigationState | None = None
-        self.truth: Truth | None = None
         self.notices: list[str] = []
         self._history: deque[ControlState] = deque(maxlen=_TOLD)
         self._true: deque[Truth] = deque(maxlen=_TRUE)
@@ -275,14 +274,15 @@ class Rig:
 
     def truth_at(self, stamp_ns: int) -> Truth:
         """Return the first truth at or after a time, which may be up to 2 s ago."""
-        found: list[Truth] = []
+        self.wait(
+            lambda: self.truth and self.truth.stamp_ns >= stamp_ns, PATIENT_S, "a fresh truth"
+        )
+        return next(each for each in self._true if each.stamp_ns >= stamp_ns)
 
-        def is_there() -> bool:
-            found[:] = [each for each in self._true if each.stamp_ns >= stamp_ns]
-            return bool(found)
-
-        self.wait(is_there, PATIENT_S, "a fresh truth")
-        return found[0]
+    @property
+    def truth(self) -> Truth | None:
+        """The newest truth; None before the first."""
+        return self._true[-1] if self._true else None
 
     def room_distances(self) -> dict[str, float | None]:
         """Return the range to the wall of the empty room for each sonar square to one, else None.
@@ -300,9 +300,7 @@ class Rig:
 
     def listen(self) -> None:
         """Take in what the processes have published."""
-        for truth in self._truths.receive():
-            self.truth = truth
-            self._true.append(truth)
+        self._true.extend(self._truths.receive())
         for message in self._states.receive():
             if isinstance(message, ControlState):
                 self.control = message

@@ -25,11 +25,11 @@ def stages(monkeypatch: pytest.MonkeyPatch, here: bool, fails: str = "") -> list
     def run(name: str, *_commands: tuple[str, ...]) -> object:
         return Outcome(name, FAILED if fails and fails in name else PASSED)
 
-    return [(outcome.name, outcome.result) for outcome in run_tests.vcan_stages("", run)]
+    return [(outcome.name, outcome.result) for outcome in run_tests.late_stages("", run)]
 
 
 def test_a_kernel_with_vcan_needs_no_guest(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert stages(monkeypatch, here=True) == [("HIL on vcan, this kernel, real time", PASSED)]
+    assert stages(monkeypatch, here=True)[1:] == [("HIL on vcan, this kernel, real time", PASSED)]
 
 
 def test_without_vcan_all_runs_in_virtual_time_and_a_smoke_in_real_time(
@@ -37,7 +37,7 @@ def test_without_vcan_all_runs_in_virtual_time_and_a_smoke_in_real_time(
 ) -> None:
     names = [name for name, _ in stages(monkeypatch, here=False)]
     assert names[-2:] == [
-        "HIL on vcan, two guests, virtual time",
+        "HIL on vcan, two guests, virtual time; missions on simcan",
         "smoke on vcan, guest, real time",
     ]
 
@@ -56,15 +56,41 @@ def test_without_vcan_and_guest_the_run_fails_and_says_so(monkeypatch: pytest.Mo
     assert run_tests.verdict(outcomes, "")[1] == 1
 
 
+def passed(name: str, *_commands: tuple[str, ...]) -> object:
+    return Outcome(name, PASSED)
+
+
+@pytest.mark.parametrize("wanted", ["", "off"])
+@pytest.mark.parametrize("here", [True, False])
+@pytest.mark.parametrize("fails", ["", "kernel and boot"])
+def test_missions_run_once_and_beside_nothing_in_real_time(
+    monkeypatch: pytest.MonkeyPatch, wanted: str, here: bool, fails: str
+) -> None:
+    monkeypatch.setattr(run_tests, "vcan_here", lambda: here)
+    beside: list[tuple[str, ...]] = []
+    times = 0
+
+    def run(name: str, *commands: tuple[str, ...]) -> object:
+        nonlocal times
+        if run_tests.MISSIONS in commands:
+            times += 1
+            beside.extend(each for each in commands if each != run_tests.MISSIONS)
+        return Outcome(name, FAILED if fails and fails in name else PASSED)
+
+    run_tests.late_stages(wanted, run)
+    assert times == 1
+    assert all(run_tests.GUEST in each and "--real-time" not in each for each in beside)
+
+
 def test_vcan_left_out_on_demand_passes_and_says_so() -> None:
-    outcomes = run_tests.vcan_stages("off", pytest.fail)
+    outcomes = run_tests.late_stages("off", passed)
     line, status = run_tests.verdict([Outcome("unit tests", PASSED), *outcomes], "off")
     assert status == 0
     assert "without real vcan (VCAN=off)" in line
 
 
 def test_a_failed_test_fails_the_run_with_vcan_left_out_too() -> None:
-    outcomes = [Outcome("unit tests", FAILED), *run_tests.vcan_stages("off", pytest.fail)]
+    outcomes = [Outcome("unit tests", FAILED), *run_tests.late_stages("off", passed)]
     assert run_tests.verdict(outcomes, "off") == ("make test: FAILED", 1)
 
 
@@ -127,7 +153,7 @@ def test_no_hil_test_is_left_out_of_the_guests(monkeypatch: pytest.MonkeyPatch) 
         commands.extend(given)
         return Outcome(name, PASSED)
 
-    run_tests.vcan_stages("on", run)
+    run_tests.late_stages("on", run)
     given = {argument for command in commands for argument in command}
     files = {str(p.relative_to(run_tests.ROOT)) for p in run_tests.ROOT.glob("hil_tests/test_*")}
     assert files <= given
