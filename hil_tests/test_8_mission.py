@@ -1,6 +1,7 @@
 """Bring-up, last step: the whole stack drives its mission, as a user would start it."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ from robotctl.app.replay import replay_file
 def patrol(bus: str, robot: str, folder: Path, *options: str) -> dict[str, Any]:
     """Drive the patrol to its end and return the score."""
     report = folder / "report.json"
-    channel = f"simcan:patrol-{robot}" if bus == "simcan" else bus
+    channel = f"simcan:patrol-{os.getpid()}" if bus == "simcan" else bus
     command = [
         *(sys.executable, "-c", "from robotctl.cli.main import main; main()", "sim"),
         *("--headless", "--until-done", "--max-seconds", "340", "--seed", "3"),
