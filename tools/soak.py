@@ -3,13 +3,15 @@
 Each repeat is one run of the tests of faults and safety stops in `hil_tests/`. One failure in any
 repeat fails the whole; its output is shown at once. On simcan tests run side by side: each takes
 a fifth of a processor. A test that failed while the machine itself stood is run again, and counted
-(`hil_tests/pauses.py`).
+(`hil_tests/pauses.py`). Ctrl-C and SIGTERM end it early, with the table of the repeats until then.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -41,7 +43,7 @@ def repeat(options: argparse.Namespace, reactions: Path) -> tuple[str, list[str]
 
 
 def main() -> int:
-    """Run the command; 1 where a repeat failed."""
+    """Run the command; 1 where a repeat failed or was not run."""
     parser = argparse.ArgumentParser(prog="tools/soak.py", description=__doc__)
     add = parser.add_argument
     add("--repeats", type=int, default=200, help="runs of the whole suite (%(default)s)")
@@ -53,23 +55,26 @@ def main() -> int:
     options = parser.parse_args()
     if options.bus != "simcan":
         options.workers = 1
-    failures = runs_again = 0
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    done = failures = runs_again = 0
     with tempfile.TemporaryDirectory(prefix="soak-") as directory:
         reactions = (options.keep or Path(directory) / "reactions.jsonl").resolve()
         reactions.touch()
         begin_s = time.monotonic()
-        for number in range(1, options.repeats + 1):
-            output, again = repeat(options, reactions)
-            failures += bool(output)
-            runs_again += len(again)
-            for text in (output, *again):
-                print(text, end="\n" if text else "")
-            minutes = (time.monotonic() - begin_s) / 60
-            text = f"repeat {number} of {options.repeats}, {failures} failed, {minutes:.1f} min"
-            print(text, file=sys.stderr, flush=True)
+        with contextlib.suppress(KeyboardInterrupt):  # it has ended the tests
+            while done < options.repeats:
+                output, again = repeat(options, reactions)
+                done += 1
+                failures += bool(output)
+                runs_again += len(again)
+                for text in (output, *again):
+                    print(text, end="\n" if text else "", flush=True)
+                minutes = (time.monotonic() - begin_s) / 60
+                text = f"repeat {done} of {options.repeats}, {failures} failed, {minutes:.1f} min"
+                print(text, file=sys.stderr, flush=True)
         print(reaction_table(reactions.read_text(encoding="utf-8").splitlines()))
-    print(f"{failures} of {options.repeats} repeats failed, {runs_again} tests run again")
-    return 1 if failures else 0
+    print(f"{failures} of {done} repeats failed, {runs_again} tests run again")
+    return 1 if failures or done < options.repeats else 0
 
 
 if __name__ == "__main__":
