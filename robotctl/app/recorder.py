@@ -138,7 +138,6 @@ class Logs:
         self._states = StateLog(folder, epoch_ns, config.robot.name)
         self._bus = BusLog(folder, config.can, epoch_ns)
         self._retry_ns = 0
-        self._troubled = False
 
     def listen(self, now_ns: int) -> tuple[str, ...]:
         """Log the bus."""
@@ -158,16 +157,16 @@ class Logs:
             self._states.step(messages, now_ns)
         except OSError as error:
             return self._refused(error, now_ns)
-        self._troubled = False
         return ()
 
     def _refused(self, error: OSError, now_ns: int) -> tuple[str, ...]:
-        """Say once that the disk refuses, and try again later."""
-        news = () if self._troubled else (f"logging stopped: {error}",)
-        self._troubled = True
+        """Say that the disk refuses, and try again later.
+
+        Said each time: who begins to listen later, as all do at a start, shall know it, too.
+        """
         self._retry_ns = now_ns + _RETRY_NS
         self.close()  # that it refuses this too is no news
-        return news
+        return (f"logging stopped: {error}",)
 
     def close(self) -> tuple[str, ...]:
         """Close all files; return a sentence for each whose end the disk refuses."""
