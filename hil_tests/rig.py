@@ -212,8 +212,9 @@ class Rig:
         self._processes[name].send_signal(number)
 
     def kill(self, name: str, number: int = signal.SIGKILL) -> int:
-        """Send a signal to a process, wait for its end, and return its status."""
+        """Send a signal to a process, stopped or not; wait for its end and return its status."""
         process = self._processes.pop(name)
+        process.send_signal(signal.SIGCONT)
         process.send_signal(number)
         return process.wait(10)
 
