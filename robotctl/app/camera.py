@@ -78,7 +78,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                     said = _SILENT
             if said != trouble:
                 trouble = said
-                publisher.send(_notice(clock.now_ns(), trouble))
+                notice = _notice(clock.now_ns(), trouble)
+                publisher.send(notice)
+                publisher.greet(notice)
     finally:
         camera.close()
         context.destroy(linger=0)

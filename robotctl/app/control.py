@@ -47,7 +47,7 @@ from robotctl.runtime.topics import (
 )
 
 PUBLISH_HZ: Final = 50
-_SEVERITY_WARNING, _SEVERITY_INFO = 4, 6
+_SEVERITY_WARNING: Final = 4
 
 
 class ControlTicker:
@@ -191,9 +191,8 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     refused = acquire_realtime(config.runtime)
     if not config.runtime.allow_best_effort:
         fitness.refused_rights = tuple(refused)
-    for sentence in (*notes, *ring_notes, *refused):
-        print(f"robotctl: {sentence}", file=sys.stderr)  # noqa: T201
-        publisher.send(Notice(clock.now_ns(), _SEVERITY_WARNING, sentence))
+    if sentences := (*notes, *ring_notes, *refused):
+        publisher.greet(Notice(clock.now_ns(), _SEVERITY_WARNING, "\n".join(sentences)))
     in_order = False
     try:
         loop.run(ticker, stopped)

@@ -108,7 +108,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_control = RequestSender(context, endpoints.control_requests)
     heartbeat = Heartbeat(os.environ)
     pilot = Pilot(config, options)
-    notes = resume(pilot, options)
+    if notes := resume(pilot, options):
+        publisher.greet(Notice(clock.now_ns(), _SEVERITY_WARNING, "\n".join(notes)))
     estimators = load_estimators(config, options)
     place = None if estimators is None else Place(estimators, publisher)
     heard = [endpoints.lidar] if place is not None else []
@@ -124,10 +125,6 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             begin_ns = clock.now_ns()
             for message in states.receive():
                 control = message if isinstance(message, ControlState) else control
-            if control is not None and notes:
-                for note in notes:
-                    publisher.send(Notice(begin_ns, _SEVERITY_WARNING, note))
-                notes = ()
             asked = requests.receive()
             scans = [each for each in sensors.receive() if not isinstance(each, Notice)]
             if place is not None and control is not None:

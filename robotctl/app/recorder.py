@@ -63,7 +63,7 @@ class Recording:
         self._keeper: ProgressKeeper | None = None
         self._dumps: FlightDumps | None = None
         self._logs: Logs | None = None
-        self._notes: tuple[str, ...] = ()
+        self._left: tuple[str, ...] = ()
         self._listen_ns = LISTEN_PERIODS * config.runtime.period_ns
         if options.state:
             saved, _ = load_progress(options)
@@ -72,7 +72,7 @@ class Recording:
             self._dumps = FlightDumps(ring, Path(options.flights))
         if options.record:
             folder = LogFolder(Path(options.record), config.log)
-            self._notes = recover_all(folder)
+            self._left = recover_all(folder)
             self._logs = Logs(ring, folder, config)
 
     @property
@@ -80,13 +80,17 @@ class Recording:
         """How often `listen` is to be called [ns]."""
         return PERIOD_NS if self._logs is None else self._listen_ns
 
+    def look_back(self, now_ns: int) -> tuple[str, ...]:
+        """Dump a crash of the run before; return what people should know of what that run left."""
+        return self._left + (() if self._dumps is None else self._dumps.step([], now_ns))
+
     def listen(self, now_ns: int) -> tuple[str, ...]:
         """Empty what would overflow before the next `step`."""
         return () if self._logs is None else self._logs.listen(now_ns)
 
     def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
         """Write what is to be written; return what people should know."""
-        notes, self._notes = self._notes, ()
+        notes: tuple[str, ...] = ()
         if self._keeper is not None:
             notes += self._keeper.step(messages, now_ns)
         if self._dumps is not None:
@@ -191,6 +195,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         publisher = Publisher(context, endpoints.recorder_notices)
         recording = Recording(config, options)
         stack.callback(_finish, recording, messages.receive, clock)
+        if left := recording.look_back(clock.now_ns()):
+            publisher.greet(Notice(clock.now_ns(), _SEVERITY_WARNING, "\n".join(left)))
         heartbeat = Heartbeat(os.environ)
         due_ns = 0
         while not stopped():
@@ -199,6 +205,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             if now_ns >= due_ns:
                 due_ns = now_ns + PERIOD_NS
                 notes += recording.step(messages.receive(), now_ns)
+            publisher.attend()
             for note in notes:
                 publisher.send(Notice(now_ns, _SEVERITY_WARNING, note))
             heartbeat.beat()

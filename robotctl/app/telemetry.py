@@ -51,9 +51,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     clock = RealClock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
-    states = Subscriber[State](
-        context, (endpoints.control_state, endpoints.navigation_state), State
-    )
+    heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]
+    heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
+    states = Subscriber[State](context, tuple(heard), State)
     to_control = RequestSender(context, endpoints.control_requests)
     to_navigation = RequestSender(context, endpoints.navigation_requests)
     publisher = Publisher(context, endpoints.telemetry_notices)

@@ -353,7 +353,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):
-    """A line of text for people, with the severity numbers of RFC 5424 (0 worst, 6 information)."""
+    """Lines of text for people, with the severity numbers of RFC 5424 (0 worst, 6 information)."""
 
     stamp_ns: int
     severity: int

@@ -177,6 +177,18 @@ class Publisher:
         """Publish one message without waiting."""
         self._socket.send(self._encoder.encode(message), zmq.NOBLOCK)
 
+    def greet(self, message: msgspec.Struct) -> None:
+        """Tell `message` to each who begins to listen from now on, instead of the one before.
+
+        What a process has to say at its start, when nobody listens yet, is heard in this way. It
+        goes out with the next `send` or `attend` after somebody has come.
+        """
+        self._socket.setsockopt(zmq.XPUB_WELCOME_MSG, self._encoder.encode(message))
+
+    def attend(self) -> None:
+        """Greet who has come; for a process that seldom sends anything."""
+        self._socket.getsockopt(zmq.EVENTS)  # asking lets the socket look at what it was told
+
     def send_bytes(self, data: bytes) -> None:
         """Publish bytes without waiting."""
         self._socket.send(data, zmq.NOBLOCK)

@@ -87,7 +87,7 @@ class Context:
         elif isinstance(state, LocalisationState):
             self.locator.localise(state)
         else:
-            self.texts.append((state.severity, state.text))
+            self.texts.extend((state.severity, line) for line in state.text.splitlines())
 
     def say(self, now_ns: int, severity: int, text: str) -> None:
         """Tell people `text`, on the ground stations and in the notices."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Message, Peer
+from robotctl.telemetry.ground_stations import GroundStations
 from robotctl.telemetry.service import Context
 
 CHUNK = 50
@@ -14,27 +15,52 @@ MAX_LENGTH = 1000
 TEXTS_PER_STEP = 4
 """A burst of notices is spread, so that it does not crowd out answers on slow links."""
 
+MAX_UNHEARD = 16
+"""So many texts wait for a ground station."""
+
+_WARNING = 4
+
 
 class StatusText:
-    """Sends the texts that other services and processes left in the context."""
+    """Sends the texts that other services and processes left in the context.
+
+    The last warnings, and worse, that were sent while no ground station was there are sent again,
+    each with its age, when one comes: why a robot stands was often said before.
+    """
 
     handles: frozenset[int] = frozenset()
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, ground_stations: GroundStations) -> None:
         self._context = context
+        self._ground_stations = ground_stations
+        self._unheard: dict[str, tuple[int, int]] = {}
         self._last_id = 0
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take nothing."""
 
-    def step(self, now_ns: int) -> None:  # noqa: ARG002
+    def step(self, now_ns: int) -> None:
         """Send a few of the waiting texts."""
         texts = self._context.texts
+        heard = bool(self._ground_stations.alive)
+        if heard:
+            while self._unheard:
+                text, (severity, said_ns) = self._unheard.popitem()
+                texts.appendleft((severity, f"{text} ({(now_ns - said_ns) / 1e9:.0f} s ago)"))
         for _ in range(min(TEXTS_PER_STEP, len(texts))):
             severity, text = texts.popleft()
+            if not heard and severity <= _WARNING:
+                self._keep(severity, text, now_ns)
             self._last_id = self._last_id % 0xFFFF + 1
             for message in status_texts(severity, text, self._last_id):
                 self._context.links.broadcast(message)
+
+    def _keep(self, severity: int, text: str, now_ns: int) -> None:
+        """Keep a text for a ground station, once; what is said again and again leaves room."""
+        self._unheard.pop(text, None)
+        self._unheard[text] = (severity, now_ns)
+        if len(self._unheard) > MAX_UNHEARD:
+            del self._unheard[next(iter(self._unheard))]
 
 
 def status_texts(severity: int, text: str, identifier: int) -> Iterator[Message]:

@@ -69,7 +69,7 @@ class Telemetry:
             heartbeat,
             streams,
             LinkWatch(context),
-            StatusText(context),
+            StatusText(context, self._ground_stations),
         )
         self._context = context
         self._router = Router(services, config)

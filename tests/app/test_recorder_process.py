@@ -5,6 +5,7 @@ import itertools
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -13,15 +14,19 @@ from pathlib import Path
 from typing import Any
 
 import can
+import msgspec
 import pytest
+import zmq
 from mcap.reader import make_reader
+from pymavlink import mavutil
 
 from robotctl.app.config import find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.progress import Progress, progress_file
 from robotctl.app.replay import replay_file
 from robotctl.app.stack import CONTROL, RECORDER, Stack
-from robotctl.runtime.topics import ring_path
+from robotctl.runtime.messages import Notice
+from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory, ring_path
 from robotctl.telemetry.mcap_log import is_complete
 
 DEADLINE_S = 40.0
@@ -52,22 +57,22 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def stack(channel: str, folder: Path) -> Iterator[Stack]:
-    made = Stack(
-        StackOptions(
-            "robot",
-            str(find_file("diff_drive").resolve()),
-            ('can.interface="simcan"', f'can.channel="{channel}"', "mavlink.link=[]"),
-            record=str(folder / "logs"),
-            flights=str(folder / "flights"),
-            state=str(folder / "state"),
-            run="test",
-        )
+def options(channel: str, folder: Path) -> StackOptions:
+    return StackOptions(
+        "robot",
+        str(find_file("diff_drive").resolve()),
+        ('can.interface="simcan"', f'can.channel="{channel}"', "mavlink.link=[]"),
+        record=str(folder / "logs"),
+        flights=str(folder / "flights"),
+        state=str(folder / "state"),
+        run="test",
     )
-    try:
+
+
+@pytest.fixture
+def stack(options: StackOptions) -> Iterator[Stack]:
+    with contextlib.closing(Stack(options)) as made:
         yield made
-    finally:
-        made.close()
 
 
 def until(stack: Stack, condition: Callable[[], Any], what: str) -> Any:
@@ -123,6 +128,39 @@ def test_logs_records_and_dumps_outlive_the_kill_of_any_process(stack: Stack, fo
     assert json.loads((folder / "state" / "progress.json").read_text().split("\n")[1])["run"]
 
 
+def test_a_ground_station_that_comes_late_hears_what_the_run_before_left(
+    stack: Stack, options: StackOptions, folder: Path
+) -> None:
+    state = folder / "state" / "progress.json"
+    until(stack, lambda: size(folder / "logs" / "robot-0001.mcap") > 20_000, "seconds are logged")
+    until(stack, state.exists, "progress is saved")
+    for module in (RECORDER, *(each for each in stack.modules if each != RECORDER)):
+        os.kill(stack.pid(module), signal.SIGKILL)
+    stack.close()
+    state.write_bytes(state.read_bytes()[:-3])
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{probe.getsockname()[1]}"
+    link = f'mavlink.link=[{{url="tcpin:{address}"}}]'
+    after = msgspec.structs.replace(options, overrides=(*options.overrides, link))
+    with contextlib.closing(Stack(after)) as stack:
+        until(stack, lambda: stack.ready, "ready")
+        ground_station = mavutil.mavlink_connection(f"tcp:{address}", source_system=255)
+        said = ""
+
+        def heard(*words: str) -> bool:
+            nonlocal said
+            ground_station.mav.heartbeat_send(mavutil.mavlink.MAV_TYPE_GCS, 8, 0, 0, 0)
+            while (text := ground_station.recv_match(type="STATUSTEXT")) is not None:
+                said += text.text
+            return all(each in said for each in words)
+
+        with contextlib.closing(ground_station):
+            left = ("progress.json: damaged", "0001.mcap: was cut, completed", "/crash-")
+            until(stack, lambda: heard(*left), "all that the run before left is said")
+
+
 def test_a_damaged_odometer_is_set_aside_and_said_and_the_one_before_goes_on(
     channel: str, folder: Path
 ) -> None:
@@ -139,13 +177,12 @@ def test_a_damaged_odometer_is_set_aside_and_said_and_the_one_before_goes_on(
         state=str(state),
         run="new",
     )
-    process = subprocess.Popen(
-        options.command(CONTROL), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
-    )
-    with process, contextlib.ExitStack() as stop:
-        stop.callback(process.terminate)
-        assert process.stderr is not None
-        line = process.stderr.readline()
-    assert f"{path}: damaged" in line
-    assert "progress.json.damaged-1" in line
+    with subprocess.Popen(options.command(CONTROL)) as process, zmq.Context() as context:
+        address = Endpoints(endpoint_directory("robot")).control_state
+        listener = Subscriber[Notice](context, (address,), Notice)
+        (notice,) = wait(listener.receive, "a notice")
+        listener.close()
+        process.terminate()
+    assert f"{path}: damaged" in notice.text
+    assert "progress.json.damaged-1" in notice.text
     assert file.load()[0] == Progress("old", 1000.0, 0.0, 0.0, 0.0)

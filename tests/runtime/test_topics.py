@@ -148,6 +148,44 @@ def test_a_listener_hears_a_publisher_that_starts_later_and_again(
         publisher.close()
 
 
+def test_who_listens_from_the_start_and_who_listens_late_are_greeted_once_each(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    def listen() -> Subscriber[Notice]:
+        return Subscriber[Notice](context, (endpoints.control_state,), Notice)
+
+    def heard(listener: Subscriber[Notice]) -> list[str]:
+        texts: list[str] = []
+
+        def enough() -> bool:
+            publisher.send(Notice(0, 6, "news"))
+            texts.extend(notice.text for notice in listener.receive())
+            return texts.count("news") > 3
+
+        until(enough)
+        return [text for text in texts if text != "news"]
+
+    early = listen()
+    publisher = Publisher(context, endpoints.control_state)
+    publisher.greet(Notice(1, 4, "the start"))
+    assert heard(early) == ["the start"]
+    late = listen()
+    assert heard(late) == ["the start"]
+    publisher.greet(Notice(2, 4, "what came later"))
+    latest = listen()
+    assert heard(latest) == ["what came later"]
+    assert heard(early) == heard(late) == heard(latest) == []
+
+
+def test_a_publisher_that_says_nothing_greets_when_it_attends(
+    context: zmq.Context, endpoints: Endpoints
+) -> None:
+    publisher = Publisher(context, endpoints.recorder_notices)
+    publisher.greet(Notice(1, 4, "the start"))
+    listener = Subscriber[Notice](context, (endpoints.recorder_notices,), Notice)
+    until(lambda: publisher.attend() or listener.receive() == [Notice(1, 4, "the start")])
+
+
 def test_a_folder_too_deep_for_sockets_is_refused_with_what_to_set(
     context: zmq.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:

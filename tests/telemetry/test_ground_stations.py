@@ -3,6 +3,7 @@
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Peer
+from robotctl.runtime.messages import Notice
 
 
 def heartbeat(kind=common.MAV_TYPE_GCS):
@@ -49,3 +50,64 @@ def test_invented_ground_stations_do_not_fill_the_memory(bench):
     assert len(bench.telemetry.ground_stations) == 32
     bench.run(20.0)
     assert len(bench.telemetry.take_notices()) <= 64
+
+
+def test_what_was_said_while_nobody_was_there_is_said_again_once_with_its_age(bench):
+    bench.step(Notice(0, 6, "the camera sees the floor"), Notice(0, 2, "stopped: no feedback"))
+    bench.run(9.98)
+    bench.step(Notice(0, 4, "one line\nand another"))
+    sent = ["the camera sees the floor", "stopped: no feedback", "one line", "and another"]
+    assert bench.texts() == sent
+
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    again = [(text.severity, text.text) for text, _ in bench.take("STATUSTEXT")]
+    assert again == [
+        (2, "stopped: no feedback (10 s ago)"),
+        (4, "one line (0 s ago)"),
+        (4, "and another (0 s ago)"),
+        (6, "Ground station 255 is here"),
+    ]
+
+    bench.step(Notice(0, 4, "said to its face"))
+    bench.receive(heartbeat(), system=254)
+    bench.run(1.0)
+    assert bench.texts() == ["said to its face", "Ground station 254 is here"]
+
+
+def test_a_ground_station_that_was_lost_hears_why_the_robot_stands(bench):
+    bench.receive(heartbeat())
+    bench.run(6.0)
+    bench.step(Notice(0, 2, "stopped: no commands"))
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    lost, stopped, here = bench.texts()
+    assert (lost[:30], here) == ("Ground station 255 is lost (1 ", "Ground station 255 is here")
+    assert stopped == "stopped: no commands (0 s ago)"
+
+
+def test_only_the_last_texts_wait_for_a_ground_station(bench):
+    for number in range(40):
+        bench.step(Notice(0, 4, f"trouble {number}"))
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    texts = bench.texts()
+    assert [text.split(" (")[0] for text in texts[:-1]] == [f"trouble {n}" for n in range(24, 40)]
+
+
+def test_what_is_said_again_and_again_does_not_hide_why_the_robot_stands(bench):
+    bench.step(Notice(0, 2, "stopped: no feedback"))
+    for _ in range(40):
+        bench.step(Notice(0, 4, "logging stopped: disk full"))
+    bench.run(2.0)
+    bench.take()
+    bench.receive(heartbeat())
+    bench.step()
+    assert bench.texts() == [
+        "stopped: no feedback (3 s ago)",
+        "logging stopped: disk full (2 s ago)",
+        "Ground station 255 is here",
+    ]
