@@ -1,5 +1,6 @@
 """The simulator's process among others: whom the scheduler lets go first."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -18,6 +19,16 @@ def fifo_is_permitted() -> bool:
     return asked.returncode == 0
 
 
+def scheduled(process: int) -> dict[int, tuple[int, int]]:
+    """Policy and priority of each thread that lives at the moment."""
+    found = {}
+    for thread in (int(each.name) for each in Path(f"/proc/{process}/task").iterdir()):
+        with contextlib.suppress(ProcessLookupError):
+            policy, parameters = os.sched_getscheduler(thread), os.sched_getparam(thread)
+            found[thread] = (policy, parameters.sched_priority)
+    return found
+
+
 def test_the_loop_comes_before_who_publishes_and_both_before_ordinary_tasks(tmp_path):
     if not fifo_is_permitted():
         pytest.skip(f"SCHED_FIFO {PRIORITY} is not permitted here")
@@ -34,14 +45,7 @@ def test_the_loop_comes_before_who_publishes_and_both_before_ordinary_tasks(tmp_
             taken = {}
             while set(taken.values()) != {(os.SCHED_FIFO, PRIORITY), (os.SCHED_FIFO, PRIORITY - 1)}:
                 assert time.monotonic() < deadline_s, taken
-                threads = [int(each.name) for each in Path(f"/proc/{process.pid}/task").iterdir()]
-                taken = {
-                    thread: (
-                        os.sched_getscheduler(thread),
-                        os.sched_getparam(thread).sched_priority,
-                    )
-                    for thread in threads
-                }
+                taken = scheduled(process.pid)
             assert taken[process.pid] == (os.SCHED_FIFO, PRIORITY)
             assert len(taken) > 1
         finally:
