@@ -63,6 +63,11 @@ _ABOVE_CONTROL = 10
 _instances = itertools.count()
 
 
+def in_guest_in_real_time() -> bool:
+    """Return whether all processes share one processor, and a slow one: that of a guest."""
+    return os.environ.get("VCAN_GUEST") == "real"
+
+
 def is_exact(bus: str) -> bool:
     """Return whether a late frame on the bus is the robot's own: virtual time, or a real robot."""
     return bus == "can0" or os.environ.get("VCAN_GUEST") == "virtual"
