@@ -25,10 +25,36 @@ from robotctl.runtime.topics import Endpoints, Publisher, Subscriber, endpoint_d
 
 _LOOK_NS = 5_000_000
 _SILENT_NS = 2_000_000_000
+_TELL_NS = 5_000_000_000
 _SILENT = "no picture comes"
-_UNKNOWN = "not yet known"
 _WARNING = 4
 _INFORMATION = 6
+
+
+class CameraNews:
+    """Decides what people are told of the camera, and how often.
+
+    Attributes
+    ----------
+    told
+        The trouble that they know of, empty where there is none; None before anything was said.
+    """
+
+    def __init__(self) -> None:
+        self.told: str | None = None
+        self._told_ns = 0
+
+    def step(self, trouble: str, now_ns: int) -> Notice | None:
+        """Return what to say of the present trouble, empty for none; None: nothing new, or later.
+
+        A floor at the edge of what is trusted would fill a slow link with every picture's verdict.
+        """
+        if trouble == self.told or (self.told is not None and now_ns - self._told_ns < _TELL_NS):
+            return None
+        self.told, self._told_ns = trouble, now_ns
+        if trouble:
+            return Notice(now_ns, _WARNING, f"the camera does not judge the floor: {trouble}")
+        return Notice(now_ns, _INFORMATION, "the camera sees the floor")
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:
@@ -58,39 +84,32 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         )
         watch = GroundWatch(config.camera, config.ground_camera)
         heartbeat = Heartbeat(os.environ)
-        trouble, seen_ns = _UNKNOWN, clock.now_ns()
+        news = CameraNews()
+        trouble: str | None = None  # before the first picture
+        seen_ns = clock.now_ns()
         while not stopped():
             heartbeat.beat()
             for message in states.receive():
                 if isinstance(message, ControlState):
                     watch.attend(message)
             frame = camera.read()
-            said = trouble
             if frame is not None:
                 view = watch.look(frame.image, frame.stamp_ns)
                 publisher.send(view)
                 if onlookers is not None:
                     onlookers.send_bytes(picture_message(frame))
-                said, seen_ns = view.trouble, clock.now_ns()
+                trouble, seen_ns = view.trouble, clock.now_ns()
             else:
                 clock.sleep_until(clock.now_ns() + _LOOK_NS)
                 if clock.now_ns() - seen_ns > _SILENT_NS:
-                    said = _SILENT
-            if said != trouble:
-                trouble = said
-                notice = _notice(clock.now_ns(), trouble)
+                    trouble = _SILENT
+            notice = None if trouble is None else news.step(trouble, clock.now_ns())
+            if notice is not None:
                 publisher.send(notice)
                 publisher.greet(notice)
     finally:
         camera.close()
         context.destroy(linger=0)
-
-
-def _notice(now_ns: int, trouble: str) -> Notice:
-    """Return what to tell people when a trouble begins or, empty, ends."""
-    if trouble:
-        return Notice(now_ns, _WARNING, f"the camera does not judge the floor: {trouble}")
-    return Notice(now_ns, _INFORMATION, "the camera sees the floor")
 
 
 def main() -> int:
