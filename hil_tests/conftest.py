@@ -16,7 +16,7 @@ import pytest
 from hil_tests.floods import calm
 from hil_tests.ground_station import GroundStation
 from hil_tests.pauses import PauseWitness
-from hil_tests.rig import Rig, in_guest_in_real_time, is_exact
+from hil_tests.rig import GUEST_TIME, Rig, is_exact
 from robotctl.app.config import find_file
 from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
 from robotctl.runtime.messages import SafetyState
@@ -195,7 +195,7 @@ def without_floods() -> Iterator[None]:
 @pytest.fixture
 def mission_rig(without_floods: None, make_rig: Callable[..., Rig], tmp_path: Path) -> Rig:
     """The firmware in the flat, and all that is needed to drive the patrol."""
-    if in_guest_in_real_time():
+    if GUEST_TIME == "real":
         pytest.skip("a guest's processor leaves nothing to navigation in real time")
     rig = make_rig(
         world="flat",

@@ -50,6 +50,10 @@ NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 CIRCLE_M, NEAR_M = 0.5, 0.7
 """Radius of the circles that tests drive; how near to the middle of the room there is space."""
 
+GUEST_TIME = os.environ.get("VCAN_GUEST", "")
+"""The time of the guest that the tests are in: empty in none; real: one slow processor for all;
+virtual: computing takes no time, so that a busy process never gets late."""
+
 PATIENT_S = 30.0
 """So long may starting and recovering take on a busy machine; reactions have their own limits."""
 
@@ -63,14 +67,9 @@ _ABOVE_CONTROL = 10
 _instances = itertools.count()
 
 
-def in_guest_in_real_time() -> bool:
-    """Return whether all processes share one processor, and a slow one: that of a guest."""
-    return os.environ.get("VCAN_GUEST") == "real"
-
-
 def is_exact(bus: str) -> bool:
     """Return whether a late frame on the bus is the robot's own: virtual time, or a real robot."""
-    return bus == "can0" or os.environ.get("VCAN_GUEST") == "virtual"
+    return bus == "can0" or GUEST_TIME == "virtual"
 
 
 def _numbers(values: Sequence[float]) -> str:
@@ -320,7 +319,10 @@ class Rig:
     def told(self) -> str:
         """Return what the processes have said of themselves last, in a line."""
         control, navigation = self.control, self.navigation
-        state = f"{control.state.name} {control.reason!r}" if control else "silent"
+        state = "silent"
+        if control:
+            late = f"{control.loop.overruns} overruns, {control.loop.lag_us_max / 1000:.1f} ms late"
+            state = f"{control.state.name} {control.reason!r}, {late} at most"
         mode = f"{navigation.mode.name} {navigation.message!r}" if navigation else "silent"
         return f"control: {state}; navigation: {mode}; notices: {self.notices[-5:]}"
 

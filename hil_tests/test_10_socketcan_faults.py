@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import time
 from collections.abc import Callable, Iterator
 
-import can_link
 import pytest
 
-from hil_tests.rig import PATIENT_S, Rig
+import can_link
+from hil_tests.rig import GUEST_TIME, PATIENT_S, Rig
 from robotctl.runtime.messages import SafetyState
 
 
 @pytest.fixture
 def own_kernel(bus: str) -> Iterator[str]:
     """Name of a vcan interface that may be taken away; as it was again afterwards."""
-    if "VCAN_GUEST" not in os.environ:
+    if not GUEST_TIME:
         pytest.skip("takes vcan0 away and sets the clock: run in tools/vcan-guest")
     yield bus
     with contextlib.suppress(FileExistsError):

@@ -14,10 +14,10 @@ from hil_tests.floods import flood
 from hil_tests.rig import (
     COMMAND,
     EMCY_DRIVE,
+    GUEST_TIME,
     PATIENT_S,
     Rig,
     enabled,
-    in_guest_in_real_time,
 )
 from robotctl.runtime.messages import SafetyState
 
@@ -72,7 +72,7 @@ def assert_recovers(rig: Rig) -> None:
 def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     lasting: Rig, row: Row, reaction: Callable[[str, float], None]
 ) -> None:
-    if in_guest_in_real_time() and row.fault.startswith("babble"):
+    if GUEST_TIME == "real" and row.fault.startswith("babble"):
         pytest.skip("more frames than a guest's processor takes in real time")
     if not row.omega_rad_s:
         lasting.drive_to_the_middle(radius_m=0.0)
@@ -100,7 +100,7 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     assert_recovers(lasting)
 
 
-@pytest.mark.skipif(in_guest_in_real_time(), reason="a guest's processor itself stops the robot")
+@pytest.mark.skipif(GUEST_TIME == "real", reason="a guest's processor itself stops the robot")
 @pytest.mark.parametrize(
     "fault",
     [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import signal
 from collections.abc import Callable
@@ -11,7 +10,15 @@ import pytest
 
 from hil_tests.faulty_control import COLLECT, HANG, SPIN
 from hil_tests.faulty_navigation import LEAK
-from hil_tests.rig import COMMAND, EMCY_COMMAND_TIMEOUT, EMCY_DRIVE, PATIENT_S, Rig, enabled
+from hil_tests.rig import (
+    COMMAND,
+    EMCY_COMMAND_TIMEOUT,
+    EMCY_DRIVE,
+    GUEST_TIME,
+    PATIENT_S,
+    Rig,
+    enabled,
+)
 from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.runtime.messages import Mode, SafetyState
 
@@ -22,11 +29,6 @@ RESOLUTION_MS = 1.0
 
 BUS_MS = 4.0
 """Frames wait for the bus, and EMCY for the frames before it."""
-
-
-def virtual_time() -> bool:
-    """Whether computing takes no time here, so that a busy process never gets late."""
-    return os.environ.get("VCAN_GUEST") == "virtual"
 
 
 def reaction_ms(rig: Rig, messages: list) -> float:
@@ -66,7 +68,7 @@ IN_A_TICK = {
 def test_a_host_that_falls_silent_is_stopped_by_the_drive_and_waits_for_arming(
     rig: Rig, fault: str, reaction: React
 ) -> None:
-    if virtual_time() and IN_A_TICK.get(fault) in {SPIN, COLLECT}:
+    if GUEST_TIME == "virtual" and IN_A_TICK.get(fault) in {SPIN, COLLECT}:
         pytest.skip("virtual time: computing takes none")
     rig.start(CONTROL, "hil_tests.faulty_control")
     rig.arm()

@@ -20,28 +20,20 @@ from robotctl.errors import ConfigError, RobotctlError
 from robotctl.model.camera import SIMULATED
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
-from robotctl.runtime.messages import ControlState, Notice
+from robotctl.runtime.messages import ControlState, Notice, Severity
 from robotctl.runtime.topics import Endpoints, Publisher, Subscriber, endpoint_directory
 
 _LOOK_NS = 5_000_000
 _SILENT_NS = 2_000_000_000
 _TELL_NS = 5_000_000_000
 _SILENT = "no picture comes"
-_WARNING = 4
-_INFORMATION = 6
 
 
 class CameraNews:
-    """Decides what people are told of the camera, and how often.
-
-    Attributes
-    ----------
-    told
-        The trouble that they know of, empty where there is none; None before anything was said.
-    """
+    """Decides what people are told of the camera, and how often."""
 
     def __init__(self) -> None:
-        self.told: str | None = None
+        self._told: str | None = None  # the trouble, empty for none; None: nothing yet
         self._told_ns = 0
 
     def step(self, trouble: str, now_ns: int) -> Notice | None:
@@ -49,12 +41,13 @@ class CameraNews:
 
         A floor at the edge of what is trusted would fill a slow link with every picture's verdict.
         """
-        if trouble == self.told or (self.told is not None and now_ns - self._told_ns < _TELL_NS):
+        if trouble == self._told or (self._told is not None and now_ns - self._told_ns < _TELL_NS):
             return None
-        self.told, self._told_ns = trouble, now_ns
+        self._told, self._told_ns = trouble, now_ns
         if trouble:
-            return Notice(now_ns, _WARNING, f"the camera does not judge the floor: {trouble}")
-        return Notice(now_ns, _INFORMATION, "the camera sees the floor")
+            text = f"the camera does not judge the floor: {trouble}"
+            return Notice(now_ns, Severity.WARNING, text)
+        return Notice(now_ns, Severity.INFORMATION, "the camera sees the floor")
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

@@ -33,6 +33,7 @@ from robotctl.runtime.messages import (
     EmergencyStopSource,
     Feedback,
     Notice,
+    Severity,
     WheelCommand,
 )
 from robotctl.runtime.ports import RobotPort
@@ -47,7 +48,6 @@ from robotctl.runtime.topics import (
 )
 
 PUBLISH_HZ: Final = 50
-_SEVERITY_WARNING: Final = 4
 
 
 class ControlTicker:
@@ -192,7 +192,7 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     if not config.runtime.allow_best_effort:
         fitness.refused_rights = tuple(refused)
     if sentences := (*notes, *ring_notes, *refused):
-        publisher.greet(Notice(clock.now_ns(), _SEVERITY_WARNING, "\n".join(sentences)))
+        publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(sentences)))
     in_order = False
     try:
         loop.run(ticker, stopped)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 import zmq
@@ -20,7 +20,13 @@ from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
 from robotctl.runtime.heartbeat import Heartbeat
-from robotctl.runtime.messages import ControlState, ExternalPose, NavigationRequest, Notice
+from robotctl.runtime.messages import (
+    ControlState,
+    ExternalPose,
+    NavigationRequest,
+    Notice,
+    Severity,
+)
 from robotctl.runtime.ports import Clock
 from robotctl.runtime.topics import (
     Endpoints,
@@ -33,9 +39,6 @@ from robotctl.runtime.topics import (
 
 if TYPE_CHECKING:
     from robotctl.app.estimators import Estimators
-
-_SEVERITY_WARNING: Final = 4
-_SEVERITY_NOTICE: Final = 5
 
 
 _Heard: TypeAlias = LidarScan | CameraView | Notice
@@ -74,7 +77,7 @@ class Place:
         for picture in estimators.pictures(begin_ns):
             publisher.send(picture)
         for news in estimators.news():
-            publisher.send(Notice(begin_ns, _SEVERITY_NOTICE, news))
+            publisher.send(Notice(begin_ns, Severity.NOTICE, news))
         return state
 
 
@@ -109,7 +112,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     heartbeat = Heartbeat(os.environ)
     pilot = Pilot(config, options)
     if notes := resume(pilot, options):
-        publisher.greet(Notice(clock.now_ns(), _SEVERITY_WARNING, "\n".join(notes)))
+        publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
     estimators = load_estimators(config, options)
     place = None if estimators is None else Place(estimators, publisher)
     heard = [endpoints.lidar] if place is not None else []
@@ -133,7 +136,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             command, state = pilot.step(control, localisation, asked, begin_ns, views)
             to_control.send(command)
             for news in pilot.news():
-                publisher.send(Notice(begin_ns, _SEVERITY_WARNING, news))
+                publisher.send(Notice(begin_ns, Severity.WARNING, news))
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))
             heartbeat.beat()

@@ -22,7 +22,7 @@ from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
-from robotctl.runtime.messages import Notice
+from robotctl.runtime.messages import Notice, Severity
 from robotctl.runtime.ports import Clock
 from robotctl.runtime.ring_file import crashed, retire
 from robotctl.runtime.topics import (
@@ -41,7 +41,6 @@ _LOOK_NS: Final = 20_000_000
 _RETRY_NS: Final = 10_000_000_000
 _END_NS: Final = 1_500_000_000
 """The control process, told to end at the same time, has ended by then [ns]."""
-_SEVERITY_WARNING: Final = 4
 
 
 class Recording:
@@ -196,7 +195,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         recording = Recording(config, options)
         stack.callback(_finish, recording, messages.receive, clock)
         if left := recording.look_back(clock.now_ns()):
-            publisher.greet(Notice(clock.now_ns(), _SEVERITY_WARNING, "\n".join(left)))
+            publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(left)))
         heartbeat = Heartbeat(os.environ)
         due_ns = 0
         while not stopped():
@@ -207,7 +206,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 notes += recording.step(messages.receive(), now_ns)
             publisher.attend()
             for note in notes:
-                publisher.send(Notice(now_ns, _SEVERITY_WARNING, note))
+                publisher.send(Notice(now_ns, Severity.WARNING, note))
             heartbeat.beat()
             clock.sleep_until(now_ns + recording.period_ns)
 

@@ -35,6 +35,7 @@ from robotctl.runtime.messages import (
     NodeStatus,
     Notice,
     SafetyState,
+    Severity,
     VelocityCommand,
     WheelCommand,
 )
@@ -47,7 +48,6 @@ _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
 _COUNTS_GAP_NS = 500_000_000
 """Half of what the drive's time stamp holds: behind a longer gap it may have rolled over."""
-_SEVERITY_CRITICAL, _SEVERITY_WARNING, _SEVERITY_INFO = 2, 4, 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,7 +326,7 @@ class ControlCore:
             refusals = refusals or (self.machine.reason,)
             arming.answer_waiting(*refusals)
             text = f"arming refused: {'; '.join(refusals)}"
-            self._notices.append(Notice(now_ns, _SEVERITY_WARNING, text))
+            self._notices.append(Notice(now_ns, Severity.WARNING, text))
             return False
         if self._health.drive_latched and now_ns - self._cleared_ns > _CLEAR_INTERVAL_NS:
             self._cleared_ns = now_ns
@@ -417,11 +417,11 @@ class ControlCore:
             self._arming.answer_waiting(f"made before the stop: {reason}")
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._velocity = None
-            self._notices.append(Notice(now_ns, _SEVERITY_CRITICAL, f"stopped: {reason}"))
+            self._notices.append(Notice(now_ns, Severity.CRITICAL, f"stopped: {reason}"))
         elif changed and event in (Event.ARM, Event.DISARM, Event.READY):
             text = {"arm accepted": "armed", "all nodes ready": "ready to arm"}
             line = text.get(event.value, "disarmed")
-            self._notices.append(Notice(now_ns, _SEVERITY_INFO, line))
+            self._notices.append(Notice(now_ns, Severity.INFORMATION, line))
         return changed
 
     def snapshot(self, now_ns: int, loop: LoopStatistics) -> ControlState:

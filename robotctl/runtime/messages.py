@@ -48,6 +48,15 @@ class EmergencyStopSource(enum.IntEnum):
     NODE = 6
 
 
+class Severity(enum.IntEnum):
+    """How much a notice matters: numbers of RFC 5424, table 2, the same as MAV_SEVERITY."""
+
+    CRITICAL = 2
+    WARNING = 4
+    NOTICE = 5
+    INFORMATION = 6
+
+
 class BusState(enum.IntEnum):
     """State of the host's CAN controller (ISO 11898-1 fault confinement, and link down)."""
 
@@ -353,7 +362,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):
-    """Lines of text for people, with the severity numbers of RFC 5424 (0 worst, 6 information)."""
+    """Lines of text for people; severities are those of RFC 5424 (0 worst), named or not."""
 
     stamp_ns: int
     severity: int

@@ -40,8 +40,6 @@ FORCE = 21196.0
 TIMEOUT_NS = 2_000_000_000
 """How long the control process may take [ns]; it refuses by itself after one second."""
 
-WARNING = 4
-
 
 @dataclass(frozen=True, slots=True)
 class _Pending:
@@ -73,13 +71,13 @@ class Arming:
             return self._arm(command, now_ns)
         if command.params[0] == 0.0:
             return self._disarm(command, now_ns)
-        self._context.say(now_ns, WARNING, f"Arm: neither 0 nor 1: {command.params[0]:g}")
+        self._context.say(now_ns, f"Arm: neither 0 nor 1: {command.params[0]:g}")
         return DENIED
 
     def _terminate(self, command: Command, now_ns: int) -> int:
         if command.params[0] == 1.0:
             return self._stop(now_ns)
-        self._context.say(now_ns, WARNING, "Emergency stop: only arming ends it")
+        self._context.say(now_ns, "Emergency stop: only arming ends it")
         return DENIED
 
     def _stop(self, now_ns: int) -> int:
@@ -101,10 +99,10 @@ class Arming:
         )
         if copy is not None:
             if copy == TEMPORARILY_REJECTED:
-                self._context.say(now_ns, WARNING, "Arm: asked for a moment ago, ask again")
+                self._context.say(now_ns, "Arm: asked for a moment ago, ask again")
             return copy
         if self._context.robot.has_localiser and self._context.fresh_localisation(now_ns) is None:
-            self._context.say(now_ns, WARNING, "Arm: the localiser is not ready")
+            self._context.say(now_ns, "Arm: the localiser is not ready")
             return TEMPORARILY_REJECTED
         self._ask(command, now_ns, arm=True)
         return None
@@ -139,13 +137,13 @@ class Arming:
         for request_id, pending in list(self._pending.items()):
             if now_ns > pending.deadline_ns:
                 del self._pending[request_id]
-                self._context.say(now_ns, WARNING, f"{_verb(pending)}: control does not answer")
+                self._context.say(now_ns, f"{_verb(pending)}: control does not answer")
                 self._answer(pending, TEMPORARILY_REJECTED, now_ns)
 
     def _finish(self, pending: _Pending, ack: Ack, now_ns: int) -> None:
         if not ack.accepted:
             for reason in ack.reasons or ("refused",):
-                self._context.say(now_ns, WARNING, f"{_verb(pending)}: {reason}")
+                self._context.say(now_ns, f"{_verb(pending)}: {reason}")
         self._answer(pending, ACCEPTED if ack.accepted else DENIED, now_ns)
 
     def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Message, Peer
+from robotctl.runtime.messages import Severity
 from robotctl.telemetry.service import Context, source
 
 MAX_STATIONS = 32
 """Whoever invents stations must not fill the memory."""
-
-INFORMATION = 6
-WARNING = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +54,7 @@ class GroundStations:
                 return
             station = GroundStation(*address, {})
             self._stations[address] = station
-            self._context.say(now_ns, INFORMATION, f"Ground station {address[0]} is here")
+            self._context.say(now_ns, f"Ground station {address[0]} is here", Severity.INFORMATION)
         station.heard_ns[peer.link] = now_ns
 
     def step(self, now_ns: int) -> None:
@@ -67,4 +65,4 @@ class GroundStations:
                     del station.heard_ns[link]
             if not station.heard_ns:
                 del self._stations[address]
-                self._context.say(now_ns, WARNING, f"Ground station {address[0]} is lost")
+                self._context.say(now_ns, f"Ground station {address[0]} is lost")

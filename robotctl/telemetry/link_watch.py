@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robotctl.runtime.mavlink_port import LinkStatus, Message, Peer
+from robotctl.runtime.messages import Severity
 from robotctl.telemetry.service import Context
 
 PATIENCE_NS = 1_000_000_000
 """A link that is away for a shorter time [ns] is no news; nor would a supervisor that is itself
 just starting hear of it."""
-
-_SEVERITY_WARNING = 4
-_SEVERITY_INFO = 6
 
 
 @dataclass
@@ -50,11 +48,11 @@ class LinkWatch:
             seen.opened, seen.failing_ns = status.opened, None
             if seen.told:
                 seen.told = False
-                self._context.say(now_ns, _SEVERITY_INFO, f"MAVLink {status.url} is open")
+                self._context.say(now_ns, f"MAVLink {status.url} is open", Severity.INFORMATION)
         if seen.failing_ns is None:
             if status.errors and not status.open:
                 seen.failing_ns = now_ns
         elif not seen.told and now_ns - seen.failing_ns >= PATIENCE_NS:
             seen.told = True
             text = f"MAVLink {status.url} is closed and tried again: {status.last_error}"
-            self._context.say(now_ns, _SEVERITY_WARNING, text)
+            self._context.say(now_ns, text)

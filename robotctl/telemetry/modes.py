@@ -33,8 +33,6 @@ It drops the request by itself after `REQUEST_LIFE_NS`; one that it took just be
 next state, which is here in time.
 """
 
-WARNING = 4
-
 
 @dataclass(frozen=True, slots=True)
 class _Pending:
@@ -85,7 +83,7 @@ class Modes:
         )
         if copy == TEMPORARILY_REJECTED:
             text = f"Mode {mode.name}: asked for a moment ago, ask again"
-            self._context.say(now_ns, WARNING, text)
+            self._context.say(now_ns, text)
         return copy
 
     def _holds(self, mode: Mode, now_ns: int) -> bool:
@@ -98,13 +96,13 @@ class Modes:
 
     def _wanted(self, base_mode: float, custom_mode: float, now_ns: int) -> Mode | None:
         if not (0.0 <= base_mode <= 255.0 and int(base_mode) & CUSTOM):
-            self._context.say(now_ns, WARNING, "Mode: needs the flag CUSTOM_MODE_ENABLED")
+            self._context.say(now_ns, "Mode: needs the flag CUSTOM_MODE_ENABLED")
             return None
         for mode in Mode:
             if custom_mode == float(mode):
                 return mode
         allowed = ", ".join(f"{mode.name} {mode.value}" for mode in Mode)
-        self._context.say(now_ns, WARNING, f"Mode {custom_mode:g}: allowed {allowed}")
+        self._context.say(now_ns, f"Mode {custom_mode:g}: allowed {allowed}")
         return None
 
     @staticmethod
@@ -132,7 +130,7 @@ class Modes:
             self._answer(pending, ACCEPTED, now_ns)
         elif now_ns - pending.asked_ns > TIMEOUT_NS:
             why = "navigation does not answer" if navigation is None else navigation.message
-            self._context.say(now_ns, WARNING, f"Mode {pending.mode.name} not taken: {why}")
+            self._context.say(now_ns, f"Mode {pending.mode.name} not taken: {why}")
             self._answer(pending, TEMPORARILY_REJECTED, now_ns)
 
     def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:

@@ -20,6 +20,7 @@ from robotctl.runtime.messages import (
     NavigationRequest,
     NavigationState,
     Notice,
+    Severity,
 )
 from robotctl.telemetry.config import MavlinkConfig
 
@@ -89,7 +90,7 @@ class Context:
         else:
             self.texts.extend((state.severity, line) for line in state.text.splitlines())
 
-    def say(self, now_ns: int, severity: int, text: str) -> None:
+    def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
         """Tell people `text`, on the ground stations and in the notices."""
         self.texts.append((severity, text))
         self.notices.append(Notice(now_ns, severity, text))

@@ -44,7 +44,6 @@ HEADING_GAIN_1_S = 2.0
 """Turning rate for each radian of heading error [1/s], where a direction is commanded."""
 
 SAY_AGAIN_NS = 30_000_000_000
-WARNING = 4
 
 
 class Used(NamedTuple):
@@ -87,7 +86,7 @@ class Setpoints:
             self.refused[reason] += 1
             if now_ns >= self._said_ns.get(reason, now_ns):
                 self._said_ns[reason] = now_ns + SAY_AGAIN_NS
-                self._context.say(now_ns, WARNING, f"Setpoint: {reason}")
+                self._context.say(now_ns, f"Setpoint: {reason}")
 
     def step(self, now_ns: int) -> None:
         """Do nothing: the requests carry the time when they are void."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Message, Peer
+from robotctl.runtime.messages import Severity
 from robotctl.telemetry.ground_stations import GroundStations
 from robotctl.telemetry.service import Context
 
@@ -17,8 +18,6 @@ TEXTS_PER_STEP = 4
 
 MAX_UNHEARD = 16
 """So many texts wait for a ground station."""
-
-_WARNING = 4
 
 
 class StatusText:
@@ -49,7 +48,7 @@ class StatusText:
                 texts.appendleft((severity, f"{text} ({(now_ns - said_ns) / 1e9:.0f} s ago)"))
         for _ in range(min(TEXTS_PER_STEP, len(texts))):
             severity, text = texts.popleft()
-            if not heard and severity <= _WARNING:
+            if not heard and severity <= Severity.WARNING:
                 self._keep(severity, text, now_ns)
             self._last_id = self._last_id % 0xFFFF + 1
             for message in status_texts(severity, text, self._last_id):

@@ -1,9 +1,9 @@
 """After each fault the wheels lose their power in time, whenever it strikes; in lockstep."""
 
 import pytest
-from reactions import Run, measure
 
 from hil_tests.fault_rows import ROWS
+from reactions import Run, measure
 from robotctl.app.config import find_file
 
 

@@ -7,9 +7,9 @@ import sys
 import time
 
 import can
-import can_link
 import pytest
 
+import can_link
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.can_port import SocketPort
 from robotctl.drivers.memory_port import MemoryPort

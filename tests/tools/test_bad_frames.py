@@ -3,6 +3,7 @@
 import math
 
 import pytest
+
 from bad_frames import (
     CERTAIN,
     INJECTED,

@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+
 from mutants import row, table, tally
 
 ROOT = Path(__file__).resolve().parents[2]

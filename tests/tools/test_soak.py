@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 import soak
 from reactions import reaction_table
 from soak import SUITE

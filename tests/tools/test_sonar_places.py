@@ -4,9 +4,9 @@ import gzip
 
 import numpy as np
 import pytest
-from sonar_places import CONFIG, FILE, Ring, likeness, read_ring, revisits, round_rows, turned
 
 from robotctl.estimation.signatures import Signature, SignatureIndex, histograms
+from sonar_places import CONFIG, FILE, Ring, likeness, read_ring, revisits, round_rows, turned
 
 RECORDED = f"sonar/{FILE}"
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from sonar_ring import FRONT, NO_ECHO, Guess, map_of, ranked, read_ring, units
 
 FILES = ("sonar/ring8_measurement.txt", "sonar/ring8_poses.txt")

@@ -4,7 +4,6 @@ import re
 import tomllib
 
 import pytest
-from write_docs import BEGIN, END, FAULTS, STATES, diagram
 
 from firmware_sim.config import load_robot
 from firmware_sim.fault_catalogue import CATALOGUE
@@ -14,6 +13,7 @@ from robotctl.app.config import find_file
 from robotctl.runtime.messages import SafetyState
 from robotctl.runtime.plausibility import PlausibilityConfig
 from robotctl.runtime.safety import TRANSITIONS, SafetyConfig
+from write_docs import BEGIN, END, FAULTS, STATES, diagram
 
 SAFETY = STATES.page.read_text(encoding="utf-8")
 FAULTS_PAGE = FAULTS.page.read_text(encoding="utf-8")
