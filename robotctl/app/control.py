@@ -15,7 +15,7 @@ import zmq
 from robotctl.app.config import RobotConfig, config_directory
 from robotctl.app.fitness import Fitness
 from robotctl.app.options import StackOptions, options_of_command_line
-from robotctl.app.progress import load_progress
+from robotctl.app.progress import last_pose, load_progress
 from robotctl.app.robot import make_core, make_robot, record_header
 from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.errors import LinkError, RobotctlError
@@ -139,9 +139,10 @@ def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ..
     saved, notes = load_progress(options)
     if saved is None:
         return options, 0.0, notes
-    if saved.run != options.run:
+    pose = last_pose(saved, options)
+    if pose is None:
         return options, saved.odometer_m, notes
-    x_m, y_m, theta_rad = saved.x_m, saved.y_m, saved.theta_rad
+    x_m, y_m, theta_rad = pose.x_m, pose.y_m, pose.theta_rad
     heading_deg = math.degrees(theta_rad)
     note = (
         f"the pose is that of before the restart: x {x_m:.2f} m, y {y_m:.2f} m, {heading_deg:.0f} "

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions
 from robotctl.model.se2 import SE2
 
+AGAIN_SIGMA_M: Final = 0.5
+AGAIN_SIGMA_DEG: Final = 10.0
+"""Of a start in the middle of a run: 0.3 s until the pose is saved, and the way of braking."""
+
+_STILL_M, _STILL_RAD = 1e-3, 1e-3
+
 if TYPE_CHECKING:
     from robotctl.app.estimators import Estimators
 
 
-def load_estimators(config: RobotConfig, options: StackOptions) -> Estimators | None:
+def load_estimators(
+    config: RobotConfig, options: StackOptions, last: SE2 | None = None
+) -> Estimators | None:
     """Return localiser and mapper, compiled and ready; None where neither is wanted.
+
+    `last` is where the robot was last in this run, if it has begun before: a known start is there
+    then, and less certain, since nobody looked while the robot came to rest.
 
     Raises
     ------
@@ -27,4 +40,18 @@ def load_estimators(config: RobotConfig, options: StackOptions) -> Estimators | 
     from robotctl.app.estimators import make_estimators  # noqa: PLC0415
 
     start = SE2(options.x_m, options.y_m, options.theta_rad)
+    if last is not None and _moved(start, last):
+        settings = config.localisation
+        settings = replace(
+            settings,
+            start_sigma_m=max(settings.start_sigma_m, AGAIN_SIGMA_M),
+            start_sigma_deg=max(settings.start_sigma_deg, AGAIN_SIGMA_DEG),
+        )
+        config, start = replace(config, localisation=settings), last
     return make_estimators(config, start, Path(options.robot).resolve().parent)
+
+
+def _moved(start: SE2, last: SE2) -> bool:
+    """Return whether the robot has left its start."""
+    way = start.inverse() @ last
+    return math.hypot(way.x_m, way.y_m) > _STILL_M or abs(way.theta_rad) > _STILL_RAD

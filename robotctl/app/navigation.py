@@ -14,7 +14,7 @@ from robotctl.app.config import RobotConfig
 from robotctl.app.load_estimators import load_estimators
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.pilot import Pilot
-from robotctl.app.progress import load_progress
+from robotctl.app.progress import last_pose, load_progress
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
@@ -113,7 +113,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     pilot = Pilot(config, options)
     if notes := resume(pilot, options):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
-    estimators = load_estimators(config, options)
+    last = last_pose(load_progress(options)[0], options)  # of the present, not of the start above
+    estimators = load_estimators(config, options, last)
     place = None if estimators is None else Place(estimators, publisher)
     heard = [endpoints.lidar] if place is not None else []
     heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []

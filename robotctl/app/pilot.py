@@ -90,6 +90,7 @@ class Pilot:
         self._odometry = OdometryHistory()
         self._floor = FloorMemory()
         self._news: list[str] = []
+        self._armings: int | None = None
 
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
@@ -123,6 +124,10 @@ class Pilot:
             twist = Twist(control.v_m_s, control.omega_rad_s)
             ranges_m = control.sonar_m
         enabled = fresh and control is not None and control.state in POWERED
+        if control is not None:
+            if control.armings != self._armings:  # it may have been stopped between two states
+                enabled = enabled and self._armings is None
+            self._armings = control.armings
         inputs = NavigationInputs(
             pose=pose,
             twist=twist,

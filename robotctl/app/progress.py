@@ -15,6 +15,7 @@ from typing import Final
 import msgspec
 
 from robotctl.app.options import StackOptions
+from robotctl.model.se2 import SE2
 from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import Locator
@@ -156,6 +157,13 @@ def load_progress(options: StackOptions) -> tuple[Progress | None, tuple[str, ..
         return progress_file(Path(options.state)).load()
     except StateError as error:
         return Progress("", math.nan, 0.0, 0.0, 0.0), (str(error),)
+
+
+def last_pose(saved: Progress | None, options: StackOptions) -> SE2 | None:
+    """Return where `base` was last in `world` in this run of the stack; None where it begins."""
+    if saved is None or not saved.run or saved.run != options.run:
+        return None
+    return SE2(saved.x_m, saved.y_m, saved.theta_rad)
 
 
 class ProgressKeeper:

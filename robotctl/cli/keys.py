@@ -10,13 +10,16 @@ from typing import Final, TextIO
 
 EMERGENCY_KEYS: Final = frozenset(" eE")
 HINT: Final = "Space or e: EMERGENCY STOP"
+_DISABLED: Final = b"\0"
+"""A control character that is none: `_POSIX_VDISABLE` of Linux."""
 
 
 class Keys:
     """Reads keys without Enter and without waiting; use as a context manager.
 
     Does nothing where standard input is no terminal, or the process runs in the background, where
-    reading would halt it. Ctrl-C and Ctrl-Z keep their meaning.
+    reading would halt it. Ctrl-C keeps its meaning; Ctrl-Z and Ctrl-S have none meanwhile: they
+    would leave a robot that drives on without the one who looks on, deaf to all keys.
 
     Parameters
     ----------
@@ -41,7 +44,9 @@ class Keys:
         if self._descriptor is not None and self._foreground():
             self._before = termios.tcgetattr(self._descriptor)
             after = termios.tcgetattr(self._descriptor)
+            after[0] = int(after[0]) & ~termios.IXON
             after[3] = int(after[3]) & ~(termios.ICANON | termios.ECHO)
+            after[6][termios.VSUSP] = _DISABLED
             termios.tcsetattr(self._descriptor, termios.TCSADRAIN, after)
         return self
 

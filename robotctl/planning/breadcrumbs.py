@@ -12,6 +12,8 @@ from robotctl.planning.path import Point
 
 _SAME_HEADING_RAD = math.radians(20.0)
 _RECENT = 5
+_JOINED_M = 1.0
+"""How the robot came to a place farther than this from the last one is not known [m]."""
 
 
 class Crumb(NamedTuple):
@@ -22,6 +24,8 @@ class Crumb(NamedTuple):
     theta_rad: float
     reverse: bool
     """The robot came here from the crumb before in reverse gear."""
+    gap: bool = False
+    """How it came here from the crumb before is not known."""
 
 
 class Leg(NamedTuple):
@@ -41,6 +45,10 @@ class Breadcrumbs:
     robot drives its way back in reverse gear along its own tracks, since it cannot turn on the
     spot and may not have room for a U-turn; there a place counts as the same only with the same
     heading and gear. Beyond `count_max` crumbs every second one is dropped.
+
+    Where a pose is far from the one before (the localiser has found the robot elsewhere, or this
+    process began in the middle of a run) there is a gap: the straight line between them may lead
+    through walls. It is gone when the robot comes to a place from before the gap.
 
     Parameters
     ----------
@@ -68,6 +76,11 @@ class Breadcrumbs:
         """Return the number of crumbs."""
         return len(self._crumbs)
 
+    @property
+    def has_gap(self) -> bool:
+        """Whether a part of the way home is not known."""
+        return any(crumb.gap for crumb in self._crumbs)
+
     def record(self, pose: SE2) -> None:
         """Take note that the robot is at `pose`."""
         last = self._crumbs[-1]
@@ -75,7 +88,8 @@ class Breadcrumbs:
         if dx * dx + dy * dy < self._spacing * self._spacing:
             return
         backwards = dx * math.cos(pose.theta_rad) + dy * math.sin(pose.theta_rad) < 0.0
-        crumb = Crumb(pose.x_m, pose.y_m, pose.theta_rad, backwards)
+        gap = math.hypot(dx, dy) > max(_JOINED_M, 2.0 * self._spacing)
+        crumb = Crumb(pose.x_m, pose.y_m, pose.theta_rad, backwards, gap)
         seen = self._same_place(crumb)
         if seen is not None:
             self.truncate(seen + 1)
@@ -110,9 +124,9 @@ class Breadcrumbs:
         return legs
 
     def _same_place(self, crumb: Crumb) -> int | None:
-        """Return the earliest crumb at the place of `crumb`, apart from the latest few."""
+        """Return the earliest crumb at the place of `crumb`, apart from those it comes from."""
         cx, cy = self._cell(crumb)
-        latest = len(self._crumbs) - _RECENT
+        latest = len(self._crumbs) - (0 if crumb.gap else _RECENT)
         near = [
             index
             for x in (cx - 1, cx, cx + 1)
@@ -132,7 +146,12 @@ class Breadcrumbs:
 
     def _thin(self) -> None:
         """Drop every second crumb and double the spacing."""
-        self._crumbs = self._crumbs[::2]
+        gaps = [False, *(crumb.gap for crumb in self._crumbs)]  # of the one before each
+        self._crumbs = [
+            crumb._replace(gap=crumb.gap or gaps[index])
+            for index, crumb in enumerate(self._crumbs)
+            if index % 2 == 0
+        ]
         self._spacing *= 2.0
         self._cells.clear()
         for index in range(len(self._crumbs)):

@@ -160,6 +160,8 @@ class Navigator:
         """Return why `mode` cannot be had, empty where it can."""
         if mode is Mode.AUTO and self._runner is None:
             return "no mission is loaded"
+        if mode is Mode.RTL and self._crumbs.has_gap:
+            return "the way home is not known: navigation started, or lost its place, on it"
         return ""
 
     def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:

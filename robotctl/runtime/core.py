@@ -171,6 +171,7 @@ class ControlCore:
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
         self._notices: list[Notice] = []
+        self._armings = 0
 
     @property
     def warm(self) -> bool:
@@ -412,6 +413,7 @@ class ControlCore:
     def _on(self, event: Event, reason: str, now_ns: int) -> bool:
         """Apply an event to the state machine and tell people of stops and starts."""
         changed = self.machine.on(event, reason)
+        self._armings += changed and event is Event.ARM
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
             self._stopped_ns = now_ns
             self._arming.answer_waiting(f"made before the stop: {reason}")
@@ -465,4 +467,5 @@ class ControlCore:
             loop=loop,
             odometer_m=self.odometer_start_m + self.odometry.distance_m,
             acks=self._arming.acks,
+            armings=self._armings,
         )

@@ -308,7 +308,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     feedback is stale. `sonar_m[i]` belongs to the i-th sonar of the configuration: inf where there
     was no echo, nan where the sensor is missing, faulty or stale. `distance_m` counts from the
     start of the process, `odometer_m` over the robot's life (nan where its file cannot be read).
-    `acks` are the last answers to `Arm`, the newest last.
+    `acks` are the last answers to `Arm`, the newest last. `armings` counts how often the robot was
+    armed since the start of the process: a stop and an arming between two states show in it alone.
     """
 
     stamp_ns: int
@@ -339,6 +340,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     loop: LoopStatistics
     odometer_m: float = 0.0
     acks: tuple[Ack, ...] = ()
+    armings: int = 0
 
 
 class NavigationState(msgspec.Struct, frozen=True, tag=True):

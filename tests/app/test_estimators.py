@@ -11,15 +11,18 @@ import pytest
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.estimators import Estimators, make_estimators
+from robotctl.app.load_estimators import AGAIN_SIGMA_M, load_estimators
 from robotctl.app.localisation_map import load_localisation_map
 from robotctl.app.localiser import Seen, external_covariance
 from robotctl.app.mapper import Mapper
 from robotctl.app.mcl_localiser import pose_measurement
 from robotctl.app.odometry_history import OdometryHistory
+from robotctl.app.options import StackOptions
 from robotctl.app.scan_messages import camera_scan, lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.estimation.ekf import checked_covariance
 from robotctl.estimation.occupancy_grid import OccupancyGrid
+from robotctl.model.angles import wrap_angle
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import upper_triangle
 from robotctl.model.se2 import SE2
@@ -338,3 +341,23 @@ def test_the_room_of_these_tests_is_the_one_of_the_file(world: Path) -> None:
     walls = load_walls(world)
     assert isinstance(walls, WallMap)
     assert walls.segments == pytest.approx(ROOM)
+
+
+@pytest.mark.parametrize("method", ["ekf", "mcl"])
+@pytest.mark.parametrize(
+    ("last", "sigma_m"),
+    [(None, 0.1), (SE2(1.0, 1.0, 0.0), 0.1), (SE2(3.0, 2.5, 1.2), AGAIN_SIGMA_M)],
+    ids=["first start", "before it has moved", "under way"],
+)
+def test_started_again_under_way_the_localiser_begins_where_the_robot_was_last(
+    world: Path, method: str, last: SE2 | None, sigma_m: float
+) -> None:
+    overrides = (f'localisation.map="{world}"', f'localisation.method="{method}"', "sonar=[]")
+    options = StackOptions("x", str(find_file("diff_drive")), overrides, x_m=1.0, y_m=1.0)
+    several = load_estimators(options.load(), options, last)
+    state = control(0, SE2(0.0, 0.0, 2.0))  # how control's odometry began does not matter
+    found = several.step(state, (), (), 0)
+    there, expected = pose_in_world(state, found), last or SE2(1.0, 1.0, 0.0)
+    assert distance(there, expected) < sigma_m / 4
+    assert abs(wrap_angle(there.theta_rad - expected.theta_rad)) < math.radians(1.5)
+    assert math.sqrt(found.covariance[0]) == pytest.approx(sigma_m, rel=0.1)

@@ -43,6 +43,7 @@ class Armed:
         mission.write_text(MISSION)
         self.pilot = Pilot(CONFIG, StackOptions("x", "", mission=str(mission)))
         self.now_ns = 10**12
+        self.armings = 1
         self.step()
 
     def step(
@@ -54,6 +55,7 @@ class Armed:
             STATE,
             stamp_ns=self.now_ns,
             state=SafetyState.ARMED,
+            armings=self.armings,
             v_m_s=0.0,
             omega_rad_s=0.0,
             sonar_m=(math.inf,) * len(CONFIG.sonar),
@@ -105,3 +107,19 @@ def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed:
         command, state = armed.step()
     assert armed.pilot.news() == ["3 requests for a mode or position dropped: 4.5 s old"]
     assert armed.pilot.news() == []
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_a_robot_stopped_and_armed_again_between_two_states_does_not_drive_on(
+    armed: Armed, mode: Mode
+) -> None:
+    armed.step(SetMode(armed.next_ns(), mode))
+    if mode is Mode.GUIDED:
+        armed.step(PositionTarget(armed.next_ns(), 3.0, 0.0))
+    armed.armings += 1
+    for _ in range(3):
+        command, state = armed.step()
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert state.message == "hold: the robot was stopped"
+    command, _ = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    assert command.v_m_s > 0.0

@@ -15,6 +15,7 @@ from robotctl.app.pilot import Pilot
 from robotctl.app.progress import (
     Progress,
     ProgressKeeper,
+    last_pose,
     load_progress,
     mission_crc,
     progress_file,
@@ -23,6 +24,7 @@ from robotctl.app.progress import (
 )
 from robotctl.app.robot import make_core
 from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.se2 import SE2
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.messages import (
     ControlState,
@@ -174,6 +176,16 @@ def test_the_odometer_goes_on_over_runs_and_the_pose_only_within_one(
     assert "x 3.00 m" in note
     other = msgspec.structs.replace(options, run="second")
     assert continued(other) == (other, 1234.5, ())
+
+
+def test_the_last_pose_is_that_of_this_run_alone(options: StackOptions) -> None:
+    saved = Progress(options.run, 0.0, 3.0, 4.0, 0.5)
+    assert options.run
+    assert last_pose(saved, options) == SE2(3.0, 4.0, 0.5)
+    assert last_pose(saved, msgspec.structs.replace(options, run="second")) is None
+    assert last_pose(None, options) is None
+    unreadable = Progress("", math.nan, 0.0, 0.0, 0.0)
+    assert last_pose(unreadable, msgspec.structs.replace(options, run="")) is None
 
 
 def test_the_pose_that_is_saved_is_that_in_the_world(options: StackOptions) -> None:

@@ -49,7 +49,16 @@ def in_a_terminal(typed: bytes, patience_s: float) -> str:
 
 
 @pytest.mark.parametrize(
-    ("typed", "stops"), [(b" ", True), (b"e", True), (b"E", True), (b"xe", True), (b"x\n", False)]
+    ("typed", "stops"),
+    [
+        (b" ", True),
+        (b"e", True),
+        (b"E", True),
+        (b"xe", True),
+        (b"x\n", False),
+        (b"\x1ae", True),  # Ctrl-Z
+        (b"\x13e", True),  # Ctrl-S
+    ],
 )
 def test_only_the_emergency_keys_stop_and_need_no_enter(typed: bytes, stops: bool) -> None:
     output = in_a_terminal(typed, 20.0 if stops else 0.5)

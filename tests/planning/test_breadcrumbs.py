@@ -94,3 +94,40 @@ def test_memory_is_bounded_and_the_way_stays_whole():
     points = crumbs.legs()[0].points
     assert points[-1] == (0.0, 0.0)
     assert points[0][0] == pytest.approx(100.0, abs=2.0)
+
+
+def test_a_jump_leaves_a_gap_until_the_robot_comes_to_a_place_from_before_it():
+    crumbs = Breadcrumbs(SE2(), steered=False)
+    walk(crumbs, SE2(), 2.0)
+    assert not crumbs.has_gap
+    crumbs.record(SE2(2.0, 0.9, 0.0))
+    assert not crumbs.has_gap
+    crumbs.record(SE2(2.0, 5.0, 0.0))
+    assert crumbs.has_gap
+    pose = walk(crumbs, SE2(2.0, 5.0, -math.pi / 2), 4.0)
+    assert crumbs.has_gap
+    walk(crumbs, SE2(pose.x_m, pose.y_m, math.pi), 2.5)
+    walk(crumbs, SE2(-0.5, 1.0, -math.pi / 4), 1.5)
+    assert not crumbs.has_gap
+
+
+def test_a_robot_found_elsewhere_and_back_again_has_no_gap():
+    crumbs = Breadcrumbs(SE2(), steered=False)
+    pose = walk(crumbs, SE2(), 1.0)
+    before = crumbs.legs()
+    crumbs.record(SE2(4.0, 4.0, 1.0))
+    crumbs.record(pose)
+    assert not crumbs.has_gap
+    assert crumbs.legs() == before
+
+
+@pytest.mark.parametrize("steps", range(4))
+def test_a_gap_outlives_the_thinning_of_the_crumbs(steps):
+    crumbs = Breadcrumbs(SE2(), steered=False, count_max=30)
+    walk(crumbs, SE2(), 0.1 * steps)
+    crumbs.record(SE2(3.0, 5.0, 0.0))
+    walk(crumbs, SE2(3.0, 5.0, 0.0), 20.0)
+    assert len(crumbs) <= 30
+    assert crumbs.has_gap
+    crumbs.truncate(1)
+    assert not crumbs.has_gap

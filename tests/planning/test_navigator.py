@@ -229,6 +229,17 @@ def test_armed_again_after_a_stop_the_robot_does_not_drive_on_by_itself(robot, m
     run.until(lambda out: out.mission_completed, 10.0)
 
 
+def test_without_a_known_way_home_rtl_is_refused_with_the_reason(robot, make_run):
+    run = make_run(robot)
+    run.step()
+    there = run.world.odometry
+    run.world.odometry = SE2(there.x_m + 1.5, there.y_m, there.theta_rad)  # found elsewhere
+    run.step()
+    out = run.step(RTL)
+    assert (out.mode, out.v_m_s) == (Mode.HOLD, 0.0)
+    assert "the way home is not known" in out.message
+
+
 def test_a_target_of_before_the_stop_is_forgotten(robot, make_run):
     run = make_run(robot, flat=False)
     run.step(GUIDED, PositionRequest(3.0, 0.0))

@@ -242,6 +242,16 @@ def test_disarming_in_motion_brakes() -> None:
     assert (outputs.command.enable, outputs.command.brake) == (False, True)
 
 
+def test_a_stop_and_an_arming_within_one_tick_show_in_the_count_of_armings() -> None:
+    robot = RobotDouble().armed()
+    assert robot.snapshot().armings == 1
+    robot.tick(Arm(robot.now_ns, 8, arm=False), Arm(robot.now_ns, 9, arm=True))
+    assert robot.state == SafetyState.ARMED
+    assert robot.snapshot().armings == 2
+    robot.arm(10)
+    assert robot.snapshot().armings == 2
+
+
 @settings(max_examples=30)
 @given(st.integers(1, 150), st.floats(-0.6, 0.6), st.floats(-1.5, 1.5))
 def test_arming_again_in_motion_starts_from_the_present_speed(
