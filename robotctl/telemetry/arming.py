@@ -30,6 +30,7 @@ from robotctl.telemetry.commands import (
     Command,
     acknowledge,
 )
+from robotctl.telemetry.held_back import HeldBack
 from robotctl.telemetry.late_copies import LateCopies
 from robotctl.telemetry.service import Context
 
@@ -54,8 +55,9 @@ class Arming:
     handles: frozenset[int] = frozenset()
     commands = frozenset({ARM_DISARM, FLIGHT_TERMINATION})
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, held_back: HeldBack) -> None:
         self._context = context
+        self._held_back = held_back
         self._pending: dict[int, _Pending] = {}
         self._copies = LateCopies()
         self._last_request = 0
@@ -86,6 +88,10 @@ class Arming:
         return ACCEPTED
 
     def _arm(self, command: Command, now_ns: int) -> int | None:
+        if away_s := self._held_back.for_s(command.peer, command.sender, now_ns):
+            text = f"Arm: the link was away for {away_s:.1f} s, this may be from before: ask again"
+            self._context.say(now_ns, text)
+            return TEMPORARILY_REJECTED
         if self._find(command.sender, arm=True) is not None:
             return None
         control = self._context.fresh_control(now_ns)

@@ -21,6 +21,7 @@ from robotctl.telemetry.commands import (
     Command,
     acknowledge,
 )
+from robotctl.telemetry.held_back import HeldBack
 from robotctl.telemetry.late_copies import LateCopies
 from robotctl.telemetry.service import Context, source
 
@@ -48,17 +49,20 @@ class Modes:
     handles = frozenset({common.MAVLINK_MSG_ID_SET_MODE})
     commands = frozenset({DO_SET_MODE})
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, held_back: HeldBack) -> None:
         self._context = context
+        self._held_back = held_back
         self._pending: _Pending | None = None
         self._copies = LateCopies()
 
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take SET_MODE, which has no acknowledgement."""
         mode = self._wanted(message.base_mode, message.custom_mode, now_ns)
-        if mode is None or self._of_copy(source(message), mode, 0, now_ns) is not None:
+        sender = source(message)
+        if mode is None or self._is_held_back(peer, sender, mode, now_ns):
             return
-        self._ask(_Pending(None, source(message), mode, now_ns))
+        if self._of_copy(sender, mode, 0, now_ns) is None:
+            self._ask(_Pending(None, sender, mode, now_ns))
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
         """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number."""
@@ -69,10 +73,20 @@ class Modes:
             if mode is Mode.HOLD:
                 self._context.requests.append(SetMode(now_ns, mode))
             return None
+        if self._is_held_back(command.peer, command.sender, mode, now_ns):
+            return TEMPORARILY_REJECTED
         copy = self._of_copy(command.sender, mode, command.confirmation, now_ns)
         if copy is None:
             self._ask(_Pending(command, command.sender, mode, now_ns))
         return copy
+
+    def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+        """Say whether a mode in which the robot may move may be a wish of long ago."""
+        away_s = 0.0 if mode is Mode.HOLD else self._held_back.for_s(peer, sender, now_ns)
+        if away_s:
+            wish = f"Mode {mode.name}: the link was away for {away_s:.1f} s"
+            self._context.say(now_ns, f"{wish}, this may be from before: ask again")
+        return bool(away_s)
 
     def _of_copy(
         self, sender: tuple[int, int], mode: Mode, confirmation: int, now_ns: int

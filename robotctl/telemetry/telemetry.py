@@ -14,6 +14,7 @@ from robotctl.telemetry.config import MavlinkConfig
 from robotctl.telemetry.external_pose import ExternalPoses
 from robotctl.telemetry.ground_stations import GroundStation, GroundStations
 from robotctl.telemetry.heartbeat import Heartbeat
+from robotctl.telemetry.held_back import HeldBack
 from robotctl.telemetry.link_watch import LinkWatch
 from robotctl.telemetry.manual_control import ManualControls
 from robotctl.telemetry.message_requests import MessageRequests
@@ -49,8 +50,9 @@ class Telemetry:
         context = Context(config, robot, links)
         streams = Streams(context)
         heartbeat = Heartbeat(context)
-        arming = Arming(context)
-        modes = Modes(context)
+        held_back = HeldBack()
+        arming = Arming(context, held_back)
+        modes = Modes(context, held_back)
         self._ground_stations = GroundStations(context)
         requests = MessageRequests(
             context,
@@ -59,6 +61,7 @@ class Telemetry:
         )
         services: tuple[Microservice, ...] = (
             self._ground_stations,
+            held_back,
             Commands(context, (arming, modes, requests)),
             arming,
             modes,
