@@ -15,6 +15,7 @@ from typing import Final
 import msgspec
 
 from robotctl.app.options import StackOptions
+from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.estimation_messages import LocalisationState
@@ -30,6 +31,8 @@ _SAVE_AT_REST_NS: Final = 1_000_000_000
 _SILENCE_NS: Final = 300_000_000
 """A process that has published nothing for so long may be about to start again [ns]."""
 _REST_M_S: Final = 0.005
+_SAME_M, _SAME_RAD = 0.01, 0.01
+"""A localiser moves a robot at rest by less, again and again; cards wear out by being written."""
 
 
 class Progress(msgspec.Struct, frozen=True):
@@ -205,7 +208,9 @@ class ProgressKeeper:
             elif isinstance(message, NavigationState):
                 self._navigation = message
         progress = self._present()
-        if progress is None or progress == self._saved or not self._due(progress, now_ns):
+        if progress is None or not self._due(progress, now_ns):
+            return ()
+        if self._saved is not None and _are_alike(progress, self._saved):
             return ()
         return self._save(progress, now_ns)
 
@@ -270,3 +275,14 @@ class ProgressKeeper:
             return news
         self._saved, self._trouble = progress, ""
         return ()
+
+
+def _are_alike(a: Progress, b: Progress) -> bool:
+    """Return whether two states are the same but for the last digits."""
+    return (
+        (a.run, a.mission_crc, a.item) == (b.run, b.mission_crc, b.item)
+        and abs(a.odometer_m - b.odometer_m) < _SAME_M
+        and math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) < _SAME_M
+        and abs(wrap_angle(a.theta_rad - b.theta_rad)) < _SAME_RAD
+        and abs(a.item_s_m - b.item_s_m) < _SAME_M
+    )

@@ -178,6 +178,22 @@ def test_the_odometer_goes_on_over_runs_and_the_pose_only_within_one(
     assert continued(other) == (other, 1234.5, ())
 
 
+def test_a_localiser_that_is_never_at_rest_does_not_wear_out_the_disk(
+    options: StackOptions,
+) -> None:
+    kept = keeper(options)
+    kept.step([control(0, x_m=1.0)], 0)
+    for second in range(1, 60):
+        here = control(second * SECOND_NS, x_m=1.0 + 0.002 * math.sin(second), theta_rad=1e-3)
+        kept.step([here], second * SECOND_NS)
+    assert (on_disk(options).x_m, on_disk(options).theta_rad) == (1.0, 0.0)
+    kept.step([control(60 * SECOND_NS, x_m=1.012)], 60 * SECOND_NS)
+    assert on_disk(options).x_m == 1.012
+    kept.step([control(66 * SECOND_NS, x_m=1.013)], 66 * SECOND_NS)
+    kept.close()
+    assert on_disk(options).x_m == 1.013
+
+
 def test_the_last_pose_is_that_of_this_run_alone(options: StackOptions) -> None:
     saved = Progress(options.run, 0.0, 3.0, 4.0, 0.5)
     assert options.run
