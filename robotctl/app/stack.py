@@ -122,7 +122,7 @@ class Stack:
         now_s = time.monotonic()
         for process in self._processes.values():
             if process.phase is Phase.IDLE and self._control.phase is Phase.READY:
-                process.start(now_s)
+                process.let_start(now_s)
             starts = process.starts
             ended = process.step(now_s)
             if ended is not None:

@@ -172,6 +172,10 @@ class Supervised:
             _kill_first_when_memory_is_short(self._process.pid)
         self.starts += 1
 
+    def let_start(self, now_s: float) -> None:
+        """Let the next `step` start it; a first start that fails is tried again like any other."""
+        self.phase, self._due_s = Phase.WAITING, now_s
+
     def step(self, now_s: float) -> Exit | None:
         """Look after the process at `now_s`, monotonic [s]; return its end where it has ended."""
         process = self._process

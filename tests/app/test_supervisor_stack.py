@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 import zmq
 
+from robotctl.app.children import start_child
 from robotctl.app.config import find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.restart import RestartPolicy
@@ -245,6 +246,25 @@ def test_what_cannot_be_started_again_for_want_of_memory_ends_nothing_else(
     )
     assert any("telemetry" in line and "Cannot allocate memory" in line for line in lines), lines
     assert stack.phase(CONTROL) is Phase.READY
+
+
+def test_a_first_start_for_which_memory_is_short_is_tried_again(
+    stack: Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[list[str]] = []
+
+    def short_at_first(command: list[str], **more: Any) -> subprocess.Popen[bytes]:
+        if TELEMETRY in command:
+            tried.append(command)
+            if len(tried) == 1:
+                raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+        return start_child(command, **more)
+
+    monkeypatch.setattr("robotctl.app.supervised.start_child", short_at_first)
+    lines = watch_until(stack, lambda: stack.ready, "ready")
+    assert any("telemetry" in line and "Cannot allocate memory" in line for line in lines), lines
+    assert (stack.starts(TELEMETRY), len(tried)) == (1, 2)
+    assert stack.starts(CONTROL) == 1
 
 
 def test_an_emergency_stop_during_the_very_start_is_carried_out(stack: Stack, ear: Ear) -> None:
