@@ -91,6 +91,7 @@ class Pilot:
         self._floor = FloorMemory()
         self._news: list[str] = []
         self._armings: int | None = None
+        """The count in the last state, None where that was not enabled."""
 
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
@@ -124,10 +125,11 @@ class Pilot:
             twist = Twist(control.v_m_s, control.omega_rad_s)
             ranges_m = control.sonar_m
         enabled = fresh and control is not None and control.state in POWERED
-        if control is not None:
-            if control.armings != self._armings:  # it may have been stopped between two states
-                enabled = enabled and self._armings is None
+        if enabled and control is not None:
+            enabled = self._armings in {None, control.armings}  # else stopped between two states
             self._armings = control.armings
+        else:
+            self._armings = None
         inputs = NavigationInputs(
             pose=pose,
             twist=twist,
