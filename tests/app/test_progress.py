@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from robotctl.app import navigation as navigation_process
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.control import continued
 from robotctl.app.navigation import resume
@@ -192,6 +193,32 @@ def test_a_localiser_that_is_never_at_rest_does_not_wear_out_the_disk(
     kept.step([control(66 * SECOND_NS, x_m=1.013)], 66 * SECOND_NS)
     kept.close()
     assert on_disk(options).x_m == 1.013
+
+
+class StartedError(Exception):
+    """Navigation has come to its estimators."""
+
+
+@pytest.mark.parametrize(
+    ("run", "expected"), [("first", SE2(3.0, 4.0, 0.5)), ("second", None)], ids=["again", "new"]
+)
+def test_navigation_that_starts_again_tells_its_estimators_where_the_robot_was(
+    options: StackOptions,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path_factory: pytest.TempPathFactory,
+    run: str,
+    expected: SE2 | None,
+) -> None:
+    def load(_config: object, _options: object, last: SE2 | None = None) -> None:
+        assert last == expected
+        raise StartedError
+
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
+    monkeypatch.setattr(navigation_process, "StopFlag", lambda: lambda: True)
+    monkeypatch.setattr(navigation_process, "load_estimators", load)
+    progress_file(Path(options.state)).save(Progress("first", 0.0, 3.0, 4.0, 0.5))
+    with pytest.raises(StartedError):
+        navigation_process.run(CONFIG, msgspec.structs.replace(options, run=run))
 
 
 def test_the_last_pose_is_that_of_this_run_alone(options: StackOptions) -> None:
