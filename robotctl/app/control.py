@@ -142,13 +142,11 @@ def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ..
     pose = last_pose(saved, options)
     if pose is None:
         return options, saved.odometer_m, notes
-    x_m, y_m, theta_rad = pose.x_m, pose.y_m, pose.theta_rad
-    heading_deg = math.degrees(theta_rad)
     note = (
-        f"the pose is that of before the restart: x {x_m:.2f} m, y {y_m:.2f} m, {heading_deg:.0f} "
-        "deg; how the robot moved since is not in it"
+        f"the pose is that of before the restart: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, "
+        f"{math.degrees(pose.theta_rad):.0f} deg; how the robot moved since is not in it"
     )
-    options = msgspec.structs.replace(options, x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+    options = msgspec.structs.replace(options, x_m=pose.x_m, y_m=pose.y_m, theta_rad=pose.theta_rad)
     return options, saved.odometer_m, (*notes, note)
 
 

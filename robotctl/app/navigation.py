@@ -14,7 +14,7 @@ from robotctl.app.config import RobotConfig
 from robotctl.app.load_estimators import load_estimators
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.pilot import Pilot
-from robotctl.app.progress import last_pose, load_progress
+from robotctl.app.progress import Progress, last_pose, load_progress
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
 from robotctl.runtime.clock import RealClock
@@ -81,18 +81,17 @@ class Place:
         return state
 
 
-def resume(pilot: Pilot, options: StackOptions) -> tuple[str, ...]:
+def resume(pilot: Pilot, options: StackOptions, saved: Progress | None) -> tuple[str, ...]:
     """Let the mission stand where it was before this process started again; return notices."""
-    saved, notes = load_progress(options)
     if saved is None or not saved.fits(options):
-        return notes
+        return ()
     try:
         pilot.resume(saved.item, saved.item_s_m)
     except ValueError as error:
-        return (*notes, f"{options.state}: {error}; mode AUTO begins the mission anew")
+        return (f"{options.state}: {error}; mode AUTO begins the mission anew",)
     if not saved.item:
-        return notes
-    return (*notes, f"the mission stands at item {saved.item + 1}; mode AUTO goes on there")
+        return ()
+    return (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:
@@ -111,10 +110,10 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     to_control = RequestSender(context, endpoints.control_requests)
     heartbeat = Heartbeat(os.environ)
     pilot = Pilot(config, options)
-    if notes := resume(pilot, options):
+    saved, notes = load_progress(options)
+    if notes := (*notes, *resume(pilot, options, saved)):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
-    last = last_pose(load_progress(options)[0], options)  # of the present, not of the start above
-    estimators = load_estimators(config, options, last)
+    estimators = load_estimators(config, options, last_pose(saved, options))
     place = None if estimators is None else Place(estimators, publisher)
     heard = [endpoints.lidar] if place is not None else []
     heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []

@@ -88,9 +88,8 @@ class Arming:
         return ACCEPTED
 
     def _arm(self, command: Command, now_ns: int) -> int | None:
-        if away_s := self._held_back.for_s(command.peer, command.sender, now_ns):
-            text = f"Arm: the link was away for {away_s:.1f} s, this may be from before: ask again"
-            self._context.say(now_ns, text)
+        if objection := self._held_back.objection(command.peer, command.sender, now_ns):
+            self._context.say(now_ns, f"Arm: {objection}")
             return TEMPORARILY_REJECTED
         if self._find(command.sender, arm=True) is not None:
             return None

@@ -64,8 +64,8 @@ class HeldBack:
         key = peer, source(message)
         sender = self._senders.get(key)
         if sender is None:
-            while len(self._senders) >= MAX_SENDERS:
-                del self._senders[next(iter(self._senders))]
+            if len(self._senders) >= MAX_SENDERS:
+                del self._senders[min(self._senders, key=lambda each: self._senders[each].heard_ns)]
             self._senders[key] = _Sender(now_ns)
         else:
             sender.hear(now_ns)
@@ -73,16 +73,17 @@ class HeldBack:
     def step(self, now_ns: int) -> None:
         """Do nothing."""
 
-    def for_s(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> float:
-        """Return for how long what a sender asks for now may have been held back [s].
+    def objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
+        """Return why what a sender asks for now may be of long ago, empty where it is not.
 
-        0: it was not. Whoever is told so, and asks again a second later, is heard.
+        Whoever is told so, and asks again a second later, is heard.
         """
         known = self._senders.get((peer, sender))
         if known is None:
-            return 0.0
+            return ""
         if now_ns - known.heard_ns > AWAY_NS:
             known.hear(now_ns)
         if known.away_ns and now_ns - known.back_ns <= BEHIND_NS:
-            return known.away_ns / 1e9
-        return 0.0
+            away_s = known.away_ns / 1e9
+            return f"the link was away for {away_s:.1f} s, this may be from before: ask again"
+        return ""

@@ -82,11 +82,10 @@ class Modes:
 
     def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
         """Say whether a mode in which the robot may move may be a wish of long ago."""
-        away_s = 0.0 if mode is Mode.HOLD else self._held_back.for_s(peer, sender, now_ns)
-        if away_s:
-            wish = f"Mode {mode.name}: the link was away for {away_s:.1f} s"
-            self._context.say(now_ns, f"{wish}, this may be from before: ask again")
-        return bool(away_s)
+        if mode is Mode.HOLD or not (objection := self._held_back.objection(peer, sender, now_ns)):
+            return False
+        self._context.say(now_ns, f"Mode {mode.name}: {objection}")
+        return True
 
     def _of_copy(
         self, sender: tuple[int, int], mode: Mode, confirmation: int, now_ns: int

@@ -363,7 +363,7 @@ def test_an_item_beyond_the_mission_resumes_nothing_and_navigation_begins_anew(
     with pytest.raises(StateError, match="mission has 3 items, against 4 done"):
         resumed(options, 3)
     pilot = Pilot(CONFIG, options)
-    (note,) = resume(pilot, options)
+    (note,) = resume(pilot, options, load_progress(options)[0])
     assert note == f"{options.state}: item must be 0 to 3, not 4; mode AUTO begins the mission anew"
     assert pilot.step(None, None, [], 0)[1].item == 0
 

@@ -159,6 +159,7 @@ def test_a_ground_station_that_comes_late_hears_what_the_run_before_left(
         with contextlib.closing(ground_station):
             left = ("progress.json: damaged", "0001.mcap: was cut, completed", "/crash-")
             until(stack, lambda: heard(*left), "all that the run before left is said")
+        assert all(words in said for words in left)
 
 
 def test_a_damaged_odometer_is_set_aside_and_said_and_the_one_before_goes_on(
