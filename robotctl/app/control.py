@@ -20,7 +20,7 @@ from robotctl.app.robot import make_core, make_robot, record_header
 from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.errors import LinkError, RobotctlError
 from robotctl.runtime.checkpoint import checkpoint
-from robotctl.runtime.claim import claim
+from robotctl.runtime.claim import claim, claim_bus
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
 from robotctl.runtime.flight_ring import FlightRing
@@ -172,7 +172,7 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     options, odometer_m, notes = continued(options)
     clock = RealClock()
     folder = endpoint_directory(options.instance)
-    claims = [claim(f"{config.can.interface} {config.can.channel}"), claim(str(folder))]
+    claims = [claim_bus(config.can.interface, config.can.channel), claim(str(folder))]
     endpoints = Endpoints(folder)
     context = zmq.Context()
     publisher = Publisher(context, endpoints.control_state)

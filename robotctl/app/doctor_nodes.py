@@ -1,11 +1,12 @@
 """Checks of the nodes: who is on the bus, and whether they are the right ones.
 
-Where another controller drives the nodes, doctor only listens. Where none does, it commissions them
-as the control process would, with commands that say "motors off".
+Where another controller drives the nodes, or is about to, doctor only listens. Where none does, it
+commissions them as the control process would, with commands that say "motors off".
 """
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Final
 
 from robotctl.app.config import RobotConfig
@@ -14,6 +15,7 @@ from robotctl.app.robot import make_codec, node_parameters
 from robotctl.drivers.can_port import SocketPort
 from robotctl.drivers.robot_can import HEARTBEAT_BASE, CanRobot
 from robotctl.errors import LinkError
+from robotctl.runtime.claim import claim_bus
 from robotctl.runtime.messages import BusState, BusStatus, NodeStatus, WheelCommand
 from robotctl.runtime.ports import CanPort, Clock
 
@@ -35,16 +37,24 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
         fix = "mend the CAN link, or start firmware_sim where the bus is simulated"
         return [fail("CAN nodes", str(error), fix)]
     masters = frozenset({codec.sync_id, codec.command_id})
-    try:
+    with ExitStack() as held:
+        held.callback(port.close)
         heard = listen(port, clock)
-        if heard & masters:
+        if heard & masters or not _claim(config, held):
             return [_only_listened(heard), check_traffic(port.status())]
         robot = CanRobot(port, codec, node_parameters(config))
         nodes = commission(robot, clock, config.runtime.period_ns)
         version = codec.dbc.wire_version
         return [*(check_node(node, version) for node in nodes), check_traffic(port.status())]
-    finally:
-        port.close()
+
+
+def _claim(config: RobotConfig, held: ExitStack) -> bool:
+    """Claim the bus for as long as `held` is open; return False where a controller has it."""
+    try:
+        held.enter_context(claim_bus(config.can.interface, config.can.channel))
+    except LinkError:
+        return False
+    return True
 
 
 def listen(port: CanPort, clock: Clock) -> frozenset[int]:

@@ -15,7 +15,6 @@ from robotctl.model.camera import CameraConfig, CameraIntrinsics, CameraMount
 from robotctl.model.camera_geometry import CameraGeometry
 from robotctl.runtime.estimation_messages import CameraView, SeenObstacle
 from robotctl.runtime.messages import ControlState
-from robotctl.runtime.safety import POWERED
 
 # Blue, green, red; as unlike as can be.
 _WALL = (200, 40, 40)
@@ -50,15 +49,14 @@ class GroundWatch:
         strip = self._camera.strip
         rows = np.minimum(strip.first_rows, len(strip.ranges_m) - 1)
         self._bearings_rad, self._nearest_m = strip.bearings_rad[::-1], strip.ranges_m[rows][::-1]
-        self._powered = False
+        self._armings = 0
         _rehearse()
 
     def attend(self, control: ControlState) -> None:
         """Take in what the robot is at."""
-        powered = control.state in POWERED
-        if powered and not self._powered:
+        if control.armings > self._armings:
             self._camera.reset()
-        self._powered = powered
+        self._armings = control.armings
 
     def look(self, image_bgr: NDArray[np.uint8], stamp_ns: int) -> CameraView:
         """Return what a picture says.

@@ -183,12 +183,21 @@ class ProgressKeeper:
         Of the stack: run and mission.
     saved
         What is in the file now.
+    localised
+        Whether the robot has a localiser. Before it has spoken, the odometry's pose is not the one
+        in `world`, and what is saved of this run stays.
     """
 
     def __init__(
-        self, file: StateFile[Progress], options: StackOptions, saved: Progress | None
+        self,
+        file: StateFile[Progress],
+        options: StackOptions,
+        saved: Progress | None,
+        *,
+        localised: bool,
     ) -> None:
         self._file = file
+        self._localised = localised
         self._run = options.run
         self._mission_crc = mission_crc(options)
         self._locator = Locator()
@@ -228,6 +237,8 @@ class ProgressKeeper:
         """
         control, navigation = self._control, self._navigation
         if control is None or not math.isfinite(control.odometer_m):
+            return None
+        if self._localised and self._locator.localisation is None and self._saved is not None:
             return None
         item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
         if navigation is None and self._saved is not None:

@@ -66,7 +66,12 @@ class Recording:
         self._listen_ns = LISTEN_PERIODS * config.runtime.period_ns
         if options.state:
             saved, _ = load_progress(options)
-            self._keeper = ProgressKeeper(progress_file(Path(options.state)), options, saved)
+            self._keeper = ProgressKeeper(
+                progress_file(Path(options.state)),
+                options,
+                saved,
+                localised=config.localisation.method != "none",
+            )
         if options.flights:
             self._dumps = FlightDumps(ring, Path(options.flights))
         if options.record:

@@ -13,6 +13,11 @@ import socket
 from robotctl.errors import LinkError
 
 
+def claim_bus(interface: str, channel: str) -> socket.socket:
+    """Claim the commands on a CAN bus, as `claim`."""
+    return claim(f"{interface} {channel}")
+
+
 def claim(what: str) -> socket.socket:
     """Claim `what` for as long as the returned socket is open.
 
@@ -29,7 +34,7 @@ def claim(what: str) -> socket.socket:
         if error.errno != errno.EADDRINUSE:
             raise
         raise LinkError(
-            f"{what}: another control process of this computer has it; end that one first "
+            f"{what}: another robotctl of this computer has it; end that one first "
             "(a service: systemctl stop robotctl)"
         ) from None
     return holder

@@ -40,19 +40,25 @@ class StatusText:
 
     def step(self, now_ns: int) -> None:
         """Send a few of the waiting texts."""
-        texts = self._context.texts
         heard = bool(self._ground_stations.alive)
-        if heard:
-            while self._unheard:
-                text, (severity, said_ns) = self._unheard.popitem()
-                texts.appendleft((severity, f"{text} ({(now_ns - said_ns) / 1e9:.0f} s ago)"))
-        for _ in range(min(TEXTS_PER_STEP, len(texts))):
-            severity, text = texts.popleft()
-            if not heard and severity <= Severity.WARNING:
-                self._keep(severity, text, now_ns)
+        for severity, text in self._next(now_ns, heard=heard):
             self._last_id = self._last_id % 0xFFFF + 1
             for message in status_texts(severity, text, self._last_id):
                 self._context.links.broadcast(message)
+
+    def _next(self, now_ns: int, *, heard: bool) -> Iterator[tuple[int, str]]:
+        """Yield the texts of this step, those first that nobody has heard."""
+        texts = self._context.texts
+        for _ in range(TEXTS_PER_STEP):
+            if heard and self._unheard:
+                text = next(iter(self._unheard))
+                severity, said_ns = self._unheard.pop(text)
+                yield severity, f"{text} ({(now_ns - said_ns) / 1e9:.0f} s ago)"
+            elif texts:
+                severity, text = texts.popleft()
+                if not heard and severity <= Severity.WARNING:
+                    self._keep(severity, text, now_ns)
+                yield severity, text
 
     def _keep(self, severity: int, text: str, now_ns: int) -> None:
         """Keep a text for a ground station, once; what is said again and again leaves room."""

@@ -14,6 +14,7 @@ import pytest
 from robotctl.app.config import config_directory, find_file
 from robotctl.app.doctor import check_mavlink
 from robotctl.app.finding import Verdict
+from robotctl.runtime.claim import claim_bus
 from robotctl.runtime.mavlink_port import LinkConfig
 
 DEADLINE_S = 90.0
@@ -123,6 +124,15 @@ def test_where_a_controller_is_running_doctor_only_listens(
     found = by_check(report)
     assert "a controller is running" in found["CAN nodes"]["found"]
     assert "1, 2, 3" in found["CAN nodes"]["found"]
+    assert " 0 sent" in found["CAN traffic"]["found"]
+
+
+def test_where_a_controller_has_the_bus_and_waits_for_its_restart_doctor_only_listens(
+    channel: str, tmp_path: Path
+) -> None:
+    with claim_bus("simcan", channel):
+        found = by_check(doctor(*on(channel), "--logs", str(tmp_path))[1])
+    assert "a controller is running" in found["CAN nodes"]["found"]
     assert " 0 sent" in found["CAN traffic"]["found"]
 
 

@@ -122,10 +122,13 @@ def test_the_floor_is_learnt_anew_when_the_robot_is_armed(config):
     assert "does not look like the floor" in eye.look(blue, 1).trouble
     eye.attend(msgspec.structs.replace(STATE, state=SafetyState.STANDBY))
     assert eye.look(blue, 2).trouble != ""
-    eye.attend(msgspec.structs.replace(STATE, state=SafetyState.ARMED))
+    eye.attend(msgspec.structs.replace(STATE, state=SafetyState.ARMED, armings=1))
     assert eye.look(blue, 3).trouble == ""
-    eye.attend(msgspec.structs.replace(STATE, state=SafetyState.DRIVING))
+    driving = msgspec.structs.replace(STATE, state=SafetyState.DRIVING, armings=1)
+    eye.attend(driving)
     assert eye.look(picture(config, 200), 4).trouble != ""
+    eye.attend(msgspec.structs.replace(driving, armings=2))  # a stop between shows in no state
+    assert eye.look(picture(config, 200), 5).trouble == ""
 
 
 def test_a_picture_of_another_size_is_not_judged_and_says_so(watch):

@@ -84,10 +84,10 @@ def options(tmp_path: Path) -> StackOptions:
     )
 
 
-def keeper(options: StackOptions) -> ProgressKeeper:
+def keeper(options: StackOptions, *, localised: bool = False) -> ProgressKeeper:
     saved, notes = load_progress(options)
     assert notes == ()
-    return ProgressKeeper(progress_file(Path(options.state)), options, saved)
+    return ProgressKeeper(progress_file(Path(options.state)), options, saved, localised=localised)
 
 
 def on_disk(options: StackOptions) -> Progress:
@@ -235,6 +235,24 @@ def test_the_pose_that_is_saved_is_that_in_the_world(options: StackOptions) -> N
     keeper(options).step([there, control(0, x_m=1.0, y_m=2.0, theta_rad=0.0)], 0)
     saved = on_disk(options)
     assert (saved.x_m, saved.y_m, saved.theta_rad) == pytest.approx((8.0, 21.0, math.pi / 2))
+
+
+def test_a_recorder_that_restarts_does_not_take_the_odometry_for_the_place_in_the_world(
+    options: StackOptions,
+) -> None:
+    there = LocalisationState(0, "mcl", LocalisationStatus.LOCALISED, 10.0, 0.0, 0.0, (0.0,) * 6)
+    first = keeper(options, localised=True)
+    first.step([control(0, x_m=1.0)], 0)
+    assert on_disk(options).x_m == 1.0
+    first.step([there, control(SECOND_NS, x_m=2.0)], SECOND_NS)
+    assert on_disk(options).x_m == 12.0
+
+    second = keeper(options, localised=True)
+    second.step([control(10 * SECOND_NS, x_m=2.5)], 10 * SECOND_NS)
+    second.close()
+    assert on_disk(options).x_m == 12.0
+    second.step([there, control(11 * SECOND_NS, x_m=2.5)], 11 * SECOND_NS)
+    assert on_disk(options).x_m == 12.5
 
 
 def test_the_odometer_is_what_was_saved_and_what_was_driven_since() -> None:

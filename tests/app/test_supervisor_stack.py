@@ -299,7 +299,7 @@ def test_a_second_robot_on_the_same_bus_or_of_the_same_name_is_refused_and_distu
         second.close()
     told = capfd.readouterr().err
     assert (str(endpoint_directory("robot")) if own_bus else f"simcan {channel}") in told
-    assert "another control process of this computer has it" in told
+    assert "another robotctl of this computer has it" in told
     for _ in range(5):
         wait(ear.newest, "the first one goes on")
     assert stack.watch() == []

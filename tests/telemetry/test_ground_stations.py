@@ -88,6 +88,24 @@ def test_a_ground_station_that_was_lost_hears_why_the_robot_stands(bench):
     assert stopped == "stopped: no commands (0 s ago)"
 
 
+def test_a_ground_station_that_vanishes_while_it_is_told_hears_the_rest_with_one_age(bench):
+    for number in range(12):
+        bench.step(Notice(0, 4, f"trouble {number}"))
+    bench.run(10.0)
+    bench.take()
+    bench.receive(heartbeat())
+    bench.step()
+    told = bench.texts()
+    bench.step(advance_s=10.0)
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    told += [text for text in bench.texts() if text.startswith("trouble")]
+    ages = [text.partition(" (")[2] for text in told]
+    assert [text.split(" (")[0] for text in told] == [f"trouble {n}" for n in range(12)]
+    assert ages == ["10 s ago)"] * 4 + ["20 s ago)"] * 8
+
+
 def test_only_the_last_texts_wait_for_a_ground_station(bench):
     for number in range(40):
         bench.step(Notice(0, 4, f"trouble {number}"))
