@@ -1,13 +1,14 @@
 """Looks for motion that nobody allowed, from outside: by the wire, and by the true robot.
 
-The monitor knows nothing of the drive's own guards and states, and nothing of the host. It hears
-each command and stop that passed the bus and looks at the bridges and the body of the true robot.
+The monitor knows nothing of the drive's own guards and states, and nothing of the host. What
+forbids power counts as soon as it has passed the bus; what allows it only once it was delivered to
+the drive's controller, whoever sent it. It looks at the bridges and the body of the true robot.
 What it holds against a robot:
 
 - power at the wheels later than the drive's time-out after the last command that allowed it. A
   command allows power if it is sound, new, and says "enable"; after an emergency stop only once
-  the drive's latch has been cleared over the bus and a command has said "no"; after a "no" only
-  once somebody has armed the robot anew, where armings are told of;
+  the drive's latch has been cleared, over the bus or by the loss of its supply, and a command has
+  said "no"; after a "no" only once somebody has armed the robot anew, where armings are told of;
 - more speed than the robot is allowed.
 
 Power is torque-making voltage: a bridge that drives with a duty that is not zero. The time-out is
@@ -20,7 +21,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from firmware_sim.bus.frame import Frame
+from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import crc8, data_id_crc
 
@@ -39,10 +40,10 @@ OVERSPEED: Final = 1.3
 KEPT: Final = 100
 """Findings kept; all are counted."""
 
-_EMERGENCY_STOP, _SDO_TO_DRIVE, _DRIVE_BOOT = 0x001, 0x601, 0x701
-HEARD: Final = (wire.MOTOR_COMMAND, _EMERGENCY_STOP, _SDO_TO_DRIVE, _DRIVE_BOOT)
-"""Identifiers that the monitor listens to."""
+FORBIDS: Final = (0x001, 0x001 | REMOTE_FLAG)
+"""Identifiers of the emergency stop, which the monitor hears on the bus."""
 
+_SDO_TO_DRIVE: Final = 0x601
 _CLEAR_FAULTS: Final = bytes((0x2F, 0x10, 0x20, 0x00, 0x01))
 _ENABLE: Final = 0x10
 
@@ -93,7 +94,7 @@ class SafetyMonitor:
         self._crc_start = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
         self._counter = -1
         self._allowed_ns: int | None = None
-        self._why = "any command"
+        self._why = ""
         self._said_yes = False
         self._cleared = self._said_no = True
         self._armings: int | None = None
@@ -104,17 +105,23 @@ class SafetyMonitor:
         """Take note that somebody armed the robot on purpose."""
         self._armings = (self._armings or 0) + 1
 
-    def on_frame(self, frame: Frame) -> None:
-        """Hear one frame of the bus, of those that are `HEARD`."""
+    def on_bus(self, frame: Frame) -> None:
+        """Hear a frame that has passed the bus, whoever received it."""
+        if frame.arbitration_id in FORBIDS:
+            self._cleared = self._said_no = False
+            self._why = "an emergency stop"
+
+    def on_delivery(self, frame: Frame) -> None:
+        """Hear a frame that was delivered to the drive's controller."""
         arbitration_id, data, stamp_ns = frame
         if arbitration_id == wire.MOTOR_COMMAND:
             self._on_command(data, stamp_ns)
-        elif arbitration_id == _EMERGENCY_STOP:
-            self._cleared = self._said_no = False
-        elif (arbitration_id == _DRIVE_BOOT and data == b"\0") or (
-            arbitration_id == _SDO_TO_DRIVE and data.startswith(_CLEAR_FAULTS)
-        ):
+        elif arbitration_id == _SDO_TO_DRIVE and data.startswith(_CLEAR_FAULTS):
             self._cleared = True
+
+    def on_power_up(self) -> None:
+        """Take note that the drive begins anew: what it had latched is gone with its supply."""
+        self._cleared = True
 
     def _on_command(self, data: bytes, stamp_ns: int) -> None:
         """Take a command that is sound and new; what is neither allows nothing."""
@@ -162,7 +169,9 @@ class SafetyMonitor:
     def _objection_to_power(self, now_ns: int) -> str:
         """Return why the wheels should be without power, or nothing."""
         if self._allowed_ns is None:
-            return f"power without {self._why}"
+            if not self._why:
+                return "power without any command"
+            return f"power that was never allowed, behind {self._why}"
         after_ns = now_ns - self._allowed_ns
         if after_ns <= self._allowed.command_timeout_ns + GRACE_NS:
             return ""

@@ -18,13 +18,14 @@ import numpy as np
 
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.faults import FaultPlan
+from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
 from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults import Faults
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.lidar import Lidar
-from firmware_sim.monitor import HEARD, Allowed, Motion, SafetyMonitor
+from firmware_sim.monitor import FORBIDS, Allowed, Motion, SafetyMonitor
 from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
@@ -129,13 +130,13 @@ class Simulation:
         self.power = PowerNode(
             self._measure_battery, config.simulation.battery.cells, self._store("power", memory)
         )
-        self._ports: dict[str, Port] = {}
-        for node in self.nodes:
-            self.power_up(node)
         limits = config.limits
         allowed = Allowed(limits.v_max_m_s, limits.omega_max_rad_s)
         self.monitor = SafetyMonitor(self._motion, allowed)
-        self.bus.tap(self.monitor.on_frame, accept=HEARD)
+        self.bus.tap(self.monitor.on_bus, accept=FORBIDS)
+        self._ports: dict[str, Port] = {}
+        for node in self.nodes:
+            self.power_up(node)
         self._watch()
 
     @property
@@ -182,7 +183,11 @@ class Simulation:
 
     def power_up(self, node: Node) -> None:
         """Give a node its supply: it boots."""
-        port = self.bus.attach(node.name, node.on_frame, accept=node.arbitration_ids)
+        receive = node.on_frame
+        if node is self.drive:
+            self.monitor.on_power_up()
+            receive = self._deliver_to_drive
+        port = self.bus.attach(node.name, receive, accept=node.arbitration_ids)
         self._ports[node.name] = port
         node.connect(port, self._alarm)
         node.power_cycle(self.bus.now_ns)
@@ -292,6 +297,10 @@ class Simulation:
             current_limit_ma=_current_limit_ma(self.config),
             channels=2 if isinstance(self.config.drive, DifferentialDrive) else 1,
         )
+
+    def _deliver_to_drive(self, frame: Frame) -> None:
+        self.monitor.on_delivery(frame)
+        self.drive.on_frame(frame)
 
     def _store(self, name: str, memory: Memory) -> FragileStore:
         store = self.stores[name] = FragileStore(memory(name))

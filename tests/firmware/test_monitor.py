@@ -4,14 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from firmware_sim.bus.frame import Frame
+from firmware_sim.bus.faults import Cut, Drop
+from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.monitor import GRACE_NS, TIMEOUT_NS, Allowed, Motion, SafetyMonitor
 from firmware_sim.nodes.drive_state import DriveState
 from firmware_sim.nodes.e2e import Protector
 from firmware_sim.simulation import Simulation
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-COMMAND, STOP, TO_DRIVE, BOOT = 0x201, 0x001, 0x601, 0x701
+COMMAND, STOP, TO_DRIVE = 0x201, 0x001, 0x601
 CLEAR = bytes.fromhex("2F10200001000000")
 PERIOD_NS = 5_000_000
 
@@ -25,8 +26,14 @@ class Scene:
         self.protector = Protector(0xA000 + COMMAND)
         self.now_ns = 0
 
+    def on_bus(self, arbitration_id, data=b""):
+        """Let a frame pass the bus that no node has heard."""
+        self.monitor.on_bus(Frame(arbitration_id, data, self.now_ns))
+
     def frame(self, arbitration_id, data=b""):
-        self.monitor.on_frame(Frame(arbitration_id, data, self.now_ns))
+        """Let a frame pass the bus and reach the drive's controller."""
+        self.on_bus(arbitration_id, data)
+        self.monitor.on_delivery(Frame(arbitration_id, data, self.now_ns))
 
     def command(self, enable, duty=3000):
         payload = (0x10 if enable else 0) << 8 | (duty if enable else 0) << 16
@@ -121,6 +128,48 @@ def test_after_an_emergency_stop_only_clearing_and_a_new_enable_make_power_safe(
     assert scene.monitor.count == 2
 
 
+def test_a_command_that_passed_the_bus_but_did_not_reach_the_drive_allows_nothing(scene):
+    scene.power()
+    scene.run(50, enable=True)
+    for _ in range(30):
+        scene.on_bus(COMMAND, scene.protector.protect(0x1000))
+        scene.run(5)
+    assert scene.reasons == ["power 110 ms after it was last allowed, behind the last command"]
+
+
+@pytest.mark.parametrize("identifier", [STOP, STOP | REMOTE_FLAG])
+def test_an_emergency_stop_counts_though_the_drive_has_not_heard_it(scene, identifier):
+    scene.power()
+    scene.run(50, enable=True)
+    scene.on_bus(identifier)
+    scene.run(110, enable=True)
+    assert scene.reasons == ["power 110 ms after it was last allowed, behind an emergency stop"]
+
+
+def test_clearing_that_did_not_reach_the_drive_clears_nothing(scene):
+    scene.frame(STOP, b"\x01")
+    scene.on_bus(TO_DRIVE, CLEAR)
+    scene.run(20, enable=False)
+    scene.power()
+    scene.run(5, enable=True)
+    assert scene.reasons == ["power that was never allowed, behind an emergency stop"]
+
+
+def test_a_drive_that_was_powered_up_has_lost_its_latch_and_needs_a_new_no(scene):
+    scene.run(50, enable=True)
+    scene.frame(STOP, b"\x01")
+    scene.run(200, enable=False)
+    scene.monitor.on_power_up()
+    scene.power()
+    scene.run(5, enable=True)
+    assert scene.monitor.count == 1, "the host has not said no to the new drive"
+    scene.power(False)
+    scene.run(20, enable=False)
+    scene.power()
+    scene.run(200, enable=True)
+    assert scene.monitor.count == 1
+
+
 def test_where_armings_are_told_of_power_after_a_stop_needs_a_new_one(scene):
     scene.monitor.on_arming()
     scene.power()
@@ -201,6 +250,46 @@ def test_a_drive_without_its_time_out_is_found_out():
     assert "behind the last command" in truth.unsafe_reason
     late_ns = host.simulation.monitor.findings[0].stamp_ns
     assert late_ns - (host.simulation.now_ns - 500_000_000) <= TIMEOUT_NS + GRACE_NS + PERIOD_NS
+
+
+@pytest.mark.parametrize(
+    "fault", [Drop(arbitration_id=COMMAND, receiver="drive"), Cut(node="drive")]
+)
+def test_a_drive_that_goes_on_without_hearing_its_commands_is_found_out(fault):
+    host = Host()
+    host.drive()
+    host.simulation.drive._timeout_ns = 10**12
+    host.simulation.bus.inject(fault)
+    host.run(150, enable=True)
+    assert "behind the last command" in host.simulation.truth().unsafe_reason
+
+
+def test_a_drive_whose_supply_failed_and_that_booted_unheard_may_drive_after_a_no_again():
+    host = Host()
+    host.drive()
+    host.port.send(STOP, b"\x01")
+    host.run(50, enable=False)
+    host.simulation.faults.inject("node_silent node=drive duration=0.1")
+    host.simulation.faults.inject("node_reset node=drive")
+    host.run(200, enable=False)
+    host.port.send(0x000, b"\x01\x00")
+    host.run(20)
+    host.drive()
+    assert host.simulation.truth().unsafe_motions == 0
+
+
+def test_a_drive_that_loses_its_latch_by_a_warm_reset_is_found_out():
+    host = Host()
+    host.drive()
+    host.port.send(STOP, b"\x01")
+    host.run(50, enable=False)
+    host.simulation.drive._machine.state = DriveState.BOOT
+    host.port.send(0x000, b"\x81\x01")
+    host.run(50, enable=False)
+    host.port.send(0x000, b"\x01\x00")
+    host.run(20, enable=False)
+    host.run(50, enable=True)
+    assert "behind an emergency stop" in host.simulation.truth().unsafe_reason
 
 
 def test_a_drive_that_does_not_obey_the_emergency_stop_is_found_out():
