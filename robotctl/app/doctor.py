@@ -100,8 +100,17 @@ def _check_wakeups(config: RobotConfig, seconds: float) -> list[Finding]:
         wakeups = measure_in_a_process(config.runtime, seconds)
     except (OSError, subprocess.SubprocessError, msgspec.DecodeError) as error:
         return [fail("wake-up lag", f"could not be measured: {error}", "report this message")]
-    user = "root" if os.geteuid() == 0 else getpass.getuser()
-    return [check_rights(wakeups, user), check_timer_slack(wakeups), check_lag(wakeups)]
+    return [check_rights(wakeups, _user()), check_timer_slack(wakeups), check_lag(wakeups)]
+
+
+def _user() -> str:
+    """Return our user's name, or the number of one that has none, as in a container."""
+    if os.geteuid() == 0:
+        return "root"
+    try:
+        return getpass.getuser()
+    except KeyError:
+        return f"user {os.geteuid()}"
 
 
 def check_mavlink(links: tuple[LinkConfig, ...]) -> list[Finding]:

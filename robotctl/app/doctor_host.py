@@ -70,7 +70,8 @@ def check_governor(root: Path) -> Finding:
     return warn(
         check,
         ", ".join(others),
-        "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor",
+        "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor "
+        "(the installed service sets it at each start)",
     )
 
 

@@ -168,12 +168,13 @@ def _remove(files: dict[str, str], root: Path) -> tuple[list[str], list[str]]:
 
 
 def _make_folders(paths: Sequence[Path], root: Path) -> list[Path]:
-    """Make the folders of all paths and return those that were not there, outermost first."""
+    """Make the folders of all paths, open to all, and return the new ones, outermost first."""
     made: list[Path] = []
     for path in paths:
         missing = [each for each in (root / path).parents if not each.exists()]
         for folder in reversed(missing):
-            folder.mkdir(mode=0o755)
+            folder.mkdir()
+            folder.chmod(0o755)
             if folder.is_relative_to(root) and folder != root:
                 made.append(folder)
     return made

@@ -7,6 +7,7 @@ process alone writes it, since writing waits for the disk.
 from __future__ import annotations
 
 import math
+import os
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -102,12 +103,24 @@ def progress_file(directory: Path) -> StateFile[Progress]:
 
 
 def state_directory(environment: Mapping[str, str]) -> Path:
-    """Return where state lives: systemd's STATE_DIRECTORY, else the user's own folder for it."""
+    """Return where state lives: systemd's STATE_DIRECTORY, else the user's own folder for it.
+
+    Raises
+    ------
+    StateError
+        If the user has no home.
+    """
     given = environment.get("STATE_DIRECTORY", "").partition(":")[0]
     if given:
         return Path(given)
-    home = environment.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(home) / "robotctl"
+    if home := environment.get("XDG_STATE_HOME"):
+        return Path(home) / "robotctl"
+    try:
+        return Path.home() / ".local" / "state" / "robotctl"
+    except RuntimeError as error:
+        raise StateError(
+            f"user {os.geteuid()} has no home to keep state in; set HOME or XDG_STATE_HOME"
+        ) from error
 
 
 def resumed(options: StackOptions, items: int) -> tuple[StackOptions, Progress, tuple[str, ...]]:

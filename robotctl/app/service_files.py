@@ -28,6 +28,9 @@ _TARGETS: Final = {
 }
 _PLACEHOLDER = re.compile(r"@([A-Z_]+)@")
 _OTHERS_MAY_ENTER = 0o001
+_OTHERS_MAY_RUN = 0o005
+_NOT_IN_A_UNIT: Final = re.compile(r"[\"'\\\x00-\x1f\x7f]")
+"""What systemd takes in no program's path, however quoted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +155,19 @@ def check_executable(path: Path) -> None:
     Raises
     ------
     ConfigError
-        Where it is missing, or a folder on the way is closed to others.
+        Where it is missing, it or a folder on the way is closed to others, or systemd cannot
+        start a program of that name.
     """
     if not os.access(path, os.X_OK):
         raise ConfigError(f"{path}: no such program; install the package robotctl there")
+    if _NOT_IN_A_UNIT.search(str(path)):
+        raise ConfigError(
+            f"{str(path)!r}: systemd starts no program whose path has quotes, backslashes or "
+            "control characters; install robotctl into a folder such as /opt/robotctl"
+        )
     target = path.resolve()
+    if target.stat().st_mode & _OTHERS_MAY_RUN != _OTHERS_MAY_RUN:
+        raise ConfigError(f"{path}: the user robotctl may not run it; chmod a+rx {target}")
     for folder in {*path.parents, *target.parents}:
         if not folder.stat().st_mode & _OTHERS_MAY_ENTER:
             raise ConfigError(

@@ -11,7 +11,7 @@ from typing import Annotated, Final
 
 import typer
 
-from robotctl.app.config import find_file
+from robotctl.app.config import find_file, load_robot
 from robotctl.app.install import conflicts, installed_mission, read_manifest
 from robotctl.app.install import install as install_files
 from robotctl.app.install import uninstall as uninstall_files
@@ -21,12 +21,8 @@ from robotctl.errors import ConfigError
 
 INCOMPLETE = 1
 _RUNNING_SYSTEMD: Final = Path("/run/systemd/system")
-_RELOAD: Final = (
-    "systemd-sysusers",
-    "systemctl daemon-reload",
-    "udevadm control --reload",
-    "udevadm trigger",
-)
+_RELOAD: Final = ("systemctl daemon-reload", "udevadm control --reload", "udevadm trigger")
+_RELOAD_NETWORKD: Final = "systemctl try-restart systemd-networkd"
 
 Root = Annotated[
     Path, typer.Option("--root", help="Folder that stands for /, such as an image's root.")
@@ -47,15 +43,17 @@ def install(
 ) -> None:
     """Write the systemd service, the CAN link's set-up and the rights for one robot.
 
-    Starts nothing. Files that somebody changed are not touched.
+    Starts nothing that does not run; the CAN link is set up anew. Files that somebody changed
+    are not touched.
     """
     if mission and no_mission:
         raise ConfigError("--mission and --no-mission: give one of them")
     root = root.absolute()
     kept = None if mission or no_mission else installed_mission(root)
     executable = Path(sys.executable).with_name("robotctl")
+    file = find_file(robot)
     files = service_files(
-        find_file(robot),
+        file,
         find_file(mission, "missions") if mission else kept,
         executable,
         os.cpu_count() or 1,
@@ -63,8 +61,8 @@ def install(
     if kept is not None:
         print(f"the mission stays: {kept}; --no-mission removes it")
     if dry_run:
-        for file in files:
-            print(f"### {root / file.path}\n{file.text}")
+        for each in files:
+            print(f"### {root / each.path}\n{each.text}")
         for problem in conflicts(files, root):
             print(f"### in the way: {problem}")
     for program in (executable, Path(sys.executable)):
@@ -73,7 +71,10 @@ def install(
         return
     for line in install_files(files, root):
         print(line)
-    reloaded = _run(_RELOAD, root)
+    channel = shlex.quote(load_robot(file).can.channel)
+    # Only an added device takes its queue's length.
+    added = f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
+    reloaded = _run(("systemd-sysusers", *_RELOAD, added, _RELOAD_NETWORKD), root)
     print(f"next: robotctl doctor --robot /{ROBOT}")
     print("then: systemctl enable --now systemd-networkd robotctl")
     sys.exit(0 if reloaded else INCOMPLETE)
@@ -90,7 +91,7 @@ def uninstall(root: Root = Path("/")) -> None:
     lines, kept = uninstall_files(root)
     for line in (*lines, *kept):
         print(line)
-    complete &= _run(_RELOAD[1:], root)
+    complete &= _run((*_RELOAD, _RELOAD_NETWORKD), root)
     print("left in place: /var/lib/robotctl, /var/log/robotctl and the user robotctl")
     sys.exit(0 if complete and not kept else INCOMPLETE)
 

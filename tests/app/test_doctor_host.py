@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.doctor import _check_wakeups
 from robotctl.app.doctor_host import (
     MIN_FREE_BYTES,
     MIN_WRITE_BYTES_S,
@@ -63,7 +65,7 @@ def test_each_processor_with_another_governor_is_named(tmp_path: Path) -> None:
     assert_is(check_governor(computer(tmp_path / "a", **files)), OK, "3 processors")
     files["sys__devices__system__cpu__cpu1__cpufreq__scaling_governor"] = "ondemand"
     finding = check_governor(computer(tmp_path / "b", **files))
-    assert_is(finding, WARN, "cpu1 ondemand", "performance")
+    assert_is(finding, WARN, "cpu1 ondemand", "performance", "service sets it at each start")
     assert "cpu0" not in finding.found
     assert_is(check_governor(tmp_path / "none"), NONE)
 
@@ -209,3 +211,16 @@ def test_refused_rights_fail_with_the_kernels_words_and_the_user() -> None:
 def test_timer_slack_of_a_normal_process_is_warned_of() -> None:
     assert_is(check_timer_slack(wakeups(slack_ns=1)), OK)
     assert_is(check_timer_slack(wakeups(slack_ns=50_000)), WARN, "50000 ns")
+
+
+def test_a_user_without_a_name_is_named_by_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(number: int) -> None:
+        raise KeyError(f"getpwuid(): uid not found: {number}")
+
+    for variable in ("LOGNAME", "USER", "LNAME", "USERNAME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", nobody)
+    monkeypatch.setattr("os.geteuid", lambda: 12345)
+    monkeypatch.setattr("robotctl.app.doctor.measure_in_a_process", lambda *_: wakeups())
+    rights, *_ = _check_wakeups(load_robot(find_file("diff_drive")), 0.1)
+    assert_is(rights, OK, "user 12345")

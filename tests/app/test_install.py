@@ -2,6 +2,7 @@
 
 import configparser
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -137,6 +138,23 @@ def test_the_control_loops_processor_is_kept_free_of_the_others(
     assert affinity(0, 1).startswith("#")
 
 
+def test_the_unit_sets_the_governor_at_each_start_and_starts_where_there_is_none(
+    files: list[ServiceFile], tmp_path: Path
+) -> None:
+    start = sections(text_of(files, "robotctl.service"))["Service"]["ExecStartPre"]
+    assert start.startswith("-+/bin/sh -c ")
+    _, _, script = shlex.split(start.replace("$$", "$"))
+    for cpu in ("cpu0", "cpu1"):
+        (tmp_path / cpu / "cpufreq").mkdir(parents=True)
+        (tmp_path / cpu / "cpufreq" / "scaling_governor").write_text("ondemand\n")
+    for folder in (tmp_path, tmp_path / "none"):
+        here = script.replace("/sys/devices/system/cpu", str(folder))
+        done = subprocess.run(["/bin/sh", "-c", here], capture_output=True, check=False)
+        assert done.stderr == b""
+    governors = [path.read_text() for path in tmp_path.glob("cpu*/cpufreq/scaling_governor")]
+    assert governors == ["performance\n"] * 2
+
+
 def test_a_simulated_bus_or_a_wrong_file_is_not_installed(tmp_path: Path, program: Path) -> None:
     with pytest.raises(ConfigError, match="socketcan"):
         service_files(robot_file(tmp_path, **{'"socketcan"': '"simcan"'}), None, program, 4)
@@ -166,6 +184,15 @@ def test_a_program_that_the_service_could_not_start_is_refused(tmp_path: Path) -
     hidden.chmod(0o755)
     with pytest.raises(ConfigError, match="/opt/robotctl"):
         check_executable(hidden)
+    mine = tmp_path / "mine"
+    mine.write_text("")
+    mine.chmod(0o744)
+    with pytest.raises(ConfigError, match=rf"chmod a\+rx {mine}"):
+        check_executable(mine)
+    odd = tmp_path / 'a"b'
+    shutil.copy("/bin/true", odd)
+    with pytest.raises(ConfigError, match="quotes"):
+        check_executable(odd)
 
 
 def test_uninstalling_leaves_a_computer_exactly_as_it_was(
@@ -185,6 +212,20 @@ def test_uninstalling_leaves_a_computer_exactly_as_it_was(
     assert tree(tmp_path) == before
     with pytest.raises(ConfigError, match="nothing is installed"):
         uninstall(tmp_path)
+
+
+def test_folders_are_open_to_all_whatever_the_umask(
+    tmp_path: Path, files: list[ServiceFile]
+) -> None:
+    before = os.umask(0o077)
+    try:
+        install(files, tmp_path / "image")
+    finally:
+        os.umask(before)
+    modes = {path: path.stat().st_mode & 0o777 for path in (tmp_path / "image").rglob("*")}
+    assert {mode for path, mode in modes.items() if path.is_dir()} == {0o755}
+    assert {mode for path, mode in modes.items() if path.is_file()} == {0o644}
+    assert (tmp_path / "image").stat().st_mode & 0o777 == 0o755
 
 
 def test_installing_twice_changes_nothing(tmp_path: Path, files: list[ServiceFile]) -> None:
@@ -318,6 +359,19 @@ def test_the_documented_update_keeps_the_mission_until_it_is_told_not_to(tmp_pat
 
 
 @pytest.mark.usefixtures("reachable")
+def test_the_links_set_up_takes_effect_at_once_and_starts_no_networkd(tmp_path: Path) -> None:
+    robot = robot_file(tmp_path, **{'"can0"': '"can1"'})
+    printed = run_install(tmp_path / "root", "--robot", str(robot))
+    commands = [line.split(": ", 1)[1] for line in printed.splitlines() if "to be run" in line]
+    again = "udevadm trigger --action=add --subsystem-match=net --sysname-match=can1"
+    networkd = "systemctl try-restart systemd-networkd"
+    assert commands.index("udevadm control --reload") < commands.index(again)
+    assert commands.index(again) < commands.index(networkd)
+    done = CliRunner().invoke(app, ["uninstall", "--root", str(tmp_path / "root")])
+    assert networkd in done.output
+
+
+@pytest.mark.usefixtures("reachable")
 def test_an_update_takes_a_mission_that_was_changed_on_the_robot(tmp_path: Path) -> None:
     run_install(tmp_path, "--mission", "patrol")
     mission = tmp_path / MISSION
@@ -335,15 +389,19 @@ def test_a_mission_and_none_cannot_be_asked_for_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("cpu", [-1, 1])
-def test_systemd_accepts_the_unit(tmp_path: Path, program: Path, robot: str, cpu: int) -> None:
+@pytest.mark.parametrize(("cpu", "folder"), [(-1, "robotctl"), (1, "my robot at 100%")])
+def test_systemd_accepts_the_unit(
+    tmp_path: Path, program: Path, robot: str, cpu: int, folder: str
+) -> None:
     analyze = shutil.which("systemd-analyze")
     if analyze is None:
         pytest.skip("systemd-analyze is not installed: the unit was not verified")
     text = find_file(robot).read_text().replace("[runtime]\n", f"[runtime]\ncpu = {cpu}\n")
     mine = tmp_path / "mine.toml"
     mine.write_text(text)
-    install(service_files(mine, None, program, 4), tmp_path)
+    (tmp_path / folder).mkdir()
+    mine_too = shutil.copy(program, tmp_path / folder / "robotctl")
+    install(service_files(mine, None, Path(mine_too), 4), tmp_path)
     done = subprocess.run(
         [analyze, "verify", str(tmp_path / UNIT)],
         capture_output=True,

@@ -397,3 +397,13 @@ def test_state_lives_where_systemd_or_the_desktop_say(
     environment: dict[str, str], expected: str
 ) -> None:
     assert state_directory(environment) == Path(expected)
+
+
+def test_a_user_without_a_home_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(number: int) -> None:
+        raise KeyError(f"getpwuid(): uid not found: {number}")
+
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setattr("pwd.getpwuid", nobody)
+    with pytest.raises(StateError, match="XDG_STATE_HOME"):
+        state_directory({})
