@@ -9,20 +9,12 @@ from typing import Any, Final
 import msgspec
 
 from robotctl.app.finding import Finding, fail, none, ok, warn
-from robotctl.drivers.can_config import CanConfig
+from robotctl.drivers.can_config import CanConfig, bring_up, sample_point
 
 QUEUE_FRAMES: Final = 16
 """Wanted transmit queue: four ticks of frames; a longer one sends old commands after a pause."""
 
-RESTART_MS: Final = 100
-"""Wanted pause between bus-off and the controller's return [ms]."""
-
 _MAX_QUEUE_FRAMES = 128
-
-
-def sample_point(bitrate: int) -> float:
-    """Return the sample point that CiA 301 recommends for a bit rate [bit/s], as a share."""
-    return 0.75 if bitrate > 800_000 else 0.8 if bitrate > 500_000 else 0.875
 
 
 def read_link(channel: str) -> dict[str, Any] | str:
@@ -45,18 +37,17 @@ def read_link(channel: str) -> dict[str, Any] | str:
 def check_link(config: CanConfig, link: dict[str, Any] | str) -> list[Finding]:
     """Check the device of `config` by what `read_link` returned."""
     channel = config.channel
-    up = (
-        f"sudo ip link set {channel} up type can bitrate {config.bitrate} "
-        f"sample-point {sample_point(config.bitrate):g} restart-ms {RESTART_MS}"
-    )
     if isinstance(link, str):
-        fix = f"enable the adapter (docs/deploy.md, step 3), then {up}"
+        fix = bring_up(config)
+        if not channel.startswith("vcan"):
+            fix = f"enable the adapter (docs/deploy.md, step 3), then {fix}"
         return [fail("CAN link", f"{channel}: {link}", fix)]
     info = link.get("linkinfo", {})
     kind = info.get("info_kind", "no CAN device")
     if kind not in {"can", "vcan", "vxcan"}:
         fix = "correct can.channel in the robot's file"
         return [fail("CAN link", f"{channel} is {kind}", fix)]
+    up = bring_up(config, kind)
     if "UP" not in link.get("flags", ()):
         return [fail("CAN link", f"{channel} is down", up)]
     queue = _check_queue(channel, int(link.get("txqlen", 0)))

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Final
 
 from robotctl.app.config import config_directory, load_robot
-from robotctl.app.doctor_can import QUEUE_FRAMES, RESTART_MS, sample_point
+from robotctl.app.doctor_can import QUEUE_FRAMES
 from robotctl.app.pilot import load_mission
+from robotctl.drivers.can_config import RESTART_MS, sample_point
 from robotctl.errors import ConfigError
 from robotctl.planning.mission_check import check_mission
 from robotctl.planning.sonars import sonar_directions

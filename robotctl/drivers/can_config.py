@@ -8,6 +8,10 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 _BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+
+RESTART_MS: Final = 100
+"""Wanted pause between bus-off and the controller's return [ms]."""
+
 _DEVICE_BYTES: Final = 15
 """IFNAMSIZ of netdevice(7) less the NUL."""
 _DEVICE: Final = re.compile(rb"(?!\.\.?$)[^\s\xa0/:\0]+")
@@ -59,6 +63,33 @@ def _is_device(name: str) -> bool:
     """Return whether Linux allows a network device of this name."""
     encoded = os.fsencode(name)
     return len(encoded) <= _DEVICE_BYTES and _DEVICE.fullmatch(encoded) is not None
+
+
+def sample_point(bitrate: int) -> float:
+    """Return the sample point that CiA 301 recommends for a bit rate [bit/s], as a share."""
+    return 0.75 if bitrate > 800_000 else 0.8 if bitrate > 500_000 else 0.875
+
+
+def bring_up(config: CanConfig, kind: str = "") -> str:
+    """Return the shell commands that bring up the network device of a SocketCAN bus.
+
+    Parameters
+    ----------
+    config
+        Which bus.
+    kind
+        What the device is, in words of `ip -details link`; empty where it is not known: it may
+        have to be added then, if it is called as virtual ones are.
+    """
+    up = f"sudo ip link set {config.channel} up"
+    if kind in {"vcan", "vxcan"}:
+        return up
+    if not kind and config.channel.startswith("vcan"):
+        return f"sudo ip link add dev {config.channel} type vcan; {up}"
+    return (
+        f"{up} type can bitrate {config.bitrate} "
+        f"sample-point {sample_point(config.bitrate):g} restart-ms {RESTART_MS}"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ import can
 from can.typechecking import CanFilter
 
 from robotctl.drivers.bus_meter import FRAME_BITS, BusMeter
-from robotctl.drivers.can_config import CanConfig
+from robotctl.drivers.can_config import CanConfig, bring_up
 from robotctl.drivers.can_errors import CAN_ERR_FLAG, bus_state
 from robotctl.errors import LinkError
 from robotctl.runtime.messages import BusState, BusStatus
@@ -294,8 +294,5 @@ def _explanation(config: CanConfig, error: Exception) -> str:
     """Say what could not be opened, and how it comes up."""
     text = f"{config.interface} {config.channel}: cannot be opened: {error}"
     if config.interface == "socketcan":
-        text += (
-            f"; bring it up with `ip link set {config.channel} up type can bitrate "
-            f"{config.bitrate} restart-ms 100`"
-        )
+        text += f"; bring it up with `{bring_up(config)}`"
     return text

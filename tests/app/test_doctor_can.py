@@ -6,9 +6,9 @@ import subprocess
 import pytest
 
 from robotctl.app import doctor_can
-from robotctl.app.doctor_can import check_link, read_link, sample_point
+from robotctl.app.doctor_can import check_link, read_link
 from robotctl.app.finding import Finding, Verdict
-from robotctl.drivers.can_config import CanConfig
+from robotctl.drivers.can_config import CanConfig, sample_point
 
 CONFIG = CanConfig()
 CAN0 = {
@@ -105,3 +105,22 @@ def test_sample_points_are_those_of_cia_301() -> None:
     assert sample_point(1_000_000) == 0.75
     assert sample_point(800_000) == 0.8
     assert {sample_point(each) for each in (10_000, 125_000, 250_000, 500_000)} == {0.875}
+
+
+@pytest.mark.parametrize(
+    ("channel", "link", "fix"),
+    [
+        (
+            "vcan0", "Device \"vcan0\" does not exist.",
+            "sudo ip link add dev vcan0 type vcan; sudo ip link set vcan0 up",
+        ),
+        ("vcan0", {"linkinfo": {"info_kind": "vcan"}}, "sudo ip link set vcan0 up"),
+        ("sim0", {"linkinfo": {"info_kind": "vxcan"}}, "sudo ip link set sim0 up"),
+    ],
+)  # fmt: skip
+def test_the_fix_of_a_virtual_link_sets_no_bit_rate(
+    channel: str, link: dict | str, fix: str
+) -> None:
+    (finding,) = check_link(CanConfig(channel=channel), link)
+    assert finding.verdict is Verdict.FAIL
+    assert finding.fix == fix

@@ -194,6 +194,16 @@ def test_a_bus_that_cannot_be_opened_at_the_start_says_how_it_comes_up(clock, re
         SocketPort(CONFIG, {0x181}, clock, refuse)
 
 
+def test_a_virtual_bus_is_added_and_has_no_bit_rate(clock):
+    def refuse():
+        raise OSError(errno.ENODEV, "No such device")
+
+    with pytest.raises(LinkError) as refused:
+        SocketPort(CanConfig(channel="vcan3"), {0x181}, clock, refuse)
+    assert "ip link add dev vcan3 type vcan; sudo ip link set vcan3 up`" in str(refused.value)
+    assert "bitrate" not in str(refused.value)
+
+
 def test_a_network_device_that_does_not_exist_is_a_link_error(clock):
     with pytest.raises(LinkError, match="nocan9: cannot be opened"):
         SocketPort(CanConfig(channel="nocan9"), {0x181}, clock)
