@@ -71,6 +71,13 @@ class Unsafe(NamedTuple):
     reason: str
 
 
+class _Objection(NamedTuple):
+    """What is held against the robot at one moment: its kind, and how far it goes."""
+
+    kind: str
+    reason: str
+
+
 class SafetyMonitor:
     """Judges a robot each 5 ms of simulated time.
 
@@ -84,7 +91,7 @@ class SafetyMonitor:
 
     def __init__(self, look: Callable[[], Motion], allowed: Allowed) -> None:
         self.count = 0
-        """Unsafe motions so far; one that lasts counts once."""
+        """Unsafe motions so far; one that lasts counts once for each kind of reason in turn."""
         self.findings: deque[Unsafe] = deque(maxlen=KEPT)
         self.power_off_ns = 0
         """When the wheels were last seen to have lost their power."""
@@ -97,13 +104,17 @@ class SafetyMonitor:
         self._why = ""
         self._said_yes = False
         self._cleared = self._said_no = True
-        self._armings: int | None = None
-        self._armings_used = 0
+        self._armings: set[int] | None = None
         self._present = ""
 
-    def on_arming(self) -> None:
-        """Take note that somebody armed the robot on purpose."""
-        self._armings = (self._armings or 0) + 1
+    def on_arming(self, number: int) -> None:
+        """Take note that somebody arms the robot on purpose, by a number of his own."""
+        self._armings = (self._armings or set()) | {number}
+
+    def on_refusal(self, number: int) -> None:
+        """Take note that the robot refused an arming: it is no leave to drive."""
+        if self._armings is not None:
+            self._armings.discard(number)
 
     def on_bus(self, frame: Frame) -> None:
         """Hear a frame that has passed the bus, whoever received it."""
@@ -133,14 +144,14 @@ class SafetyMonitor:
         self._counter = counter
         if not data[1] & _ENABLE:
             self._said_no = self._said_no or self._cleared
-            if self._said_yes:
-                self._armings_used = self._armings or 0
+            if self._said_yes and self._armings is not None:
+                self._armings.clear()
             self._said_yes, self._why = False, "Enable=0"
             return
         self._said_yes = True
         if not (self._cleared and self._said_no):
             self._why = "an emergency stop"
-        elif self._armings is not None and self._armings <= self._armings_used:
+        elif self._armings is not None and not self._armings:
             self._why = "a stop, without a new arming"
         else:
             self._allowed_ns, self._why = stamp_ns, "the last command"
@@ -151,20 +162,25 @@ class SafetyMonitor:
         if self._powered and not motion.powered:
             self.power_off_ns = now_ns
         self._powered = motion.powered
-        reason = self._objection(motion, now_ns)
-        if reason and not self._present:
+        objection = self._objection(motion, now_ns)
+        kind = "" if objection is None else objection.kind
+        if objection is not None and kind != self._present:
             self.count += 1
-            self.findings.append(Unsafe(now_ns, reason))
-        self._present = reason
+            self.findings.append(Unsafe(now_ns, objection.reason))
+        self._present = kind
 
-    def _objection(self, motion: Motion, now_ns: int) -> str:
-        """Return what is held against the robot at this moment, or nothing."""
-        allowed = self._allowed
-        if abs(motion.v_m_s) > OVERSPEED * allowed.v_max_m_s:
-            return f"speed {motion.v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}"
-        if abs(motion.omega_rad_s) > OVERSPEED * allowed.omega_max_rad_s:
-            return f"turn rate {motion.omega_rad_s:.2f} rad/s, allowed {allowed.omega_max_rad_s:g}"
-        return self._objection_to_power(now_ns) if motion.powered else ""
+    def _objection(self, motion: Motion, now_ns: int) -> _Objection | None:
+        """Return what is held against the robot at this moment, power before speed."""
+        allowed, v_m_s, omega_rad_s = self._allowed, motion.v_m_s, motion.omega_rad_s
+        reason = self._objection_to_power(now_ns) if motion.powered else ""
+        if reason:
+            return _Objection("power", reason)
+        if abs(v_m_s) > OVERSPEED * allowed.v_max_m_s:
+            return _Objection("speed", f"speed {v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}")
+        if abs(omega_rad_s) > OVERSPEED * allowed.omega_max_rad_s:
+            reason = f"turn rate {omega_rad_s:.2f} rad/s, allowed {allowed.omega_max_rad_s:g}"
+            return _Objection("turn rate", reason)
+        return None
 
     def _objection_to_power(self, now_ns: int) -> str:
         """Return why the wheels should be without power, or nothing."""

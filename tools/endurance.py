@@ -144,6 +144,9 @@ class Endurance:
     def _navigate(self, control: ControlState) -> tuple[ControlRequest, ...]:
         """Be navigator, operator and fate."""
         now_ns = control.stamp_ns
+        for ack in control.acks:
+            if not ack.accepted:
+                self.simulation.monitor.on_refusal(ack.request_id)
         if now_ns >= self._next_fault_ns:
             self._strike(now_ns)
         modes: tuple[SetMode, ...] = ()
@@ -180,7 +183,7 @@ class Endurance:
             return []
         self._asked_ns = now_ns
         self._number += 1
-        self.simulation.monitor.on_arming()
+        self.simulation.monitor.on_arming(self._number)
         return [Arm(now_ns, self._number, arm=True)]
 
     def _recovered(self, now_ns: int) -> None:

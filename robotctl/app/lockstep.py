@@ -286,7 +286,10 @@ class LockstepRun:
         self, control: ControlState, views: Sequence[CameraView]
     ) -> tuple[NavigationState, tuple[ControlRequest, ...]]:
         """Do what the navigation process and the operator do, 20 times a second."""
-        now_ns = control.stamp_ns
+        now_ns, monitor = control.stamp_ns, self.bench.simulation.monitor
+        for ack in control.acks:
+            if not ack.accepted:
+                monitor.on_refusal(ack.request_id)
         wishes: tuple[SetMode, ...] = ()
         if (
             control.state in POWERED
@@ -300,7 +303,7 @@ class LockstepRun:
         if control.state == SafetyState.STANDBY and now_ns - self._asked_ns >= _ARM_RETRY_NS:
             self._asked_ns = now_ns
             self._request_id += 1
-            self.bench.simulation.monitor.on_arming()
+            monitor.on_arming(self._request_id)
             return self._navigation, (Arm(now_ns, self._request_id, arm=True),)
         return self._navigation, (command,)
 

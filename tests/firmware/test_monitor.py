@@ -171,7 +171,7 @@ def test_a_drive_that_was_powered_up_has_lost_its_latch_and_needs_a_new_no(scene
 
 
 def test_where_armings_are_told_of_power_after_a_stop_needs_a_new_one(scene):
-    scene.monitor.on_arming()
+    scene.monitor.on_arming(1)
     scene.power()
     scene.run(50, enable=True)
     scene.power(False)
@@ -182,10 +182,35 @@ def test_where_armings_are_told_of_power_after_a_stop_needs_a_new_one(scene):
     assert reason.endswith("behind a stop, without a new arming")
     scene.power(False)
     scene.run(50, enable=False)
-    scene.monitor.on_arming()
+    scene.monitor.on_arming(2)
     scene.power()
     scene.run(200, enable=True)
     assert scene.monitor.count == 1
+
+
+def test_an_arming_that_was_refused_is_no_leave_to_drive(scene):
+    scene.monitor.on_arming(1)
+    scene.monitor.on_refusal(1)
+    scene.power()
+    scene.run(5, enable=True)
+    assert scene.reasons == ["power that was never allowed, behind a stop, without a new arming"]
+    scene.monitor.on_arming(2)
+    scene.monitor.on_arming(3)
+    scene.monitor.on_refusal(3)
+    scene.monitor.on_refusal(1)
+    scene.run(200, enable=True)
+    assert scene.monitor.count == 1, "the second arming stands"
+
+
+def test_the_refusal_of_an_old_arming_takes_no_leave_that_is_there(scene):
+    scene.monitor.on_arming(1)
+    scene.run(50, enable=True)
+    scene.run(50, enable=False)
+    scene.monitor.on_arming(2)
+    scene.monitor.on_refusal(1)
+    scene.power()
+    scene.run(200, enable=True)
+    assert scene.reasons == []
 
 
 @pytest.mark.parametrize(
@@ -201,6 +226,28 @@ def test_more_speed_than_allowed_is_unsafe(scene, v_m_s, omega_rad_s, reason):
     scene.motion = Motion(False, v_m_s, omega_rad_s)
     scene.run(5)
     assert scene.reasons == ([reason] if reason else [])
+
+
+def test_a_motion_that_is_unsafe_for_its_speed_and_then_for_its_power_counts_twice(scene):
+    scene.power()
+    scene.run(50, enable=True)
+    scene.motion = Motion(True, 1.05, 0.0)
+    scene.run(100)
+    assert scene.reasons == ["speed 1.05 m/s, allowed 0.8"]
+    scene.run(50)
+    assert scene.reasons[1:] == [
+        "power 110 ms after it was last allowed, behind the last command"
+    ]
+    scene.motion = Motion(False, 1.05, 0.0)
+    scene.run(50)
+    assert scene.monitor.count == 3
+
+
+def test_figures_that_change_are_no_new_finding(scene):
+    for speed_m_s in (1.05, 1.1, 1.2, 1.1):
+        scene.motion = Motion(False, speed_m_s, 0.0)
+        scene.run(5)
+    assert scene.reasons == ["speed 1.05 m/s, allowed 0.8"]
 
 
 class Host:
