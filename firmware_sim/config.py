@@ -1,7 +1,8 @@
 """Reads what the simulator needs from a robot's TOML.
 
 The file is shared with robotctl, which owns the sections on control, limits, run time, safety,
-MAVLink and navigation: they are not looked at here. In the sections read here an unknown key is an
+MAVLink and navigation: of them only what the safety monitor judges by is looked at here. In the
+sections read here an unknown key is an
 error; all errors of a file are reported at once.
 """
 
@@ -118,6 +119,13 @@ class LimitsSection:
 
 
 @dataclass(frozen=True, slots=True)
+class SafetySection:
+    """The table `[safety]`, as far as the simulator's safety monitor is concerned."""
+
+    command_timeout_ms: Annotated[int, Field(strict=True, ge=10, le=1000)] = 90
+
+
+@dataclass(frozen=True, slots=True)
 class RobotConfig:
     """One robot: geometry, sonars, camera and physics."""
 
@@ -127,6 +135,7 @@ class RobotConfig:
     sonar: Annotated[tuple[SonarMount, ...], Field(max_length=16)] = ()
     can: CanSection = CanSection()
     limits: LimitsSection = LimitsSection()
+    safety: SafetySection = SafetySection()
     camera: CameraSection | None = None
 
     def __post_init__(self) -> None:

@@ -28,8 +28,8 @@ from firmware_sim.nodes.e2e import crc8, data_id_crc
 PERIOD_NS: Final = 5_000_000
 """Between two looks at the robot [ns]."""
 
-TIMEOUT_NS: Final = 100_000_000
-"""Age of a command at which the wheels must be without power, as the drive has it by default."""
+TIMEOUT_MARGIN_NS: Final = 10_000_000
+"""A drive whose clock is slow, as it may be, takes so much longer than its time-out [ns]."""
 
 GRACE_NS: Final = 6_000_000
 """The drive takes effect each millisecond, and the monitor looks each fifth [ns]."""
@@ -57,11 +57,14 @@ class Motion(NamedTuple):
 
 
 class Allowed(NamedTuple):
-    """The robot's limits."""
+    """The robot's limits.
+
+    `power_ns` is how long after a command that allowed it the wheels may have power [ns].
+    """
 
     v_max_m_s: float
     omega_max_rad_s: float
-    command_timeout_ns: int = TIMEOUT_NS
+    power_ns: int
 
 
 class Unsafe(NamedTuple):
@@ -189,6 +192,6 @@ class SafetyMonitor:
                 return "power without any command"
             return f"power that was never allowed, behind {self._why}"
         after_ns = now_ns - self._allowed_ns
-        if after_ns <= self._allowed.command_timeout_ns + GRACE_NS:
+        if after_ns <= self._allowed.power_ns + GRACE_NS:
             return ""
         return f"power {after_ns / 1e6:.0f} ms after it was last allowed, behind {self._why}"

@@ -25,7 +25,7 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.faults import Faults
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.lidar import Lidar
-from firmware_sim.monitor import FORBIDS, Allowed, Motion, SafetyMonitor
+from firmware_sim.monitor import FORBIDS, TIMEOUT_MARGIN_NS, Allowed, Motion, SafetyMonitor
 from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
@@ -130,9 +130,7 @@ class Simulation:
         self.power = PowerNode(
             self._measure_battery, config.simulation.battery.cells, self._store("power", memory)
         )
-        limits = config.limits
-        allowed = Allowed(limits.v_max_m_s, limits.omega_max_rad_s)
-        self.monitor = SafetyMonitor(self._motion, allowed)
+        self.monitor = SafetyMonitor(self._motion, _allowed(config))
         self.bus.tap(self.monitor.on_bus, accept=FORBIDS)
         self._ports: dict[str, Port] = {}
         for node in self.nodes:
@@ -338,6 +336,15 @@ class Simulation:
             plant.charge,
             self.config.simulation.motor.air_c,
         )
+
+
+def _allowed(config: RobotConfig) -> Allowed:
+    """Return what the monitor judges a robot by."""
+    timeout_ns = config.safety.command_timeout_ms * 1_000_000
+    limits = config.limits
+    return Allowed(
+        limits.v_max_m_s, limits.omega_max_rad_s, power_ns=timeout_ns + TIMEOUT_MARGIN_NS
+    )
 
 
 def _current_limit_ma(config: RobotConfig) -> int:

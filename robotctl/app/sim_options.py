@@ -98,10 +98,11 @@ def bus_overrides(options: SimOptions) -> tuple[str, ...]:
 def simulation_overrides(overrides: Sequence[str]) -> list[str]:
     """Return those settings of the user that are firmware_sim's.
 
-    The limits are, since it holds against the robot what goes beyond them, and how often a camera
-    is asked for a picture; where it sits may be wrong in what the robot believes.
+    The limits and the time-out of commands are, since it holds against the robot what goes beyond
+    them, and how often a camera is asked for a picture; where it sits may be wrong in what the
+    robot believes.
     """
-    shared = ("simulation.", "limits.", "camera.rate_hz")
+    shared = ("simulation.", "limits.", "safety.command_timeout_ms", "camera.rate_hz")
     return [each for each in overrides if each.startswith(shared)]
 
 

@@ -6,11 +6,14 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from firmware_sim.config import SafetySection
 from robotctl.app.config import find_file
-from robotctl.app.lockstep import make_simulation
+from robotctl.app.lockstep import LockstepRun, make_simulation
 from robotctl.app.replay import replay_file
-from robotctl.app.sim_options import SimulatorError
+from robotctl.app.sim_options import SimOptions, SimulatorError
+from robotctl.runtime.messages import WheelCommand
 from robotctl.runtime.recorder import RecordError
+from robotctl.runtime.safety import SafetyConfig
 from tests.app.missions import drive, fingerprint, without_computing_times
 
 
@@ -33,18 +36,38 @@ def test_the_same_seed_gives_the_same_report_and_logs_to_the_byte(tmp_path: Path
     assert fingerprint(tmp_path / "a") != fingerprint(tmp_path / "c")
 
 
-def test_the_simulator_takes_limits_rate_of_pictures_and_its_own_settings() -> None:
+def test_the_simulator_takes_limits_time_out_rate_of_pictures_and_its_own_settings() -> None:
     robot, world = find_file("diff_drive"), find_file("hall", "worlds")
     settings = (
         *("limits.v_max_m_s=1.2", "control.left.kp=0.3", "simulation.battery.charge=0.5"),
         *("camera.rate_hz=5", "camera.mount.z_m=0.31"),
+        *("safety.command_timeout_ms=60", "safety.sonar_timeout_ms=300"),
     )
     config = make_simulation(robot, world, 1, (6.0, 5.0, 0.0), settings).config
     assert config.limits.v_max_m_s == 1.2
+    assert config.safety.command_timeout_ms == 60
     assert config.simulation.battery.charge == 0.5
     assert config.camera is not None
     assert config.camera.rate_hz == 5.0
     assert config.camera.mount.z_m == 0.3
+
+
+def test_without_a_time_out_in_the_file_the_simulator_has_the_same_as_the_robot() -> None:
+    assert SafetySection().command_timeout_ms == SafetyConfig().command_timeout_ms
+
+
+def test_an_arming_that_the_robot_refused_is_no_leave_to_drive() -> None:
+    options = SimOptions(
+        find_file("diff_drive"),
+        find_file("patrol", "missions"),
+        overrides=("simulation.battery.charge=0.04", "safety.arm_timeout_ms=100"),
+    )
+    run = LockstepRun(options)
+    ack = next(control.acks[-1] for control, _ in run.steps() if control.acks)
+    assert "battery is low" in ack.reasons[0]
+    for _ in range(20):
+        run.bench.open_loop_tick(lambda _: WheelCommand(enable=True, duty1=0.2, duty2=0.2))
+    assert "without a new arming" in run.bench.simulation.truth().unsafe_reason
 
 
 def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path: Path) -> None:

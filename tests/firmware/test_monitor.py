@@ -6,7 +6,8 @@ import pytest
 
 from firmware_sim.bus.faults import Cut, Drop
 from firmware_sim.bus.frame import REMOTE_FLAG, Frame
-from firmware_sim.monitor import GRACE_NS, TIMEOUT_NS, Allowed, Motion, SafetyMonitor
+from firmware_sim.config import load_robot
+from firmware_sim.monitor import GRACE_NS, Allowed, Motion, SafetyMonitor
 from firmware_sim.nodes.drive_state import DriveState
 from firmware_sim.nodes.e2e import Protector
 from firmware_sim.simulation import Simulation
@@ -15,6 +16,7 @@ CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 COMMAND, STOP, TO_DRIVE = 0x201, 0x001, 0x601
 CLEAR = bytes.fromhex("2F10200001000000")
 PERIOD_NS = 5_000_000
+TIMEOUT_NS = 100_000_000
 
 
 class Scene:
@@ -22,7 +24,7 @@ class Scene:
 
     def __init__(self):
         self.motion = Motion(False, 0.0, 0.0)
-        self.monitor = SafetyMonitor(lambda: self.motion, Allowed(0.8, 2.5))
+        self.monitor = SafetyMonitor(lambda: self.motion, Allowed(0.8, 2.5, TIMEOUT_NS))
         self.protector = Protector(0xA000 + COMMAND)
         self.now_ns = 0
 
@@ -235,9 +237,7 @@ def test_a_motion_that_is_unsafe_for_its_speed_and_then_for_its_power_counts_twi
     scene.run(100)
     assert scene.reasons == ["speed 1.05 m/s, allowed 0.8"]
     scene.run(50)
-    assert scene.reasons[1:] == [
-        "power 110 ms after it was last allowed, behind the last command"
-    ]
+    assert scene.reasons[1:] == ["power 110 ms after it was last allowed, behind the last command"]
     scene.motion = Motion(False, 1.05, 0.0)
     scene.run(50)
     assert scene.monitor.count == 3
@@ -253,8 +253,9 @@ def test_figures_that_change_are_no_new_finding(scene):
 class Host:
     """A host on the bus of a simulated robot that commands each 5 ms."""
 
-    def __init__(self):
-        robot, world = CONFIGS / "diff_drive.toml", CONFIGS / "worlds" / "empty_room.toml"
+    def __init__(self, **settings):
+        robot = load_robot(CONFIGS / "diff_drive.toml", settings)
+        world = CONFIGS / "worlds" / "empty_room.toml"
         self.simulation = Simulation(robot, world, start=(2.0, 2.0, 0.0))
         self.port = self.simulation.bus.attach("host", lambda _: None)
         self.protector = Protector(0xA000 + COMMAND)
@@ -337,6 +338,18 @@ def test_a_drive_that_loses_its_latch_by_a_warm_reset_is_found_out():
     host.run(20, enable=False)
     host.run(50, enable=True)
     assert "behind an emergency stop" in host.simulation.truth().unsafe_reason
+
+
+@pytest.mark.parametrize("timeout_ms", [60, 90, 300])
+def test_a_drive_is_judged_by_the_time_out_of_its_robot(timeout_ms):
+    host = Host(**{"safety.command_timeout_ms": timeout_ms})
+    host.drive()
+    last_ns = host.simulation.now_ns
+    host.simulation.drive._timeout_ns = 10**12
+    host.run(500)
+    late_ms = (host.simulation.monitor.findings[0].stamp_ns - last_ns) / 1e6
+    # 10 ms for a drive whose clock is slow, 6 ms of grace, and a look each 5 ms.
+    assert timeout_ms + 10 < late_ms <= timeout_ms + 10 + 6 + 5
 
 
 def test_a_drive_that_does_not_obey_the_emergency_stop_is_found_out():
