@@ -7,6 +7,7 @@ Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
 
 from __future__ import annotations
 
+import fcntl
 import math
 import re
 import sys
@@ -75,6 +76,14 @@ def next_log(path: Path) -> Path:
             return following
 
 
+def _opened(path: Path) -> TextIO:
+    """Open a log, locked for as long as it is open: so others see that it is being written."""
+    file = path.open("w", encoding="ascii")
+    with suppress(OSError):  # some network disks know no locks
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return file
+
+
 class LogWriter:
     """Writes every frame of a bus to a file, or to files in turn.
 
@@ -83,8 +92,8 @@ class LogWriter:
     bus
         The bus; the writer taps it and is no node.
     file
-        Path to write to, replaced where it exists, or an open text file (which `close` leaves
-        open).
+        Path to write to, replaced where it exists and locked (flock) until it is closed, or an
+        open text file (which `close` leaves open).
     channel
         Name of the bus in the log.
     epoch_ns
@@ -115,7 +124,7 @@ class LogWriter:
         if not channel or channel.split() != [channel]:
             raise ValueError(f"channel {channel!r}: a log needs a name without spaces")
         self._owned = isinstance(file, Path)
-        self._file = file.open("w", encoding="ascii") if isinstance(file, Path) else file
+        self._file = _opened(file) if isinstance(file, Path) else file
         self._channel = channel
         self._epoch_ns = epoch_ns
         self._file_bytes = file_bytes if self._owned else math.inf
@@ -137,7 +146,7 @@ class LogWriter:
     def _turn(self) -> None:
         """Go on in the next file."""
         self._file.close()
-        self._file = self._next_file(Path(self._file.name)).open("w", encoding="ascii")
+        self._file = _opened(self._next_file(Path(self._file.name)))
         self._bytes = 0
 
     def flush(self) -> None:

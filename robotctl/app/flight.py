@@ -81,7 +81,7 @@ class RecordCopy:
         """Begin the next file."""
         if self._file is not None:
             self._file.close()
-        self._file = self._folder.new("control", "rec").open("wb")
+        self._file = self._folder.open("control", "rec")
         self._file.write(header)
         return self._file
 

@@ -44,7 +44,7 @@ class TickLog:
     def record(self, now_ns: int, inputs: Inputs, outputs: Outputs) -> None:
         """Add the tick that the core has just done; raises OSError where the disk refuses."""
         if self._file is None or self._recorder is None:
-            self._file = self._folder.new("control", "rec").open("wb")
+            self._file = self._folder.open("control", "rec")
             self._recorder = Recorder(self._file.write, self._header, self._begin)
         self._recorder.record(now_ns, inputs, outputs)
         self._ticks += 1

@@ -1,4 +1,7 @@
-"""A folder of logs, bounded in size: files of one kind are numbered, the oldest go first."""
+"""A folder of logs, bounded in size: files of one kind are numbered, the oldest go first.
+
+A log is locked while it is written, and whoever makes room or cleans up leaves it alone.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, BinaryIO, Final
 
 from robotctl.errors import RobotctlError
+from robotctl.runtime.ring_file import hold, leads_to, remove_dead
 
 MOST_TOTAL_MB: Final = 1e9
 
@@ -95,6 +99,22 @@ class LogFolder:
             number = max(number, self._last("truth"))
         return self.directory / f"{kind}-{number:04d}.{suffix}"
 
+    def open(self, kind: str, suffix: str) -> BinaryIO:
+        """Open a new file, such as `control-0002.rec`, locked until it is closed.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses.
+        """
+        while True:
+            path = self.new(kind, suffix)
+            file = path.open("wb")
+            hold(file)
+            if leads_to(path, file.fileno()):  # not removed as an empty one before it was locked
+                return file
+            file.close()
+
     def begin_run(self) -> int:
         """Return the number of a simulated run, that of its first log of states, its truth and map.
 
@@ -123,7 +143,10 @@ class LogFolder:
                 _remove_if_empty(path)
 
     def trim(self, keep: Collection[Path] = ()) -> None:
-        """Remove the oldest logs, but those in `keep`, until the rest is within the bound."""
+        """Remove the oldest logs until the rest is within the bound.
+
+        Those in `keep` stay, and those that are being written.
+        """
         files = []
         for path in self.directory.iterdir():
             if _LOG.fullmatch(path.name):
@@ -133,8 +156,7 @@ class LogFolder:
         for *_, path, size in sorted(files):
             if total <= self._total_bytes:
                 return
-            if path not in keep:
-                path.unlink(missing_ok=True)
+            if path not in keep and _removed(path):
                 total -= size
 
 
@@ -153,7 +175,16 @@ def close_log(file: IO[Any]) -> None:
 
 
 def _remove_if_empty(path: Path) -> None:
-    """Remove a file of no bytes; where that is refused it stays."""
+    """Remove a file of no bytes that nobody writes; where that is refused it stays."""
     with suppress(OSError):
         if path.stat().st_size == 0:
-            path.unlink()
+            _removed(path)
+
+
+def _removed(path: Path) -> bool:
+    """Remove a log unless it is being written; return whether it is gone."""
+    try:
+        remove_dead(path)
+    except OSError:  # a disk without locks, or one that refuses this as well
+        path.unlink(missing_ok=True)
+    return not path.exists()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import BinaryIO, Final, TextIO
+from contextlib import suppress
+from typing import BinaryIO, Final
 
 import can
 
@@ -11,7 +13,14 @@ from robotctl.app.log_folder import LogFolder, close_log
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.candump import CandumpReader
 from robotctl.runtime.part_file import remove_parts
-from robotctl.telemetry.mcap_log import McapLog, McapLogError, Published, is_complete, recover
+from robotctl.telemetry.mcap_log import (
+    LogInUseError,
+    McapLog,
+    McapLogError,
+    Published,
+    is_complete,
+    recover,
+)
 
 FLUSH_NS: Final = 1_000_000_000
 """So much is lost at most when the recorder is killed [ns]."""
@@ -45,7 +54,7 @@ class StateLog:
         if not messages:
             return
         if self._log is None or self._file is None:
-            self._file = self._folder.new("robot", "mcap").open("wb")
+            self._file = self._folder.open("robot", "mcap")
             self._log = McapLog(self._file, self._epoch_ns, self._name)
         for message in messages:
             self._log.add(message)
@@ -86,7 +95,7 @@ class BusLog:
         self._config = config
         self._epoch_ns = epoch_ns
         self._reader: CandumpReader | None = None
-        self._file: TextIO | None = None
+        self._file: BinaryIO | None = None
         self._retry_ns = 0
         self._trouble = ""
 
@@ -118,8 +127,8 @@ class BusLog:
     def _write(self, lines: str) -> None:
         """Write lines; they reach the kernel at once."""
         if self._file is None:
-            self._file = self._folder.new("can", "log").open("w", encoding="ascii")
-        self._file.write(lines)
+            self._file = self._folder.open("can", "log")
+        self._file.write(os.fsencode(lines))
         self._file.flush()
         if self._file.tell() > self._folder.file_bytes:
             self._file.close()
@@ -143,7 +152,7 @@ def recover_all(folder: LogFolder) -> tuple[str, ...]:
     """Complete the MCAP logs that a kill or a power cut left open; return a sentence for each.
 
     Files without a byte, of any log, are removed, and what was left of a completion that was cut
-    itself.
+    itself. What is being written stays as it is.
     """
     folder.remove_empty()
     remove_parts(folder.directory, "robot-*.mcap")
@@ -151,8 +160,9 @@ def recover_all(folder: LogFolder) -> tuple[str, ...]:
     for path in sorted(folder.directory.glob("robot-*.mcap")):
         try:
             if not is_complete(path):
-                count = recover(path)
-                notes.append(f"{path}: was cut, completed with its {count} messages")
+                with suppress(LogInUseError):
+                    count = recover(path)
+                    notes.append(f"{path}: was cut, completed with its {count} messages")
         except (OSError, McapLogError) as error:
             notes.append(f"{path}: was cut and cannot be completed: {error}")
     return tuple(notes)

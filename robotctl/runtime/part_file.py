@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from robotctl.runtime.ring_file import remove_dead
+from robotctl.runtime.ring_file import hold, remove_dead
 
 _PART: Final = ".part"
 
@@ -28,8 +27,7 @@ def part_file(target: Path) -> Iterator[BinaryIO]:
     part = target.with_name(f"{target.name}{_PART}")
     try:
         with part.open("wb") as file:
-            with suppress(OSError):  # some network disks know no locks
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            hold(file)
             yield file
             file.flush()
             os.fsync(file.fileno())

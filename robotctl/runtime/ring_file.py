@@ -1,4 +1,4 @@
-"""Whose a flight ring is: the lock of its writer, and where the ring of a dead process goes.
+"""Whose a flight ring or a log is: the lock of its writer; where the ring of a dead process goes.
 
 A ring is locked by its writer as long as that lives. Who renames or removes one locks it first and
 then looks whether the path still leads to what is locked: between the two, somebody else may have
@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import IO, Any, Final
 
 from robotctl.errors import LinkError
 
@@ -31,7 +31,7 @@ def crashed(path: Path) -> Path:
 
 
 def is_written(path: Path) -> bool:
-    """Return whether the process that made a ring is still alive; it holds a lock on the file."""
+    """Return whether the process that writes a file is still alive; it holds a lock on it."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:
@@ -43,6 +43,17 @@ def is_written(path: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+def hold(file: IO[Any]) -> bool:
+    """Lock a file for as long as it is open; return whether nobody else has locked it.
+
+    On a disk that knows no locks, as some in a network, it stays without one.
+    """
+    try:
+        return _locked(file.fileno())
+    except OSError:
+        return True
 
 
 def leads_to(path: Path, descriptor: int) -> bool:

@@ -25,6 +25,7 @@ from robotctl.errors import RobotctlError
 from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.part_file import part_file
+from robotctl.runtime.ring_file import hold
 from robotctl.telemetry.log_schema import (
     LASER_SCHEMA,
     LOG_SCHEMA,
@@ -44,6 +45,10 @@ _RECORD_LIMIT: Final = 1 << 28
 
 class McapLogError(RobotctlError):
     """A log is no MCAP file."""
+
+
+class LogInUseError(McapLogError):
+    """A log is still being written."""
 
 
 class McapLog:
@@ -122,12 +127,16 @@ def recover(path: Path) -> int:
 
     Raises
     ------
+    LogInUseError
+        If a living process writes it; it stays as it is.
     McapLogError
         If it is no MCAP file; it stays as it is.
     OSError
         If it cannot be read or written.
     """
     with path.open("rb") as source:
+        if not hold(source):
+            raise LogInUseError(f"{path}: is still being written; whoever writes it completes it")
         if source.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise McapLogError(f"{path}: not an MCAP file")
         source.seek(0)

@@ -1,0 +1,87 @@
+"""Logs that are being written: nobody completes, removes or empties them."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware_sim.bus.core import Bus
+from firmware_sim.bus.log import LogWriter
+from robotctl.app.config import find_file, load_robot
+from robotctl.app.log_folder import LogConfig, LogFolder
+from robotctl.app.logs import BusLog, StateLog, recover_all
+from robotctl.runtime.messages import Notice
+from robotctl.runtime.ring_file import is_written
+from robotctl.telemetry.mcap_log import is_complete
+from tests.cli.command import status_of
+
+CAN = load_robot(find_file("diff_drive")).can
+SMALL = LogConfig(file_mb=0.1, total_mb=1.0)
+
+
+def log_states(folder: LogFolder) -> StateLog:
+    """Return a log of states with one flushed message in it."""
+    log = StateLog(folder, 0, "rover")
+    log.step([Notice(0, 6, "driving")], 10**9)
+    return log
+
+
+def log_bus(folder: LogFolder) -> BusLog:
+    log = BusLog(folder, CAN, 0)
+    log._write("a frame\n")
+    return log
+
+
+def log_simulated_bus(folder: LogFolder) -> LogWriter:
+    return LogWriter(Bus(), folder.new("can", "log"))
+
+
+WRITERS = pytest.mark.parametrize("writer", [log_states, log_bus, log_simulated_bus])
+
+
+def test_a_log_that_is_being_written_is_not_recovered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = log_states(LogFolder(tmp_path, SMALL))
+    (path,) = tmp_path.iterdir()
+    inode = path.stat().st_ino
+    assert status_of("record", "recover", path) == 2
+    assert "is still being written" in capsys.readouterr().err
+    assert recover_all(LogFolder(tmp_path, SMALL)) == ()
+    assert path.stat().st_ino == inode
+    log.close()
+    assert is_complete(path)
+
+
+@WRITERS
+def test_a_log_that_is_being_written_makes_no_room_for_others(
+    tmp_path: Path, writer: Callable[[LogFolder], Any]
+) -> None:
+    folder = LogFolder(tmp_path, SMALL)
+    log = writer(folder)
+    (path,) = tmp_path.iterdir()
+    os.utime(path, (0, 0))
+    old, new = tmp_path / "control-0001.rec", tmp_path / "control-0002.rec"
+    for number, other in enumerate((old, new), start=1):
+        other.write_bytes(bytes(600_000))
+        os.utime(other, (number, number))
+    folder.trim()
+    assert path.exists()
+    assert is_written(path)
+    assert not old.exists()
+    log.close()
+    assert not is_written(path)
+
+
+@WRITERS
+def test_a_log_that_has_just_been_begun_is_not_taken_for_an_empty_one(
+    tmp_path: Path, writer: Callable[[LogFolder], Any]
+) -> None:
+    log = writer(LogFolder(tmp_path, SMALL))
+    (path,) = tmp_path.iterdir()
+    os.truncate(path, 0)
+    LogFolder(tmp_path, SMALL).remove_empty()
+    assert path.exists()
+    log.close()
