@@ -29,10 +29,6 @@ OVERLOAD_IDS: Final = {"low": 0x7FF, "high": 0x002}
 """What the stranger of `overload` sends: behind everybody, or before all but emergency stop."""
 
 MILLISECOND_NS: Final = 1_000_000
-RESET_V: Final = 6.0
-"""Below this supply the drive's processor is held in reset,"""
-RELEASE_V: Final = 6.5
-"""and above this one it starts again."""
 
 PLACES_TRIED: Final = 1000
 
@@ -112,36 +108,35 @@ def heat(faults: Faults, arguments: Arguments) -> Undo:
 
 def under_voltage(faults: Faults, arguments: Arguments) -> Undo:
     """Lower the drive's supply at once."""
-    lost_v = number(arguments, "volts")
-    faults.stage.lose_voltage(lost_v)
-    return lambda: faults.stage.lose_voltage(-lost_v)
+    simulation, lost_v = faults.simulation, number(arguments, "volts")
+
+    def lose(volts: float) -> None:
+        faults.stage.lose_voltage(volts)
+        simulation.supervise()
+
+    lose(lost_v)
+    return _all(faults.repeat(simulation.supervise), lambda: lose(-lost_v))
 
 
 def brown_out(faults: Faults, arguments: Arguments) -> Undo:
-    """Let the drive's supply sag evenly; below `RESET_V` its processor is held in reset."""
-    simulation, stage = faults.simulation, faults.stage
+    """Let the drive's supply sag evenly to what is left; of several the lowest counts."""
+    simulation, stage, cause = faults.simulation, faults.stage, object()
     left_v, supply_v = number(arguments, "volts"), simulation.plant.bus_voltage_v
     if supply_v <= left_v:
         raise SimulationError(f"the supply has {supply_v:.2f} V, not over {left_v:g} V")
-    start_ns, drop_v = simulation.now_ns, stage.bus_voltage_v - left_v
-    lost_v = 0.0
+    start_ns, start_v = simulation.now_ns, max(stage.bus_voltage_v, left_v)
 
-    def set_loss(wanted_v: float) -> None:
-        nonlocal lost_v
+    def hold(ceiling_v: float | None) -> None:
         simulation.run_to(simulation.now_ns)
-        stage.lose_voltage(wanted_v - lost_v)
-        lost_v = wanted_v
-        powered = simulation.has_power(simulation.drive)
-        if powered and stage.bus_voltage_v < RESET_V:
-            simulation.power_off(simulation.drive)
-        elif not powered and stage.bus_voltage_v > RELEASE_V:
-            simulation.power_up(simulation.drive)
+        stage.hold_voltage(cause, ceiling_v)
+        simulation.supervise()
 
     def sag() -> None:
         elapsed_s = (simulation.now_ns - start_ns) * 1e-9
-        set_loss(max(drop_v, 0.0) * min(elapsed_s / number(arguments, "sag"), 1.0))
+        share = min(elapsed_s / number(arguments, "sag"), 1.0)
+        hold(start_v + share * (left_v - start_v))
 
-    return _all(faults.repeat(sag), lambda: set_loss(0.0))
+    return _all(faults.repeat(sag), lambda: hold(None))
 
 
 def carry(faults: Faults, _: Arguments) -> None:

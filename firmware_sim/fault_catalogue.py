@@ -24,7 +24,7 @@ from firmware_sim.bus.faults import (
     Stale,
 )
 from firmware_sim.fault_kinds import DURATION, Kind, Parameter
-from firmware_sim.faulty_parts import REVERSED, STUCK
+from firmware_sim.faulty_parts import RELEASE_V, RESET_V, REVERSED, STUCK
 from firmware_sim.nodes import wire
 
 DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS)
@@ -85,8 +85,8 @@ DRIVE: Final[dict[str, Kind]] = {
         {"volts": Parameter(5.0, "V less", 0.1, 12.0), **_LASTING},
     ),
     "brown_out": Kind(
-        f"the supply at the drive sags evenly; below {act.RESET_V:g} V its processor is held in "
-        f"reset, above {act.RELEASE_V:g} V it boots", act.brown_out,
+        f"the supply at the drive sags evenly; below {RESET_V:g} V its processor is held in "
+        f"reset, above {RELEASE_V:g} V it boots", act.brown_out,
         {
             "volts": Parameter(4.0, "V that are left", 0.0, 60.0),
             "sag": Parameter(0.2, "s until then", 0.001, 60.0),

@@ -24,6 +24,11 @@ SOUND: Final = 1
 STUCK: Final = 0
 REVERSED: Final = -1
 
+RESET_V: Final = 6.0
+"""Below this supply the drive's processor is held in reset,"""
+RELEASE_V: Final = 6.5
+"""and above this one it starts again."""
+
 
 class _Encoder:
     """Counts as the firmware reads them: continuous whenever what is broken changes."""
@@ -69,6 +74,8 @@ class FaultyStage:
         self._added_a = [0.0, 0.0]
         self._added_c = [0.0, 0.0]
         self._lost_v = 0.0
+        self._ceilings_v: dict[object, float] = {}
+        self._in_reset = False
         self._commanded: tuple[float, float, float, Bridge] | None = None
 
     # Faults -------------------------------------------------------------------------------------
@@ -118,6 +125,27 @@ class FaultyStage:
         self._lost_v = _without_dust(self._lost_v + lost_v)
         self._pass_on()
 
+    def hold_voltage(self, cause: object, ceiling_v: float | None) -> None:
+        """Let a cause leave the supply no more than a ceiling [V]; None: it is over."""
+        if ceiling_v is None:
+            self._ceilings_v.pop(cause, None)
+        else:
+            self._ceilings_v[cause] = ceiling_v
+        self._pass_on()
+
+    def holds_in_reset(self) -> bool:
+        """Tell whether the drive's processor is held in reset, as its supply is now.
+
+        A supply without a fault holds it never, however low the battery of this robot is.
+        """
+        limit_v = RELEASE_V if self._in_reset else RESET_V
+        self._in_reset = self._is_low and self.bus_voltage_v < limit_v
+        return self._in_reset
+
+    @property
+    def _is_low(self) -> bool:
+        return bool(self._lost_v or self._ceilings_v)
+
     # What the firmware sees and does ------------------------------------------------------------
 
     def _true(self, channel: int) -> int:
@@ -156,7 +184,8 @@ class FaultyStage:
     @property
     def bus_voltage_v(self) -> float:
         """Supply at the bridges [V]."""
-        return max(self._plant.bus_voltage_v - self._lost_v, 0.0)
+        left_v = self._plant.bus_voltage_v - self._lost_v
+        return max(min((left_v, *self._ceilings_v.values())), 0.0)
 
     @property
     def steering_rad(self) -> float:
@@ -166,7 +195,7 @@ class FaultyStage:
     def command(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
         """Pass a command on; with less than the supply the bridges give that much less."""
         self._commanded = duty1, duty2, steering_rad, bridge
-        if self._lost_v:
+        if self._is_low:
             self._pass_on()
         else:
             self._plant.command(duty1, duty2, steering_rad, bridge)

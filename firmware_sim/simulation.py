@@ -133,6 +133,7 @@ class Simulation:
         self.monitor = SafetyMonitor(self._motion, _allowed(config))
         self.bus.tap(self.monitor.on_bus, accept=FORBIDS)
         self._ports: dict[str, Port] = {}
+        self._supplied: set[str] = set()
         for node in self.nodes:
             self.power_up(node)
         self._watch()
@@ -171,6 +172,31 @@ class Simulation:
 
     def power_off(self, node: Node) -> None:
         """Take the supply from a node: it leaves the bus, and a drive's bridges open."""
+        self._supplied.discard(node.name)
+        self._shut_down(node)
+
+    def power_up(self, node: Node) -> None:
+        """Give a node its supply: it boots, a drive once its supply is high enough."""
+        self._supplied.add(node.name)
+        if node is self.drive:
+            self.supervise()
+        else:
+            self._boot(node)
+
+    def supervise(self) -> None:
+        """Hold the drive in reset, or let it boot, as its supply is now."""
+        drive = self.drive
+        held = self.faults.stage.holds_in_reset()
+        if held and self.runs(drive):
+            self._shut_down(drive)
+        elif not held and not self.runs(drive) and drive.name in self._supplied:
+            self._boot(drive)
+
+    def runs(self, node: Node) -> bool:
+        """Whether a node has its supply and is not held in reset."""
+        return node.name in self._ports
+
+    def _shut_down(self, node: Node) -> None:
         port = self._ports.pop(node.name, None)
         if port is not None:
             port.detach()
@@ -179,8 +205,7 @@ class Simulation:
             stage = self.faults.stage
             stage.command(0.0, 0.0, stage.steering_rad, Bridge.COAST)
 
-    def power_up(self, node: Node) -> None:
-        """Give a node its supply: it boots."""
+    def _boot(self, node: Node) -> None:
         receive = node.on_frame
         if node is self.drive:
             self.monitor.on_power_up()
@@ -189,10 +214,6 @@ class Simulation:
         self._ports[node.name] = port
         node.connect(port, self._alarm)
         node.power_cycle(self.bus.now_ns)
-
-    def has_power(self, node: Node) -> bool:
-        """Whether a node has its supply."""
-        return node.name in self._ports
 
     def pose(self) -> tuple[float, float, float]:
         """Return the true pose of base in world at the present time: x, y [m], heading [rad]."""
@@ -308,7 +329,7 @@ class Simulation:
         self.bus.schedule(due_ns, partial(self._wake, node))
 
     def _wake(self, node: Node) -> None:
-        if self.has_power(node):
+        if self.runs(node):
             node.wake(self.bus.now_ns)
 
     def _motion(self) -> Motion:

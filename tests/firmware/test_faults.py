@@ -22,6 +22,7 @@ PERIOD_NS = 5 * MS
 COMMAND, FEEDBACK, STATUS, DRIVE_STATUS = 0x201, 0x181, 0x281, 0x381
 SONAR_A, SONAR_B, BATTERY = 0x182, 0x282, 0x183
 EMCY_DRIVE, HEARTBEAT_DRIVE = 0x081, 0x701
+OF_DRIVE = {FEEDBACK, STATUS, DRIVE_STATUS, EMCY_DRIVE, HEARTBEAT_DRIVE}
 PARAMETERS_LOST = 0x6310
 
 
@@ -70,6 +71,10 @@ class Bench:
 
     def on_wire(self, identifier):
         return [frame for frame in self.wire if frame.arbitration_id == identifier]
+
+    def of_drive(self):
+        """Frames on the wire that the drive has sent."""
+        return [frame for frame in self.wire if frame.arbitration_id in OF_DRIVE]
 
     def counts(self):
         """Counts of both wheels in each feedback, unrolled from the first on."""
@@ -340,6 +345,73 @@ class TestSupply:
         driving.clear()
         driving.drive(0.1)
         assert driving.voltage_v() > 11.0
+
+    def test_of_two_brown_outs_the_deeper_counts_and_they_do_not_add_up(self, driving):
+        driving.begin("brown_out volts=9 sag=0.05")
+        driving.drive(0.02)
+        driving.begin("brown_out volts=7.5 sag=0.05 duration=0.2")
+        driving.drive(0.1)
+        assert driving.voltage_v() == pytest.approx(7.5, abs=0.05)
+        driving.drive(0.2)
+        assert driving.voltage_v() == pytest.approx(9.0, abs=0.05)
+        driving.clear()
+        driving.drive(0.1)
+        assert driving.voltage_v() > 11.0
+
+    def test_a_brown_out_leaves_its_volts_though_the_supply_was_low_before(self, driving):
+        driving.begin("under_voltage volts=2 duration=0.1")
+        driving.begin("brown_out volts=8 sag=0.05")
+        driving.drive(0.08)
+        assert driving.voltage_v() == pytest.approx(8.0, abs=0.05)
+        driving.drive(0.1)
+        assert driving.voltage_v() == pytest.approx(8.0, abs=0.05)
+
+    @pytest.mark.parametrize(
+        "line", ["node_reset", "parameter_lost", "wrong_firmware duration=0.05"]
+    )
+    def test_a_drive_without_supply_does_not_boot_whatever_else_befalls_it(self, driving, line):
+        driving.begin("brown_out volts=4 sag=0.01 duration=0.2")
+        driving.drive(0.05)
+        driving.begin(line)
+        assert "drive" not in [port.name for port in driving.simulation.bus.ports]
+        driving.drive(0.14)
+        assert not driving.of_drive()
+        driving.drive(0.05)
+        assert [frame.data for frame in driving.on_wire(HEARTBEAT_DRIVE)] == [b"\0"]
+
+    def test_any_supply_below_the_threshold_holds_the_drive_in_reset(self, driving):
+        driving.begin("under_voltage volts=7 duration=0.1")
+        driving.drive(0.09)
+        assert not driving.of(FEEDBACK)
+        assert not driving.simulation.plant.powered
+        driving.drive(0.05)
+        assert [frame.data for frame in driving.on_wire(HEARTBEAT_DRIVE)] == [b"\0"]
+
+    def test_a_drive_in_reset_stays_so_until_the_supply_is_above_the_upper_threshold(self, driving):
+        full_v = driving.simulation.plant.bus_voltage_v
+        driving.begin(f"under_voltage volts={full_v - 6.25:.2f} duration=0.3")
+        driving.drive(0.05)
+        assert driving.of(FEEDBACK), "6.25 V holds no drive in reset that runs"
+        driving.begin("brown_out volts=4 sag=0.01 duration=0.1")
+        driving.drive(0.05)
+        driving.drive(0.15)
+        assert not driving.of_drive(), "6.25 V does not release one that is held"
+        driving.drive(0.1)
+        assert [frame.data for frame in driving.on_wire(HEARTBEAT_DRIVE)] == [b"\0"]
+
+    def test_a_drive_that_somebody_switched_off_stays_off_after_a_brown_out(self, driving):
+        simulation = driving.simulation
+        simulation.power_off(simulation.drive)
+        driving.begin("brown_out volts=4 sag=0.01 duration=0.1")
+        driving.drive(0.2)
+        assert not driving.of_drive()
+        driving.begin("brown_out volts=4 sag=0.01 duration=0.1")
+        driving.drive(0.05)
+        simulation.power_up(simulation.drive)
+        driving.drive(0.04)
+        assert not driving.of_drive()
+        driving.drive(0.05)
+        assert [frame.data for frame in driving.on_wire(HEARTBEAT_DRIVE)] == [b"\0"]
 
 
 class TestSonars:
