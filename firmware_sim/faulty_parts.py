@@ -113,7 +113,10 @@ class FaultyStage:
         self._plant.block(channel + 1, blocked=self._blocks[channel] > 0)
 
     def add_current(self, channel: int, current_a: float) -> Undo:
-        """Let a motor draw more current [A]."""
+        """Let a motor draw more current [A] in the direction of what it draws.
+
+        Where it draws none it is that of its duty, and forward where that is 0 too.
+        """
         return _add(self._added_a, channel, current_a)
 
     def add_heat(self, channel: int, rise_k: float) -> Undo:
@@ -164,12 +167,19 @@ class FaultyStage:
     @property
     def current1_a(self) -> float:
         """Current of motor 1 [A]."""
-        return self._plant.current1_a + self._added_a[0]
+        return self._with_added(0, self._plant.current1_a)
 
     @property
     def current2_a(self) -> float:
         """Current of motor 2 [A]."""
-        return self._plant.current2_a + self._added_a[1]
+        return self._with_added(1, self._plant.current2_a)
+
+    def _with_added(self, channel: int, current_a: float) -> float:
+        added_a = self._added_a[channel]
+        if not added_a:
+            return current_a
+        duty = 0.0 if self._commanded is None else self._commanded[channel]
+        return current_a + math.copysign(added_a, current_a or duty or 1.0)
 
     @property
     def temperature1_c(self) -> float:

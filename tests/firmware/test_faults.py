@@ -14,6 +14,7 @@ from e2e import p01
 from firmware_sim.bus.errors import ErrorState
 from firmware_sim.errors import SimulationError
 from firmware_sim.fault_catalogue import CATALOGUE
+from firmware_sim.plant import Bridge
 from firmware_sim.simulation import Simulation
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -284,6 +285,26 @@ class TestMotors:
         assert sick["current1_a"] == pytest.approx(healthy["current1_a"], abs=0.4)
         assert sick["temperature1_c"] - healthy["temperature1_c"] == pytest.approx(30, abs=1)
         assert sick["temperature2_c"] == pytest.approx(healthy["temperature2_c"], abs=1)
+
+    @pytest.mark.parametrize("duty", [0.3, -0.3])
+    def test_added_current_makes_a_current_larger_in_either_direction(self, bench, duty):
+        bench.drive(1.0, duty, duty)
+        healthy_a = bench.status()["current2_a"]
+        assert healthy_a * duty > 0.0
+        bench.begin("over_current wheel=right amperes=2")
+        bench.drive(0.1, duty, duty)
+        sick_a = bench.status()["current2_a"]
+        assert abs(sick_a) - abs(healthy_a) == pytest.approx(2.0, abs=0.4)
+        assert sick_a * duty > 0.0
+
+    @pytest.mark.parametrize("duty", [0.3, -0.3])
+    def test_added_current_has_the_direction_of_the_duty_where_none_flows_yet(self, duty):
+        bench = Bench()
+        stage, plant = bench.simulation.faults.stage, bench.simulation.plant
+        bench.begin("over_current wheel=left amperes=2")
+        stage.command(duty, duty, 0.0, Bridge.DRIVE)
+        assert plant.current1_a == 0.0
+        assert stage.current1_a == math.copysign(2.0, duty)
 
     @pytest.mark.parametrize(
         ("line", "bit", "within_s"),
