@@ -50,7 +50,7 @@ def replay_file(path: Path) -> Replay:
         with path.open("rb") as file:
             header, entries = read_record(file, str(path))
             config, options = _robot_of(header, path)
-            result = replay(lambda: make_core(config, options), entries, str(path))
+            result = replay(lambda: make_core(config, options), entries, str(path), header.fields)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
     return Replay(header.version, result)

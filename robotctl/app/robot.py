@@ -13,6 +13,7 @@ from robotctl.drivers.dbc import load_dbc
 from robotctl.drivers.robot_can import CanRobot
 from robotctl.drivers.robot_codec import RobotCodec
 from robotctl.model.se2 import SE2
+from robotctl.runtime.checkpoint import fields_of
 from robotctl.runtime.core import ControlCore
 from robotctl.runtime.ports import Clock
 from robotctl.runtime.recorder import RecordHeader
@@ -70,4 +71,5 @@ def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:
         x_m=options.x_m,
         y_m=options.y_m,
         theta_rad=options.theta_rad,
+        fields=fields_of(make_core(config, options)),
     )

@@ -7,9 +7,15 @@ nothing but classes of the layers that do no input or output, and a few containe
 
 from __future__ import annotations
 
+import dataclasses
+import enum
 import io
 import pickle
+from collections import deque
+from collections.abc import Mapping
 from typing import Any, Final
+
+import msgspec
 
 from robotctl.errors import RobotctlError
 from robotctl.runtime.core import ControlCore
@@ -79,6 +85,59 @@ def restored(data: bytes) -> ControlCore:
     if not isinstance(core, ControlCore):
         raise CheckpointError(f"the checkpoint holds a {type(core).__name__}, not a ControlCore")
     return core
+
+
+def fields_of(core: ControlCore) -> dict[str, tuple[str, ...]]:
+    """Return the attributes of a core and of all its parts, by the names of their classes.
+
+    Where they stand in a pickle by place and not by name, they are in that order.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    parts: list[Any] = [core]
+    while parts:
+        part = parts.pop()
+        kind = type(part)
+        if isinstance(part, tuple | list | deque):
+            parts += part
+        elif isinstance(part, dict):
+            parts += part.values()
+        elif kind.__module__.startswith(_PURE) and not isinstance(part, enum.Enum):
+            names = found[f"{kind.__module__}.{kind.__qualname__}"] = _names(part)
+            parts += (getattr(part, name, None) for name in names)
+    return found
+
+
+def misfit(before: Mapping[str, tuple[str, ...]], now: Mapping[str, tuple[str, ...]]) -> str:
+    """Say the first difference between the fields of two cores; empty without one.
+
+    Parameters
+    ----------
+    before
+        Of the core that was recorded.
+    now
+        Of one that is made here, with the same configuration.
+    """
+    for kind in sorted(before.keys() | now.keys()):
+        old, new = before.get(kind), now.get(kind)
+        if old == new:
+            continue
+        if old is None or new is None:
+            return f"{kind} is not here" if new is None else f"{kind} was not there"
+        if gone := [name for name in old if name not in new]:
+            return f"{kind} had {', '.join(gone)}, which it has not here"
+        if more := [name for name in new if name not in old]:
+            return f"{kind} has {', '.join(more)} here, which it had not"
+        return f"{kind} had {', '.join(old)} in this order"
+    return ""
+
+
+def _names(part: object) -> tuple[str, ...]:
+    """Return the names of an object's attributes."""
+    if isinstance(part, msgspec.Struct):
+        return part.__struct_fields__
+    if dataclasses.is_dataclass(part):
+        return tuple(field.name for field in dataclasses.fields(part))
+    return tuple(sorted(vars(part) if hasattr(part, "__dict__") else part.__slots__))  # type: ignore[attr-defined]
 
 
 class _Unpickler(pickle.Unpickler):

@@ -9,14 +9,15 @@ steps, so a record may begin anywhere in a run and may have gaps.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import BinaryIO, Final, TypeAlias
 
 import msgspec
 
 from robotctl.errors import RobotctlError
-from robotctl.runtime.checkpoint import CheckpointError, restored
+from robotctl.runtime.checkpoint import CheckpointError, fields_of, misfit, restored
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
 
 LENGTH: Final = struct.Struct("<I")
@@ -30,7 +31,8 @@ class RecordError(RobotctlError):
 class RecordHeader(msgspec.Struct, frozen=True):
     """What a replay needs besides the ticks.
 
-    `robot_json` is the whole configuration as JSON; the pose is where odometry started.
+    `robot_json` is the whole configuration as JSON; the pose is where odometry started; `fields`
+    are `fields_of` the core, without which checkpoints are taken as they come.
     """
 
     version: str
@@ -38,6 +40,7 @@ class RecordHeader(msgspec.Struct, frozen=True):
     x_m: float
     y_m: float
     theta_rad: float
+    fields: dict[str, tuple[str, ...]] = {}
 
 
 class Checkpoint(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=0):
@@ -152,7 +155,12 @@ def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Entry
     return header, _entries(messages, name)
 
 
-def replay(make_core: Callable[[], ControlCore], entries: Iterable[Entry], name: str) -> Replayed:
+def replay(
+    make_core: Callable[[], ControlCore],
+    entries: Iterable[Entry],
+    name: str,
+    fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+) -> Replayed:
     """Step a core through recorded inputs until an output differs.
 
     Parameters
@@ -163,20 +171,25 @@ def replay(make_core: Callable[[], ControlCore], entries: Iterable[Entry], name:
         Of a record.
     name
         Of the record, for errors.
+    fields
+        Of its header: what its checkpoints are made of.
 
     Raises
     ------
     RecordError
-        Where a checkpoint cannot be read, or the record has nothing to begin with.
+        Where a checkpoint cannot be read or does not fit the classes that are here, or the record
+        has nothing to begin with or no tick.
     """
     encode = msgspec.msgpack.Encoder().encode
     core: ControlCore | None = None
+    is_made = False
     ticks = agreed = gaps = 0
     for entry in entries:
         if isinstance(entry, Checkpoint):
             if core is None or entry.ticks != ticks:
                 gaps += core is not None
-                core = _core_of(entry, make_core, name)
+                is_made = entry.ticks == 0
+                core = make_core() if is_made else _core_of(entry, make_core, name, fields)
                 ticks = entry.ticks
             continue
         if core is None:
@@ -184,12 +197,16 @@ def replay(make_core: Callable[[], ControlCore], entries: Iterable[Entry], name:
         ticks += 1
         try:
             outputs = core.step(entry.inputs, entry.now_ns)
-        except AttributeError as error:
+        except (AttributeError, TypeError, ValueError, ArithmeticError, LookupError) as error:
+            if is_made:
+                raise
             raise RecordError(f"{name}: its checkpoint is of another robotctl: {error}") from error
         # Encoded, nan equals nan and 0.0 differs from -0.0, as it should.
         if encode(outputs) != encode(entry.outputs):
             return Replayed(agreed, gaps, Difference(ticks, entry, outputs))
         agreed += 1
+    if not agreed:
+        raise RecordError(f"{name}: no tick is in it; there is nothing to replay")
     return Replayed(agreed, gaps, None)
 
 
@@ -198,12 +215,19 @@ def framed(payload: bytes) -> bytes:
     return LENGTH.pack(len(payload)) + payload
 
 
-def _core_of(entry: Checkpoint, make_core: Callable[[], ControlCore], name: str) -> ControlCore:
-    """Return the core at a checkpoint."""
-    if entry.ticks == 0:
-        return make_core()
+def _core_of(
+    entry: Checkpoint,
+    make_core: Callable[[], ControlCore],
+    name: str,
+    fields: Mapping[str, tuple[str, ...]],
+) -> ControlCore:
+    """Return the core at a checkpoint in the middle of a run."""
     if not entry.core:
         raise RecordError(f"{name}: after tick {entry.ticks} the core's state was not recorded")
+    if fields and (why := misfit(fields, fields_of(make_core()))):
+        raise RecordError(
+            f"{name}: after tick {entry.ticks}: its checkpoint is of another robotctl: {why}"
+        )
     try:
         return restored(entry.core)
     except CheckpointError as error:

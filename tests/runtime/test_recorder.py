@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.pid import Pid
-from robotctl.runtime.checkpoint import CheckpointError, checkpoint, restored
+from robotctl.runtime.checkpoint import CheckpointError, checkpoint, fields_of, restored
 from robotctl.runtime.core import ControlCore
 from robotctl.runtime.messages import DriveState
 from robotctl.runtime.recorder import (
@@ -155,6 +155,63 @@ def test_ticks_without_a_checkpoint_are_refused() -> None:
     robot.ticks(1)
     with pytest.raises(RecordError, match=r"x\.rec: it begins without a checkpoint"):
         replay(make_core, [Tick(*robot.record[0])], "x.rec")
+
+
+def test_a_record_without_a_tick_is_refused_and_not_the_same() -> None:
+    with pytest.raises(RecordError, match=r"x\.rec: no tick is in it"):
+        replayed(recorded(RobotDouble()))
+
+
+def from_the_middle(
+    fields: dict[str, tuple[str, ...]], bend: Callable[[ControlCore], object] = id
+) -> Replayed:
+    """Replay ten ticks from a checkpoint of a core that was bent, by a header of such fields."""
+    robot = driven(20)
+    bend(robot.core)
+    begin = Checkpoint(len(robot.record), checkpoint(robot.core))
+    now_ns, inputs, outputs = robot.record[-1]
+    file = io.BytesIO()
+    recorder = Recorder(file.write, msgspec.structs.replace(HEADER, fields=fields), begin)
+    recorder.record(now_ns + 5_000_000, inputs, outputs)
+    file.seek(0)
+    header, entries = read_record(file, "x.rec")
+    return replay(make_core, entries, "x.rec", header.fields)
+
+
+PID = "robotctl.control.pid.PidConfig"
+POSE = "robotctl.model.se2.SE2"
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        (PID, lambda fields: fields[:-1], "has tracking_s here, which it had not"),
+        (PID, lambda fields: (*fields, "kx"), "had kx, which it has not here"),
+        (POSE, lambda fields: fields[::-1], "had theta_rad, y_m, x_m in this order"),
+        ("robotctl.control.pid.Pod", lambda _: ("kp",), "is not here"),
+    ],
+)
+def test_a_checkpoint_whose_classes_had_other_fields_is_refused_by_name(
+    name: str, change: Callable[[tuple[str, ...]], tuple[str, ...]], said: str
+) -> None:
+    fields = fields_of(make_core())
+    assert from_the_middle(fields).difference is not None, "the ticks are not the core's next ones"
+    fields[name] = change(fields.get(name, ()))
+    with pytest.raises(RecordError, match=rf"x\.rec: after tick \d+: .*{name} {said}"):
+        from_the_middle(fields)
+
+
+def test_a_record_of_the_whole_run_needs_no_fields_that_fit() -> None:
+    robot = driven(20)
+    _, entries = read_record(io.BytesIO(recorded(robot)), "x.rec")
+    result = replay(make_core, entries, "x.rec", {PID: ("other",)})
+    assert result.agreed == len(robot.record)
+
+
+@pytest.mark.parametrize("value", ["text", None, ()])
+def test_a_restored_core_that_cannot_step_is_refused(value: object) -> None:
+    with pytest.raises(RecordError, match=r"x\.rec: its checkpoint is of another robotctl"):
+        from_the_middle({}, lambda core: setattr(core, "_period_s", value))
 
 
 @pytest.mark.parametrize("data", [b"", b"text, and no record\n", b"\xff" * 100, framed(b"\x01")])
