@@ -65,20 +65,24 @@ def _all(*ends: Undo) -> Undo:
 
 def encoder(factor: int) -> Begin:
     """Return what lets an encoder count by a factor."""
-    return lambda faults, arguments: faults.stage.break_encoder(_channel(arguments), factor)
+    return lambda faults, arguments: faults.stage.break_encoder(_channel(arguments), factor).end
 
 
 def disconnect_encoder(faults: Faults, arguments: Arguments) -> Undo:
     """Let an encoder count what its open inputs pick up of the switching bridge: a random walk."""
-    channel = _channel(arguments)
-    edges = number(arguments, "edges") * MILLISECOND_NS * 1e-9
+    channel, rate_hz = _channel(arguments), number(arguments, "edges")
+    simulation, stage = faults.simulation, faults.stage
+    fault = stage.break_encoder(channel, STUCK)
+    heard_ns = simulation.now_ns
 
     def pick_up() -> None:
-        if faults.simulation.plant.powered:
-            count = int(faults.rng.poisson(edges))
-            faults.stage.jump(channel, 2 * int(faults.rng.binomial(count, 0.5)) - count)
+        nonlocal heard_ns
+        elapsed_s, heard_ns = (simulation.now_ns - heard_ns) * 1e-9, simulation.now_ns
+        if fault.counts and simulation.plant.powered:
+            count = int(faults.rng.poisson(rate_hz * elapsed_s))
+            stage.jump(channel, 2 * int(faults.rng.binomial(count, 0.5)) - count)
 
-    return _all(faults.repeat(pick_up), faults.stage.break_encoder(channel, STUCK))
+    return _all(faults.repeat(pick_up), fault.end)
 
 
 def glitch(faults: Faults, arguments: Arguments) -> None:
@@ -88,7 +92,7 @@ def glitch(faults: Faults, arguments: Arguments) -> None:
 
 def freeze(faults: Faults, _: Arguments) -> Undo:
     """Let both encoders stand still."""
-    return _all(*(faults.stage.break_encoder(channel, STUCK) for channel in (0, 1)))
+    return _all(*(faults.stage.break_encoder(channel, STUCK).end for channel in (0, 1)))
 
 
 def block(faults: Faults, arguments: Arguments) -> Undo:

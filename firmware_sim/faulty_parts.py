@@ -7,7 +7,7 @@ fault passes everything through unchanged.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -31,30 +31,54 @@ RELEASE_V: Final = 6.5
 
 
 class _Encoder:
-    """Counts as the firmware reads them: continuous whenever what is broken changes."""
+    """Counts of a wheel's encoder: continuous whenever what is broken changes."""
 
-    def __init__(self) -> None:
-        self._factors = [SOUND]
-        """Of what is broken; the last counts."""
+    def __init__(self, true: Callable[[], int]) -> None:
+        self._true_now = true
+        self._present: list[BrokenEncoder] = []
         self._read = self._true = 0
 
-    def read(self, true: int) -> int:
-        """Return what is read where the wheel is truly at `true`."""
-        return self._read + self._factors[-1] * (true - self._true)
+    @property
+    def count(self) -> int:
+        """What the encoder has counted."""
+        factor = self._present[-1].factor if self._present else SOUND
+        return self._read + factor * (self._true_now() - self._true)
 
-    def anchor(self, read: int, true: int) -> None:
-        """Read `read` where the wheel is truly at `true`."""
-        self._read, self._true = read, true
-
-    def begin(self, factor: int, true: int) -> None:
+    def begin(self, factor: int) -> BrokenEncoder:
         """From now on count by a factor."""
-        self.anchor(self.read(true), true)
-        self._factors.append(factor)
+        self._anchor()
+        fault = BrokenEncoder(self, factor)
+        self._present.append(fault)
+        return fault
 
-    def end(self, factor: int, true: int) -> None:
-        """End one of the faults with this factor."""
-        self.anchor(self.read(true), true)
-        self._factors.remove(factor)
+    def end(self, fault: BrokenEncoder) -> None:
+        """End one fault."""
+        self._anchor()
+        self._present.remove(fault)
+
+    def shows(self, fault: BrokenEncoder) -> bool:
+        """Whether a fault is the latest, which counts."""
+        return bool(self._present) and self._present[-1] is fault
+
+    def _anchor(self) -> None:
+        self._read, self._true = self.count, self._true_now()
+
+
+class BrokenEncoder:
+    """One fault of an encoder: it counts by a factor while no later one is present."""
+
+    def __init__(self, encoder: _Encoder, factor: int) -> None:
+        self._encoder = encoder
+        self.factor = factor
+
+    @property
+    def counts(self) -> bool:
+        """Whether this is the fault that is seen."""
+        return self._encoder.shows(self)
+
+    def end(self) -> None:
+        """End it."""
+        self._encoder.end(self)
 
 
 class FaultyStage:
@@ -68,7 +92,9 @@ class FaultyStage:
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
-        self._encoders = (_Encoder(), _Encoder())
+        self._encoders = (_Encoder(lambda: plant.count1), _Encoder(lambda: plant.count2))
+        self._offsets = [0, 0]
+        """Of the counters of the channels to the encoders that they count."""
         self._swaps = 0
         self._blocks = [0, 0]
         self._added_a = [0.0, 0.0]
@@ -80,17 +106,13 @@ class FaultyStage:
 
     # Faults -------------------------------------------------------------------------------------
 
-    def break_encoder(self, channel: int, factor: int) -> Undo:
-        """Let an encoder count by a factor: `STUCK` or `REVERSED`."""
-        encoder = self._encoders[channel]
-        encoder.begin(factor, self._true(channel))
-        return lambda: encoder.end(factor, self._true(channel))
+    def break_encoder(self, wheel: int, factor: int) -> BrokenEncoder:
+        """Let the encoder of a wheel count by a factor: `STUCK` or `REVERSED`."""
+        return self._encoders[wheel].begin(factor)
 
-    def jump(self, channel: int, counts: int) -> None:
-        """Let an encoder's count jump once."""
-        true = self._true(channel)
-        encoder = self._encoders[channel]
-        encoder.anchor(encoder.read(true) + counts, true)
+    def jump(self, wheel: int, counts: int) -> None:
+        """Let the count of a wheel's encoder jump once."""
+        self._offsets[self._other_if_swapped(wheel)] += counts
 
     def swap(self) -> Undo:
         """Plug the cables of the encoders into each other's sockets."""
@@ -100,8 +122,7 @@ class FaultyStage:
     def _change_swaps(self, by: int) -> None:
         before = self.count1, self.count2
         self._swaps += by
-        for channel in (0, 1):
-            self._encoders[channel].anchor(before[channel], self._true(channel))
+        self._offsets = [before[channel] - self._plugged(channel).count for channel in (0, 1)]
 
     def block(self, channel: int) -> Undo:
         """Hold a wheel, whose motor stalls."""
@@ -151,18 +172,22 @@ class FaultyStage:
 
     # What the firmware sees and does ------------------------------------------------------------
 
-    def _true(self, channel: int) -> int:
-        return self._plant.count2 if (channel == 1) != (self._swaps > 0) else self._plant.count1
+    def _other_if_swapped(self, number: int) -> int:
+        """Return the channel of a wheel, or the wheel of a channel."""
+        return 1 - number if self._swaps else number
+
+    def _plugged(self, channel: int) -> _Encoder:
+        return self._encoders[self._other_if_swapped(channel)]
 
     @property
     def count1(self) -> int:
         """Count of channel 1."""
-        return self._encoders[0].read(self._true(0))
+        return self._plugged(0).count + self._offsets[0]
 
     @property
     def count2(self) -> int:
         """Count of channel 2."""
-        return self._encoders[1].read(self._true(1))
+        return self._plugged(1).count + self._offsets[1]
 
     @property
     def current1_a(self) -> float:

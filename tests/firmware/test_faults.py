@@ -222,6 +222,31 @@ class TestEncoders:
         bench.drive(0.2, 0.0, 0.0, enable=False)
         assert np.ptp(bench.counts()[:, 0]) == 0
 
+    def test_an_open_cable_has_picked_up_nothing_at_its_beginning(self, driving):
+        stage = driving.simulation.faults.stage
+        before = stage.count1
+        driving.begin("encoder_disconnected wheel=left edges=50000")
+        assert stage.count1 == before
+
+    def test_an_encoder_that_is_stuck_picks_up_nothing_of_its_open_cable(self, driving):
+        driving.begin("encoder_disconnected wheel=left edges=50000")
+        driving.begin("encoder_stuck wheel=left duration=0.05")
+        driving.drive(0.045)
+        assert np.ptp(driving.counts()[:, 0]) == 0
+        driving.drive(0.1)
+        assert np.ptp(driving.counts()[:, 0]) > 0
+
+    def test_the_feedback_of_a_robot_with_one_motor_freezes_and_goes_on(self):
+        bench = Bench("tricycle")
+        bench.drive(1.0)
+        bench.begin("feedback_frozen")
+        bench.drive(0.1)
+        assert np.ptp(bench.counts(), axis=0) == pytest.approx([0, 0])
+        bench.clear()
+        bench.drive(0.1)
+        assert np.diff(bench.counts()[2:, 0]).min() > 0
+        assert np.ptp(bench.counts()[:, 1]) == 0
+
     def test_swapped_cables_show_each_wheel_the_counts_of_the_other(self, bench):
         bench.drive(1.0, 0.4, 0.1)
         fast, slow = np.diff(bench.counts()[-10:], axis=0).mean(axis=0)
