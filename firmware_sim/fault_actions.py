@@ -131,7 +131,6 @@ def brown_out(faults: Faults, arguments: Arguments) -> Undo:
     start_ns, start_v = simulation.now_ns, max(stage.bus_voltage_v, left_v)
 
     def hold(ceiling_v: float | None) -> None:
-        simulation.run_to(simulation.now_ns)
         stage.hold_voltage(cause, ceiling_v)
         simulation.supervise()
 
@@ -147,7 +146,6 @@ def carry(faults: Faults, _: Arguments) -> None:
     """Put the robot down at another place of the room."""
     simulation = faults.simulation
     low_x, low_y, high_x, high_y = simulation.world.bounds
-    simulation.run_to(simulation.now_ns)
     for _attempt in range(PLACES_TRIED):
         x_m, y_m = faults.rng.uniform((low_x, low_y), (high_x, high_y))
         try:

@@ -85,6 +85,7 @@ class Faults:
         ]
         if misfits:
             raise SimulationError("; ".join(misfits))
+        self._catch_up()
         undo = kind.begin(self, arguments)
         if undo is None:
             return
@@ -102,7 +103,12 @@ class Faults:
     def _finish(self, undo: Undo) -> None:
         if undo in self._present:
             self._present.remove(undo)
+            self._catch_up()
             undo()
+
+    def _catch_up(self) -> None:
+        """Bring the robot to the present: what changes now has not been so before."""
+        self.simulation.run_to(self.simulation.now_ns)
 
     def repeat(self, action: Callable[[], None], period_ns: int = MILLISECOND_NS) -> Undo:
         """Do something now and then each period; return what ends that."""
@@ -111,6 +117,7 @@ class Faults:
 
         def tick() -> None:
             if goes_on:
+                self._catch_up()
                 action()
                 bus.schedule(bus.now_ns + period_ns, tick)
 

@@ -797,6 +797,31 @@ class TestFrames:
         assert bench.read(1, 0x2100, 2) == pytest.approx(100, abs=2)
 
 
+@pytest.mark.parametrize(
+    "line",
+    ["encoder_stuck", "encoder_reversed", "wheel_blocked", "under_voltage volts=3", "brown_out"],
+)
+def test_a_fault_begins_and_ends_at_its_time_though_nobody_has_looked_at_the_robot(line):
+    """The robot is simulated when something touches it; here once as well right before a fault."""
+
+    def run(*, looked_at):
+        bench = Bench()
+        bench.drive(0.5)
+        simulation = bench.simulation
+        now_ns = simulation.now_ns
+        if looked_at:
+            for due_ns in (now_ns + 4 * MS, now_ns + 12 * MS):
+                simulation.bus.schedule(due_ns, lambda: simulation.run_to(simulation.now_ns))
+        bench.run(4)
+        bench.begin(f"{line} duration=0.008")
+        bench.run(20)
+        simulation.run_to(simulation.now_ns)
+        stage, plant = simulation.faults.stage, simulation.plant
+        return stage.count1, stage.count2, plant.omega1_rad_s, plant.x_m
+
+    assert run(looked_at=False) == run(looked_at=True)
+
+
 class TestLines:
     @pytest.mark.parametrize(
         ("line", "problem"),
