@@ -10,16 +10,20 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from hil_tests.floods import calm
 from hil_tests.ground_station import GroundStation
 from hil_tests.pauses import PauseWitness
-from hil_tests.rig import GUEST_TIME, Rig, is_exact
+from hil_tests.rig import GUEST_TIME, Rig, UnsafeMotionError, is_exact
 from robotctl.app.config import find_file
 from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
 from robotctl.runtime.messages import SafetyState
+
+if TYPE_CHECKING:
+    from xdist.workermanage import WorkerController
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -29,16 +33,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 RERUN_LATER = {"reruns": 3, "reruns_delay": 5, "reruns_delay_backoff_factor": 3}
 """How often, and when [s]: a machine that stands may do so for a minute."""
-PAUSE = "pause of the machine"
+STOOD = "stood_ms"
 PRIORITY = 1
 """Of the tests, where permitted: below the robot."""
 WITNESS = pytest.StashKey[PauseWitness]()
 BEGAN = pytest.StashKey[int]()
-FAILED, STOOD = pytest.StashKey[bool](), pytest.StashKey[bool]()
-"""Whether a test failed; whether it did so while the machine stood."""
+FAILED, UNSAFE = pytest.StashKey[bool](), pytest.StashKey[bool]()
+"""Whether a test failed; whether the simulator's monitor saw an unsafe motion meanwhile."""
+STOOD_MS = pytest.StashKey[float]()
+"""For how long the machine stood while a test failed [ms]; 0: not at all."""
+DEAD = pytest.StashKey[dict[str, str]]()
+"""The processes of tests that did not end by themselves, and what is known of it."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    config.stash[DEAD] = {}
     controls_workers = config.getoption("numprocesses", None) and not hasattr(config, "workerinput")
     if not controls_workers and not is_exact(config.getoption("--bus")):
         config.stash[WITNESS] = PauseWitness()
@@ -55,15 +64,30 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         config.stash[WITNESS].close()
 
 
+def says_nothing(item: pytest.Item) -> bool:
+    """Return whether a failure is the machine's: it stood, and nothing unsafe was seen."""
+    return item.stash[STOOD_MS] > 0.0 and not item.stash[UNSAFE]
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A test that failed while the machine stood says nothing: it is run again."""
     for item in items:
-        says_nothing = partial(item.stash.get, STOOD, False)
-        item.add_marker(pytest.mark.flaky(**RERUN_LATER, condition=says_nothing))
+        item.add_marker(pytest.mark.flaky(**RERUN_LATER, condition=partial(says_nothing, item)))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    item.stash[BEGAN], item.stash[FAILED], item.stash[STOOD] = time.monotonic_ns(), False, False
+    item.stash[BEGAN], item.stash[STOOD_MS] = time.monotonic_ns(), 0.0
+    item.stash[FAILED] = item.stash[UNSAFE] = False
+
+
+def is_unsafe(error: BaseException | None) -> bool:
+    """Return whether an unsafe motion is in an error, in its group, or before it."""
+    if error is None:
+        return False
+    parts = error.exceptions if isinstance(error, BaseExceptionGroup) else ()
+    return isinstance(error, UnsafeMotionError) or any(
+        map(is_unsafe, (error.__cause__, error.__context__, *parts))
+    )
 
 
 def rigs_of(item: pytest.Item) -> list[Rig]:
@@ -73,28 +97,64 @@ def rigs_of(item: pytest.Item) -> list[Rig]:
     return list(dict.fromkeys(bench for bench in benches if isinstance(bench, Rig)))
 
 
-@pytest.hookimpl(wrapper=True)
+@pytest.hookimpl(wrapper=True, trylast=True)
 def pytest_runtest_makereport(
-    item: pytest.Item,
+    item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Note what speaks for a further run, and against it.
+
+    As the innermost wrapper, since the plugin that runs tests again asks in one of its own.
+    """
     report = yield
-    if report.failed and not item.stash[FAILED]:  # what fails behind that may be its doing
-        item.stash[FAILED] = True
-        for rig in rigs_of(item) if report.when != "teardown" else ():  # it ends them
-            rig.listen()
-            report.sections.append(("robot", f"{rig.told()}\n{rig.history()}"))
-        witness = item.config.stash.get(WITNESS, None)
-        if witness is not None and (stood_ms := witness.longest_ms(item.stash[BEGAN])):
-            item.stash[STOOD] = True
-            report.sections.append((PAUSE, f"The machine stood for {stood_ms:.0f} ms meanwhile."))
+    if report.failed:
+        item.stash[UNSAFE] |= is_unsafe(call.excinfo and call.excinfo.value)
+        if not item.stash[FAILED]:  # what fails behind that may be its doing
+            item.stash[FAILED] = True
+            for rig in rigs_of(item) if report.when != "teardown" else ():  # it ends them
+                rig.listen()
+                report.sections.append(("robot", f"{rig.told()}\n{rig.history()}"))
+            witness = item.config.stash.get(WITNESS, None)
+            if witness is not None:
+                item.stash[STOOD_MS] = witness.longest_ms(item.stash[BEGAN])
+        report.user_properties.append((STOOD, item.stash[STOOD_MS]))
     return report
 
 
+@pytest.hookimpl(trylast=True, optionalhook=True)
+def pytest_handlecrashitem(report: pytest.TestReport) -> None:
+    """Let a test whose process died have failed, whatever may be made of it by a further run."""
+    report.outcome = "failed"
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: WorkerController, error: object | None) -> None:
+    if error is not None:
+        node.config.stash[DEAD][node.gateway.id] = str(error)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail a run of which a process died, though no test was in it."""
+    if session.config.stash[DEAD] and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def short(report: pytest.TestReport) -> str:
+    """Return the first line of what a failed test said, and where it did."""
+    crash = getattr(report.longrepr, "reprcrash", None)
+    where = f"{Path(crash.path).name}:{crash.lineno}: " if crash else ""
+    said = str(crash.message if crash else report.longrepr)
+    return where + said.partition("\n")[0]
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say which tests were run again, and why."""
+    """Say which tests were run again and why, and which of their processes died."""
     for report in terminalreporter.stats.get("rerun", []):
-        why = dict(report.sections).get(PAUSE, "It had failed while the machine stood.")
+        stood_ms = dict(report.user_properties)[STOOD]
+        why = f"the machine stood for {stood_ms:.0f} ms; {short(report)}"
         terminalreporter.line(f"RUN AGAIN {report.nodeid}: {why}")
+    for worker, error in terminalreporter.config.stash[DEAD].items():
+        terminalreporter.line(f"FAILED worker {worker}: {error}")
 
 
 @pytest.fixture(scope="session")
@@ -103,31 +163,29 @@ def bus(request: pytest.FixtureRequest) -> str:
 
 
 def close(rig: Rig) -> None:
-    """End a bench; no frame was rejected on it and no motion was unsafe."""
-    try:
-        rig.listen()
+    """End a bench; no frame was rejected on it and, whatever else went wrong, no motion unsafe."""
+    rejected: dict[str, int] = {}
+    with contextlib.ExitStack() as afterwards:
+        afterwards.callback(rig.assert_safe)
+        afterwards.callback(rig.close)
+        afterwards.callback(rig.listen)
         rig.close_stack()  # the host reads by the same SDO channel
-        rejected = rig.rejected_frames()
-    finally:
-        rig.close()
-    if rig.truth is not None:
-        assert rig.truth.unsafe_motions == 0, rig.truth.unsafe_reason
-    if not rig.tolerates_rejects:
-        assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
+        if not rig.tolerates_rejects:
+            rejected = rig.rejected_frames()
+    assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
 
 
 @pytest.fixture
 def make_rig(bus: str, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
     """Makes benches for one test."""
-    rigs: list[Rig] = []
+    with contextlib.ExitStack() as afterwards:
 
-    def make(**kwargs: str) -> Rig:
-        rigs.append(Rig(bus, tmp_path, **kwargs))
-        return rigs[-1]
+        def make(**kwargs: str) -> Rig:
+            rig = Rig(bus, tmp_path, **kwargs)
+            afterwards.callback(close, rig)
+            return rig
 
-    yield make
-    for rig in rigs:
-        close(rig)
+        yield make
 
 
 @pytest.fixture
@@ -151,8 +209,8 @@ def benches() -> Iterator[list[Rig]]:
     """The bench that the tests of a module share, once there is one."""
     shared: list[Rig] = []
     yield shared
-    for rig in shared:
-        close(rig)
+    while shared:
+        close(shared.pop())
 
 
 @pytest.fixture
@@ -179,10 +237,9 @@ def lasting(
         yield rig
         rig.listen()
         sound = rig.truth.unsafe_motions == 0
-        assert sound, rig.truth.unsafe_reason
     finally:
         if not sound or request.node.stash[FAILED]:
-            benches.pop().close()
+            close(benches.pop())
 
 
 @pytest.fixture

@@ -76,6 +76,10 @@ def _numbers(values: Sequence[float]) -> str:
     return " ".join(f"{value:.1f}" for value in values)
 
 
+class UnsafeMotionError(AssertionError):
+    """The simulator's monitor saw the robot move as nobody allowed."""
+
+
 def enabled(command: can.Message) -> bool:
     """Return whether a MotorCommand frame lets the motors turn."""
     return bool(command.data[1] & 0x10)
@@ -315,6 +319,18 @@ class Rig:
                 self.navigation = message
             elif isinstance(message, Notice):
                 self.notices.append(message.text)
+
+    def assert_safe(self) -> None:
+        """Assert that no motion on this bench was unsafe, as far as it is known.
+
+        Raises
+        ------
+        UnsafeMotionError
+            With the newest reason.
+        """
+        truth = self.truth
+        if truth is not None and truth.unsafe_motions:
+            raise UnsafeMotionError(f"{truth.unsafe_motions}: {truth.unsafe_reason}")
 
     def told(self) -> str:
         """Return what the processes have said of themselves last, in a line."""

@@ -1,8 +1,12 @@
-"""Which failed HIL tests say nothing, and are run again: those in whose time the machine stood."""
+"""Which failed HIL tests say nothing, and are run again: those in whose time the machine stood.
+
+Never those in which the simulator's monitor saw an unsafe motion, nor those whose process died.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,19 +19,20 @@ import pytest
 from hil_tests.pauses import LIMIT_MS, WINDOW_MS, Pauses, PauseWitness, covered_ns
 
 ROOT = Path(__file__).resolve().parents[2]
-TESTS = """
+PAUSING = """
 import os, signal, time
 from hil_tests.conftest import WITNESS
 
-runs = []
-
 def pause(config):
+    began_ns = time.monotonic_ns()
     os.kill(config.stash[WITNESS].pid, signal.SIGSTOP)
     time.sleep(0.1)
     os.kill(config.stash[WITNESS].pid, signal.SIGCONT)
-    began_ns = time.monotonic_ns()
-    while not config.stash[WITNESS].longest_ms(0):
+    while not config.stash[WITNESS].longest_ms(began_ns):
         assert time.monotonic_ns() - began_ns < 10e9
+"""
+TESTS = """
+runs = []
 
 def test_that_fails_for_the_pause(request):
     runs.append("paused")
@@ -47,6 +52,87 @@ def test_that_fails_with_and_without_a_pause(request):
 
 def test_how_often_they_ran():
     assert [runs.count(name) for name in ("paused", "itself", "both")] == [2, 1, 2]
+"""
+UNSAFE = """
+import pytest
+from hil_tests.rig import UnsafeMotionError
+
+runs = []
+
+@pytest.fixture
+def unsafe():
+    yield
+    raise UnsafeMotionError("power without any command")
+
+@pytest.fixture
+def end_fails():
+    yield
+    raise OSError("a port that does not close")
+
+@pytest.fixture
+def hides(unsafe):
+    yield
+    try:
+        raise UnsafeMotionError("power without any command")
+    finally:
+        raise KeyError("behind it")
+
+@pytest.fixture(scope="module")
+def shared():
+    yield
+    raise UnsafeMotionError("power without any command")
+
+def test_that_sees_it(request):
+    runs.append("sees")
+    pause(request.config)
+    raise UnsafeMotionError("power without any command")
+
+def test_whose_bench_saw_it(request, unsafe):
+    runs.append("bench")
+    pause(request.config)
+
+def test_that_fails_before_its_bench_says_so(request, unsafe):
+    runs.append("before")
+    pause(request.config)
+    assert False
+
+def test_with_two_ends_that_fail(request, end_fails, unsafe):
+    runs.append("two")
+    pause(request.config)
+    assert False
+
+def test_with_an_error_behind_it(request, hides):
+    runs.append("hidden")
+    pause(request.config)
+    assert False
+
+def test_how_often_they_ran():
+    assert [runs.count(name) for name in ("sees", "bench", "before", "two", "hidden")] == [1] * 5
+
+def test_whose_module_s_bench_saw_it(request, shared):
+    pause(request.config)
+"""
+DEAD = """
+import os, pathlib, signal
+import pytest
+
+DIED = pathlib.Path(__file__).with_name("died")
+
+@pytest.mark.parametrize("number", range(4))
+def test_that_lives(number):
+    pass
+
+def test_that_ends_its_process_once():
+    if not DIED.exists():
+        DIED.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+DEAD_AT_ITS_END = """
+import os, signal
+
+def pytest_sessionfinish(session):
+    if hasattr(session.config, "workerinput"):
+        os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
@@ -98,24 +184,74 @@ def test_short_pauses_count_together_until_they_are_old() -> None:
     assert pauses.add((1000 + WINDOW_MS) * ms, (1002 + WINDOW_MS) * ms) == 2 * ms
 
 
-def test_only_a_test_that_failed_while_the_machine_stood_is_run_again(
-    witness: PauseWitness, tmp_path: Path
-) -> None:
-    assert witness.is_above
-    (tmp_path / "test_four.py").write_text(TESTS, encoding="utf-8")
-    ended = subprocess.run(
+def run(folder: Path, tests: str, *options: str) -> subprocess.CompletedProcess[str]:
+    """Run tests with the hooks of the HIL tests, in a process of their own."""
+    (folder / "test_these.py").write_text(tests, encoding="utf-8")
+    return subprocess.run(
         [
             *(sys.executable, "-m", "pytest", "-p", "hil_tests.conftest"),
             *("-p", "no:cacheprovider", "-q", "-c", str(ROOT / "pyproject.toml")),
-            *("--rootdir", str(tmp_path), str(tmp_path)),
+            *("--rootdir", str(folder), str(folder), *options),
         ],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def run_again(output: str) -> list[str]:
+    """Return which tests were run again; each is told with the pause and its failure."""
+    lines = [line for line in output.splitlines() if line.startswith("RUN AGAIN")]
+    told = [
+        re.fullmatch(
+            r"RUN AGAIN test_these\.py::(\w+): "
+            r"the machine stood for (\d+) ms; test_these\.py:\d+: assert False",
+            line,
+        )
+        for line in lines
+    ]
+    assert all(each and int(each[2]) > LIMIT_MS for each in told), lines
+    return [each[1] for each in told if each]
+
+
+def test_only_a_test_that_failed_while_the_machine_stood_is_run_again(
+    witness: PauseWitness, tmp_path: Path
+) -> None:
+    assert witness.is_above
+    ended = run(tmp_path, PAUSING + TESTS)
     assert "2 failed, 2 passed, 2 rerun" in ended.stdout, ended.stdout
-    again = [line for line in ended.stdout.splitlines() if line.startswith("RUN AGAIN")]
-    assert len(again) == 2
-    assert all("The machine stood for" in line for line in again)
-    assert "test_that_fails_for_the_pause" in again[0]
+    expected = ["test_that_fails_for_the_pause", "test_that_fails_with_and_without_a_pause"]
+    assert run_again(ended.stdout) == expected
+
+
+def test_what_was_excused_in_another_process_is_told_too(
+    witness: PauseWitness, tmp_path: Path
+) -> None:
+    assert witness.is_above
+    assert len(run_again(run(tmp_path, PAUSING + TESTS, "-n", "1").stdout)) == 2
+
+
+def test_an_unsafe_motion_is_never_excused(witness: PauseWitness, tmp_path: Path) -> None:
+    assert witness.is_above
+    ended = run(tmp_path, PAUSING + UNSAFE)
+    assert not run_again(ended.stdout), ended.stdout
+    assert "FAILED test_these.py::test_how_often_they_ran" not in ended.stdout, ended.stdout
+    assert ended.stdout.count("UnsafeMotionError: power without any command") >= 6, ended.stdout
+
+
+def test_a_test_whose_process_died_fails_and_is_named(tmp_path: Path) -> None:
+    ended = run(tmp_path, DEAD, "-n", "2")
+    assert ended.returncode == pytest.ExitCode.TESTS_FAILED, ended.stdout
+    failed = [line for line in ended.stdout.splitlines() if line.startswith("FAILED")]
+    assert any("::test_that_ends_its_process_once" in line for line in failed), failed
+    assert any(line.startswith("FAILED worker gw") for line in failed), failed
+    assert not run_again(ended.stdout)
+
+
+def test_a_process_that_died_behind_its_tests_fails_the_run(tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text(DEAD_AT_ITS_END, encoding="utf-8")
+    ended = run(tmp_path, "def test_that_passes(): pass", "-n", "1")
+    assert "1 passed" in ended.stdout, ended.stdout
+    assert ended.returncode == pytest.ExitCode.TESTS_FAILED, ended.stdout
+    assert "FAILED worker gw0: " in ended.stdout
