@@ -47,7 +47,8 @@ SMOKE = ("tests/vcan", "hil_tests/test_1_link.py", *ON_VCAN)
 GUEST_LIMIT_S = 2400.0
 POLL_S = 0.2
 
-TOLD = ("FAILED ", "ERROR ", "RUN AGAIN ")
+LEFT_OUT = "not run, "
+TOLD = ("FAILED ", "ERROR ", "RUN AGAIN ", LEFT_OUT)
 SETTINGS = {"COLUMNS": "200", "PYTHONDONTWRITEBYTECODE": ""}
 """Else pytest cuts what it says at 80 columns, and each process compiles all code anew."""
 
@@ -63,12 +64,15 @@ class Outcome:
     seconds: float = 0.0
     note: str = ""
     tests: tuple[str, ...] = ()
-    """What pytest's summary said of tests that failed, or that were run again."""
+    """What pytest's summary said of tests that failed, were run again, or were not run."""
 
     def lines(self) -> str:
         """Return the stage's lines of the summary."""
         taken = f"{self.seconds:7.1f} s" if self.result != NOT_RUN else " " * 9
-        line = f"  {self.name:<58} {self.result:<8} {taken}  {self.note}".rstrip()
+        left_out = sum(test.startswith(LEFT_OUT) for test in self.tests)
+        notes = (self.note, f"{left_out} tests not run" if left_out else "")
+        note = ", ".join(filter(None, notes))
+        line = f"  {self.name:<58} {self.result:<8} {taken}  {note}".rstrip()
         return "\n".join((line, *(f"    {test}" for test in self.tests)))
 
 

@@ -115,6 +115,21 @@ def test_the_summary_names_the_tests_that_failed_or_were_run_again(
     assert "=== end" in capfd.readouterr().out
 
 
+def test_tests_that_did_not_run_are_named_and_counted(capfd: pytest.CaptureFixture[str]) -> None:
+    told = [f"not run, recordings missing: /nowhere: test_a.py::test_{name}" for name in "bc"]
+    lines = "\n".join(("..ss", *told, "2 passed, 2 skipped"))
+    outcome = run_tests.stage("some", (sys.executable, "-c", f"print({lines!r})"))
+    assert outcome.result == PASSED
+    first, *named = outcome.lines().splitlines()
+    assert first.endswith("2 tests not run")
+    assert [line.strip() for line in named] == told
+    assert "2 skipped" in capfd.readouterr().out
+
+
+def test_a_stage_of_which_all_tests_ran_says_nothing_of_it() -> None:
+    assert run_tests.stage("all", (sys.executable, "-c", "")).lines().endswith(" s")
+
+
 def test_a_command_that_leaves_a_process_behind_ends_its_stage() -> None:
     leave = (
         "import subprocess, sys\n"
