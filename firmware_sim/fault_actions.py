@@ -256,14 +256,6 @@ def host_passive(faults: Faults, _: Arguments) -> Undo:
     return _hold_passive(faults, faults.host())
 
 
-def no_acknowledgement(faults: Faults, arguments: Arguments) -> None:
-    """Let nobody acknowledge the host."""
-    host = faults.host()
-    for port in faults.simulation.bus.ports:
-        if port.name != host:
-            faults.on_bus(AckLess, arguments, node=port.name)
-
-
 def overload(faults: Faults, arguments: Arguments) -> None:
     """Let a device that does not belong there fill a share of the bus."""
     bus = faults.simulation.bus
@@ -273,6 +265,7 @@ def overload(faults: Faults, arguments: Arguments) -> None:
     period_ns = 0 if share >= 1.0 else round(bits * bus.bit_ns / share)
     name = f"stranger{len(bus.ports)}@{bus.now_ns}"
     port = bus.attach(name, lambda _: None, accept=())
+    faults.on_bus(AckLess, arguments, node=name)
     faults.on_bus(
         Babble, arguments, node=name, arbitration_id=identifier, data=data, period_ns=period_ns
     )

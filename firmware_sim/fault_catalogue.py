@@ -22,6 +22,7 @@ from firmware_sim.bus.faults import (
     Mute,
     Reorder,
     Stale,
+    Unanswered,
 )
 from firmware_sim.fault_kinds import DURATION, Kind, Parameter
 from firmware_sim.faulty_parts import RELEASE_V, RESET_V, REVERSED, STUCK
@@ -164,13 +165,14 @@ BUS: Final[dict[str, Kind]] = {
     ),
     "no_ack": Kind(
         "nobody acknowledges the host: its frames are lost, it hears the others",
-        act.no_acknowledgement, _FOR,
+        act.on_host(Unanswered), _FOR,
     ),
     "babble": Kind(
         "a node sends identifier 0 without a pause", act.on_node(Babble), {**_NODE, **_FOR}
     ),
     "overload": Kind(
-        "a stranger's frames fill a share of the bus, behind all others or before them",
+        "a stranger's frames fill a share of the bus, behind all others or before them; it "
+        "acknowledges nobody's",
         act.overload,
         {
             "priority": Parameter("low", "of its frames", words=tuple(act.OVERLOAD_IDS)),

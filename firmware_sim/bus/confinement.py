@@ -144,7 +144,8 @@ class Confinement:
             bus._failure = self._strike(strike, senders, receivers)
             if bus._failure is not None:
                 return strike.bit
-        if any(port._answers and port not in self._deaf for port in receivers):
+        answered = any(port._answers and port not in self._deaf for port in receivers)
+        if answered and not any(port._unanswered for port in senders):
             return bus._bits
         # An error-passive sender's flag is recessive: nobody else sees that it objects.
         seen_by = () if senders[0].counters.passive else receivers

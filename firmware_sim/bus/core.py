@@ -369,7 +369,7 @@ class Bus:
         answering = [port for port in self._ports.values() if port._answers]
         for port in self._ports.values():
             port._routes.clear()
-            port._heard = any(other is not port for other in answering)
+            port._heard = not port._unanswered and any(other is not port for other in answering)
             port._direct = (
                 port._on_bus
                 and not (port._muted or port._closing or port._listen_only)

@@ -192,6 +192,11 @@ class AckLess(NodeFault):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Unanswered(NodeFault):
+    """Nobody acknowledges the node's frames, whoever comes to the bus meanwhile."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Babble(NodeFault):
     """The node sends one frame again and again, before all its own.
 

@@ -27,6 +27,7 @@ from firmware_sim.bus.faults import (
     NodeFault,
     Reorder,
     Stale,
+    Unanswered,
 )
 from firmware_sim.bus.frame import Frame, check_id
 
@@ -105,7 +106,7 @@ class Injector:
             self._bus.schedule(fault.start_ns, self._bus._disturbance.hold_dominant)
             if fault.end_ns is not None:
                 self._bus.schedule(fault.end_ns, self._bus._disturbance.release_dominant)
-        elif isinstance(fault, (Mute, AckLess, Babble, Cut)):
+        elif isinstance(fault, (Mute, AckLess, Unanswered, Babble, Cut)):
             if isinstance(fault, Babble):
                 check_id(fault.arbitration_id)
             self._bus.schedule(fault.start_ns, lambda: self._open(fault))
@@ -280,6 +281,7 @@ class Injector:
         faults = [fault for fault in self._active if fault.node in (None, port.name)]
         kinds = {type(fault) for fault in faults}
         port._acknowledges = AckLess not in kinds
+        port._unanswered = Unanswered in kinds
         port._muted = Mute in kinds
         if port._muted:
             port._discard_queue()

@@ -78,6 +78,7 @@ class Port:
         "_recovery",
         "_restart_ns",
         "_routes",
+        "_unanswered",
         "counters",
         "name",
         "queue_limit",
@@ -115,7 +116,7 @@ class Port:
         self._recovery = 0
         self._acknowledges = True
         self._closing = self._cut = self._detached = self._joining = self._muted = False
-        self._direct = self._heard = False
+        self._direct = self._heard = self._unanswered = False
 
     def send(self, arbitration_id: int, data: bytes | bytearray = b"") -> bool:
         """Queue a frame at the bus's present time.

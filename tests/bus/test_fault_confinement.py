@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from firmware_sim.bus.bits import frame_bits
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.errors import BusError, ErrorCounters, ErrorState
-from firmware_sim.bus.faults import AckLess, Cut, Destroy, Dominant, FaultPlan
+from firmware_sim.bus.faults import AckLess, Cut, Destroy, Dominant, FaultPlan, Unanswered
 
 MILLISECOND = 1_000_000
 ERROR = 0x20000000  # CAN_ERR_FLAG and below: linux/can/error.h
@@ -318,6 +318,21 @@ def test_a_listener_without_acknowledge_still_hears_what_another_acknowledges():
     bus.advance(2 * MILLISECOND)
     assert a.statistics.sent == 1
     assert [frame.arbitration_id for frame in heard["b"] if frame.arbitration_id < ERROR] == [0x100]
+
+
+def test_an_unanswered_node_stays_so_whoever_comes_and_hears_and_acknowledges_the_others():
+    bus, a, b, heard = two_nodes(Unanswered(node="a", end_ns=5 * MILLISECOND))
+    a.send(0x100)
+    b.send(0x101)
+    bus.advance(MILLISECOND)
+    c = bus.attach("c", quiet)
+    c.send(0x102)
+    bus.advance(5 * MILLISECOND - 1)
+    assert (a.statistics.sent, b.statistics.sent, c.statistics.sent) == (0, 1, 1)
+    assert a.counters.tec == 128
+    bus.advance(6 * MILLISECOND)
+    assert a.statistics.sent == 1
+    assert [frame.arbitration_id for frame in heard["b"] if frame.arbitration_id == 0x100]
 
 
 def test_error_messages_have_the_layout_of_linux():

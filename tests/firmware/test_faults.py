@@ -691,6 +691,37 @@ class TestBus:
         driving.drive(0.1)
         assert driving.on_wire(COMMAND)
 
+    @pytest.mark.parametrize("first", ["no_ack", "overload"])
+    def test_without_acknowledgement_a_stranger_gives_none_whichever_comes_first(
+        self, driving, first
+    ):
+        second = {"no_ack": "overload", "overload": "no_ack"}[first]
+        driving.begin(f"{first} duration=0.5")
+        driving.run(1)
+        driving.begin(f"{second} duration=0.5")
+        driving.drive(0.4)
+        assert not driving.on_wire(COMMAND)
+        assert driving.port.counters.tec == 128
+
+    def test_a_node_that_boots_meanwhile_does_not_acknowledge_either(self, driving):
+        driving.begin("no_ack duration=0.5")
+        driving.drive(0.1)
+        driving.begin("node_reset node=drive")
+        driving.drive(0.3)
+        assert not driving.on_wire(COMMAND)
+
+    def test_a_stranger_alone_does_not_acknowledge_the_host(self, driving):
+        driving.begin("overload load=0.3 duration=0.5")
+        driving.begin("node_cut node=drive duration=0.5")
+        driving.begin("node_cut node=sonar duration=0.5")
+        driving.begin("node_cut node=power duration=0.5")
+        driving.run(10)
+        driving.wire.clear()
+        driving.drive(0.3)
+        assert not driving.on_wire(COMMAND)
+        assert driving.port.counters.tec == 128
+        assert driving.of(0x7FF), "the host acknowledges the stranger"
+
     def test_babble_of_identifier_0_leaves_nothing_for_others(self, driving):
         driving.begin("babble node=sonar duration=0.2")
         driving.drive(0.19)
