@@ -46,11 +46,13 @@ class Failure(NamedTuple):
     transmitters
         Nodes which send and see their frame destroyed.
     first
-        Receivers which see it first: the others' flags follow theirs (rule b).
+        Receivers which see it first.
     others
         Receivers which see the first ones' error flag.
     flag_bits
         Length of the superposed error flags.
+    outlasted
+        Whether another's active flag goes on behind those of `first` (rule b).
     """
 
     error: BusError
@@ -58,6 +60,7 @@ class Failure(NamedTuple):
     first: tuple[Port, ...]
     others: tuple[Port, ...]
     flag_bits: int
+    outlasted: bool = False
 
 
 class Confinement:
@@ -144,8 +147,7 @@ class Confinement:
             bus._failure = self._strike(strike, senders, receivers)
             if bus._failure is not None:
                 return strike.bit
-        answered = any(port._answers and port not in self._deaf for port in receivers)
-        if answered and not any(port._unanswered for port in senders):
+        if self._answered(senders, receivers):
             return bus._bits
         # An error-passive sender's flag is recessive: nobody else sees that it objects.
         seen_by = () if senders[0].counters.passive else receivers
@@ -153,6 +155,11 @@ class Confinement:
         flag_bits = 2 * FLAG_BITS if active else FLAG_BITS
         bus._failure = Failure(BusError.ACK_ERROR, senders, (), seen_by, flag_bits)
         return bus._bits - ACK_SLOT_TO_END_BITS
+
+    def _answered(self, senders: tuple[Port, ...], receivers: tuple[Port, ...]) -> bool:
+        """Tell whether one of the receivers acknowledges a frame."""
+        answering = any(port._answers and port not in self._deaf for port in receivers)
+        return answering and not any(port._unanswered for port in senders)
 
     def _strike(
         self, strike: Strike, senders: tuple[Port, ...], receivers: tuple[Port, ...]
@@ -167,7 +174,12 @@ class Confinement:
             self._deaf = first  # its passive error flag disturbs nobody
             return None
         others = tuple(port for port in receivers if port not in first)
-        return Failure(strike.error, senders, first, others, FLAG_BITS + 1)
+        # Flags of a CRC error wait for the acknowledge delimiter. Where nobody has acknowledged,
+        # that of the transmitter is there before them, and ends before them.
+        early = strike.error is BusError.CRC_ERROR and not self._answered(senders, others)
+        outlasted = not early and any(not port.counters.passive for port in senders + others)
+        flag_bits = FLAG_BITS + outlasted
+        return Failure(strike.error, senders, first, others, flag_bits, outlasted)
 
     def complete(self, senders: tuple[Port, ...], route: Route, frame: Frame) -> None:
         """Count and deliver a frame that has got through."""
@@ -267,7 +279,7 @@ class Confinement:
         for port in failure.first + failure.others:
             hurt.append((port, False, (port.counters.tec, port.counters.rec)))
             port.counters.receive_error()
-            if port in failure.first:
+            if failure.outlasted and port in failure.first:
                 port.counters.receive_error_first()
         messages = []
         for port, is_sender, old in hurt:

@@ -148,6 +148,64 @@ def test_a_crc_error_costs_who_sees_it_first_9_and_the_others_1():
     assert (a.counters.tec, b.counters.rec, c.counters.rec) == (7, 8, 0)
 
 
+def counters_after(error, *, receiver=None, passive=(), ack_less=()):
+    """TEC of the sender `a` and REC of `b` and `c`, as changed by one destroyed frame."""
+    faults = [AckLess(node=name) for name in ack_less]
+    bus, a, b, _ = two_nodes(Destroy(error=error, receiver=receiver, count=1), *faults)
+    c = bus.attach("c", quiet)
+    for port in (a, b, c):
+        if port.name in passive:
+            port.counters.tec = 130
+    bus._rewire()
+    a.send(0x100, b"data")
+    bus.advance(1000 * (frame_bits(0x100, b"data") + 10))
+    assert bus.statistics.errors == {error: 1}
+    return a.counters.tec - (130 if "a" in passive else 0), b.counters.rec, c.counters.rec
+
+
+CRC, FORM, STUFF = BusError.CRC_ERROR, BusError.FORM_ERROR, BusError.BIT_STUFFING_ERROR
+
+
+def test_a_crc_error_that_all_see_costs_each_receiver_1():
+    # Nobody acknowledges, so the flag of the transmitter begins a bit before those of the
+    # receivers, and none of these sees a dominant bit after its own (rules a and c).
+    assert counters_after(CRC) == (8, 1, 1)
+    assert counters_after(CRC, passive="a") == (8, 1, 1)
+
+
+def test_who_alone_could_acknowledge_and_sees_a_crc_error_pays_1():
+    assert counters_after(CRC, receiver="b", ack_less="c") == (8, 1, 1)
+
+
+@pytest.mark.parametrize("error", [FORM, STUFF])
+def test_an_error_that_all_receivers_see_before_the_transmitter_costs_them_9(error):
+    # Its flag begins after theirs: each sees a dominant bit after its own (rule b).
+    assert counters_after(error) == (8, 9, 9)
+
+
+@pytest.mark.parametrize("error", [FORM, STUFF])
+def test_a_passive_transmitter_adds_no_dominant_bit_to_the_flags_of_the_receivers(error):
+    assert counters_after(error, passive="a") == (8, 1, 1)
+
+
+def test_who_sees_an_error_first_pays_9_only_where_somebody_answers_with_an_active_flag():
+    assert counters_after(CRC, receiver="b") == (8, 9, 1)
+    assert counters_after(CRC, receiver="b", passive="a") == (8, 9, 1)
+    assert counters_after(CRC, receiver="b", passive="c") == (8, 9, 1)
+    assert counters_after(CRC, receiver="b", passive="ac") == (8, 1, 1)
+
+
+def test_a_crc_error_that_all_see_takes_the_bits_of_its_error_frame():
+    """Flags, 8 bits of delimiter, 3 of intermission; then the frame again."""
+    bus, a, _b, heard = two_nodes(Destroy(error=CRC, count=1))
+    a.send(0x100, b"data")
+    bus.advance(MILLISECOND)
+    (frame,) = (frame for frame in heard["b"] if not frame.arbitration_id & ERROR)
+    bits = frame_bits(0x100, b"data")
+    # The transmitter's flag begins 8 bits before the end of the frame, the receivers' a bit later.
+    assert frame.stamp_ns == 1000 * ((bits - 8 + 7) + 8 + 3 + bits)
+
+
 def test_an_error_passive_listener_cannot_destroy_a_frame_for_the_others():
     bus, a, b, heard = two_nodes(Destroy(error=BusError.CRC_ERROR, receiver="b", first=15))
     others = []
