@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime as dt
 import difflib
 import json
 import re
@@ -76,11 +77,27 @@ def parse(
         if lines:
             raise ConfigError("\n".join(lines))
 
-    refuse((*_unknown_keys(data, kind, ()), *_invalid_values(data, kind)))
+    dates = dict(_dates(data, ()))
+    refuse(
+        (
+            *_unknown_keys(data, kind, ()),
+            *dates.items(),
+            *(problem for problem in _invalid_values(data, kind) if problem[0] not in dates),
+        )
+    )
     value = _adapter(kind).validate_json(json.dumps(data), strict=True)
     if rules is not None:
         refuse(rules(value))
     return value
+
+
+def is_utf_8(text: str) -> bool:
+    """Return whether a text can be encoded; an argument of other bytes cannot."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def nearest(word: str, allowed: Sequence[str]) -> str:
@@ -110,6 +127,15 @@ def _invalid_values(data: dict[str, Any], kind: type[Any]) -> Iterator[tuple[Key
     except pydantic.ValidationError as error:
         for item in error.errors(include_url=False):
             yield from _problems(item, data, kind)
+
+
+def _dates(data: Any, at: Key) -> Iterator[tuple[Key, str]]:
+    """Yield dates and times, which TOML has and no key here takes."""
+    if isinstance(data, dict | list):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from _dates(value, (*at, key))
+    elif isinstance(data, dt.date | dt.time):
+        yield at, f"must be no date or time, found {data}"
 
 
 def _problems(item: Mapping[str, Any], data: Any, kind: Any) -> Iterator[tuple[Key, str]]:
@@ -247,6 +273,8 @@ def _apply_override(data: dict[str, Any], override: str) -> Key:
     path, separator, text = override.partition("=")
     if not separator or not path.strip():
         raise ConfigError(f"--set {override}: not of the form key.subkey=value")
+    if not is_utf_8(override):
+        raise ConfigError(f"--set {override}: not UTF-8")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
@@ -256,6 +284,11 @@ def _apply_override(data: dict[str, Any], override: str) -> Key:
     parts = [part.strip() for part in path.split(".")]
     for position, part in enumerate(parts):
         last = position == len(parts) - 1
+        if not isinstance(target, dict | list):
+            above = _dotted(tuple(key))
+            raise ConfigError(
+                f"--set {override}: {above} is {shown(target)}, which has no keys below it"
+            )
         index: Any = int(part) if isinstance(target, list) and part.isdigit() else part
         key.append(index)
         try:

@@ -144,6 +144,10 @@ def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = 
 
 def _empty_grid(options: MapOptions) -> OccupancyGrid:
     """Return the grid to fill; check what can be checked before the log is read."""
+    if options.prefix.is_dir():
+        raise ConfigError(
+            f"--out {options.prefix}: is a folder; give a PREFIX, such as {options.prefix / 'map'}"
+        )
     if not options.prefix.parent.is_dir():
         raise ConfigError(
             f"--out {options.prefix}: the folder {options.prefix.parent} does not exist"

@@ -8,6 +8,8 @@ from pathlib import Path
 import msgspec
 
 from robotctl.app.config import RobotConfig, load_robot
+from robotctl.errors import ConfigError
+from robotctl.toml_source import is_utf_8
 
 
 class StackOptions(msgspec.Struct, frozen=True):
@@ -52,7 +54,16 @@ class StackOptions(msgspec.Struct, frozen=True):
         return load_robot(Path(self.robot), self.overrides)
 
     def command(self, module: str) -> list[str]:
-        """Return the command line of the process that `module` implements."""
+        """Return the command line of the process that `module` implements.
+
+        Raises
+        ------
+        ConfigError
+            If a name of a file is not UTF-8: logs and messages could not tell it.
+        """
+        for name, value in msgspec.structs.asdict(self).items():
+            if isinstance(value, str) and not is_utf_8(value):
+                raise ConfigError(f"{name}: {value}: not UTF-8")
         return [sys.executable, "-m", module, msgspec.json.encode(self).decode()]
 
 

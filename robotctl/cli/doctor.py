@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from json import dumps
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +49,7 @@ def doctor(
     warnings = sum(each.verdict is Verdict.WARN for each in findings)
     if json:
         report = {"fit": failures == 0, "findings": findings}
-        print(msgspec.json.format(msgspec.json.encode(report)).decode())
+        print(dumps(msgspec.to_builtins(report), indent=2))  # of names that are no UTF-8, too
     else:
         console.print(f"{len(findings)} checks: {failures} failed, {warnings} warnings")
     sys.exit(NOT_FIT if failures else 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from io import TextIOWrapper
 from typing import Final
 
 from robotctl.errors import RobotctlError
@@ -20,8 +21,11 @@ _DISK: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 def main() -> None:
     """Run the command line; a known error, or a file that is refused, ends it with status 2.
 
-    So does a disk that cannot take what is written, the standard output included.
+    So does a disk that cannot take what is written, the standard output included. Names of files
+    are printed as they are, in whatever encoding.
     """
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")
     try:
         _run()
     except RobotctlError as error:

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from robotctl.cli.files import check_files
 from robotctl.errors import LinkError
 from robotctl.runtime.flight_ring import dump as dump_ring
 from robotctl.runtime.recorder import RecordError
@@ -34,6 +35,7 @@ def dump(
 
     Works while the robot drives, which it does not notice, and after its processes were killed.
     """
+    check_files(file)
     ring = find_ring(instance)
     target = file or Path(f"flight-{dt.datetime.now(dt.UTC):%Y%m%dT%H%M%S}Z.rec")
     try:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from robotctl.app.config import find_file
+
 DEADLINE_S = 90.0
 ROBOTCTL = [sys.executable, "-c", "from robotctl.cli.main import main; main()"]
 
@@ -31,6 +33,41 @@ def test_a_reader_that_has_gone_is_no_error_to_talk_about() -> None:
     finally:
         os.close(writing)
     assert (done.returncode, done.stderr) == (1, b"")
+
+
+def named_strangely(folder: Path) -> str:
+    """Return the path of a robot's file whose name is no UTF-8."""
+    path = folder / os.fsdecode(b"caf\xe9.toml")
+    path.write_bytes(find_file("diff_drive").read_bytes())
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (["config", "check"], b"caf\xe9.toml: diff_drive, differential"),
+        (["can", "budget", "--robot"], b"worst-case stuffing"),
+        (["doctor", "--json", "--seconds", "0.1", "--robot"], rb"caf\udce9.toml: diff_drive"),
+    ],
+)
+def test_names_that_are_no_utf_8_are_printed(
+    tmp_path: Path, command: list[str], said: bytes
+) -> None:
+    done = subprocess.run(
+        [*ROBOTCTL, *command, named_strangely(tmp_path)],
+        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"}, capture_output=True, check=False,
+    )  # fmt: skip
+    assert b"Traceback" not in done.stderr
+    assert said in done.stdout
+
+
+def test_processes_are_not_started_with_names_that_are_no_utf_8(tmp_path: Path) -> None:
+    command = ["sim", "--max-seconds", "1", "--robot", named_strangely(tmp_path)]
+    done = subprocess.run([*ROBOTCTL, *command], capture_output=True, check=False)
+    assert done.returncode == 2
+    *_, last = done.stderr.splitlines()
+    assert last.startswith(b"robotctl: robot: ")
+    assert last.endswith(rb"caf\udce9.toml: not UTF-8")
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])

@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+from pathlib import Path
+
+import pytest
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
 from tests.app.test_mapping import write_log
+from tests.cli.command import status_of
 
 
 def test_the_command_writes_both_files_and_says_what_they_hold(tmp_path):
@@ -18,3 +22,14 @@ def test_the_command_writes_both_files_and_says_what_they_hold(tmp_path):
     assert "entropy: " in result.output
     assert (tmp_path / "room.yaml").is_file()
     assert (tmp_path / "room.pgm").is_file()
+
+
+def test_a_folder_is_no_prefix_and_nothing_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in (".", "..", "/", tmp_path):
+        assert status_of("map", "--log", tmp_path / "no.log", "--out", folder) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"robotctl: --out {folder}: is a folder; give a PREFIX, such as ")
+    assert list(tmp_path.iterdir()) == []

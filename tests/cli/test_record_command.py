@@ -121,3 +121,9 @@ def test_rings_that_others_can_reach_are_not_looked_at() -> None:
     ring_folder().chmod(0o755)
     with pytest.raises(LinkError, match="closed to others"):
         find_ring("robot")
+
+
+@pytest.mark.parametrize("folder", [".", "..", "/"])
+def test_a_dump_goes_into_no_folder(folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of("record", "dump", folder) == 2
+    assert capsys.readouterr().err == f"robotctl: {folder}: is a folder, a file is needed\n"

@@ -148,3 +148,28 @@ def test_text_that_is_no_toml_says_where() -> None:
     (line,) = errors("[gains\nkp = 1\n")
     assert "not valid TOML" in line
     assert "line 1" in line
+
+
+@pytest.mark.parametrize("date", ["2024-01-31", "2024-01-31T10:00:00Z", "10:00:00"])
+def test_a_date_is_no_value_of_any_key(date: str) -> None:
+    text = GOOD.replace("kp = 2 ", f"kp = {date} ").replace('"b"', date)
+    found = date.replace("T", " ").replace("Z", "+00:00")
+    assert errors(text) == [
+        f"robot.toml:1: names[1]: must be no date or time, found {found}",
+        f"robot.toml:4: gains.kp: must be no date or time, found {found}",
+    ]
+    assert errors(GOOD, f"gains.kp={date}") == [
+        f"--set gains.kp={date}: gains.kp: must be no date or time, found {found}"
+    ]
+
+
+@pytest.mark.parametrize("below", ["x", "x.y", "0"])
+def test_a_setting_below_a_number_is_refused(below: str) -> None:
+    assert errors(GOOD, f"gains.kp.{below}=1") == [
+        f"--set gains.kp.{below}=1: gains.kp is 2, which has no keys below it"
+    ]
+
+
+def test_a_setting_that_is_not_utf_8_is_refused() -> None:
+    (said,) = errors(GOOD, "gains.kp=caf\udce9")
+    assert said == "--set gains.kp=caf\udce9: not UTF-8"
