@@ -6,9 +6,10 @@ The kinds stand in `fault_catalogue`. A fault that lasts ends by itself after it
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -17,11 +18,14 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.fault_catalogue import CATALOGUE
 from firmware_sim.fault_kinds import DURATION, Arguments, Kind, Undo, Value, nearest
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
+from firmware_sim.nodes import wire
 
 if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
 
 CLEAR = "clear"
+_HOST: Final = re.compile(r"host(#\d+)?|bridge:.*")
+"""Name of a port that host programs have, with a number where there are several."""
 MILLISECOND_NS = 1_000_000
 
 
@@ -151,17 +155,28 @@ class Faults:
         )
 
     def host(self) -> str:
-        """Name of the host's port, which is no node of the robot.
+        """Name of the host's port: it has the name of one and commands the motors.
+
+        Where none does both, the port that commands them, or has the name.
 
         Raises
         ------
         SimulationError
-            Where no host is on the bus.
+            Where no host is on the bus, or several could be it.
         """
-        for port in self.simulation.bus.ports:
-            if port.name == "host" or port.name.startswith("bridge:"):
-                return port.name
-        raise SimulationError("no host is on the bus")
+        nodes = {node.name for node in self.simulation.nodes}
+        guests = [port for port in self.simulation.bus.ports if port.name not in nodes]
+        commanding = [port for port in guests if port.has_sent(wire.MOTOR_COMMAND)]
+        named = [port for port in guests if _HOST.fullmatch(port.name)]
+        both = [port for port in named if port in commanding]
+        found = [port.name for port in both or commanding or named]
+        if not found:
+            raise SimulationError("no host is on the bus")
+        if len(found) > 1:
+            raise SimulationError(
+                f"{', '.join(found)} could be the host, allowed: one that sends motor commands"
+            )
+        return found[0]
 
 
 def check(name: str, given: Arguments) -> tuple[Kind, dict[str, Value]]:

@@ -354,6 +354,8 @@ class Bus:
         route = Route(receivers, ports, self.statistics.of(arbitration_id))
         if len(sender._routes) >= _MAX_ROUTES:
             sender._routes.clear()
+        if len(sender._sent_ids) < _MAX_ROUTES:
+            sender._sent_ids.add(arbitration_id)
         sender._routes[arbitration_id] = route
         return route
 

@@ -78,6 +78,7 @@ class Port:
         "_recovery",
         "_restart_ns",
         "_routes",
+        "_sent_ids",
         "_unanswered",
         "counters",
         "name",
@@ -111,6 +112,7 @@ class Port:
         self._restart_ns = restart_ns
         self._listen_only = listen_only
         self._routes: dict[int, Route] = {}
+        self._sent_ids: set[int] = set()
         self._babble: Offer | None = None
         self._ready_ns = 0
         self._recovery = 0
@@ -174,6 +176,13 @@ class Port:
     def room(self) -> int:
         """Frames which the queue still takes."""
         return max(0, self.queue_limit - len(self._queue))
+
+    def has_sent(self, arbitration_id: int) -> bool:
+        """Tell whether a frame of this id (with flags) has got through since the attachment.
+
+        Of a port that has sent more than 4096 ids only the first of them are known.
+        """
+        return arbitration_id in self._sent_ids
 
     @property
     def attached(self) -> bool:

@@ -30,13 +30,14 @@ PARAMETERS_LOST = 0x6310
 class Bench:
     """A robot in the empty room with a host that commands it, and an ear on the bus."""
 
-    def __init__(self, robot="diff_drive", start=(2.0, 2.0, 0.0)):
+    def __init__(self, robot="diff_drive", start=(2.0, 2.0, 0.0), *, tools=(), name="host"):
         self.simulation = Simulation(
             CONFIGS / f"{robot}.toml", CONFIGS / "worlds" / "empty_room.toml", 1, start
         )
         self.frames, self.wire = [], []
         self.simulation.bus.tap(self.wire.append)
-        self.port = self.simulation.bus.attach("host", self.frames.append)
+        self.tools = [self.simulation.bus.attach(each, lambda _: None) for each in tools]
+        self.port = self.simulation.bus.attach(name, self.frames.append)
         self.counter = 0
         self.run(20)
         self.port.send(0x000, b"\x01\x00")
@@ -758,6 +759,47 @@ class TestBus:
         driving.drive(0.29)
         assert not driving.of(FEEDBACK)
         assert {f.arbitration_id for f in driving.wire[5:]} == {0x002}
+
+
+class TestTheHost:
+    @pytest.mark.parametrize(
+        ("tools", "name"),
+        [(("host",), "host#2"), (("bridge:vcan0", "host"), "host#2"), (("host",), "controller")],
+    )
+    def test_a_fault_of_the_host_befalls_the_port_that_commands_the_motors(self, tools, name):
+        bench = Bench(tools=tools, name=name)
+        bench.drive(0.1)
+        for tool in bench.tools:
+            tool.send(0x601, b"\x40\x18\x10\x03")
+        bench.begin("host_bus_off duration=0.1")
+        bench.drive(0.09)
+        assert bench.port.statistics.bus_offs >= 1
+        assert [tool.statistics.bus_offs for tool in bench.tools] == [0] * len(tools)
+
+    def test_a_node_that_masquerades_is_not_taken_for_the_host(self, bench):
+        bench.begin("masquerade duration=0.1")
+        bench.run(50)
+        bench.begin("host_cut duration=0.1")
+        bench.drive(0.04)
+        assert not bench.of(FEEDBACK) + bench.of(SONAR_A)
+
+    @pytest.mark.parametrize("commands", [True, False])
+    def test_where_several_could_be_the_host_the_fault_is_refused_and_they_are_named(
+        self, commands
+    ):
+        bench = Bench(tools=("host",), name="host#2")
+        if commands:
+            bench.command()
+            bench.tools[0].send(COMMAND, bytes(8))
+            bench.run(5)
+        with pytest.raises(SimulationError, match="host, host#2 could be the host"):
+            bench.begin("host_cut")
+
+    def test_without_a_host_its_fault_is_refused(self, bench):
+        bench.port.detach()
+        bench.begin("overload")
+        with pytest.raises(SimulationError, match="no host is on the bus"):
+            bench.begin("host_cut")
 
 
 class TestFrames:
