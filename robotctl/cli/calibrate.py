@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from robotctl.app.calibrate_odometry import CalibrateOptions, CalibrateResult, calibrate_odometry
 from robotctl.app.calibrate_patch import patch_text, patch_values
@@ -15,6 +14,7 @@ from robotctl.app.config import find_file
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.calibrate_plot import save_plot
 from robotctl.cli.calibrate_view import check_table, drive_table, reference_lines
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
 
@@ -61,16 +61,16 @@ def odometry(
         find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs
     )
     check_files(out, plot=plot)
-    progress = Console(stderr=True, highlight=False)
+    progress = plain_console(stderr=True)
     try:
-        result = calibrate_odometry(options, lambda line: progress.print(f"{line} …", markup=False))
+        result = calibrate_odometry(options, lambda line: progress.print(f"{line} …"))
     except CalibrationError as error:
-        progress.print(f"robotctl: {error}", markup=False, soft_wrap=True)
+        progress.print(f"robotctl: {error}", soft_wrap=True)
         sys.exit(ABORTED)
-    console = Console()
+    console = plain_console()
     console.print(drive_table(result))
     for line in reference_lines(result):
-        console.print(line, highlight=False, markup=False)
+        console.print(line)
     if result.checks:
         console.print(check_table(result))
     if plot is not None:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from robotctl.app.config import find_file
 from robotctl.cli.arguments import Overrides, RobotName
@@ -23,6 +22,7 @@ from robotctl.cli.camera_arguments import (
     pictures_of,
     place_of,
 )
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError, ConfigError
 
@@ -98,13 +98,13 @@ def calibrate(
         noise_of(sigma_px, sigma_mm),
         seed,
     )
-    progress = Console(stderr=True, highlight=False)
+    progress = plain_console(stderr=True)
     if (floor or points) and cache_is_cold():
-        progress.print(f"{COMPILING} …", markup=False, soft_wrap=True)
+        progress.print(f"{COMPILING} …", soft_wrap=True)
     try:
-        result = calibrate_camera(options, lambda line: progress.print(f"{line} …", markup=False))
+        result = calibrate_camera(options, lambda line: progress.print(f"{line} …"))
     except CalibrationError as error:
-        progress.print(f"robotctl: {error}", markup=False, soft_wrap=True)
+        progress.print(f"robotctl: {error}", soft_wrap=True)
         sys.exit(ABORTED)
     _tell(result)
     if show is not None:
@@ -124,7 +124,7 @@ def _tell(result: CalibrateResult) -> None:
         values_table,
     )
 
-    console = Console()
+    console = plain_console()
     console.print(values_table(result))
     lines = [] if result.lens is None else lens_lines(result.lens)
     lines += fit_lines(result)
@@ -134,7 +134,7 @@ def _tell(result: CalibrateResult) -> None:
     if result.expected:
         console.print(expected_table(result.expected, result.options.noise.sigma_px))
     for line in (*lines, *advice_lines(result), *result.notes):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
 
 
 def _draw(result: CalibrateResult, show: Path) -> None:

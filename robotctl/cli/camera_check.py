@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from robotctl.app.config import find_file
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.camera_arguments import Family, SigmaMm, SigmaPx, family_of, noise_of
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.errors import CalibrationError
 
@@ -66,7 +66,7 @@ def check(
     except CalibrationError as error:
         print(f"robotctl: {error}", file=sys.stderr)
         sys.exit(ABORTED)
-    console = Console()
+    console = plain_console()
     console.print(_points_table(result))
     console.print(_bands_table(result))
     if plot is not None:

@@ -9,11 +9,11 @@ from typing import Annotated
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
 from robotctl.app.config import camera_of, find_file, load_robot
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.errors import ConfigError
 
@@ -92,4 +92,4 @@ def _print(table: NDArray[np.float64]) -> None:
         else:
             sigmas = (f"{1e3 * sigma:.1f}" for sigma in (sigma_x_m, sigma_y_m))
             lines.add_row(f"{u:.1f}", f"{v:.1f}", f"{x_m:.4f}", f"{y_m:.4f}", *sigmas)
-    Console().print(lines)
+    plain_console().print(lines)

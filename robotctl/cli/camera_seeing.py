@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from robotctl.app.config import find_file
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.camera_arguments import pictures_of
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.errors import ConfigError
 
@@ -131,9 +131,9 @@ def _run(
     check_files(csv, json)
     from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
 
-    progress = Console(stderr=True, highlight=False)
+    progress = plain_console(stderr=True)
     if cache_is_cold():
-        progress.print(f"{COMPILING} …", markup=False)
+        progress.print(f"{COMPILING} …")
     from robotctl.app import camera_seeing as app  # noqa: PLC0415 - OpenCV and numba
 
     seeing = app.Seeing(app.SeeingOptions(robot_file, tuple(overrides or ()), files, sequence))
@@ -149,9 +149,9 @@ def _run(
         rows += mine
         entries.append(app.report_entry(seen, kind.name, mine))
         if csv is None and json is None:
-            Console().print(_table(kind, seen, mine))
+            plain_console().print(_table(kind, seen, mine))
         else:
-            progress.print(f"{seen.name}: {_summary(kind, mine)}", markup=False)
+            progress.print(f"{seen.name}: {_summary(kind, mine)}")
         if not seen.view.trusted:
             print(f"{seen.name}: not trusted: {seen.view.why}", file=sys.stderr)
         if target is not None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from robotctl.app.config import config_directory, find_file, load_robot
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
 from robotctl.drivers.bus_load import MAX_LOAD, budget
 from robotctl.drivers.dbc import load_dbc
 
@@ -45,7 +45,7 @@ def show_budget(robot: RobotName = "diff_drive", overrides: Overrides = None) ->
             str(row.bits),
             f"{100 * row.load:.2f}",
         )
-    console = Console()
+    console = plain_console()
     console.print(table)
     console.print(f"sum {100 * load.total:.1f} %, allowed {100 * MAX_LOAD:.0f} %")
     sys.exit(OVER_BUDGET if load.total > MAX_LOAD else 0)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
 
@@ -62,13 +62,13 @@ def characterise(
     options = CharacteriseOptions(
         find_file(robot), tuple(overrides or ()), log, map_file, sensor, seed
     )
-    progress = Console(stderr=True, highlight=False)
+    progress = plain_console(stderr=True)
     if cache_is_cold():
         progress.print(COMPILING, soft_wrap=True)
     try:
-        result = run(options, lambda line: progress.print(f"{line} …", markup=False))
+        result = run(options, lambda line: progress.print(f"{line} …"))
     except CalibrationError as error:
-        progress.print(f"robotctl: {error}", markup=False, soft_wrap=True)
+        progress.print(f"robotctl: {error}", soft_wrap=True)
         sys.exit(ABORTED)
     sys.exit(_show(result, plot, out))
 
@@ -79,10 +79,10 @@ def _show(result: Characterisation, plot: Path | None, out: Path | None) -> int:
     from robotctl.cli.characterise_plot import save_plot  # noqa: PLC0415
     from robotctl.cli.characterise_view import fit_table, patch_table, words  # noqa: PLC0415
 
-    console = Console()
+    console = plain_console()
     console.print(fit_table(result))
     for line in words(result):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
     if plot is not None:
         write_file(plot, lambda file: save_plot(result, file))
         print(f"plot: {plot}")

@@ -16,6 +16,7 @@ from robotctl.app.config import find_file
 from robotctl.app.doctor import LAG_SECONDS, LOGS, examine
 from robotctl.app.finding import Finding, Verdict
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
 
 NOT_FIT = 1
 _STYLE = {
@@ -40,7 +41,7 @@ def doctor(
     Status 0: fit, perhaps with warnings. 1: something must be mended.
     """
     findings = []
-    console = Console(highlight=False)
+    console = plain_console()
     for finding in examine(find_file(robot), tuple(overrides or ()), logs, lag_seconds=seconds):
         findings.append(finding)
         if not json:

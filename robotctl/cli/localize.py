@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.localize_options import LocalizeOptions
 from robotctl.cli.arguments import Overrides
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
 from robotctl.errors import ConfigError
@@ -74,7 +74,7 @@ def localize(
         mrclam_robot, _sensors(robot, overrides),
     )  # fmt: skip
     check_files(out, report, plot=plot)
-    console = Console(stderr=True, highlight=False)
+    console = plain_console(stderr=True)
     with progress_bar(console, log.name, "localising") as tell:
         # It takes a second or more, in which nothing would be seen.
         from robotctl.app.localize import localize as run  # noqa: PLC0415
@@ -85,7 +85,7 @@ def localize(
             console.print(COMPILING, soft_wrap=True)
         result = run(options, tell)
     for note in result.recording.notes:
-        console.print(f"note: {note}", markup=False, soft_wrap=True)
+        console.print(f"note: {note}", soft_wrap=True)
     write_file(out, lambda file: write_tum(file, result.trajectory))
     if report is not None:
         text = json.dumps(result.report, indent=2) + "\n"

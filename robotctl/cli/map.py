@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
+from robotctl.cli.console import plain_console
 from robotctl.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ def map_log(
     # It loads numba and OpenCV, which other subcommands can do without.
     from robotctl.app.mapping import MapOptions, make_map  # noqa: PLC0415
 
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     with progress_bar(console, log.name, "mapping") as tell:
         result = make_map(MapOptions(log, out, scans, resolution), tell)
     for note in result.notes:
-        console.print(f"{log.name}: {note}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"{log.name}: {note}", soft_wrap=True)
     print("\n".join(_lines(result)))
 
 

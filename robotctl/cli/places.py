@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def list_places(book: Book, plot: Plot = None) -> None:
 
     check_files(plot=plot)
     known = load_book(book)
-    Console().print(_table(known))
+    plain_console().print(_table(known))
     for what, spread in (("visits to one place", known.within), ("other places", known.between)):
         source = f"{spread.measured} measured" if spread.measured else "expected, none measured"
         print(f"{what} differ by {spread.mean:.3f} ± {spread.sigma:.3f} ({source})")
@@ -151,9 +151,9 @@ def _source(
 @contextmanager
 def _turning(source: PlaceSource) -> Iterator[Progress]:
     """Show how far the robot has turned; nothing where no terminal is."""
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     if source.live:
-        console.print(f"turn {source.live} on the spot by 360°; Ctrl-C ends", highlight=False)
+        console.print(f"turn {source.live} on the spot by 360°; Ctrl-C ends")
     with console.status("reading" if source.log else "waiting") as status:
         yield lambda turned_rad: status.update(f"turned {math.degrees(turned_rad):.0f}°")
 

@@ -19,7 +19,7 @@ def progress_bar(console: Console, name: str, work: str) -> Iterator[Callable[[i
         To call with what is done, and of how much.
     """
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

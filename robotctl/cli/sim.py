@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
@@ -17,6 +16,7 @@ from robotctl.app.signals import StopFlag
 from robotctl.app.sim import SimRun
 from robotctl.app.sim_options import SimOptions
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.keys import HINT, Keys
 from robotctl.cli.score_view import score_table
@@ -110,7 +110,7 @@ def sim(
         result = run_lockstep(options)
     else:
         result = _run(options, headless=headless, until_done=until_done)
-    Console().print(score_table(result))
+    plain_console().print(score_table(result))
     if report is not None:
         write_file(report, lambda path: path.write_bytes(result.json()))
     sys.exit(0 if result.passed else NOT_COMPLETED)

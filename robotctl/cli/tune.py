@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from robotctl.app.config import find_file
 from robotctl.app.patch import as_overrides
@@ -17,6 +16,7 @@ from robotctl.app.tune import tune as run_tuning
 from robotctl.app.tune_patch import patch_values
 from robotctl.app.tune_track import ExperimentError
 from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, give_patch, write_file
 from robotctl.cli.tune_plot import save_plot
 from robotctl.cli.tune_view import response_table, wheel_table
@@ -48,13 +48,13 @@ def tune(
     """
     options = TuneOptions(find_file(robot), method, wheel, tuple(overrides or ()), seed)
     check_files(out, plot=plot)
-    progress = Console(stderr=True, highlight=False)
+    progress = plain_console(stderr=True)
     try:
-        result = run_tuning(options, lambda line: progress.print(f"{line} …", markup=False))
+        result = run_tuning(options, lambda line: progress.print(f"{line} …"))
     except ExperimentError as error:
-        progress.print(f"robotctl: {error}", markup=False, soft_wrap=True)
+        progress.print(f"robotctl: {error}", soft_wrap=True)
         sys.exit(ABORTED)
-    console = Console()
+    console = plain_console()
     console.print(response_table(result))
     console.print(wheel_table(result))
     if plot is not None:

@@ -18,6 +18,7 @@ from robotctl.app.config import RobotConfig
 from robotctl.app.run_score import grid_of
 from robotctl.app.sim import Progress, SimRun
 from robotctl.cli.canvas import Canvas
+from robotctl.cli.console import plain_console
 from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.messages import ControlState, SafetyState
@@ -51,7 +52,7 @@ class View(Protocol):
 
 def make_view(run: SimRun, *, headless: bool) -> View:
     """Return the live screen on a terminal, else plain lines."""
-    console = Console(highlight=False)
+    console = plain_console()
     if headless or not console.is_terminal:
         return LineView(console, run.config, run.connections)
     return LiveView(console, run.config, run.walls, run.connections)
@@ -108,7 +109,7 @@ class LineView:
 
     def _print(self, elapsed_s: float, line: str) -> None:
         """Print one line with the time of the run."""
-        self._console.print(f"{elapsed_s:7.1f} s  {line}", markup=False, soft_wrap=True)
+        self._console.print(f"{elapsed_s:7.1f} s  {line}", soft_wrap=True)
 
 
 class LiveView:
