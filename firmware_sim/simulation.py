@@ -206,10 +206,10 @@ class Simulation:
             stage.command(0.0, 0.0, stage.steering_rad, Bridge.COAST)
 
     def _boot(self, node: Node) -> None:
-        receive = node.on_frame
-        if node is self.drive:
+        is_drive = node is self.drive
+        if is_drive:
             self.monitor.on_power_up()
-            receive = self._deliver_to_drive
+        receive = self._deliver_to_drive if is_drive else node.on_frame
         port = self.bus.attach(node.name, receive, accept=node.arbitration_ids)
         self._ports[node.name] = port
         node.connect(port, self._alarm)
