@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -11,6 +12,7 @@ import pytest
 
 from hil_tests.fault_rows import ROWS, Row
 from hil_tests.floods import flood
+from hil_tests.pauses import LIMIT_MS
 from hil_tests.rig import (
     COMMAND,
     EMCY_DRIVE,
@@ -19,6 +21,7 @@ from hil_tests.rig import (
     Rig,
     enabled,
 )
+from robotctl.model.angles import wrap_angle
 from robotctl.runtime.messages import SafetyState
 
 STATUS = 0x281
@@ -100,11 +103,39 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     assert_recovers(lasting)
 
 
+V_M_S, OMEGA_RAD_S, UNDER_WAY_S = 0.4, 0.8, 1.2
+TRUTH_S = 0.02
+"""Between two truths."""
+SLIP = 0.01
+"""Share of a turn by which tyres that roll slip at most, at this speed."""
+
+TURNED_WRONG_RAD = OMEGA_RAD_S * (TRUTH_S + LIMIT_MS / 1000 + SLIP * UNDER_WAY_S)
+"""What is turned between a state and the truth that is compared with it: one period of the truth,
+and as long as a process may be late before the machine counts as standing."""
+
+BELOW_A_JUMP = "encoder_glitch wheel=left counts=500"
+"""Of 573 counts in a period and less the estimator believes that the wheel has turned by them."""
+
+
+def turned_rad(fault: str, rig: Rig) -> float:
+    """Return by how much a fault may shift the heading besides: one wheel's way over the track."""
+    drive = rig.config.drive
+    counts = int(fault.rpartition("=")[2]) if fault == BELOW_A_JUMP else 0
+    return (
+        math.tau
+        * drive.wheel_radius_m
+        * counts
+        / drive.counts_per_revolution
+        / (drive.track_width_m)
+    )
+
+
 @pytest.mark.skipif(GUEST_TIME == "real", reason="a guest's processor itself stops the robot")
 @pytest.mark.parametrize(
     "fault",
     [
-        "encoder_glitch wheel=left counts=500",
+        BELOW_A_JUMP,
+        "encoder_glitch wheel=left counts=2000",
         "masquerade duration=0.5",
         "sonar_crosstalk duration=1",
         "node_error_passive node=drive duration=1",
@@ -119,19 +150,22 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
 def test_what_harms_nobody_neither_stops_the_robot_nor_leads_it_astray(
     lasting: Rig, fault: str
 ) -> None:
-    lasting.drive(0.4, 0.8, 1.0)
+    lasting.drive(V_M_S, OMEGA_RAD_S, 1.0)
     before = lasting.control
     truth = lasting.truth_at(before.stamp_ns)
     lasting.inject(fault)
-    lasting.drive(0.4, 0.8, 1.2)
+    lasting.drive(V_M_S, OMEGA_RAD_S, UNDER_WAY_S)
     after = lasting.control
     assert after.state == SafetyState.DRIVING, after.reason
-    way_m = lasting.truth_at(after.stamp_ns).distance_m - truth.distance_m
+    true_after = lasting.truth_at(after.stamp_ns)
+    way_m = true_after.distance_m - truth.distance_m
     counted_m = [
         new - old for new, old in zip(after.wheel_distance_m, before.wheel_distance_m, strict=True)
     ]
     assert way_m > 0.4
     assert sum(counted_m) / 2 == pytest.approx(way_m, abs=0.05)
+    wrong_rad = (after.theta_rad - before.theta_rad) - (true_after.theta_rad - truth.theta_rad)
+    assert abs(wrap_angle(wrong_rad)) < TURNED_WRONG_RAD + turned_rad(fault, lasting)
 
 
 def test_a_drive_with_another_firmware_is_not_armed(lasting: Rig) -> None:

@@ -98,6 +98,24 @@ def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> N
     armed.at_rest()
 
 
+STATE_MS = 20.0
+"""Between two states that control publishes."""
+
+
+def at_rest_ms(rig: Rig) -> float:
+    """Return how long after the last velocity command the set-point is zero, at the latest [ms].
+
+    The command expires, and the limiter brings the greatest velocity to zero.
+    """
+    safety, limits = rig.config.safety, rig.config.limits
+    straight_s = limits.v_max_m_s / limits.a_max_m_s2 + limits.a_max_m_s2 / limits.jerk_max_m_s3
+    turning_s = (
+        limits.omega_max_rad_s / limits.alpha_max_rad_s2
+        + limits.alpha_max_rad_s2 / limits.angular_jerk_max_rad_s3
+    )
+    return safety.setpoint_timeout_ms + 1000 * max(straight_s, turning_s)
+
+
 def on_mission(rig: Rig, navigation: str = NAVIGATION) -> None:
     """Start the whole stack, arm, and drive in mode AUTO."""
     for module in (CONTROL, TELEMETRY, RECORDER):
@@ -131,7 +149,9 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
     elif fault == "frozen":
         rig.send_signal(NAVIGATION, signal.SIGSTOP)
     rig.wait(lambda: rig.control.v_ref_m_s == 0.0, 3.0, "set-points expire")
-    reaction(f"navigation {fault}", (rig.control.stamp_ns - stamp_ns) / 1e6)
+    taken_ms = (rig.control.stamp_ns - stamp_ns) / 1e6
+    reaction(f"navigation {fault}", taken_ms)
+    assert taken_ms <= at_rest_ms(rig) + 2 * STATE_MS
     rig.at_rest()
     assert rig.control.state == SafetyState.ARMED
     before = rig.fresh_truth()
