@@ -191,7 +191,9 @@ class LockstepRun:
         self._estimators = load_estimators(self.config, stack)
         self._camera = LockstepCamera.load(self.config)
         seen = camera_score(self.config, options, self._world)
-        self._score = RunScore(load_walls(self._world), seen)
+        self._score = RunScore(
+            load_walls(self._world), seen, is_recorded=options.record is not None
+        )
         self._faults: list[str] = []
         scenario = load_faults(options)
         self._navigation: NavigationState | None = None

@@ -36,9 +36,13 @@ class RunScore:
         Of the world.
     camera
         Score of the camera; None without one.
+    is_recorded
+        Whether `save` is to come, for which all true poses are kept.
     """
 
-    def __init__(self, walls: WallMap, camera: CameraScore | None = None) -> None:
+    def __init__(
+        self, walls: WallMap, camera: CameraScore | None = None, *, is_recorded: bool
+    ) -> None:
         self._walls = walls
         self._camera = camera
         self._pose = PoseScore()
@@ -46,11 +50,12 @@ class RunScore:
         self._locator = Locator()
         self._control: ControlState | None = None
         self._map: GridMap | None = None
-        self._truths: list[StampedPose] = []
+        self._truths: list[StampedPose] | None = [] if is_recorded else None
 
     def truth(self, pose: StampedPose) -> None:
         """Take in a true pose."""
-        self._truths.append(pose)
+        if self._truths is not None:
+            self._truths.append(pose)
         self._pose.truth(pose)
         self._localisation.truth(pose)
         if self._camera is not None:

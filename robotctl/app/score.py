@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import msgspec
 
@@ -17,6 +17,9 @@ from robotctl.runtime.messages import BusStatus, ControlState, LoopStatistics, N
 from robotctl.runtime.safety import LATCHED, POWERED
 
 T = TypeVar("T")
+
+_LATEST_NS: Final = 60_000_000_000
+"""So long after its stamp a pose may come to be compared [ns]."""
 
 
 class PoseError(msgspec.Struct, frozen=True):
@@ -209,7 +212,7 @@ class TruthMatcher(Generic[T]):
     """Pairs poses with the truth interpolated to their time.
 
     Both streams must come in the order of their stamps, each at its own pace. A pose carries
-    whatever belongs to it.
+    whatever belongs to it, and comes within a minute of its stamp: older truths are forgotten.
     """
 
     def __init__(self) -> None:
@@ -219,6 +222,9 @@ class TruthMatcher(Generic[T]):
     def truth(self, pose: StampedPose) -> Iterator[tuple[StampedPose, T, StampedPose]]:
         """Add a true pose; yield the pairs that are complete now."""
         self._truths.append(pose)
+        if not self._poses:
+            while self._truths[0].stamp_ns < pose.stamp_ns - _LATEST_NS:
+                self._truths.popleft()
         return self._matched()
 
     def pose(self, pose: StampedPose, what: T) -> Iterator[tuple[StampedPose, T, StampedPose]]:

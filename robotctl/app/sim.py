@@ -173,7 +173,11 @@ class SimRun:
         self._said_waiting = False
         self._was_armed = self._was_steered = False
         """From the first time on it is for the operator to arm, and to choose who steers."""
-        self._score = RunScore(self.walls, camera_score(self.config, options, self.world))
+        self._score = RunScore(
+            self.walls,
+            camera_score(self.config, options, self.world),
+            is_recorded=options.record is not None,
+        )
         self.progress = Progress()
 
     def __enter__(self) -> SimRun:

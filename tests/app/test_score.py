@@ -42,3 +42,11 @@ def test_an_estimate_before_the_first_truth_is_left_out() -> None:
     score.truth(StampedPose(10, 0.0, 0.0, 0.0))
     score.estimate(StampedPose(10, 0.1, 0.0, 0.0))
     assert score.result().max_m == pytest.approx(0.1)
+
+
+def test_an_estimate_that_comes_half_a_minute_late_still_has_its_truth() -> None:
+    score = PoseScore()
+    for second in range(200):
+        score.truth(StampedPose(second * 10**9, float(second), 0.0, 0.0))
+    score.estimate(StampedPose(170 * 10**9, 170.25, 0.0, 0.0))
+    assert score.result().final_m == pytest.approx(0.25)
