@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from robotctl.app.config import RobotConfig
 from robotctl.app.options import StackOptions
+from robotctl.errors import ConfigError
 from robotctl.model.se2 import SE2
 
 AGAIN_SIGMA_M: Final = 0.5
@@ -32,13 +33,11 @@ def load_estimators(
     Raises
     ------
     ConfigError
-        If the map cannot be read or does not fit the method.
+        If the map cannot be read or does not fit the method, or the estimators cannot be loaded
+        or compiled: a file cannot be read, the disk takes no more.
     """
     if config.localisation.method == "none" and not config.localisation.mapping:
         return None
-    # numba, scipy and filterpy take a second to load and 100 MB of memory.
-    from robotctl.app.estimators import make_estimators  # noqa: PLC0415
-
     start = SE2(options.x_m, options.y_m, options.theta_rad)
     if last is not None and _moved(start, last):
         settings = config.localisation
@@ -48,7 +47,15 @@ def load_estimators(
             start_sigma_deg=max(settings.start_sigma_deg, AGAIN_SIGMA_DEG),
         )
         config, start = replace(config, localisation=settings), last
-    return make_estimators(config, start, Path(options.robot).resolve().parent)
+    try:
+        # numba, scipy and filterpy take a second to load and 100 MB of memory.
+        from robotctl.app.estimators import make_estimators  # noqa: PLC0415
+
+        return make_estimators(config, start, Path(options.robot).resolve().parent)
+    except OSError as error:
+        place = "" if error.filename is None else f"{error.filename}: "
+        why = error.strerror or error
+        raise ConfigError(f"{options.robot}: localisation: {place}{why}") from error
 
 
 def _moved(start: SE2, last: SE2) -> bool:

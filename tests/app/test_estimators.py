@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 from pathlib import Path
 
@@ -361,3 +362,42 @@ def test_started_again_under_way_the_localiser_begins_where_the_robot_was_last(
     assert distance(there, expected) < sigma_m / 4
     assert abs(wrap_angle(there.theta_rad - expected.theta_rad)) < math.radians(1.5)
     assert math.sqrt(found.covariance[0]) == pytest.approx(sigma_m, rel=0.1)
+
+
+def options_with(tmp_path: Path, settings: str) -> StackOptions:
+    """Return a copy of the shipped robot's file with other settings of localisation."""
+    return StackOptions(
+        "x", str(find_file("diff_drive")), tuple(settings.replace("DIR", str(tmp_path)).split("\n"))
+    )
+
+
+def test_a_map_that_the_disk_does_not_give_is_an_error_with_a_reason(tmp_path: Path) -> None:
+    (tmp_path / "room.yaml").symlink_to("/proc/self/mem")  # of which the first byte is nobody's
+    options = options_with(tmp_path, 'localisation.method="mcl"\nlocalisation.map="DIR/room.yaml"')
+    with pytest.raises(ConfigError) as refused:
+        load_estimators(options.load(), options)
+    assert str(refused.value) == f"{options.robot}: localisation: Input/output error"
+
+
+def test_a_kernel_that_cannot_be_saved_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        (tmp_path / "none" / "kernel.nbc").open("wb")
+
+    monkeypatch.setattr(OccupancyGrid, "update_scan", refuse)
+    options = options_with(tmp_path, "localisation.mapping=true")
+    with pytest.raises(ConfigError, match=rf"localisation: {tmp_path}/none/kernel.nbc: No such"):
+        load_estimators(options.load(), options)
+
+
+def test_a_disk_that_takes_no_compiled_kernels_is_an_error_with_a_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(OccupancyGrid, "update_scan", full)
+    options = options_with(tmp_path, "localisation.mapping=true")
+    with pytest.raises(ConfigError, match=r"localisation: No space left on device$"):
+        load_estimators(options.load(), options)
