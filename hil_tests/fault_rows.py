@@ -24,6 +24,10 @@ class Row:
         """The fault without its duration."""
         return self.fault.partition(" duration=")[0]
 
+    def explains(self, reason: str) -> bool:
+        """Return whether the operator may read this of the fault."""
+        return any(words in reason for words in self.reasons)
+
     @property
     def duration_s(self) -> float:
         """How long it lasts."""
@@ -32,36 +36,44 @@ class Row:
 
 SILENT = ("wheel feedback is older",)
 STOPPED = ("the motor controller is in stopped",)
-IMPLAUSIBLE = ("encoder", "wheel")
-BUS_GONE = ("bus", *SILENT, *STOPPED)
-DRIVE_BOOTS = ("drive", *SILENT, "under voltage")
+DRIVE_GONE = ("drive (node 1)", *SILENT)
+BUS_GONE = ("the CAN bus is", *SILENT, *STOPPED)
+DRIVE_BOOTS = (*DRIVE_GONE, "under voltage")
+NO_RANGE = ("has given no range for",)
 
 ROWS = (
-    Row("node_reset node=drive", ("drive", *SILENT), 100),
-    Row("node_reset node=power", ("power",), 500),
+    Row("node_reset node=drive", DRIVE_GONE, 100),
+    Row("node_reset node=power", ("power (node 3) restarted",), 500),
     Row("node_silent node=drive duration=0.5", SILENT, 80),
-    Row("node_silent node=sonar duration=1", ("sonar",), 600),
+    Row("node_silent node=sonar duration=1", ("sonar (node 2)", *NO_RANGE), 600),
     Row("feedback_lost duration=0.5", SILENT, 80),
-    Row("feedback_frozen duration=0.5", IMPLAUSIBLE, 600),
-    Row("encoder_stuck wheel=right duration=0.5", IMPLAUSIBLE, 600),
-    Row("encoder_reversed wheel=left duration=0.5", IMPLAUSIBLE, 600),
-    Row("encoder_disconnected wheel=left duration=0.5", IMPLAUSIBLE, 600),
-    Row("wheel_blocked wheel=left duration=0.5", ("over current", *IMPLAUSIBLE), 600),
-    Row("over_current amperes=30 duration=0.5", ("over current", *IMPLAUSIBLE), 400),
+    Row("feedback_frozen duration=0.5", ("encoder stuck or disconnected",), 600),
+    Row("encoder_stuck wheel=right duration=0.5", ("right encoder stuck or disconnected",), 600),
+    Row("encoder_reversed wheel=left duration=0.5", ("left encoder reversed",), 600),
+    # It counts noise: nothing, backwards, or too little.
+    Row("encoder_disconnected wheel=left duration=0.5", ("left encoder",), 600),
+    Row("wheel_blocked wheel=left duration=0.5", ("left wheel is blocked", "over current"), 600),
+    # Its share of the voltage leaves a motor nothing to turn forwards with.
+    Row("over_current amperes=30 duration=0.5", ("encoder reversed", "over current"), 400),
     Row("over_temperature kelvin=150 duration=0.5", ("over temperature",), 400),
-    Row("under_voltage volts=6 duration=0.5", ("under voltage", *IMPLAUSIBLE), 400),
+    Row("under_voltage volts=6 duration=0.5", ("under voltage",), 400),
     Row("brown_out volts=4 duration=0.5", DRIVE_BOOTS, 400),
     Row("brown_out volts=8 duration=0.5", DRIVE_BOOTS, 400),
     Row("parameter_lost node=drive", DRIVE_BOOTS, 100),
     Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100),
     Row("clock_drift node=drive ppm=100000 duration=5", ("the drive's clock runs",), 4500),
-    Row("sonar_silent duration=0.5", ("sonar",), 400),
+    Row("sonar_silent duration=0.5", NO_RANGE, 400),
     # A comparison takes 0.3 m; the fault may have to wait for the end of the one it began in.
     Row("sonar_stuck duration=3", ("is stuck at",), 1700, omega_rad_s=0.0),
     # Until it is found out each wheel is driven by the other's error: twice the turn rate.
-    Row("wheels_swapped duration=0.5", IMPLAUSIBLE, 600, omega_rad_s=0.5),
-    Row("node_cut node=drive duration=0.5", ("drive", *SILENT), 100, cut_off=True),
-    Row("node_bus_off node=drive duration=0.5", ("drive", *SILENT), 100),
+    Row(
+        "wheels_swapped duration=0.5",
+        ("encoders are swapped", "encoder wrong"),
+        600,
+        omega_rad_s=0.5,
+    ),
+    Row("node_cut node=drive duration=0.5", DRIVE_GONE, 100, cut_off=True),
+    Row("node_bus_off node=drive duration=0.5", DRIVE_GONE, 100),
     Row("host_cut duration=0.5", BUS_GONE, 100, cut_off=True),
     Row("host_bus_off duration=0.5", BUS_GONE, 100, cut_off=True),
     Row("no_ack duration=0.5", BUS_GONE, 100, cut_off=True),

@@ -18,6 +18,8 @@ import can
 import canopen
 import zmq
 
+from firmware_sim.nodes import wire
+from firmware_sim.nodes.e2e import crc8, data_id_crc
 from hil_tests.firmware import Firmware
 from robotctl.app.children import start_child
 from robotctl.app.config import config_directory, find_file
@@ -45,6 +47,7 @@ DRIVE, SONAR, POWER = 1, 2, 3
 ROOM_M = (6.0, 4.0)
 COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
 EMCY_COMMAND_TIMEOUT = 0x8130
+_COMMAND_CRC = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
 CIRCLE_M, NEAR_M = 0.5, 0.7
@@ -78,6 +81,11 @@ def _numbers(values: Sequence[float]) -> str:
 
 class UnsafeMotionError(AssertionError):
     """The simulator's monitor saw the robot move as nobody allowed."""
+
+
+def is_sound(command: can.Message) -> bool:
+    """Return whether a MotorCommand frame fits its CRC."""
+    return crc8(command.data[1:], _COMMAND_CRC) == command.data[0]
 
 
 def enabled(command: can.Message) -> bool:
