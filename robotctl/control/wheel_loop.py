@@ -22,10 +22,20 @@ class WheelLoop:
         Configuration of the loop and of the bridge.
     counts_per_revolution
         Quadrature counts of the encoder for one turn of the wheel.
+    impossible_rad_s
+        No wheel of this robot turns faster, whatever happens to it [rad/s], > 0.
     """
 
-    def __init__(self, pid: PidConfig, pwm: PwmConfig, counts_per_revolution: int) -> None:
-        self.estimator = WheelVelocityEstimator(counts_per_revolution)
+    def __init__(
+        self,
+        pid: PidConfig,
+        pwm: PwmConfig,
+        counts_per_revolution: int,
+        impossible_rad_s: float,
+    ) -> None:
+        self.estimator = WheelVelocityEstimator(
+            counts_per_revolution, speed_max_rad_s=impossible_rad_s
+        )
         self.reference_rad_s = 0.0
         self.duty = 0.0
         # Slower than one count in this time is rest, as far as the encoder can tell.

@@ -48,6 +48,10 @@ _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
 _COUNTS_GAP_NS = 500_000_000
 """Half of what the drive's time stamp holds: behind a longer gap it may have rolled over."""
+_IMPOSSIBLE_SHARE = 2.0
+"""No wheel turns faster than so many times its speed at the robot's limits, and being pushed."""
+_PUSHED_M_S = 1.5
+"""How fast people push or carry a robot [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +140,9 @@ class ControlCore:
         self.odometer_start_m = 0.0
         """What the robot had driven in its life before this core was made [m]."""
         self._drive = drive
+        impossible_rad_s = _impossible_rad_s(drive, limits)
         self._wheels = tuple(
-            WheelLoop(pid, control.pwm, drive.counts_per_revolution)
+            WheelLoop(pid, control.pwm, drive.counts_per_revolution, impossible_rad_s)
             for pid in control.loops(drive.wheel_names)
         )
         self._estimators = self._wheels[0].estimator, self._wheels[-1].estimator
@@ -469,3 +474,10 @@ class ControlCore:
             acks=self._arming.acks,
             armings=self._armings,
         )
+
+
+def _impossible_rad_s(drive: Drive, limits: LimitsConfig) -> float:
+    """Return a speed that no wheel of this robot has [rad/s]: counts that need it are wrong."""
+    corner = drive.inverse(limits.v_max_m_s, limits.omega_max_rad_s, 0.0)
+    fastest_rad_s = max(abs(corner.omega1_rad_s), abs(corner.omega2_rad_s))
+    return _IMPOSSIBLE_SHARE * fastest_rad_s + _PUSHED_M_S / min(drive.wheel_radii_m)

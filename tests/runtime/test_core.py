@@ -283,3 +283,29 @@ def test_loops_must_fit_the_wheels() -> None:
         ControlConfig(left=PidConfig()).loops(("left", "right"))
     with pytest.raises(ValueError, match=r"control\.left: this drive has no such wheel"):
         ControlConfig(left=PidConfig(), drive=PidConfig()).loops(("drive",))
+
+
+@pytest.mark.parametrize("speed_m_s", [-1.5, 1.5])
+def test_the_way_of_a_robot_that_is_pushed_counts(speed_m_s: float) -> None:
+    robot = RobotDouble()
+    robot.ticks(10)
+    before = robot.snapshot()
+    for _ in range(100):
+        robot.angles = [angle + speed_m_s / 0.05 * PERIOD_NS * 1e-9 for angle in robot.angles]
+        robot.tick()
+    after = robot.snapshot()
+    assert after.x_m - before.x_m == pytest.approx(speed_m_s * 100 * PERIOD_NS * 1e-9, abs=2e-4)
+
+
+def test_counts_that_no_wheel_of_this_robot_can_make_are_no_way() -> None:
+    # LimitsConfig() and RobotDouble: 0.5 m/s and 2 rad/s on a track of 0.3 m are 0.8 m/s at a
+    # wheel; at most 2 x 0.8 + 1.5 = 3.1 m/s, 15.5 mm in a period of 5 ms.
+    robot = RobotDouble()
+    robot.ticks(10)
+    before = robot.snapshot()
+    robot.angles[0] += 0.020 / 0.05
+    robot.ticks(10)
+    assert robot.snapshot().distance_m == before.distance_m
+    robot.angles[0] += 0.014 / 0.05
+    robot.ticks(10)
+    assert robot.snapshot().distance_m - before.distance_m == pytest.approx(0.007, abs=2e-4)
