@@ -31,7 +31,7 @@ MATCH_M: Final = 0.08
 """How well the change of range must fit the way driven backwards [m]."""
 
 READINGS: Final = 5
-"""A comparison needs so many."""
+"""A comparison needs so many; a fast robot drives farther than `travel_m` for them."""
 
 CONTRADICTION_NS: Final = 2_000_000_000
 """Front and rear must contradict within this [ns]."""
@@ -111,7 +111,7 @@ class SonarMonitor:
         ahead_m = (pose.x_m - start.x_m) * math.cos(start.theta_rad) + (
             pose.y_m - start.y_m
         ) * math.sin(start.theta_rad)
-        if abs(ahead_m) < self._travel_m:
+        if abs(ahead_m) < self._travel_m or track.readings < READINGS:
             return ""
         fault = self._judge(track, range_m, ahead_m * track.sign, stamp_ns)
         track.begin(range_m, pose)
@@ -119,8 +119,6 @@ class SonarMonitor:
 
     def _judge(self, track: _Track, range_m: float, nearer_m: float, stamp_ns: int) -> str:
         """Return what is wrong after driving `nearer_m` towards what the sonar sees [m]."""
-        if track.readings < READINGS:
-            return ""
         spread_m = track.farthest_m - track.nearest_m
         if spread_m <= SPREAD_M and nearer_m > 0.0 and track.farthest_m < NEAR_M:
             return (

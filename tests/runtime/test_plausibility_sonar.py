@@ -177,17 +177,30 @@ def test_the_same_place_is_within_5_cm_and_no_more() -> None:
         assert drive.steps(farthest) == said
 
 
-def test_a_comparison_needs_five_readings() -> None:
+def test_a_comparison_needs_five_readings_and_goes_on_until_it_has_them() -> None:
     for between, judged in ((2, False), (3, True), (4, True)):
         drive = Drive()
         drive.see(2.0)
         for _ in range(between):
             drive.see(2.0, step_m=0.01)
         assert bool(drive.see(2.0, step_m=TRAVEL_M)) == judged
+        if not judged:
+            assert drive.see(2.0, step_m=0.0) == "sonar front is stuck at 2.000 m"
+            continue
         # Then the next begins, with one reading again.
         for _ in range(between):
             assert drive.see(2.0, step_m=0.01) == ""
-        assert bool(drive.see(2.0, step_m=TRAVEL_M)) == judged
+        assert drive.see(2.0, step_m=TRAVEL_M) == "sonar front is stuck at 2.000 m"
+
+
+@pytest.mark.parametrize("speed_m_s", [0.5, 0.8, 1.5, 3.0])
+def test_a_robot_of_any_speed_finds_out_that_its_wheels_slip(speed_m_s: float) -> None:
+    """A ring brings ten readings of a sonar in a second; the way grows with the speed."""
+    drive = Drive()
+    said = [drive.see(0.5, step_m=0.1 * speed_m_s) for _ in range(8)]
+    assert next(filter(None, said)).startswith("odometry came")
+    readings = next(number for number, each in enumerate(said, 1) if each)
+    assert readings <= max(5, 2 + math.ceil(TRAVEL_M / (0.1 * speed_m_s)))
 
 
 def test_a_reading_without_an_echo_begins_the_comparison_anew() -> None:
