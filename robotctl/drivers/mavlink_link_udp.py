@@ -9,12 +9,14 @@ from typing import Any, TypeAlias
 
 from robotctl.drivers.mavlink_link_base import READ_SIZE, Channel, Hub, Link
 from robotctl.drivers.mavlink_link_lookup import HostLookup
-from robotctl.runtime.mavlink_port import LinkConfig, Message
+from robotctl.runtime.mavlink_port import LinkConfig, Message, Peer
 
 MAX_DATAGRAM = 2048
 MAX_PEERS = 8
 SILENT_NS = 10_000_000_000
 """A server forgets a peer that was silent for so long [ns]; ground stations send every second."""
+MAX_FORMER = 64
+"""A server knows so many of the forgotten again."""
 
 _NOBODY = (errno.ECONNREFUSED, errno.EHOSTDOWN)
 
@@ -25,9 +27,10 @@ class UdpLink(Link):
     """One datagram socket.
 
     A client sends to one ground station and takes datagrams from its address alone. A server
-    learns its peers from valid frames, at most 8, and forgets them after 10 s of silence. More
-    peers are ignored rather than pushing out one of the eight: whoever can send from many
-    addresses must not be able to cut off the ground station.
+    learns its peers from valid frames, at most 8, and forgets them after 10 s of silence: they get
+    nothing any more, but who comes again is the peer of before. More peers are ignored rather than
+    pushing out one of the eight: whoever can send from many addresses must not be able to cut off
+    the ground station.
     """
 
     def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
@@ -36,6 +39,8 @@ class UdpLink(Link):
         self._socket: socket.socket | None = None
         self._lookup: HostLookup | None = None
         self._peers: dict[_Sender, Channel] = {}
+        self._former: dict[_Sender, Peer] = {}
+        """The forgotten, in that order."""
         self._broken = False
 
     def is_open(self) -> bool:
@@ -72,7 +77,18 @@ class UdpLink(Link):
         for sender, channel in list(self._peers.items()):
             self.deliver(channel.reader.expire(now_ns), channel, now_ns)
             if self._server and now_ns - channel.heard_ns > SILENT_NS:
-                del self._peers[sender]
+                self._forget(sender)
+
+    def _forget(self, sender: _Sender) -> None:
+        """Send to a peer no more, but know it again."""
+        self._former[sender] = self._peers.pop(sender).peer
+        if len(self._former) > MAX_FORMER:
+            del self._former[next(iter(self._former))]
+
+    def _channel(self, sender: _Sender) -> Channel:
+        """Return a channel for a peer that is not served now, a former one under its name."""
+        former = self._former.get(sender)
+        return self.new_channel() if former is None else Channel(former, self.hub)
 
     def _readable(self, _mask: int, now_ns: int) -> None:
         taken = 0
@@ -89,13 +105,14 @@ class UdpLink(Link):
             self._receive(data, sender, now_ns)
 
     def _receive(self, data: bytes, sender: _Sender, now_ns: int) -> None:
-        channel = self._peers.get(sender) or self.new_channel()
+        channel = self._peers.get(sender) or self._channel(sender)
         messages = channel.reader.feed_datagram(data, now_ns)
         if sender not in self._peers:
             if not messages or len(self._peers) >= MAX_PEERS:
                 self.counters.bad_bytes += len(data)
                 return
             self._peers[sender] = channel
+            self._former.pop(sender, None)
         self.deliver(messages, channel, now_ns)
 
     def broadcast(self, message: Message) -> None:
@@ -141,10 +158,11 @@ class UdpLink(Link):
         return int(self._socket.getsockname()[1])
 
     def close(self) -> None:
-        """Close the socket and forget the peers."""
+        """Close the socket; a server opened again knows its peers when they come."""
         self._lookup = None
         self._broken = False
-        self._peers.clear()
+        for sender in list(self._peers):
+            self._forget(sender)
         if self._socket is not None:
             self.hub.selector.unregister(self._socket)
             self._socket.close()

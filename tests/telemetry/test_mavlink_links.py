@@ -166,6 +166,42 @@ def test_a_udp_server_learns_several_peers_and_forgets_silent_ones(party, udp, e
     assert robot.status().peers == 1
 
 
+def test_a_station_that_was_silent_and_comes_again_is_the_peer_of_before(party, udp, eventually):
+    robot = party("udpin:127.0.0.1:0")
+    robot.step()
+    one, other = udp(), udp()
+    for number, station in enumerate((one, other), 1):
+        station.sendto(frame(), ("127.0.0.1", robot.status().port))
+        eventually(lambda number=number: len(robot.received) == number, robot.step)
+    robot.offset_ns += mavlink_link_udp.SILENT_NS + 1_000_000_000
+    robot.step()
+    assert robot.status().peers == 0
+    for number, station in enumerate((other, one), 3):
+        station.sendto(frame(), ("127.0.0.1", robot.status().port))
+        eventually(lambda number=number: len(robot.received) == number, robot.step)
+    first, second, second_again, first_again = [received.peer for received in robot.received]
+    assert (first_again, second_again) == (first, second)
+    assert first != second
+    robot.links.reply(HEARTBEAT, first_again)
+    eventually(lambda: readable(one), robot.step)
+    assert not readable(other)
+
+
+def test_strangers_that_come_and_go_do_not_fill_the_memory(party, udp, eventually):
+    robot = party("udpin:127.0.0.1:0")
+    robot.step()
+    (link,) = robot.links._links
+    for _ in range(mavlink_link_udp.MAX_FORMER // mavlink_link_udp.MAX_PEERS + 2):
+        robot.received.clear()
+        for _ in range(mavlink_link_udp.MAX_PEERS):
+            udp().sendto(frame(), ("127.0.0.1", robot.status().port))
+        eventually(lambda: len(robot.received) == mavlink_link_udp.MAX_PEERS, robot.step)
+        robot.offset_ns += mavlink_link_udp.SILENT_NS + 1_000_000_000
+        robot.step()
+    assert len(link._former) == mavlink_link_udp.MAX_FORMER
+    assert robot.status().peers == 0
+
+
 def test_a_full_udp_server_ignores_more_peers_instead_of_dropping_one(party, udp, eventually):
     robot = party("udpin:127.0.0.1:0")
     robot.step()
