@@ -38,8 +38,8 @@ ARM_DISARM: int = common.MAV_CMD_COMPONENT_ARM_DISARM
 FLIGHT_TERMINATION: int = common.MAV_CMD_DO_FLIGHTTERMINATION
 FORCE = 21196.0
 
-TIMEOUT_NS = 2_000_000_000
-"""How long the control process may take [ns]; it refuses by itself after one second."""
+ANSWER_NS = 1_000_000_000
+"""How long the answer may take after the control process has given up trying [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,7 @@ class Arming:
     def __init__(self, context: Context, held_back: HeldBack) -> None:
         self._context = context
         self._held_back = held_back
+        self._timeout_ns = round(context.robot.arm_timeout_s * 1e9) + ANSWER_NS
         self._pending: dict[int, _Pending] = {}
         self._copies = LateCopies()
         self._last_request = 0
@@ -132,7 +133,7 @@ class Arming:
         # control process's present answer may still belong.
         self._last_request = max(self._last_request + 1, now_ns)
         self._context.requests.append(Arm(now_ns, self._last_request, arm))
-        self._pending[self._last_request] = _Pending(command, arm, now_ns + TIMEOUT_NS)
+        self._pending[self._last_request] = _Pending(command, arm, now_ns + self._timeout_ns)
 
     def step(self, now_ns: int) -> None:
         """Acknowledge what the control process has answered, or has not answered in time."""

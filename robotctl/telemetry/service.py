@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeAlias
 
 from robotctl.estimation.sonar_config import SonarModelConfig
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.sonar import SonarMount
 from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.located import Locator
@@ -49,6 +51,8 @@ class TelemetryRobot:
         What each of them hears, the robot's `[localisation.sonar]`: its range and its beam.
     has_localiser : bool
         Its navigation has a localiser, which must be ready before the robot is armed.
+    arm_timeout_s : float
+        How long the control process tries to arm before it refuses [s].
     """
 
     name: str = "robot"
@@ -56,6 +60,7 @@ class TelemetryRobot:
     sonars: tuple[SonarMount, ...] = ()
     sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
     has_localiser: bool = False
+    arm_timeout_s: float = 1.0
 
 
 @dataclass
@@ -109,6 +114,17 @@ class Context:
         """Return what the localiser believes, None where it is silent or there is none."""
         state = self.locator.localisation
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def heading_rad(self, now_ns: int) -> float | None:
+        """Return the heading in `world` [rad], None where the robot does not know it."""
+        control = self.fresh_control(now_ns)
+        if control is None or not math.isfinite(control.theta_rad):
+            return None
+        if self.robot.has_localiser:
+            believed = self.fresh_localisation(now_ns)
+            if believed is None or believed.status is not LocalisationStatus.LOCALISED:
+                return None
+        return control.theta_rad
 
     def mode(self, now_ns: int) -> Mode:
         """Return who steers: nobody where the navigation process is silent."""

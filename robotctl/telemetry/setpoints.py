@@ -100,8 +100,7 @@ class Setpoints:
         if used.position:
             self._context.requests.append(position_target(message, used, sent_ns))
             return
-        control = self._context.fresh_control(now_ns)
-        twist = velocity_twist(message, used, None if control is None else control.theta_rad)
+        twist = velocity_twist(message, used, self._context.heading_rad(now_ns))
         expires_ns = sent_ns + self._timeout_ns
         self._context.requests.append(
             VelocityTarget(sent_ns, expires_ns, twist.v_m_s, twist.omega_rad_s)
@@ -161,7 +160,7 @@ def velocity_twist(message: Message, used: Used, theta_rad: float | None) -> Twi
     used : Used
         Its type_mask.
     theta_rad : float or None
-        Present heading in `world` [rad], needed in LOCAL_NED only.
+        Present heading in `world` [rad]; only a velocity in LOCAL_NED other than zero needs it.
 
     Raises
     ------
@@ -196,18 +195,20 @@ def _body_twist(message: Message, used: Used) -> Twist:
 def _local_twist(message: Message, used: Used, theta_rad: float | None) -> Twist:
     if used.velocity != 2:
         raise Refused("half a velocity")
-    if theta_rad is None or not math.isfinite(theta_rad):
-        raise Refused("local velocity, but heading not known")
     _check_finite(message.vx, message.vy)
     velocity = frames.enu_from_ned(message.vx, message.vy)
+    if velocity == (0.0, 0.0) and not used.yaw:
+        return Twist(
+            0.0, frames.omega_from_yaw_rate_frd(message.yaw_rate) if used.yaw_rate else 0.0
+        )
+    if theta_rad is None:
+        raise Refused("local velocity, but heading not known")
     if used.yaw_rate:
         along = velocity.x * math.cos(theta_rad) + velocity.y * math.sin(theta_rad)
         return Twist(along, frames.omega_from_yaw_rate_frd(message.yaw_rate))
     if used.yaw:
         _check_finite(message.yaw)
         direction_rad = frames.theta_from_yaw_ned(message.yaw)
-    elif velocity == (0.0, 0.0):
-        return Twist(0.0, 0.0)
     else:
         direction_rad = math.atan2(velocity.y, velocity.x)
     along = velocity.x * math.cos(direction_rad) + velocity.y * math.sin(direction_rad)

@@ -22,7 +22,6 @@ _OTHER_CELLS = [frames.UINT16_MAX] * 9
 _MOTORS = common.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 _BATTERY = common.MAV_SYS_STATUS_SENSOR_BATTERY
 _SONARS = common.MAV_SYS_STATUS_SENSOR_PROXIMITY
-_READY = common.MAV_SYS_STATUS_PREARM_CHECK
 _SOUND_STATES = (SafetyState.STANDBY, SafetyState.ARMED, SafetyState.DRIVING)
 
 
@@ -176,7 +175,7 @@ def system_status(state: ControlState | None, robot: TelemetryRobot) -> list[Mes
 
     `errors_count1` to 3 are CAN error frames, failed CAN sends and overruns of the control loop.
     """
-    present = _MOTORS | _READY | _BATTERY | (_SONARS if robot.sonars else 0)
+    present = _MOTORS | _BATTERY | (_SONARS if robot.sonars else 0)
     if state is None:
         unknown = (0, frames.UINT16_MAX, -1, -1, 0, 0, 0, 0, 0, 0)
         return [common.MAVLink_sys_status_message(present, present, 0, *unknown)]
@@ -205,7 +204,7 @@ def _health(state: ControlState) -> int:
     """Return the bits of what works."""
     health = 0
     if state.state in _SOUND_STATES:
-        health |= _MOTORS | _READY
+        health |= _MOTORS
     if state.battery is not None and not state.battery.critical:
         health |= _BATTERY
     if not any(math.isnan(range_m) for range_m in state.sonar_m):

@@ -18,6 +18,8 @@ from robotctl.runtime.messages import (
     SafetyState,
     SetMode,
 )
+from robotctl.telemetry.service import TelemetryRobot
+from robotctl.telemetry.telemetry import Telemetry
 
 ARM = common.MAV_CMD_COMPONENT_ARM_DISARM
 TERMINATE = common.MAV_CMD_DO_FLIGHTTERMINATION
@@ -69,6 +71,18 @@ def test_without_an_answer_arming_is_temporarily_rejected(bench):
     assert results(bench) == []
     bench.run(0.2)
     assert results(bench) == [BUSY]
+
+
+def test_a_robot_that_takes_its_time_to_arm_is_given_it(make_bench):
+    bench = make_bench()
+    robot = TelemetryRobot("tester", "1.2.3", arm_timeout_s=4.0)
+    bench.telemetry = Telemetry(bench.config, robot, bench.links)
+    bench.command(ARM, 1)
+    (request,) = bench.step()
+    bench.run(4.5)
+    assert results(bench) == []
+    bench.step(bench.control(acks=(Ack(request.request_id, accepted=True),)))
+    assert results(bench) == [ACCEPTED]
 
 
 def test_an_arm_request_repeated_while_it_is_carried_out_is_not_sent_twice(bench):

@@ -180,3 +180,46 @@ def test_disarming_needs_no_localiser(make_bench):
     (request,) = bench.step(bench.control())
     assert isinstance(request, Arm)
     assert not request.arm
+
+
+def seeking_bench(make_bench):
+    """Return the bench of a robot that has a localiser."""
+    bench = make_bench()
+    robot = TelemetryRobot("tester", "1.2.3", (), has_localiser=True)
+    bench.telemetry = Telemetry(bench.config, robot, bench.links)
+    return bench
+
+
+def local_velocity(vx=0.0, vy=0.0, mask=0x0FC7):
+    return common.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, common.MAV_FRAME_LOCAL_NED, mask, 0.0, 0.0, 0.0, vx, vy, *[0.0] * 6
+    )
+
+
+@pytest.mark.parametrize("status", [None, *LocalisationStatus])
+def test_a_local_velocity_needs_a_heading_that_is_known(make_bench, status):
+    bench = seeking_bench(make_bench)
+    bench.receive(local_velocity(vy=0.5))
+    believed = () if status is None else (localised(bench.now_ns + 20_000_000, status=status),)
+    requests = bench.step(*believed, bench.control(theta_rad=0.0))
+    if status is LocalisationStatus.LOCALISED:
+        (request,) = requests
+        assert (request.v_m_s, request.omega_rad_s) == pytest.approx((0.5, 0.0))
+    else:
+        assert requests == []
+        assert "Setpoint: local velocity, but heading not known" in bench.texts()
+
+
+def test_a_local_velocity_of_zero_stops_a_robot_that_does_not_know_its_heading(make_bench):
+    bench = seeking_bench(make_bench)
+    bench.receive(local_velocity())
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert (request.v_m_s, request.omega_rad_s) == (0.0, 0.0)
+
+
+def test_what_the_localiser_said_a_while_ago_is_no_heading(make_bench):
+    bench = seeking_bench(make_bench)
+    bench.step(localised(bench.now_ns), bench.control())
+    bench.run(1.1)
+    bench.receive(local_velocity(vy=0.5))
+    assert bench.step(bench.control(theta_rad=0.0)) == []

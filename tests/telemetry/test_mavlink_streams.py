@@ -281,6 +281,15 @@ def test_a_fault_makes_the_motors_unhealthy(bench):
     assert not bench.messages("SYS_STATUS")[-1].onboard_control_sensors_health & motors
 
 
+def test_system_status_makes_no_promise_that_the_robot_can_be_armed(bench):
+    """What speaks against arming is known only once somebody asks for it."""
+    prearm = common.MAV_SYS_STATUS_PREARM_CHECK
+    bench.run(1.5, state=SafetyState.STANDBY)
+    status = bench.messages("SYS_STATUS")[-1]
+    bits = status.onboard_control_sensors_present, status.onboard_control_sensors_health
+    assert not any(each & prearm for each in bits)
+
+
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
 
 
