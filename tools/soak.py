@@ -7,24 +7,32 @@ priority, one with a flooded bus as much as three others, and where such tasks l
 ordinary ones for a second, the kernel takes 50 ms for those. A test that failed while the machine
 itself stood is run again, and counted (`hil_tests/pauses.py`). Ctrl-C and SIGTERM end it early,
 with the table of the repeats until then.
+
+A soak may take days: with `--keep FILE` each repeat is kept in a line, and a later soak of the same
+code on the same bus goes on behind them.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
+import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from pathlib import Path
 
+import msgspec
 from reactions import reaction_table
 
 ROOT = Path(__file__).resolve().parent.parent
+CODE = ("configs", "firmware_sim", "hil_tests", "robotctl")
+"""What a soak tests: the folders whose files make one state of the code."""
 SUITE = sorted(
     str(path.relative_to(ROOT))
     for pattern in ("test_*_safety_stops.py", "test_*_faults.py")
@@ -32,28 +40,107 @@ SUITE = sorted(
 )
 
 
-def repeat(options: argparse.Namespace, reactions: Path) -> tuple[int, str, list[str]]:
-    """Run the suite once; return its exit status, its output, and which tests were run again."""
-    command = [
-        *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
-        *SUITE,
-        *("--bus", options.bus, "--reactions", str(reactions)),
-        *(("-k", options.only) if options.only else ()),
-        *(("-n", str(options.workers), "--dist", "worksteal") if options.workers > 1 else ()),
-    ]
-    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    again = [line for line in ended.stdout.splitlines() if line.startswith("RUN AGAIN")]
-    return ended.returncode, ended.stdout + ended.stderr, again
+class Repeat(msgspec.Struct, frozen=True):
+    """What became of one run of the suite: a line of the file that is kept.
+
+    Parameters
+    ----------
+    state
+        Of the code, see `state_of_code`.
+    bus
+        simcan or an interface of the kernel.
+    status
+        Exit status of pytest.
+    again
+        What it said of each test that was run again.
+    reactions
+        Times of each fault [ms].
+    """
+
+    state: str
+    bus: str
+    status: int
+    again: tuple[str, ...] = ()
+    reactions: dict[str, list[float]] = {}
 
 
-def verdict(statuses: list[int], wanted: int, runs_again: int) -> str:
+def state_of_code(root: Path) -> str:
+    """Return the beginning of a hash of all files in the folders `CODE`."""
+    hashed = hashlib.sha256()
+    for folder in CODE:
+        for path in sorted((root / folder).rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                hashed.update(f"{path.relative_to(root)} {path.stat().st_size}\n".encode())
+                hashed.update(path.read_bytes())
+    return hashed.hexdigest()[:12]
+
+
+def kept(file: Path, state: str, bus: str) -> list[Repeat]:
+    """Return the repeats of a file.
+
+    Raises
+    ------
+    ValueError
+        If a line is no repeat, or one of another state or bus.
+    """
+    repeats: list[Repeat] = []
+    for number, line in enumerate(file.read_bytes().splitlines(), 1):
+        try:
+            each = msgspec.json.decode(line, type=Repeat)
+        except msgspec.DecodeError as error:
+            raise ValueError(f"{file}:{number}: no repeat of a soak: {error}") from None
+        if (each.state, each.bus) != (state, bus):
+            raise ValueError(
+                f"{file}:{number}: a repeat of state {each.state} on {each.bus} found, "
+                f"{state} on {bus} is to be tested: keep those in another file"
+            )
+        repeats.append(each)
+    return repeats
+
+
+def repeat(options: argparse.Namespace, state: str) -> tuple[Repeat, str]:
+    """Run the suite once; return what became of it, and its output."""
+    with tempfile.TemporaryDirectory(prefix="soak-") as directory:
+        reactions = Path(directory) / "reactions.jsonl"
+        reactions.touch()
+        command = [
+            *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
+            *SUITE,
+            *("--bus", options.bus, "--reactions", str(reactions)),
+            *(("-k", options.only) if options.only else ()),
+            *(("-n", str(options.workers), "--dist", "worksteal") if options.workers > 1 else ()),
+        ]
+        ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        again = [line for line in ended.stdout.splitlines() if line.startswith("RUN AGAIN")]
+        times: dict[str, list[float]] = defaultdict(list)
+        for line in reactions.read_text(encoding="utf-8").splitlines():
+            reaction = json.loads(line)
+            times[reaction["fault"]].append(reaction["ms"])
+    done = Repeat(state, options.bus, ended.returncode, tuple(again), times)
+    return done, ended.stdout + ended.stderr
+
+
+def table(repeats: list[Repeat]) -> str:
+    """Return the table of the reaction times of all repeats."""
+    return reaction_table(
+        json.dumps({"fault": fault, "bus": each.bus, "ms": ms})
+        for each in repeats
+        for fault, times in each.reactions.items()
+        for ms in times
+    )
+
+
+def verdict(repeats: list[Repeat], wanted: int, before: int) -> str:
     """Return the last line: what became of the repeats, and with which exit statuses they ended."""
-    cut = "" if len(statuses) == wanted else ", the next one cut short"
+    statuses = [each.status for each in repeats]
+    cut = "" if len(statuses) >= wanted else ", the next one cut short"
+    earlier = f", {before} of them earlier" if before else ""
     failed = sum(map(bool, statuses)) or "none"
     counts = sorted(Counter(statuses).items(), key=lambda each: (each[0] != 0, -each[0]))
     told = ", ".join(f"{status} of {count}" for status, count in counts) or "of none"
+    runs_again = sum(len(each.again) for each in repeats)
     return (
-        f"{len(statuses)} of {wanted} repeats done{cut}; {failed} failed, "
+        f"{len(statuses)} of {wanted} repeats done{earlier}{cut}; {failed} failed, "
         f"{runs_again} tests run again; exit status {told}"
     )
 
@@ -66,33 +153,36 @@ def main() -> int:
     add("--bus", default="simcan", help="simcan or vcan0 (%(default)s)")
     workers = 2 * (os.cpu_count() or 1)
     add("--workers", type=int, default=workers, help="tests side by side, on simcan (%(default)s)")
-    add("--keep", type=Path, metavar="FILE", help="add each reaction to this file, a JSON a line")
+    add("--keep", type=Path, metavar="FILE", help="go on behind the repeats that this file has")
     add("--only", default="", metavar="EXPRESSION", help="as pytest's -k")
     options = parser.parse_args()
     if options.bus != "simcan":
         options.workers = 1
+    state = state_of_code(ROOT)
+    repeats: list[Repeat] = []
+    if options.keep is not None and options.keep.exists():
+        try:
+            repeats = kept(options.keep, state, options.bus)
+        except ValueError as error:
+            parser.error(str(error))
+    before = len(repeats)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    statuses: list[int] = []
-    runs_again = 0
-    with tempfile.TemporaryDirectory(prefix="soak-") as directory:
-        reactions = (options.keep or Path(directory) / "reactions.jsonl").resolve()
-        reactions.touch()
-        begin_s = time.monotonic()
-        with contextlib.suppress(KeyboardInterrupt):  # it has ended the tests
-            while len(statuses) < options.repeats:
-                status, output, again = repeat(options, reactions)
-                statuses.append(status)
-                runs_again += len(again)
-                for text in ([output] if status else []) + again:
-                    print(text, flush=True)
-                minutes = (time.monotonic() - begin_s) / 60
-                text = (
-                    f"repeat {len(statuses)} of {options.repeats}: exit {status}, {minutes:.1f} min"
-                )
-                print(text, file=sys.stderr, flush=True)
-        print(reaction_table(reactions.read_text(encoding="utf-8").splitlines()))
-    print(verdict(statuses, options.repeats, runs_again))
-    return 1 if any(statuses) or len(statuses) < options.repeats else 0
+    begin_s = time.monotonic()
+    with contextlib.suppress(KeyboardInterrupt):  # it has ended the tests
+        while len(repeats) < options.repeats:
+            done, output = repeat(options, state)
+            repeats.append(done)
+            if options.keep is not None:
+                with options.keep.open("ab") as file:
+                    file.write(msgspec.json.encode(done) + b"\n")
+            for text in ([output] if done.status else []) + list(done.again):
+                print(text, flush=True)
+            minutes = (time.monotonic() - begin_s) / 60
+            text = f"repeat {len(repeats)} of {options.repeats}: exit {done.status}"
+            print(f"{text}, {minutes:.1f} min", file=sys.stderr, flush=True)
+    print(table(repeats))
+    print(verdict(repeats, options.repeats, before))
+    return 1 if any(each.status for each in repeats) or len(repeats) < options.repeats else 0
 
 
 if __name__ == "__main__":

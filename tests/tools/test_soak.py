@@ -11,7 +11,7 @@ import pytest
 
 import soak
 from reactions import reaction_table
-from soak import SUITE
+from soak import CODE, ROOT, SUITE, Repeat, state_of_code
 
 
 def line(fault, bus, ms):
@@ -45,12 +45,11 @@ def on_termination():
 def test_a_soak_ended_early_tells_what_was_measured_until_then(monkeypatch, capsys, on_termination):
     rounds = []
 
-    def one_round(_options, reactions: Path):
+    def one_round(_options, state):
         if rounds:
             os.kill(os.getpid(), signal.SIGTERM)
         rounds.append(1)
-        reactions.write_text(line("cut", "simcan", 3.0), encoding="utf-8")
-        return 0, "", ["RUN AGAIN one"]
+        return Repeat(state, "simcan", 0, ("RUN AGAIN one",), {"cut": [3.0]}), ""
 
     monkeypatch.setattr(soak, "repeat", one_round)
     monkeypatch.setattr(sys, "argv", ["soak.py", "--repeats", "3"])
@@ -63,15 +62,18 @@ def test_a_soak_ended_early_tells_what_was_measured_until_then(monkeypatch, caps
     )
 
 
-def soak_of(monkeypatch, *statuses):
-    """Run as many repeats as there are exit statuses, each of which tells nothing."""
+def soak_of(monkeypatch, *statuses, repeats=None, keep=None):
+    """Run as many repeats as there are exit statuses, each of which took 7 ms for one reaction."""
     ends = iter(statuses)
 
-    def run(*_arguments, **_options):
-        return subprocess.CompletedProcess((), next(ends), "", "")
+    def run(command, **_options):
+        reactions = Path(command[command.index("--reactions") + 1])
+        reactions.write_text(line("cut", "simcan", 7.0), encoding="utf-8")
+        return subprocess.CompletedProcess((), next(ends), "RUN AGAIN a test\n", "")
 
     monkeypatch.setattr(soak.subprocess, "run", run)
-    monkeypatch.setattr(sys, "argv", ["soak.py", "--repeats", str(len(statuses))])
+    argv = ["soak.py", "--repeats", str(repeats or len(statuses))]
+    monkeypatch.setattr(sys, "argv", argv + (["--keep", str(keep)] if keep else []))
     return soak.main()
 
 
@@ -81,7 +83,7 @@ def test_a_repeat_that_was_killed_without_a_word_fails_the_soak(
     assert soak_of(monkeypatch, 0, -signal.SIGKILL, 1, 0, 1) == 1
     told = capsys.readouterr().out
     assert told.endswith(
-        "5 of 5 repeats done; 3 failed, 0 tests run again; exit status 0 of 2, 1 of 2, -9 of 1\n"
+        "5 of 5 repeats done; 3 failed, 5 tests run again; exit status 0 of 2, 1 of 2, -9 of 1\n"
     )
 
 
@@ -89,5 +91,60 @@ def test_a_soak_of_which_all_repeats_passed_says_so(monkeypatch, capsys, on_term
     assert soak_of(monkeypatch, 0, 0) == 0
     told = capsys.readouterr().out
     assert told.endswith(
-        "2 of 2 repeats done; none failed, 0 tests run again; exit status 0 of 2\n"
+        "2 of 2 repeats done; none failed, 2 tests run again; exit status 0 of 2\n"
     )
+
+
+def test_a_soak_goes_on_behind_the_repeats_that_are_kept(
+    monkeypatch, capsys, tmp_path, on_termination
+):
+    file = tmp_path / "soak.jsonl"
+    assert soak_of(monkeypatch, 0, 1, keep=file) == 1
+    capsys.readouterr()
+    assert soak_of(monkeypatch, 0, 0, repeats=4, keep=file) == 1
+    told = capsys.readouterr().out
+    assert "| cut | 7.0 / 7.0 (4) |" in told
+    assert told.endswith(
+        "4 of 4 repeats done, 2 of them earlier; 1 failed, 4 tests run again; "
+        "exit status 0 of 3, 1 of 1\n"
+    )
+    assert len(file.read_text(encoding="utf-8").splitlines()) == 4
+
+
+@pytest.mark.parametrize(
+    ("kept", "said"),
+    [
+        ('{"state":"0123456789ab","bus":"simcan","status":0}', "a repeat of state 0123456789ab"),
+        (
+            '{"state":"STATE","bus":"vcan0","status":0}',
+            f"a repeat of state {state_of_code(ROOT)} on vcan0",
+        ),
+        ('{"state":"STATE","bus":"sim', "no repeat of a soak"),
+    ],
+    ids=["another state", "another bus", "a cut line"],
+)
+def test_repeats_of_something_else_are_not_counted(
+    monkeypatch, capsys, tmp_path, on_termination, kept, said
+):
+    file = tmp_path / "soak.jsonl"
+    file.write_text(kept.replace("STATE", state_of_code(ROOT)), encoding="utf-8")
+    with pytest.raises(SystemExit) as ended:
+        soak_of(monkeypatch, 0, keep=file)
+    assert ended.value.code == 2
+    assert f"{file}:1: {said}" in capsys.readouterr().err
+
+
+def test_the_state_of_the_code_changes_with_any_file_of_it(tmp_path):
+    for folder in CODE:
+        (tmp_path / folder).mkdir()
+    file = tmp_path / CODE[0] / "robot.toml"
+    file.write_text("a = 1", encoding="utf-8")
+    before = state_of_code(tmp_path)
+    assert state_of_code(tmp_path) == before
+    (tmp_path / "README.md").write_text("no code", encoding="utf-8")
+    assert state_of_code(tmp_path) == before
+    file.write_text("a = 2", encoding="utf-8")
+    assert state_of_code(tmp_path) != before
+    file.write_text("a = 1", encoding="utf-8")
+    file.rename(file.with_name("other.toml"))
+    assert state_of_code(tmp_path) != before
