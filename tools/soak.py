@@ -28,6 +28,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import msgspec
+
 from reactions import reaction_table
 
 ROOT = Path(__file__).resolve().parent.parent
