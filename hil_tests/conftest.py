@@ -279,17 +279,30 @@ def reaction(request: pytest.FixtureRequest, bus: str) -> Callable[[str, float],
 
 
 @pytest.fixture
-def station(without_floods: None, make_rig: Callable[..., Rig]) -> Iterator[GroundStation]:
+def make_station(
+    without_floods: None, make_rig: Callable[..., Rig]
+) -> Iterator[Callable[..., GroundStation]]:
+    """Makes a ground station connected to the whole stack in standby."""
+    with contextlib.ExitStack() as afterwards:
+
+        def make(**kwargs: str) -> GroundStation:
+            with socket.socket() as probe:
+                probe.bind(("127.0.0.1", 0))
+                port = probe.getsockname()[1]
+            rig = make_rig(mavlink_url=f"tcpin:127.0.0.1:{port}", **kwargs)
+            rig.start_firmware()
+            for module in (CONTROL, NAVIGATION, TELEMETRY):
+                rig.start(module)
+            rig.wait_for_state(SafetyState.STANDBY)
+            station = GroundStation(rig, port)
+            afterwards.callback(station.link.close)
+            station.wait("HEARTBEAT", seconds=10)
+            return station
+
+        yield make
+
+
+@pytest.fixture
+def station(make_station: Callable[..., GroundStation]) -> GroundStation:
     """A ground station connected to the whole stack in standby."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    rig = make_rig(mavlink_url=f"tcpin:127.0.0.1:{port}")
-    rig.start_firmware()
-    for module in (CONTROL, NAVIGATION, TELEMETRY):
-        rig.start(module)
-    rig.wait_for_state(SafetyState.STANDBY)
-    station = GroundStation(rig, port)
-    station.wait("HEARTBEAT", seconds=10)
-    yield station
-    station.link.close()
+    return make_station()

@@ -14,6 +14,8 @@ from pymavlink import mavutil
 mavlink = mavutil.mavlink
 BODY_VELOCITY = 0b0000_0111_1100_0111
 """Of SET_POSITION_TARGET_LOCAL_NED only velocity, and yaw rate, are used."""
+POSITION = 0b0000_1111_1111_1000
+"""Of SET_POSITION_TARGET_LOCAL_NED only the position is used."""
 
 
 class GroundStation:
@@ -43,6 +45,13 @@ class GroundStation:
         padded = (*params, *(0.0,) * (7 - len(params)))
         self.link.mav.command_long_send(1, 1, number, 0, *padded)
         return self.wait("COMMAND_ACK", lambda ack: ack.command == number).result
+
+    def drive_to(self, x_m: float, y_m: float) -> None:
+        """Send the robot to a point of `world`."""
+        north_m, east_m = y_m, x_m
+        self.link.mav.set_position_target_local_ned_send(
+            0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, POSITION, north_m, east_m, *(0,) * 9
+        )
 
     def velocity(self, forward_m_s: float, yaw_rate_rad_s: float, seconds: float) -> None:
         deadline_s = time.monotonic() + seconds

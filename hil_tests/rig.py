@@ -104,6 +104,8 @@ class Rig:
         What stands on the bench: configuration, world, and pose "x,y,heading_deg".
     mavlink_url
         The stack's only MAVLink link; empty: none.
+    override
+        A setting that differs from the configuration.
     directory
         Where output of the processes goes.
     """
@@ -118,6 +120,7 @@ class Rig:
         mavlink_url: str = "",
         mission: str = "",
         record: str = "",
+        override: str = "",
     ) -> None:
         self.robot = robot
         number = next(_instances)
@@ -137,6 +140,7 @@ class Rig:
                 f'can.interface="{self.interface}"',
                 f'can.channel="{self.channel}"',
                 f'mavlink.link=[{{url="{mavlink_url}"}}]' if mavlink_url else "mavlink.link=[]",
+                *((override,) if override else ()),
             ),
             x_m=x_m,
             y_m=y_m,
@@ -434,6 +438,10 @@ class Rig:
             error_rad = wrap_angle(math.atan2(y_m, x_m) - truth.theta_rad)
             self.drive(0.4 if abs(error_rad) < 0.5 else 0.0, 2.0 * error_rad, 0.1)
 
+    def ask_for_mode(self, mode: Mode) -> None:
+        """Ask the navigation process for a mode once."""
+        self._to_navigation.send(SetMode(time.monotonic_ns(), mode))
+
     def set_mode(self, mode: Mode) -> None:
         """Ask the navigation process for a mode until it is in it."""
         asked_s = 0.0
@@ -444,7 +452,7 @@ class Rig:
                 return True
             if time.monotonic() - asked_s > 0.5:
                 asked_s = time.monotonic()
-                self._to_navigation.send(SetMode(time.monotonic_ns(), mode))
+                self.ask_for_mode(mode)
             return False
 
         self.wait(asked, PATIENT_S, f"mode {mode.name}")

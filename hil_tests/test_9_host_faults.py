@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import resource
 import signal
+import time
 from collections.abc import Callable
 
 import pytest
 
 from hil_tests.faulty_control import COLLECT, HANG, SPIN
 from hil_tests.faulty_navigation import LEAK
+from hil_tests.ground_station import GroundStation, mavlink
 from hil_tests.rig import (
     COMMAND,
     EMCY_COMMAND_TIMEOUT,
@@ -19,6 +21,7 @@ from hil_tests.rig import (
     Rig,
     enabled,
 )
+from robotctl.app.pilot import PRESENCE_MAX_AGE_NS
 from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.runtime.messages import Mode, SafetyState
 
@@ -97,6 +100,9 @@ def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> N
     assert_in_time(armed, taken_ms)
     armed.at_rest()
 
+
+NAVIGATION_MS = 50.0
+"""Between two steps of navigation."""
 
 STATE_MS = 20.0
 """Between two states that control publishes."""
@@ -178,6 +184,38 @@ def test_without_telemetry_the_robot_drives_on(mission_rig: Rig) -> None:
     assert commands
     assert all(commands)
     assert rig.fresh_truth().distance_m - before.distance_m > 0.2
+
+
+@pytest.mark.parametrize("fault", ["ground station silent", "telemetry killed"])
+def test_a_robot_that_must_have_a_ground_station_stops_without_it(
+    make_station: Callable[..., GroundStation], fault: str, reaction: React
+) -> None:
+    station = make_station(override="mavlink.hold_without_gcs=true")
+    rig = station.rig
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mavlink.MAV_RESULT_ACCEPTED
+    mode = (mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, Mode.GUIDED)
+    assert station.command(mavlink.MAV_CMD_DO_SET_MODE, *mode) == mavlink.MAV_RESULT_ACCEPTED
+    beaten_ns = time.monotonic_ns()
+    station.drive_to(5.5, 2.0)
+    rig.wait(lambda: rig.control.v_m_s > 0.2, PATIENT_S, "it drives")
+    limit_ms = 1e-6 * PRESENCE_MAX_AGE_NS
+    if fault == "telemetry killed":
+        rig.kill(TELEMETRY)
+        beaten_ns = time.monotonic_ns()
+    else:
+        limit_ms += 1000 * rig.config.mavlink.gcs_timeout_s
+    rig.wait(lambda: rig.navigation.mode == Mode.HOLD, PATIENT_S, "it holds")
+    taken_ms = (rig.navigation.stamp_ns - beaten_ns) / 1e6
+    reaction(fault, taken_ms)
+    assert taken_ms <= limit_ms + 2 * NAVIGATION_MS
+    assert rig.navigation.message == "hold: no ground station is there"
+    rig.at_rest()
+    before = rig.fresh_truth()
+    rig.ask_for_mode(Mode.GUIDED)
+    refused = "refused: no ground station is there"
+    rig.wait(lambda: rig.navigation.message == refused, PATIENT_S, "GUIDED is refused")
+    assert rig.navigation.mode == Mode.HOLD
+    assert rig.fresh_truth().distance_m - before.distance_m < 1e-3
 
 
 def test_a_full_disk_stops_nothing_and_is_said(mission_rig: Rig) -> None:

@@ -34,6 +34,7 @@ from robotctl.runtime.located import located
 from robotctl.runtime.messages import (
     ControlState,
     ExternalPose,
+    GroundStationPresence,
     ManualControl,
     NavigationRequest,
     NavigationState,
@@ -49,6 +50,9 @@ COMMAND_LIFE_PERIODS: Final = 4
 
 STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
+
+PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
+"""A ground station that telemetry has not told of for longer is not there [ns]."""
 
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 """Before the first control state; the navigator then stands and drops no breadcrumb."""
@@ -92,6 +96,9 @@ class Pilot:
         self._news: list[str] = []
         self._armings: int | None = None
         """The count in the last state, None where that was not enabled."""
+        self._needs_station = config.mavlink.hold_without_gcs
+        self._station_ns: int | None = None
+        """When a ground station was there last."""
 
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
@@ -136,10 +143,11 @@ class Pilot:
             ranges_m=ranges_m,
             enabled=enabled,
             localised=localisation is None or localisation.status is LocalisationStatus.LOCALISED,
+            attended=self._attended(requests, now_ns),
             requests=tuple(
                 _request(each)
                 for each in self._in_time(requests, now_ns)
-                if not isinstance(each, ExternalPose)
+                if not isinstance(each, ExternalPose | GroundStationPresence)
             ),
             floor_base=floor,
         )
@@ -165,6 +173,16 @@ class Pilot:
         """Return sentences for people since the last call."""
         news, self._news = self._news, []
         return news
+
+    def _attended(self, requests: Sequence[NavigationRequest], now_ns: int) -> bool:
+        """Say whether a ground station is there, or need not be."""
+        for each in requests:
+            if isinstance(each, GroundStationPresence):
+                self._station_ns = each.stamp_ns
+        if not self._needs_station:
+            return True
+        heard_ns = self._station_ns
+        return heard_ns is not None and now_ns - heard_ns <= PRESENCE_MAX_AGE_NS
 
     def _in_time(
         self, requests: Sequence[NavigationRequest], now_ns: int

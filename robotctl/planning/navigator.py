@@ -37,6 +37,10 @@ _LONGEST_STEP_NS = 500_000_000
 """A longer gap between steps, and somebody may think that the robot has ended its mission [ns]."""
 
 
+_BY_HAND = frozenset({Mode.HOLD, Mode.MANUAL})
+"""The modes in which the robot does nothing by itself."""
+
+
 class NavigationInputs(NamedTuple):
     """All that a step depends on."""
 
@@ -55,6 +59,8 @@ class NavigationInputs(NamedTuple):
     """What came since the last step, oldest first."""
     localised: bool = True
     """The pose is more than a guess."""
+    attended: bool = True
+    """Who must be there while the robot drives by itself is."""
     floor_base: Sequence[Point] = ()
     """Points on the floor not to be driven over."""
 
@@ -94,7 +100,8 @@ class Navigator:
     While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
     whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
     on by itself when it is armed again or when the computer has time again. AUTO, asked for
-    again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick.
+    again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick. So it
+    is while `attended` is false, when no other mode can be had.
 
     Parameters
     ----------
@@ -137,6 +144,7 @@ class Navigator:
         self._look_around = LookAround(drive, self._guard, mounts, config.look_around_speed_m_s)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
         self._searching = False
+        self._attended = True
         self._mode = Mode.HOLD
         self._velocity: VelocityRequest | None = None
         self._sticks: StickRequest | None = None
@@ -158,6 +166,8 @@ class Navigator:
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty where it can."""
+        if not self._attended and mode not in _BY_HAND:
+            return "no ground station is there"
         if mode is Mode.AUTO and self._runner is None:
             return "no mission is loaded"
         if mode is Mode.RTL and self._crumbs.has_gap:
@@ -166,6 +176,7 @@ class Navigator:
 
     def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:
         """Return the decision at `now_ns`, monotonic [ns]. Input that is no number stops."""
+        self._attended = inputs.attended
         self._fall_back(inputs.enabled, now_ns)
         for request in inputs.requests:
             self._take(request, inputs.enabled)
@@ -200,8 +211,14 @@ class Navigator:
         return searching
 
     def _fall_back(self, enabled: bool, now_ns: int) -> None:
-        """Go to HOLD where a robot that was enabled must not drive on by itself."""
-        if self._last_ns is None or self._mode in {Mode.HOLD, Mode.MANUAL}:
+        """Go to HOLD where a robot must not drive, or drive on, by itself."""
+        if self._mode in _BY_HAND:
+            return
+        if not self._attended:
+            self._change_mode(Mode.HOLD)
+            self._ended = "hold: no ground station is there"
+            return
+        if self._last_ns is None:
             return
         gap_ns = now_ns - self._last_ns
         if not enabled:

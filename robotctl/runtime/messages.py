@@ -266,11 +266,17 @@ class ExternalPose(msgspec.Struct, frozen=True, tag=True):
     covariance: tuple[float, ...] = ()
 
 
+class GroundStationPresence(msgspec.Struct, frozen=True, tag=True):
+    """A ground station was there at `stamp_ns`; for robots that go to HOLD without one."""
+
+    stamp_ns: int
+
+
 ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop
 """What the control process takes."""
 
 NavigationRequest: TypeAlias = (
-    SetMode | VelocityTarget | PositionTarget | ManualControl | ExternalPose
+    SetMode | VelocityTarget | PositionTarget | ManualControl | ExternalPose | GroundStationPresence
 )
 """What the navigation process takes."""
 

@@ -71,11 +71,14 @@ class MavlinkConfig:
         from their sending where their `time_boot_ms` tells, all else from its arrival.
     gcs_timeout_s : float
         A ground station is lost when its heartbeat is older [s], 1 to 60.
+    hold_without_gcs : bool
+        The robot drives by itself (AUTO, RTL, GUIDED) only while a ground station is there.
 
     Raises
     ------
     ValueError
-        If a value is out of range or two links are the same.
+        If a value is out of range, two links are the same, or a ground station is needed and there
+        is no link to one.
     """
 
     system_id: int = 1
@@ -84,6 +87,7 @@ class MavlinkConfig:
     rates: StreamRates = StreamRates()
     setpoint_timeout_s: float = 0.5
     gcs_timeout_s: float = 5.0
+    hold_without_gcs: bool = False
 
     def __post_init__(self) -> None:
         for name in ("system_id", "component_id"):
@@ -94,6 +98,10 @@ class MavlinkConfig:
         urls = [link.url for link in self.link]
         if repeated := sorted({url for url in urls if urls.count(url) > 1}):
             raise ValueError(f"links must differ, found more than once: {', '.join(repeated)}")
+        if self.hold_without_gcs and not self.link:
+            raise ValueError(
+                "hold_without_gcs: true found, but there is no link to a ground station"
+            )
 
 
 def _check_range(name: str, value: float, low: float, high: float) -> None:

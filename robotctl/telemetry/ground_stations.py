@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Message, Peer
-from robotctl.runtime.messages import Severity
+from robotctl.runtime.messages import GroundStationPresence, Severity
 from robotctl.telemetry.service import Context, source
+
+PRESENCE_NS = 200_000_000
+"""So often navigation is told that a ground station is there, where it must be [ns]."""
 
 MAX_STATIONS = 32
 """Whoever invents stations must not fill the memory."""
@@ -29,13 +32,18 @@ class GroundStation:
 
 
 class GroundStations:
-    """Keeps those whose heartbeat is not older than `gcs_timeout_s`; says who comes and goes."""
+    """Keeps those whose heartbeat is not older than `gcs_timeout_s`; says who comes and goes.
+
+    Where the robot drives by itself only while one is there, navigation is told so again and again:
+    it then sees by itself that the stations have gone, or that telemetry has.
+    """
 
     handles = frozenset({common.MAVLINK_MSG_ID_HEARTBEAT})
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._timeout_ns = round(context.config.gcs_timeout_s * 1e9)
+        self._told_ns = 0
         self._stations: dict[tuple[int, int], GroundStation] = {}
 
     @property
@@ -66,3 +74,7 @@ class GroundStations:
             if not station.heard_ns:
                 del self._stations[address]
                 self._context.say(now_ns, f"Ground station {address[0]} is lost")
+        needed = self._context.config.hold_without_gcs and self._stations
+        if needed and now_ns - self._told_ns >= PRESENCE_NS:
+            self._told_ns = now_ns
+            self._context.requests.append(GroundStationPresence(now_ns))

@@ -6,13 +6,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from robotctl.app.config import find_file, load_robot
+from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
-from robotctl.app.pilot import Pilot
+from robotctl.app.pilot import PRESENCE_MAX_AGE_NS, Pilot
 from robotctl.app.robot import make_core
 from robotctl.planning.requests import REQUEST_LIFE_NS
 from robotctl.runtime.messages import (
+    GroundStationPresence,
     LoopStatistics,
+    ManualControl,
     Mode,
     NavigationRequest,
     NavigationState,
@@ -39,11 +41,12 @@ HANG_NS = 4_500_000_000
 class Armed:
     """A pilot of an armed robot that stands on a free floor."""
 
-    def __init__(self, mission: Path) -> None:
+    def __init__(self, mission: Path, config: RobotConfig = CONFIG) -> None:
         mission.write_text(MISSION)
-        self.pilot = Pilot(CONFIG, StackOptions("x", "", mission=str(mission)))
+        self.pilot = Pilot(config, StackOptions("x", "", mission=str(mission)))
         self.now_ns = 10**12
         self.armings = 1
+        self.enabled = True
         self.step()
 
     def step(
@@ -54,7 +57,7 @@ class Armed:
         control = msgspec.structs.replace(
             STATE,
             stamp_ns=self.now_ns,
-            state=SafetyState.ARMED,
+            state=SafetyState.ARMED if self.enabled else SafetyState.STANDBY,
             armings=self.armings,
             v_m_s=0.0,
             omega_rad_s=0.0,
@@ -123,3 +126,52 @@ def test_a_robot_stopped_and_armed_again_between_two_states_does_not_drive_on(
     assert state.message == "hold: the robot was stopped"
     command, _ = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
     assert command.v_m_s > 0.0
+
+
+@pytest.fixture
+def attended(tmp_path: Path) -> Armed:
+    """A robot that drives by itself only while a ground station is there."""
+    overrides = ("mavlink.hold_without_gcs=true", 'mavlink.link=[{url="udpin:127.0.0.1:0"}]')
+    return Armed(tmp_path / "mission.toml", load_robot(find_file("diff_drive"), overrides))
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_without_the_ground_station_that_it_needs_a_robot_holds(
+    attended: Armed, mode: Mode
+) -> None:
+    _, state = attended.step(SetMode(attended.next_ns(), mode))
+    assert (state.mode, state.message) == (Mode.HOLD, "refused: no ground station is there")
+    last_ns = attended.next_ns()
+    wish = SetMode(last_ns, mode)
+    _, state = attended.step(wish, GroundStationPresence(last_ns))
+    assert state.mode is mode
+    while attended.next_ns() - last_ns <= PRESENCE_MAX_AGE_NS:
+        _, state = attended.step()
+        assert state.mode is mode
+    for _ in range(3):
+        command, state = attended.step()
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert state.message == "hold: no ground station is there"
+    _, state = attended.step(GroundStationPresence(attended.next_ns()))
+    assert state.mode is Mode.HOLD  # nothing goes on by itself
+
+
+def test_a_robot_that_needs_a_ground_station_is_driven_by_hand_without(attended: Armed) -> None:
+    attended.step(SetMode(attended.next_ns(), Mode.MANUAL))
+    for _ in range(2 * PRESENCE_MAX_AGE_NS // attended.pilot.period_ns):
+        now_ns = attended.next_ns()
+        sticks = ManualControl(now_ns, now_ns + 10**8, 0.5, 0.0)
+        command, state = attended.step(sticks)
+    assert state.mode is Mode.MANUAL
+    assert command.v_m_s > 0.0
+
+
+def test_a_mode_chosen_before_does_not_begin_when_a_robot_is_armed_unattended(
+    attended: Armed,
+) -> None:
+    now_ns = attended.next_ns()
+    attended.enabled = False
+    attended.step(SetMode(now_ns, Mode.AUTO), GroundStationPresence(now_ns))
+    attended.enabled = True
+    command, state = attended.step(pause_ns=PRESENCE_MAX_AGE_NS)
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)

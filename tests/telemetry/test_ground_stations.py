@@ -1,9 +1,11 @@
 """Ground stations: who is there, on which link, and when they are lost."""
 
+import itertools
+
 from pymavlink.dialects.v20 import common
 
-from robotctl.runtime.mavlink_port import Peer
-from robotctl.runtime.messages import Notice
+from robotctl.runtime.mavlink_port import LinkConfig, Peer
+from robotctl.runtime.messages import GroundStationPresence, Notice
 
 
 def heartbeat(kind=common.MAV_TYPE_GCS):
@@ -129,3 +131,29 @@ def test_what_is_said_again_and_again_does_not_hide_why_the_robot_stands(bench):
         "logging stopped: disk full (2 s ago)",
         "Ground station 255 is here",
     ]
+
+
+LINK = (LinkConfig("udpin:127.0.0.1:0"),)
+
+
+def presences(requests):
+    return [each.stamp_ns for each in requests if isinstance(each, GroundStationPresence)]
+
+
+def test_navigation_is_told_that_a_station_is_there_where_it_must_be(make_bench):
+    bench = make_bench(gcs_timeout_s=3.0, hold_without_gcs=True, link=LINK)
+    assert presences(bench.run(1.0)) == []
+    bench.receive(heartbeat(common.MAV_TYPE_ONBOARD_CONTROLLER))
+    assert presences(bench.run(1.0)) == []
+    begin_ns = bench.now_ns
+    bench.receive(heartbeat())
+    told = presences(bench.run(8.0))
+    assert told[0] - begin_ns <= 40_000_000
+    assert 2.7e9 < told[-1] - begin_ns <= 3.1e9
+    assert all(0 < after - before <= 240_000_000 for before, after in itertools.pairwise(told))
+
+
+def test_it_is_not_told_where_nobody_need_be_there(make_bench):
+    bench = make_bench(link=LINK)
+    bench.receive(heartbeat())
+    assert presences(bench.run(1.0)) == []

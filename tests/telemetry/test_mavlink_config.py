@@ -139,6 +139,7 @@ def test_a_host_that_cannot_be_one_is_a_config_error_with_its_line():
         {"setpoint_timeout_s": 0.0},
         {"setpoint_timeout_s": math.nan},
         {"gcs_timeout_s": math.inf},
+        {"hold_without_gcs": True},
         {"link": (LinkConfig("tcpin:h:1"), LinkConfig("tcpin:h:1"))},
     ],
 )
