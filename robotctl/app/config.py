@@ -138,6 +138,7 @@ def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]
     if config.safety.command_timeout_ms < two_periods_ms:
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
         yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
+    yield from _beyond_the_limits(config)
     names = [mount.name for mount in config.sonar]
     for name in sorted({name for name in names if names.count(name) > 1}):
         second = names.index(name, names.index(name) + 1)
@@ -146,3 +147,25 @@ def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]
     if len(names) > MAX_SONARS:
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
         yield ("sonar", MAX_SONARS), problem
+
+
+def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what is planned with more than the robot does."""
+    limits, navigation = config.limits, config.navigation
+    planned = (
+        (("guard", "deceleration_m_s2"), navigation.guard.deceleration_m_s2, "a_max_m_s2"),
+        (("pursuit", "acceleration_m_s2"), navigation.pursuit.acceleration_m_s2, "a_max_m_s2"),
+        (("pursuit", "alpha_rad_s2"), navigation.pursuit.alpha_rad_s2, "alpha_max_rad_s2"),
+    )
+    for key, value, limit in planned:
+        most = getattr(limits, limit)
+        if value > most:
+            yield ("navigation", *key), f"{value} found, at most limits.{limit} ({most}) allowed"
+    drive, monitor = config.drive, config.plausibility
+    if isinstance(drive, DifferentialDrive):
+        return
+    way_rad = 2.0 * drive.steering_max_rad - monitor.steering_tolerance_rad
+    least_ms = 1000.0 * way_rad / drive.steering_rate_max_rad_s
+    if monitor.steering_ms < least_ms:
+        problem = f"the steering needs {least_ms:.0f} ms from one end to near the other"
+        yield ("plausibility", "steering_ms"), f"{monitor.steering_ms} found, but {problem}"

@@ -52,6 +52,9 @@ def test_errors_name_file_line_key_and_the_nearest_key(tmp_path: Path) -> None:
         ("log.total_mb=100", "at least ten times file_mb (640)"),
         ("mavlink.rates.sonar_hz=1e-300", "0 (off) or 0.001 to 100, not 1e-300"),
         ("navigation.guard.blocked_max_s=1e300", "at most 1000000 allowed"),
+        ("limits.a_max_m_s2=0.7", "guard.deceleration_m_s2: 0.8 found, at most limits.a_max_m_s2"),
+        ("navigation.pursuit.acceleration_m_s2=2.6", "limits.a_max_m_s2 (2.5) allowed"),
+        ("navigation.pursuit.alpha_rad_s2=8.1", "limits.alpha_max_rad_s2 (8.0) allowed"),
     ],
 )
 def test_wrong_values_are_refused_with_what_is_allowed(override: str, words: str) -> None:
@@ -119,3 +122,10 @@ def test_settings_of_the_simulator_are_checked_and_named() -> None:
     assert str(caught.value) == (
         "--set simulation.mass_kg=nan: simulation.mass_kg: must be a finite number, found nan"
     )
+
+
+def test_a_steering_is_given_the_time_that_it_needs() -> None:
+    # ackermann: (2 x 0.60 - 0.35) rad at 4 rad/s are 212.5 ms.
+    load_robot(find_file("ackermann"), ["plausibility.steering_ms=213"])
+    with pytest.raises(ConfigError, match=r"212 found, but the steering needs 21[23] ms"):
+        load_robot(find_file("ackermann"), ["plausibility.steering_ms=212"])
