@@ -4,7 +4,8 @@
 |---|---|---|
 | vx, may use vy = 0 | BODY_NED, BODY_FRD | drive at vx, turning at yaw_rate if used |
 | vx and vy, yaw_rate | LOCAL_NED | drive at the part of the velocity along the heading, and turn |
-| vx and vy | LOCAL_NED | turn towards the velocity, or towards yaw if used, and drive along it |
+| vx and vy | LOCAL_NED | turn towards the velocity, or towards yaw if used, and drive along it;
+|  | | a drive-and-steer robot turns in a bend, forwards |
 | x and y | LOCAL_NED | drive to the point; yaw and yaw_rate do not matter |
 
 Velocities and positions count in GUIDED alone, and positions only while the robot is armed: one
@@ -42,6 +43,9 @@ LOCAL_NED: int = common.MAV_FRAME_LOCAL_NED
 
 HEADING_GAIN_1_S = 2.0
 """Turning rate for each radian of heading error [1/s], where a direction is commanded."""
+
+BEND_SHARE = 0.3
+"""Share of the speed with which a robot that cannot turn on the spot turns to a direction."""
 
 SAY_AGAIN_NS = 30_000_000_000
 
@@ -100,7 +104,9 @@ class Setpoints:
         if used.position:
             self._context.requests.append(position_target(message, used, sent_ns))
             return
-        twist = velocity_twist(message, used, self._context.heading_rad(now_ns))
+        context = self._context
+        heading_rad = context.heading_rad(now_ns)
+        twist = velocity_twist(message, used, heading_rad, steered=context.robot.steered)
         expires_ns = sent_ns + self._timeout_ns
         self._context.requests.append(
             VelocityTarget(sent_ns, expires_ns, twist.v_m_s, twist.omega_rad_s)
@@ -150,7 +156,9 @@ def position_target(message: Message, used: Used, sent_ns: int) -> PositionTarge
     return PositionTarget(sent_ns, point.x, point.y)
 
 
-def velocity_twist(message: Message, used: Used, theta_rad: float | None) -> Twist:
+def velocity_twist(
+    message: Message, used: Used, theta_rad: float | None, *, steered: bool = False
+) -> Twist:
     """Return the velocity of `base` that a velocity set-point asks for.
 
     Parameters
@@ -161,6 +169,8 @@ def velocity_twist(message: Message, used: Used, theta_rad: float | None) -> Twi
         Its type_mask.
     theta_rad : float or None
         Present heading in `world` [rad]; only a velocity in LOCAL_NED other than zero needs it.
+    steered : bool
+        The robot cannot turn on the spot.
 
     Raises
     ------
@@ -175,7 +185,7 @@ def velocity_twist(message: Message, used: Used, theta_rad: float | None) -> Twi
         return _body_twist(message, used)
     if message.coordinate_frame != LOCAL_NED:
         raise Refused(f"velocity frame {message.coordinate_frame} is not body or local")
-    return _local_twist(message, used, theta_rad)
+    return _local_twist(message, used, theta_rad, BEND_SHARE if steered else 0.0)
 
 
 def _body_twist(message: Message, used: Used) -> Twist:
@@ -192,7 +202,9 @@ def _body_twist(message: Message, used: Used) -> Twist:
     return Twist(message.vx, omega_rad_s)
 
 
-def _local_twist(message: Message, used: Used, theta_rad: float | None) -> Twist:
+def _local_twist(
+    message: Message, used: Used, theta_rad: float | None, least_share: float
+) -> Twist:
     if used.velocity != 2:
         raise Refused("half a velocity")
     _check_finite(message.vx, message.vy)
@@ -213,8 +225,10 @@ def _local_twist(message: Message, used: Used, theta_rad: float | None) -> Twist
         direction_rad = math.atan2(velocity.y, velocity.x)
     along = velocity.x * math.cos(direction_rad) + velocity.y * math.sin(direction_rad)
     error_rad = wrap_angle(direction_rad - theta_rad)
-    # Facing away it turns on the spot first instead of driving off in the wrong direction.
-    return Twist(along * max(0.0, math.cos(error_rad)), HEADING_GAIN_1_S * error_rad)
+    # Facing away it turns on the spot first instead of driving off in the wrong direction, or in
+    # a bend, as slowly as it may.
+    share = max(least_share, math.cos(error_rad))
+    return Twist(along * share, HEADING_GAIN_1_S * error_rad)
 
 
 def _check_finite(*values: float) -> None:

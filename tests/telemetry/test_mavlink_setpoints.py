@@ -10,6 +10,8 @@ from pymavlink.dialects.v20 import common
 
 from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.messages import ManualControl, PositionTarget, VelocityTarget
+from robotctl.telemetry.service import TelemetryRobot
+from robotctl.telemetry.telemetry import Telemetry
 
 BODY_NED, BODY_FRD, LOCAL = 8, 12, 1
 # Bits of type_mask: 0-2 position, 3-5 velocity, 6-8 acceleration, 9 force, 10 yaw, 11 yaw rate.
@@ -92,6 +94,27 @@ def test_a_local_velocity_behind_turns_before_it_drives(bench):
     (request,) = bench.step(bench.control(theta_rad=0.1))
     assert request.v_m_s == 0.0
     assert request.omega_rad_s > 0.0  # from 0.1 rad the short way to pi is left
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.floats(0.1, 0.8))
+def test_a_drive_and_steer_robot_turns_to_a_local_velocity_in_a_bend(
+    make_bench, theta, direction, speed
+):
+    """Integrate the requests with a turning radius of 0.5 m: it ends up driving along it."""
+    bench = make_bench()
+    robot = TelemetryRobot("tester", "1.2.3", steered=True)
+    bench.telemetry = Telemetry(bench.config, robot, bench.links)
+    north, east = speed * math.sin(direction), speed * math.cos(direction)
+    for _ in range(50 * 60):
+        bench.receive(setpoint(LOCAL, using(VELOCITY), vx=north, vy=east))
+        (request,) = bench.step(bench.control(theta_rad=theta))
+        assert 0.3 * speed * 0.999 <= request.v_m_s <= speed * 1.001
+        curvature = max(-2.0, min(2.0, request.omega_rad_s / request.v_m_s))
+        theta = math.remainder(theta + 0.02 * curvature * request.v_m_s, math.tau)
+        if abs(math.remainder(theta - direction, math.tau)) < 1e-3:
+            break
+    assert math.remainder(theta - direction, math.tau) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_local_velocity_against_its_yaw_drives_backwards(bench):
