@@ -118,19 +118,21 @@ class Pilot:
         this process was held up, is dropped: whoever asked was told so and may have left the
         robot to others. HOLD is always taken; velocities and sticks expire by themselves.
 
-        Without `localisation` the robot goes by its odometry. `views` are those of the camera
-        since the last step.
+        Without `localisation`, and while that is no more than a guess, which may jump, the robot
+        goes by its odometry. `views` are those of the camera since the last step.
         """
+        localised = localisation is None or localisation.status is LocalisationStatus.LOCALISED
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
         ranges_m: tuple[float, ...]
+        heard_ns: tuple[int, ...]
         if control is None:
-            pose, twist, ranges_m, floor = _UNKNOWN, Twist(0.0, 0.0), (), []
+            pose, twist, ranges_m, heard_ns, floor = _UNKNOWN, Twist(0.0, 0.0), (), (), []
         else:
             floor = self._look(control, views)
-            control = located(control, localisation)
+            control = located(control, localisation if localised else None)
             pose = SE2(control.x_m, control.y_m, control.theta_rad)
             twist = Twist(control.v_m_s, control.omega_rad_s)
-            ranges_m = control.sonar_m
+            ranges_m, heard_ns = control.sonar_m, control.sonar_stamp_ns
         enabled = fresh and control is not None and control.state in POWERED
         if enabled and control is not None:
             enabled = self._armings in {None, control.armings}  # else stopped between two states
@@ -141,8 +143,9 @@ class Pilot:
             pose=pose,
             twist=twist,
             ranges_m=ranges_m,
+            heard_ns=heard_ns,
             enabled=enabled,
-            localised=localisation is None or localisation.status is LocalisationStatus.LOCALISED,
+            localised=localised,
             attended=self._attended(requests, now_ns),
             requests=tuple(
                 _request(each)

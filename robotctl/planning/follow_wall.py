@@ -132,8 +132,9 @@ class FollowWall:
         if until.length_m is not None and self._travelled >= until.length_m:
             return True
         if until.front_below_m is not None and self._front is not None:
-            near = situation.ranges_m[self._front] < until.front_below_m
-            self._near = self._near + 1 if near else 0
+            if situation.new[self._front]:
+                near = situation.ranges_m[self._front] < until.front_below_m
+                self._near = self._near + 1 if near else 0
             if self._near >= 2:
                 return True
         if until.position is None:

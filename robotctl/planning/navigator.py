@@ -53,6 +53,8 @@ class NavigationInputs(NamedTuple):
 
     Any other number of ranges counts as all missing.
     """
+    heard_ns: tuple[int, ...]
+    """When each range came [ns]: one that came before the last step is not taken again."""
     enabled: bool
     """The control core follows commands now: armed and without fault."""
     requests: tuple[Request, ...] = ()
@@ -137,6 +139,7 @@ class Navigator:
         self._drive = drive
         self._limits = limits
         self._sonars = len(mounts)
+        self._heard_ns = (-1,) * self._sonars
         self._guard = ObstacleGuard(config.guard, mounts)
         self._runner = (
             MissionRunner(mission, config, drive, mounts, self._guard) if mission else None
@@ -178,18 +181,21 @@ class Navigator:
         """Return the decision at `now_ns`, monotonic [ns]. Input that is no number stops."""
         self._attended = inputs.attended
         self._fall_back(inputs.enabled, now_ns)
+        known = _finite(inputs)
+        if known and inputs.localised:
+            self._note_way(inputs.pose)
         for request in inputs.requests:
             self._take(request, inputs.enabled)
-        if not _finite(inputs):
+        if not known:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
-        ranges = inputs.ranges_m
-        if len(ranges) != self._sonars:
-            ranges = (math.nan,) * self._sonars
-        situation = Situation(inputs.pose, inputs.twist, ranges)
-        self._guard.observe(ranges, inputs.floor_base)
-        if self._mode is not Mode.RTL and inputs.localised:
-            self._crumbs.record(inputs.pose)
+        ranges, heard_ns = inputs.ranges_m, inputs.heard_ns
+        if len(ranges) != self._sonars or len(heard_ns) != self._sonars:
+            ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
+        new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
+        self._heard_ns = heard_ns
+        situation = Situation(inputs.pose, inputs.twist, ranges, new)
+        self._guard.observe(ranges, new, inputs.floor_base)
         if not inputs.enabled:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="not armed"))
@@ -209,6 +215,17 @@ class Navigator:
             self._look_around.reset()
         self._searching = searching
         return searching
+
+    def _note_way(self, pose: SE2) -> None:
+        """Drop a breadcrumb; RTL picks them up, unless it has left the way to search.
+
+        Where no known way leads home from where a search has ended, RTL ends.
+        """
+        if self._mode is not Mode.RTL or self._searching:
+            self._crumbs.record(pose)
+        if self._mode is Mode.RTL and (reason := self.refusal(Mode.RTL)):
+            self._change_mode(Mode.HOLD)
+            self._ended = f"hold: {reason}"
 
     def _fall_back(self, enabled: bool, now_ns: int) -> None:
         """Go to HOLD where a robot must not drive, or drive on, by itself."""
@@ -305,7 +322,14 @@ class Navigator:
         """Return the velocity of the ground station, as far as the guard allows."""
         if now_ns >= target.expires_ns or not math.isfinite(target.v_m_s + target.omega_rad_s):
             return Step(0.0, 0.0, text="no valid velocity")
-        return limited(Step(target.v_m_s, target.omega_rad_s), self._guard)[0]
+        wanted = Step(target.v_m_s, target.omega_rad_s)
+        if self._drive.steered:
+            if wanted.v_m_s == 0.0 and wanted.omega_rad_s != 0.0:
+                return Step(0.0, 0.0, text="this robot cannot turn on the spot")
+            return limited(wanted, self._guard)[0]
+        step = limited(wanted, self._guard)[0]
+        # Blocked, it may still turn away: the body turns on the spot as it does where v is 0.
+        return step if step.v_m_s else step._replace(omega_rad_s=wanted.omega_rad_s)
 
     def _outputs(self, step: Step) -> NavigationOutputs:
         """Return a step as outputs."""

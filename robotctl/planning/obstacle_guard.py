@@ -116,13 +116,27 @@ class ObstacleGuard:
         self._history = [[] for _ in range(self._count)]
         self._floor: Sequence[Point] = ()
 
-    def observe(self, ranges_m: Sequence[float], floor_base: Sequence[Point] = ()) -> None:
-        """Take one reading of each sonar, and points of the floor in `base` [m]; once a step."""
+    def observe(
+        self, ranges_m: Sequence[float], new: Sequence[bool], floor_base: Sequence[Point] = ()
+    ) -> None:
+        """Take what was heard and seen; once a step.
+
+        Parameters
+        ----------
+        ranges_m
+            The last reading of each sonar [m].
+        new
+            Whether it has come since the last step: each counts once, but a missing one (nan)
+            with each step, since nothing new may come any more.
+        floor_base
+            Points of the floor in `base` [m].
+        """
         self._floor = floor_base
-        for past, reading in zip(self._history, ranges_m, strict=True):
-            past.append(reading)
-            if len(past) > 3:
-                del past[0]
+        for past, reading, is_new in zip(self._history, ranges_m, new, strict=True):
+            if is_new or math.isnan(reading):
+                past.append(reading)
+                if len(past) > 3:
+                    del past[0]
 
     def step(self, direction: float) -> GuardStep:
         """Return the limit for driving forwards (`direction` > 0) or backwards (< 0)."""

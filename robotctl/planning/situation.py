@@ -18,6 +18,8 @@ class Situation(NamedTuple):
     """Present velocity of `base`."""
     ranges_m: tuple[float, ...]
     """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale."""
+    new: tuple[bool, ...]
+    """Which of the ranges have come since the last step."""
 
 
 class Status(enum.Enum):

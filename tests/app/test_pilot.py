@@ -10,7 +10,9 @@ from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import PRESENCE_MAX_AGE_NS, Pilot
 from robotctl.app.robot import make_core
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.planning.requests import REQUEST_LIFE_NS
+from robotctl.runtime.estimation_messages import LocalisationState
 from robotctl.runtime.messages import (
     GroundStationPresence,
     LoopStatistics,
@@ -47,10 +49,16 @@ class Armed:
         self.now_ns = 10**12
         self.armings = 1
         self.enabled = True
+        self.front_m = math.inf
+        self.stamp_ns: int | None = None
+        self.theta_rad = 0.0
         self.step()
 
     def step(
-        self, *requests: NavigationRequest, pause_ns: int = 0
+        self,
+        *requests: NavigationRequest,
+        pause_ns: int = 0,
+        localisation: LocalisationState | None = None,
     ) -> tuple[VelocityCommand, NavigationState]:
         """Step once, `pause_ns` later than is due."""
         self.now_ns += self.pilot.period_ns + pause_ns
@@ -61,9 +69,11 @@ class Armed:
             armings=self.armings,
             v_m_s=0.0,
             omega_rad_s=0.0,
-            sonar_m=(math.inf,) * len(CONFIG.sonar),
+            sonar_m=(self.front_m, *(math.inf,) * (len(CONFIG.sonar) - 1)),
+            sonar_stamp_ns=(self.stamp_ns or self.now_ns,) * len(CONFIG.sonar),
+            theta_rad=self.theta_rad,
         )
-        return self.pilot.step(control, None, requests, self.now_ns)
+        return self.pilot.step(control, localisation, requests, self.now_ns)
 
     def next_ns(self) -> int:
         """Return the time of the next step that is in time."""
@@ -175,3 +185,41 @@ def test_a_mode_chosen_before_does_not_begin_when_a_robot_is_armed_unattended(
     attended.enabled = True
     command, state = attended.step(pause_ns=PRESENCE_MAX_AGE_NS)
     assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+
+
+def test_a_reading_that_control_tells_of_twice_counts_once(armed: Armed) -> None:
+    armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    for _ in range(3):
+        command, _ = armed.step()
+    free_m_s = command.v_m_s
+    armed.front_m = 0.05
+    command, _ = armed.step()
+    armed.stamp_ns = armed.now_ns  # nothing new comes: it was one wrong reading
+    for _ in range(5):
+        command, _ = armed.step()
+        assert command.v_m_s == free_m_s
+    armed.stamp_ns = None
+    command, state = armed.step()
+    assert command.v_m_s == 0.0
+    assert "front sees 0.05 m" in state.message
+
+
+def test_a_robot_that_looks_around_goes_by_its_odometry_and_not_by_guesses(armed: Armed) -> None:
+    """The guess jumps by a radian with each step; the robot has to turn once round all the same."""
+    turned_rad, step_rad, looked = 0.0, 0.1, 0
+    armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    while turned_rad < 2 * math.pi - step_rad:
+        armed.theta_rad = turned_rad
+        guess = LocalisationState(
+            stamp_ns=armed.next_ns(),
+            method="mcl",
+            status=LocalisationStatus.LOST,
+            x_m=float(looked),
+            y_m=0.0,
+            theta_rad=float(looked % 6),
+            covariance=(0.0,) * 6,
+        )
+        _, state = armed.step(localisation=guess)
+        assert state.message == "looking around"
+        turned_rad += step_rad
+        looked += 1

@@ -184,6 +184,7 @@ class Run:
             self.world.odometry,
             self.world.twist,
             self.world.ranges(),
+            (self.now_ns,) * len(self.world.robot.mounts),
             self.enabled,
             requests,
         )

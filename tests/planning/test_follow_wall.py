@@ -47,13 +47,15 @@ def test_one_stray_reading_of_the_front_sonar_does_not_end_it(differential):
     item = FollowWallItem("follow_wall", "right", 0.8, Until(front_below_m=0.5))
     follower = FollowWall(item, WallConfig(), differential.mounts)
 
-    def status(front, step):
+    def status(front, new, step):
         ranges = (front, *(math.inf,) * 5, 0.65, math.inf)
-        return follower.step(Situation(SE2(), Twist(0.0, 0.0), ranges), step * 50_000_000).status
+        situation = Situation(SE2(), Twist(0.0, 0.0), ranges, (new,) * 8)
+        return follower.step(situation, step * 50_000_000).status
 
-    fronts = (2.0, 0.3, 2.0, 0.3, 0.3)
-    statuses = [status(front, step) for step, front in enumerate(fronts)]
-    assert statuses == [Status.RUNNING] * 4 + [Status.DONE]
+    # The fifth is the fourth, which nothing new has come after.
+    fronts = ((2.0, True), (0.3, True), (2.0, True), (0.3, True), (0.3, False), (0.3, True))
+    statuses = [status(*front, step) for step, front in enumerate(fronts)]
+    assert statuses == [Status.RUNNING] * 5 + [Status.DONE]
 
 
 def test_it_ends_abeam_of_a_position(robot, make_run):

@@ -8,7 +8,7 @@ import pytest
 
 from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
-from robotctl.planning.mission import Mission
+from robotctl.planning.mission import GoToItem, Mission, StartPose
 from robotctl.planning.mode import Mode
 from robotctl.planning.navigator import NavigationInputs
 from robotctl.planning.requests import (
@@ -54,7 +54,13 @@ def lost_step(run, *requests):
     world = run.world
     far = SE2(world.odometry.x_m + 50.0, world.odometry.y_m, world.odometry.theta_rad)
     inputs = NavigationInputs(
-        far, world.twist, world.ranges(), run.enabled, requests, localised=False
+        far,
+        world.twist,
+        world.ranges(),
+        (run.now_ns,) * 8,
+        run.enabled,
+        requests,
+        localised=False,
     )
     out = run.navigator.step(inputs, run.now_ns)
     for _ in range(5):
@@ -147,13 +153,60 @@ def test_no_breadcrumb_is_dropped_at_a_guess(make_run, differential):
     assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)  # it stands at home
 
 
+def driven_out(make_run, robot):
+    """Return a run of 2.5 m straight on, back on the way home, which has lost its place there."""
+    item = GoToItem("go_to", 3.5, 1.0)
+    run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
+    run.step(ModeRequest(Mode.AUTO))
+    run.until(lambda out: out.mission_completed, 30.0)
+    run.step(ModeRequest(Mode.RTL))
+    run.until(lambda out: run.world.pose.x_m < 3.0, 20.0)
+    for _ in range(40):  # half a metre at most
+        out = lost_step(run)
+        assert out.mode is Mode.RTL
+    return run
+
+
+def test_the_way_home_goes_on_behind_a_search(make_run, robot):
+    run = driven_out(make_run, robot)
+    out = run.until(lambda out: out.v_m_s == 0.0 and out.message in {"home", "hold"}, 60.0)
+    assert (out.mode, out.message) == (Mode.RTL, "home")
+    assert math.hypot(run.world.pose.x_m - 1.0, run.world.pose.y_m - 1.0) < 0.2
+    assert run.world.touched == 0
+
+
+def test_from_a_place_with_no_known_way_home_none_is_driven_behind_a_search(make_run, robot):
+    run = driven_out(make_run, robot)
+    run.world.pose = run.world.odometry = SE2(6.5, 3.5, 0.0)  # somebody has carried it
+    lost_step(run)
+    for _ in range(3):
+        out = run.step()
+        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.HOLD)
+    assert out.message.startswith("hold: the way home is not known")
+
+
+def test_who_does_not_know_the_place_does_not_say_that_it_is_home(make_run, differential):
+    run = make_run(differential, start=SE2(1.0, 1.0, 0.0))
+    run.world.pose = run.world.odometry = SE2(3.0, 1.0, 0.0)
+    lost_step(run)
+    out = run.step(ModeRequest(Mode.RTL))
+    assert (out.v_m_s, out.mode) == (0.0, Mode.HOLD)
+    assert out.message.startswith("refused: the way home is not known")
+
+
 def test_blind_sonars_make_it_stand_once_it_has_turned(make_run, differential, mission):
     run = make_run(differential, start=SE2(2.5, 2.5, 0.0), mission=mission)
     silent = (math.nan,) * 8
     requests = (ModeRequest(Mode.AUTO),)
     for _ in range(20 * 60):
         inputs = NavigationInputs(
-            run.world.odometry, Twist(0.0, 0.0), silent, True, requests, localised=False
+            run.world.odometry,
+            Twist(0.0, 0.0),
+            silent,
+            (run.now_ns,) * 8,
+            True,
+            requests,
+            localised=False,
         )
         out = run.navigator.step(inputs, run.now_ns)
         run.now_ns += 50_000_000

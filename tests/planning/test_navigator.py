@@ -135,6 +135,31 @@ def test_a_new_position_replaces_the_old_and_a_velocity_ends_it(differential, ma
     assert out.v_m_s == -0.2
 
 
+def test_before_a_wall_a_robot_that_turns_on_the_spot_turns_away(differential, make_run):
+    run = make_run(differential, start=SE2(4.0, 1.0, 0.0))
+    run.step(GUIDED, VelocityRequest(LATER, 0.4, 0.0))
+    run.until(lambda out: "waiting" in out.message, 20.0)
+    before = run.world.pose
+    out = run.step(VelocityRequest(LATER, 0.4, 0.5))
+    assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.5)
+    run.until(lambda out: out.v_m_s > 0.1, 10.0)  # away from the wall it drives again
+    assert math.hypot(run.world.pose.x_m - before.x_m, run.world.pose.y_m - before.y_m) < 0.1
+    assert run.world.touched == 0
+
+
+def test_a_drive_and_steer_robot_before_a_wall_stands(steered, make_run):
+    run = make_run(steered, start=SE2(4.0, 1.0, 0.0))
+    run.step(GUIDED, VelocityRequest(LATER, 0.4, 0.5))
+    out = run.until(lambda out: "waiting" in out.message, 20.0)
+    assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+
+
+def test_a_robot_that_cannot_turn_on_the_spot_says_so(steered, make_run):
+    out = make_run(steered).step(GUIDED, VelocityRequest(LATER, 0.0, 0.5))
+    assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+    assert out.message == "this robot cannot turn on the spot"
+
+
 def test_auto_without_a_mission_is_refused_with_the_reason(robot, make_run):
     run = make_run(robot)
     out = run.step(AUTO)
@@ -418,7 +443,9 @@ def test_an_invalid_pose_or_velocity_stops_the_robot(robot, make_run, bad):
         (SE2(1.0, -bad, 0.0), Twist(0.1, 0.0)),
         (SE2(1.0, 1.0, 0.0), Twist(math.nan, 0.0)),
     ):
-        out = run.navigator.step(NavigationInputs(pose, twist, ranges, True), run.now_ns)
+        out = run.navigator.step(
+            NavigationInputs(pose, twist, ranges, (run.now_ns,) * 8, True), run.now_ns
+        )
         assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
         assert "no valid pose" in out.message
     run.until(lambda out: out.mission_completed, 20.0)
@@ -427,7 +454,7 @@ def test_an_invalid_pose_or_velocity_stops_the_robot(robot, make_run, bad):
 @pytest.mark.parametrize("ranges", [(), (1.0,), (math.nan,) * 8])
 def test_without_readings_of_its_sonars_the_robot_stands(robot, make_run, ranges):
     run = make_run(robot, mission=mission(ahead(3.0)))
-    inputs = NavigationInputs(run.world.pose, Twist(0.0, 0.0), ranges, True, (AUTO,))
+    inputs = NavigationInputs(run.world.pose, Twist(0.0, 0.0), ranges, (0,) * 8, True, (AUTO,))
     out = run.navigator.step(inputs, 0)
     assert out.v_m_s == 0.0
     assert "gives no reading" in out.message
@@ -454,7 +481,7 @@ def test_recorded_inputs_give_the_same_outputs_bit_for_bit(robot, make_run):
 def test_before_the_first_pose_no_breadcrumb_is_dropped(robot, make_run):
     run = make_run(robot, mission=mission(ahead(2.5)))
     unknown = NavigationInputs(
-        SE2(math.nan, math.nan, math.nan), Twist(0.0, 0.0), (), False, (AUTO,)
+        SE2(math.nan, math.nan, math.nan), Twist(0.0, 0.0), (), (), False, (AUTO,)
     )
     assert "no valid pose" in run.navigator.step(unknown, 0).message
     run.until(lambda out: out.mission_completed, 20.0)

@@ -17,12 +17,13 @@ MOUNTS = (
     SonarMount("rear", -0.15, 0.0, 180.0),
 )
 FREE = (math.inf,) * 4
+NEW = (True,) * 4
 
 
 def limit(front=math.inf, front_left=math.inf, left=math.inf, rear=math.inf, direction=1.0):
     guard = ObstacleGuard(CONFIG, MOUNTS)
     for _ in range(3):
-        guard.observe((front, front_left, left, rear))
+        guard.observe((front, front_left, left, rear), NEW)
     return guard.step(direction)
 
 
@@ -60,27 +61,47 @@ def test_a_slanting_sonar_counts_what_is_in_the_way_and_not_a_wall_beside():
 def test_a_mirrored_robot_gets_the_same_limit():
     right = (SonarMount("front_right", 0.15, -0.10, -45.0),)
     guard = ObstacleGuard(CONFIG, right)
-    guard.observe((0.10,))
+    guard.observe((0.10,), NEW[:1])
     assert guard.step(1.0).v_max_m_s == limit(front_left=0.10).v_max_m_s
 
 
 def test_slanting_rear_sonars_see_along_the_way_back():
     guard = ObstacleGuard(CONFIG, (SonarMount("rear_left", -0.12, 0.10, 135.0),))
-    guard.observe((0.1,))
+    guard.observe((0.1,), NEW[:1])
     assert guard.step(-1.0).v_max_m_s == 0.0
     assert guard.step(1.0).v_max_m_s == math.inf
     for _ in range(3):
-        guard.observe((0.3,))  # 0.31 m beside the way
+        guard.observe((0.3,), NEW[:1])  # 0.31 m beside the way
     assert guard.step(-1.0).v_max_m_s == math.inf
 
 
 def test_a_single_outlier_and_a_single_lost_echo_change_nothing():
     guard = ObstacleGuard(CONFIG, MOUNTS[:1])
     for reading in (2.0, 2.0, 0.05):
-        guard.observe((reading,))
+        guard.observe((reading,), NEW[:1])
     assert guard.step(1.0).v_max_m_s > 1.0
     for reading in (0.1, 0.1, math.inf):
-        guard.observe((reading,))
+        guard.observe((reading,), NEW[:1])
+    assert guard.step(1.0).v_max_m_s == 0.0
+
+
+def test_a_reading_counts_once_however_often_it_is_looked_at():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for _ in range(3):
+        guard.observe((2.0,), (True,))
+    for new in (True, False, False, False):
+        guard.observe((0.05,), (new,))  # one outlier
+        assert guard.step(1.0).v_max_m_s > 1.0
+    guard.observe((0.05,), (True,))
+    assert guard.step(1.0).v_max_m_s == 0.0
+
+
+def test_a_sonar_that_falls_silent_stops_the_robot_within_two_steps():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for _ in range(3):
+        guard.observe((2.0,), (True,))
+    for _ in range(2):
+        guard.observe((math.nan,), (False,))
     assert guard.step(1.0).v_max_m_s == 0.0
 
 
@@ -107,7 +128,7 @@ def test_a_setting_that_is_not_positive_is_refused_by_name(key):
 
 def on_floor(*points, direction=1.0):
     guard = ObstacleGuard(CONFIG, MOUNTS)
-    guard.observe(FREE, points)
+    guard.observe(FREE, NEW, points)
     return guard.step(direction)
 
 
@@ -130,9 +151,9 @@ def test_things_on_the_floor_count_in_the_way_and_in_the_direction_of_travel():
 def test_the_nearer_of_sonar_and_camera_counts_and_is_named():
     guard = ObstacleGuard(CONFIG, MOUNTS)
     for _ in range(3):
-        guard.observe((0.5, math.inf, math.inf, math.inf), [(0.6, 0.0)])
+        guard.observe((0.5, math.inf, math.inf, math.inf), NEW, [(0.6, 0.0)])
     assert guard.step(1.0).obstacle == "something lies on the floor 0.40 m away"
-    guard.observe((0.5, math.inf, math.inf, math.inf), [(0.8, 0.0)])
+    guard.observe((0.5, math.inf, math.inf, math.inf), NEW, [(0.8, 0.0)])
     assert guard.step(1.0).obstacle == "front sees 0.50 m"
-    guard.observe((0.5, math.inf, math.inf, math.inf))
+    guard.observe((0.5, math.inf, math.inf, math.inf), NEW)
     assert guard.step(1.0).obstacle == "front sees 0.50 m"
