@@ -4,8 +4,9 @@ The robot drives the patrol again and again. Faults strike at random: on the bus
 the host. When the robot has stopped, the operator waits until the fault is over, arms it and sets
 AUTO, as the one documented sequence says. After each lap somebody carries the robot back to its
 start. The simulator's monitor, which knows the truth, counts what no robot may do. Exit status 1
-where it has found anything, or a recovery failed, or memory grew, or the robot stopped though
-there was no fault and it touched nothing (odometry that a fault has shifted leads to walls).
+where it has found anything, or a recovery failed, or no lap was completed, or memory grew, or the
+robot stopped though there was no fault and it touched nothing (odometry that a fault has shifted
+leads to walls).
 `--every inf` leaves the faults out.
 """
 
@@ -44,7 +45,7 @@ LAP_NS = 120 * SECOND_NS
 """A lap that has not ended by then is given up."""
 
 RECOVERY_NS = 20 * SECOND_NS
-"""The operator's sequence has succeeded by then, or the run fails."""
+"""After so long without a fault the operator's sequence has succeeded, or the run fails."""
 
 QUIET_NS = SECOND_NS // 2
 """The operator looks so long at a robot without fault before he arms it."""
@@ -110,11 +111,17 @@ class Endurance:
         self.stops: Counter[str] = Counter()
         self.causeless: list[str] = []
         """Stops that neither a fault nor a wall explains: when, and what the robot said."""
-        self.laps = self.recoveries = self.failed_recoveries = 0
+        self.laps: Counter[str] = Counter()
+        """How they ended: completed, failed or given up."""
+        self.recoveries = self.failed_recoveries = 0
+        """From a stop that latched; the robot is armed for each lap, too."""
         self.slowest_recovery_s = 0.0
         self.batteries = 1
         self._fault_end_ns = self._pause_end_ns = self._asked_ns = 0
         self._stopped_ns: int | None = None
+        self._latched = False
+        self._quiet_ns = 0
+        """How long no fault was there since the robot has stopped."""
         self._lap_end_ns = LAP_NS
         self._next_fault_ns = self._draw_ns()
         self._navigation: NavigationState | None = None
@@ -155,7 +162,8 @@ class Endurance:
             self._recovered(now_ns)
             if navigation is not None and navigation.mode == Mode.HOLD:
                 modes = (SetMode(now_ns, Mode.AUTO),)
-            if self._lap_is_over(navigation, control, now_ns):
+            if ended := self._end_of_lap(navigation, control, now_ns):
+                self.laps[ended] += 1
                 return self._begin_lap(now_ns)
         wishes, self._wishes = self._wishes, []
         wishes += self._operate(control, now_ns)
@@ -167,18 +175,21 @@ class Endurance:
         if control.state in POWERED:
             return []
         if self._stopped_ns is None:
-            self._stopped_ns = now_ns
-            if control.state in LATCHED:
+            self._stopped_ns, self._quiet_ns = now_ns, 0
+            self._latched = control.state in LATCHED
+            if self._latched:
                 self.stops[_kind(control.reason)] += 1
                 late = now_ns > self._fault_end_ns + AFTERMATH_NS or not self.faults
                 if late and not self.simulation.plant.touching:
                     self.causeless.append(f"{now_ns / 1e9:.3f} s: {control.reason}")
         since_ns = max(self._stopped_ns, self._fault_end_ns) + QUIET_NS
-        if now_ns - since_ns > RECOVERY_NS:
+        if now_ns >= self._fault_end_ns:
+            self._quiet_ns += self._pilot.period_ns
+        if self._quiet_ns > RECOVERY_NS:
             self.failed_recoveries += 1
             print(f"{now_ns / 1e9:.1f} s: not recovered: {control.state.name}, {control.reason}, "
                   f"{control.acks[-1:]}", flush=True)  # fmt: skip
-            self._stopped_ns = now_ns
+            self._quiet_ns = 0
         if now_ns < since_ns or now_ns - self._asked_ns < SECOND_NS:
             return []
         self._asked_ns = now_ns
@@ -188,28 +199,28 @@ class Endurance:
 
     def _recovered(self, now_ns: int) -> None:
         """Note the end of a stop."""
-        if self._stopped_ns is not None:
+        if self._stopped_ns is not None and self._latched:
             since_ns = max(self._stopped_ns, self._fault_end_ns)
             self.slowest_recovery_s = max(self.slowest_recovery_s, (now_ns - since_ns) / 1e9)
             self.recoveries += 1
-            self._stopped_ns = None
+        self._stopped_ns = None
 
-    def _lap_is_over(
+    def _end_of_lap(
         self, navigation: NavigationState | None, control: ControlState, now_ns: int
-    ) -> bool:
-        if now_ns >= self._lap_end_ns:
-            return True
-        over = navigation is not None and (
-            navigation.mission_completed or navigation.mission_failed
-        )
-        return over and abs(control.v_m_s) < 0.01
+    ) -> str:
+        """Return how the lap has ended, empty while it goes on."""
+        if navigation is not None and abs(control.v_m_s) < 0.01:
+            if navigation.mission_completed:
+                return "completed"
+            if navigation.mission_failed:
+                return "failed"
+        return "given up" if now_ns >= self._lap_end_ns else ""
 
     def _begin_lap(self, now_ns: int) -> tuple[ControlRequest, ...]:
         """Disarm the robot, carry it to its start and let its odometry begin there.
 
         Where the battery is low it is changed for a full one.
         """
-        self.laps += 1
         self._lap_end_ns = now_ns + LAP_NS
         start, drive = self._start, self._config.drive
         plant = self.simulation.plant
@@ -232,17 +243,28 @@ class Endurance:
 
     def _strike(self, now_ns: int) -> None:
         """Let one fault happen."""
-        name = str(self._rng.choice([*FAULTS, *HOST_FAULTS]))
         end_ns = now_ns + round(self._rng.uniform(0.005, 0.8) * 1e9)
+        name, arguments = self._draw_fault(end_ns - now_ns)
         self.faults[name] += 1
         if name in FAULTS:
-            self.simulation.faults.begin(name, self._arguments(FAULTS[name], end_ns - now_ns))
+            self.simulation.faults.begin(name, arguments)
         elif name == HELD_UP:
             self._pause_end_ns = end_ns
         else:
             self._wishes.append(EmergencyStop(now_ns, EmergencyStopSource.OPERATOR))
         self._fault_end_ns = max(self._fault_end_ns, end_ns)
         self._next_fault_ns = self._draw_ns()
+
+    def _draw_fault(self, lasts_ns: int) -> tuple[str, dict[str, Value]]:
+        """Draw a fault that this robot can feel: it may have but one motor."""
+        while True:
+            name = str(self._rng.choice([*FAULTS, *HOST_FAULTS]))
+            if name in HOST_FAULTS:
+                return name, {}
+            kind = FAULTS[name]
+            arguments = self._arguments(kind, lasts_ns)
+            if not any(kind.fits(self.simulation.config, kind.complete(arguments))):
+                return name, arguments
 
     def _arguments(self, kind: Kind, lasts_ns: int) -> dict[str, Value]:
         """Draw what differs from the defaults: whose, for how long, how often."""
@@ -290,7 +312,7 @@ def main() -> int:
             before_mib = resident_mib()
         monitor = run.simulation.monitor
         print(
-            f"{run.now_ns / 3600e9:6.2f} h  {run.laps} laps  {run.faults.total()} faults  "
+            f"{run.now_ns / 3600e9:6.2f} h  {run.laps.total()} laps  {run.faults.total()} faults  "
             f"{run.stops.total()} stops  {run.recoveries} recoveries  "
             f"{monitor.count} unsafe motions  {resident_mib():.1f} MiB  "
             f"{run.now_ns / 1e9 / (time.monotonic() - begin_s):.0f} x real time",
@@ -302,7 +324,7 @@ def main() -> int:
 def conclude(run: Endurance, growth_mib: float) -> int:
     """Print the sums; return the exit status."""
     simulation = run.simulation
-    for title, counts in (("faults", run.faults), ("stops", run.stops)):
+    for title, counts in (("laps", run.laps), ("faults", run.faults), ("stops", run.stops)):
         print(f"\n{title}")
         for name, count in counts.most_common():
             print(f"  {count:6d}  {name}")
@@ -310,8 +332,8 @@ def conclude(run: Endurance, growth_mib: float) -> int:
     print(
         f"\nhost: {bus.crc_rejects} frames rejected for their CRC, {bus.counter_rejects} for their "
         f"counter, {bus.lost} lost\n"
-        f"{run.recoveries} recoveries, slowest {run.slowest_recovery_s:.1f} s after the fault; "
-        f"{run.failed_recoveries} failed\n"
+        f"{run.recoveries} recoveries from {run.stops.total()} stops, slowest "
+        f"{run.slowest_recovery_s:.1f} s after the fault; {run.failed_recoveries} failed\n"
         f"{run.batteries} batteries\n"
         f"memory grew by {growth_mib:.1f} MiB after the first tenth\n"
         f"{simulation.monitor.count} unsafe motions"
@@ -323,6 +345,7 @@ def conclude(run: Endurance, growth_mib: float) -> int:
         print(f"  {stop}")
     grew = growth_mib > GROWTH_MIB
     bad = simulation.monitor.count or run.failed_recoveries or run.causeless or grew
+    bad = bad or not run.laps["completed"]
     return 1 if bad else 0
 
 

@@ -1,0 +1,50 @@
+"""The long mission with random faults, for some minutes of it."""
+
+import pytest
+
+import endurance
+from endurance import Endurance
+from robotctl.app.config import find_file
+
+MINUTE_NS = 60 * endurance.SECOND_NS
+
+
+@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
+def test_every_robot_gets_the_faults_that_it_can_feel_and_recovers(robot, capsys):
+    run = Endurance(find_file(robot), seed=5, mean_s=4.0)
+    run.run_until(2 * MINUTE_NS)
+    assert run.faults.total() > 12
+    assert run.stops.total() > 3
+    # The last one may still be under way.
+    assert run.recoveries in {run.stops.total(), run.stops.total() - 1}
+    assert run.simulation.monitor.count == 0
+    assert run.failed_recoveries == 0
+    endurance.conclude(run, 0.0)
+    wanted = f"{run.recoveries} recoveries from {run.stops.total()} stops"
+    assert wanted in capsys.readouterr().out
+
+
+def test_without_faults_laps_are_completed_and_nothing_is_recovered_from(capsys):
+    run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
+    run.run_until(4 * MINUTE_NS)
+    assert set(run.laps) == {"completed"}
+    assert run.laps.total() >= 2
+    assert (run.faults.total(), run.stops.total(), run.recoveries) == (0, 0, 0)
+    assert endurance.conclude(run, 0.0) == 0
+    assert f"{run.laps.total()}  completed" in capsys.readouterr().out
+
+
+def test_a_robot_that_cannot_be_armed_again_is_found_though_faults_go_on(monkeypatch, capsys):
+    run = Endurance(find_file("diff_drive"), seed=5, mean_s=2.0)
+    run.run_until(20 * endurance.SECOND_NS)
+    monkeypatch.setattr(run.bench.core, "_try_to_arm", lambda _now_ns: False)
+    run.run_until(MINUTE_NS)
+    assert run.failed_recoveries > 0
+    assert "not recovered" in capsys.readouterr().out
+    assert endurance.conclude(run, 0.0) == 1
+
+
+def test_a_run_without_a_completed_lap_has_failed():
+    run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
+    run.run_until(10 * endurance.SECOND_NS)
+    assert endurance.conclude(run, 0.0) == 1
