@@ -101,8 +101,8 @@ def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> N
     armed.at_rest()
 
 
-NAVIGATION_MS = 50.0
-"""Between two steps of navigation."""
+HELD_UP_MS = 500.0
+"""Navigation has no priority; where it was held up for longer it holds for that."""
 
 STATE_MS = 20.0
 """Between two states that control publishes."""
@@ -207,7 +207,7 @@ def test_a_robot_that_must_have_a_ground_station_stops_without_it(
     rig.wait(lambda: rig.navigation.mode == Mode.HOLD, PATIENT_S, "it holds")
     taken_ms = (rig.navigation.stamp_ns - beaten_ns) / 1e6
     reaction(fault, taken_ms)
-    assert taken_ms <= limit_ms + 2 * NAVIGATION_MS
+    assert taken_ms <= limit_ms + HELD_UP_MS
     assert rig.navigation.message == "hold: no ground station is there"
     rig.at_rest()
     before = rig.fresh_truth()
