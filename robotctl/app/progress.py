@@ -17,6 +17,7 @@ import msgspec
 
 from robotctl.app.options import StackOptions
 from robotctl.model.angles import wrap_angle
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.estimation_messages import LocalisationState
@@ -197,8 +198,9 @@ class ProgressKeeper:
     saved
         What is in the file now.
     localised
-        Whether the robot has a localiser. Before it has spoken, the odometry's pose is not the one
-        in `world`, and what is saved of this run stays.
+        Whether the robot has a localiser. Before that knows the place, the odometry's pose is not
+        the one in `world`, and the pose that is saved of this run stays. Once it does not know it
+        any more, the odometry goes on from where it did: its guesses jump.
     """
 
     def __init__(
@@ -226,7 +228,8 @@ class ProgressKeeper:
             if isinstance(message, ControlState):
                 self._control = self._locator.locate(message)
             elif isinstance(message, LocalisationState):
-                self._locator.localise(message)
+                if message.status is LocalisationStatus.LOCALISED:
+                    self._locator.localise(message)
             elif isinstance(message, NavigationState):
                 self._navigation = message
         progress = self._present()
@@ -251,8 +254,9 @@ class ProgressKeeper:
         control, navigation = self._control, self._navigation
         if control is None or not math.isfinite(control.odometer_m):
             return None
+        place: ControlState | Progress = control
         if self._localised and self._locator.localisation is None and self._saved is not None:
-            return None
+            place = self._saved
         item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
         if navigation is None and self._saved is not None:
             item, item_s_m = self._saved.item, self._saved.item_s_m
@@ -260,9 +264,9 @@ class ProgressKeeper:
             return Progress(
                 self._run,
                 control.odometer_m,
-                control.x_m,
-                control.y_m,
-                control.theta_rad,
+                place.x_m,
+                place.y_m,
+                place.theta_rad,
                 self._mission_crc,
                 item,
                 item_s_m,

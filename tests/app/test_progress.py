@@ -255,6 +255,32 @@ def test_a_recorder_that_restarts_does_not_take_the_odometry_for_the_place_in_th
     assert on_disk(options).x_m == 12.5
 
 
+def test_while_the_place_is_a_guess_the_way_since_the_last_known_one_is_saved(
+    options: StackOptions,
+) -> None:
+    """Known at 10 m, then lost: guesses jump about the map, the odometry says a metre more."""
+    known = LocalisationState(0, "mcl", LocalisationStatus.LOCALISED, 9.0, 0.0, 0.0, (0.0,) * 6)
+    keeper_ = keeper(options, localised=True)
+    keeper_.step([known, control(0, x_m=1.0)], 0)
+    for second, status in enumerate((LocalisationStatus.LOST, LocalisationStatus.SEARCHING), 1):
+        now_ns = 10 * second * SECOND_NS
+        guess = LocalisationState(now_ns, "mcl", status, -40.0, 7.0 * second, 2.0, (0.0,) * 6)
+        keeper_.step([guess, control(now_ns, x_m=1.0 + 0.5 * second)], now_ns)
+        saved = on_disk(options)
+        assert (saved.x_m, saved.y_m, saved.theta_rad) == pytest.approx(
+            (10.0 + 0.5 * second, 0.0, 0.0)
+        )
+
+
+def test_a_robot_that_has_not_found_its_place_still_counts_its_way(options: StackOptions) -> None:
+    guess = LocalisationState(0, "mcl", LocalisationStatus.SEARCHING, 50.0, 5.0, 1.0, (0.0,) * 6)
+    keeper_ = keeper(options, localised=True)
+    keeper_.step([guess, control(0, x_m=1.0, odometer_m=100.0)], 0)
+    later = control(10 * SECOND_NS, x_m=4.0, odometer_m=103.0)
+    keeper_.step([guess, later], 10 * SECOND_NS)
+    assert (on_disk(options).x_m, on_disk(options).odometer_m) == (1.0, 103.0)
+
+
 def test_the_odometer_is_what_was_saved_and_what_was_driven_since() -> None:
     core = make_core(CONFIG, StackOptions("x", ""))
     core.odometer_start_m = 1000.0
