@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+import cantools.database
 import pytest
 
 from robotctl.app.config import config_directory, find_file, load_robot
+from robotctl.app.control import PUBLISH_HZ
 from robotctl.app.sim_options import SimulatorError, simulated_robot
+from robotctl.app.telemetry import described
 from robotctl.errors import ConfigError
 
 ROBOTS = sorted(config_directory().glob("*.toml"))
@@ -15,6 +18,28 @@ ROBOTS = sorted(config_directory().glob("*.toml"))
 def test_every_robot_that_comes_along_is_right(path: Path) -> None:
     config = load_robot(path)
     assert config.robot.name == path.stem
+
+
+@pytest.mark.parametrize(
+    ("robot", "steered"), [("diff_drive", False), ("tricycle", True), ("ackermann", True)]
+)
+def test_telemetry_knows_which_robots_cannot_turn_on_the_spot(robot: str, steered: bool) -> None:
+    assert described(load_robot(find_file(robot))).steered is steered
+
+
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
+def test_the_guard_is_given_the_time_from_an_echo_to_the_brakes(path: Path) -> None:
+    """Two readings outvote a third: the time counts from the sound of the older of the two."""
+    config = load_robot(path)
+    dbc = cantools.database.load_file(config_directory() / "robot.dbc")
+    ring_s = dbc.get_message_by_name("SonarRangesA").cycle_time / 1e3  # to the newer of the two
+    listening_s = 2.0 * config.localisation.sonar.max_range_m / 343.0  # its neighbour hears nothing
+    tick_s = 1.0 / config.runtime.rate_hz
+    heard_s = listening_s + tick_s + 1.0 / PUBLISH_HZ
+    decided_s = 1.0 / config.navigation.rate_hz + tick_s
+    guard = config.navigation.guard
+    ramp_s = 0.5 * guard.deceleration_m_s2 / config.limits.jerk_max_m_s3
+    assert ring_s + heard_s + decided_s + ramp_s <= guard.reaction_s
 
 
 def test_an_override_changes_one_value_only() -> None:
