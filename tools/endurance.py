@@ -45,7 +45,10 @@ LAP_NS = 120 * SECOND_NS
 """A lap that has not ended by then is given up."""
 
 RECOVERY_NS = 20 * SECOND_NS
-"""After so long without a fault the operator's sequence has succeeded, or the run fails."""
+"""After so long without a fault the operator's sequence has succeeded, or the run fails.
+
+Faults strike while the robot stands, too: each holds the count up, none begins it anew.
+"""
 
 QUIET_NS = SECOND_NS // 2
 """The operator looks so long at a robot without fault before he arms it."""
@@ -114,8 +117,9 @@ class Endurance:
         self.laps: Counter[str] = Counter()
         """How they ended: completed, failed or given up."""
         self.recoveries = self.failed_recoveries = 0
-        """From a stop that latched; the robot is armed for each lap, too."""
+        """From a stop that latched. The robot is armed for each lap, too; that may fail as well."""
         self.slowest_recovery_s = 0.0
+        """Without the time of faults: a new one holds the count up and does not begin it anew."""
         self.batteries = 1
         self._fault_end_ns = self._pause_end_ns = self._asked_ns = 0
         self._stopped_ns: int | None = None
@@ -159,7 +163,7 @@ class Endurance:
         modes: tuple[SetMode, ...] = ()
         navigation = self._navigation
         if control.state in POWERED:
-            self._recovered(now_ns)
+            self._recovered()
             if navigation is not None and navigation.mode == Mode.HOLD:
                 modes = (SetMode(now_ns, Mode.AUTO),)
             if ended := self._end_of_lap(navigation, control, now_ns):
@@ -175,13 +179,13 @@ class Endurance:
         if control.state in POWERED:
             return []
         if self._stopped_ns is None:
-            self._stopped_ns, self._quiet_ns = now_ns, 0
-            self._latched = control.state in LATCHED
-            if self._latched:
-                self.stops[_kind(control.reason)] += 1
-                late = now_ns > self._fault_end_ns + AFTERMATH_NS or not self.faults
-                if late and not self.simulation.plant.touching:
-                    self.causeless.append(f"{now_ns / 1e9:.3f} s: {control.reason}")
+            self._stopped_ns, self._quiet_ns, self._latched = now_ns, 0, False
+        if control.state in LATCHED and not self._latched:  # disarmed between laps, perhaps
+            self._latched, self._quiet_ns = True, 0
+            self.stops[_kind(control.reason)] += 1
+            late = now_ns > self._fault_end_ns + AFTERMATH_NS or not self.faults
+            if late and not self.simulation.plant.touching:
+                self.causeless.append(f"{now_ns / 1e9:.3f} s: {control.reason}")
         since_ns = max(self._stopped_ns, self._fault_end_ns) + QUIET_NS
         if now_ns >= self._fault_end_ns:
             self._quiet_ns += self._pilot.period_ns
@@ -197,11 +201,10 @@ class Endurance:
         self.simulation.monitor.on_arming(self._number)
         return [Arm(now_ns, self._number, arm=True)]
 
-    def _recovered(self, now_ns: int) -> None:
+    def _recovered(self) -> None:
         """Note the end of a stop."""
         if self._stopped_ns is not None and self._latched:
-            since_ns = max(self._stopped_ns, self._fault_end_ns)
-            self.slowest_recovery_s = max(self.slowest_recovery_s, (now_ns - since_ns) / 1e9)
+            self.slowest_recovery_s = max(self.slowest_recovery_s, self._quiet_ns / 1e9)
             self.recoveries += 1
         self._stopped_ns = None
 
@@ -333,7 +336,7 @@ def conclude(run: Endurance, growth_mib: float) -> int:
         f"\nhost: {bus.crc_rejects} frames rejected for their CRC, {bus.counter_rejects} for their "
         f"counter, {bus.lost} lost\n"
         f"{run.recoveries} recoveries from {run.stops.total()} stops, slowest "
-        f"{run.slowest_recovery_s:.1f} s after the fault; {run.failed_recoveries} failed\n"
+        f"{run.slowest_recovery_s:.1f} s without a fault; {run.failed_recoveries} failed\n"
         f"{run.batteries} batteries\n"
         f"memory grew by {growth_mib:.1f} MiB after the first tenth\n"
         f"{simulation.monitor.count} unsafe motions"

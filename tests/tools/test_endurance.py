@@ -5,6 +5,7 @@ import pytest
 import endurance
 from endurance import Endurance
 from robotctl.app.config import find_file
+from robotctl.runtime.messages import EmergencyStop, EmergencyStopSource, SafetyState
 
 MINUTE_NS = 60 * endurance.SECOND_NS
 
@@ -48,3 +49,30 @@ def test_a_run_without_a_completed_lap_has_failed():
     run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
     run.run_until(10 * endurance.SECOND_NS)
     assert endurance.conclude(run, 0.0) == 1
+
+
+def test_an_emergency_stop_of_a_robot_that_is_disarmed_between_laps_is_recovered_from():
+    run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
+    run.run_until(10 * endurance.SECOND_NS)
+    run.bench.tick(run._begin_lap(run.now_ns))
+    run.run_until(run.now_ns + endurance.SECOND_NS // 10)
+    assert run.bench.snapshot().state == SafetyState.STANDBY
+    run.bench.tick((EmergencyStop(run.now_ns, EmergencyStopSource.OPERATOR),))
+    run.run_until(run.now_ns + 5 * endurance.SECOND_NS)
+    assert run.stops == {"emergency stop": 1}
+    assert run.recoveries == 1
+
+
+def test_a_new_fault_while_the_robot_stands_does_not_shorten_its_recovery():
+    run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
+    run.run_until(10 * endurance.SECOND_NS)
+    run.bench.tick((EmergencyStop(run.now_ns, EmergencyStopSource.OPERATOR),))
+    for _ in range(4):  # the operator never sees half a second without one
+        run.run_until(run.now_ns + 4 * endurance.SECOND_NS // 10)
+        run._fault_end_ns = run.now_ns + endurance.SECOND_NS // 10
+        run.run_until(run._fault_end_ns)
+    assert run.recoveries == 0
+    run.run_until(run.now_ns + 5 * endurance.SECOND_NS)
+    assert run.recoveries == 1
+    # Four times 0.4 s, and the half second before he arms.
+    assert 1.6 + 0.5 - 0.3 <= run.slowest_recovery_s < 5.0
