@@ -231,7 +231,9 @@ def test_folders_are_open_to_all_whatever_the_umask(
 def test_installing_twice_changes_nothing(tmp_path: Path, files: list[ServiceFile]) -> None:
     install(files, tmp_path)
     before = tree(tmp_path)
-    assert all(line.startswith("same") for line in install(files, tmp_path))
+    lines = install(files, tmp_path)
+    assert len(lines) == len(files)
+    assert all(line.startswith("same") for line in lines)
     assert tree(tmp_path) == before
 
 

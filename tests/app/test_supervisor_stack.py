@@ -396,7 +396,7 @@ def test_sigusr1_straight_to_the_control_process_stops_the_robot(run: Run, ear: 
 def test_a_key_in_the_terminal_stops_the_robot(run: Run, ear: Ear) -> None:
     assert run.said("Space or e")
     os.write(run.terminal, b"x")
-    time.sleep(0.3)
+    time.sleep(0.3)  # that nothing follows has no sign to wait for
     assert not ear.is_in(SafetyState.EMERGENCY_STOP)
     os.write(run.terminal, b" ")
     wait(lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")

@@ -97,6 +97,7 @@ def test_a_slow_robot_gets_longer_steps_until_they_settle():
 def test_a_badly_set_robot_becomes_good(tuned):
     assert tuned.objections == []
     assert tuned.shortcomings == []
+    assert tuned.before
     for before, after in zip(tuned.before, tuned.after, strict=True):
         assert before.metrics.settling_s is None or before.metrics.settling_s > 0.4
         assert after.metrics.settling_s < 0.3
@@ -108,6 +109,7 @@ def test_the_relay_method_makes_it_good_too():
     result = tune(TuneOptions(find_file("diff_drive"), "relay", overrides=BAD_LEFT_AND_RIGHT))
     assert result.objections == []
     assert result.shortcomings == []
+    assert len(result.after) == len(result.before) > 0
     assert all(after.metrics.settling_s < 0.3 for after in result.after)
 
 

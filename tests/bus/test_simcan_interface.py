@@ -117,8 +117,9 @@ def test_a_passive_listener_does_not_acknowledge(hub):
         assert listener.state is can.BusState.PASSIVE
         port = next(port for port in hub.bus.ports if port.name == "listener")
         deadline = time.monotonic() + 10.0
-        while not port.listen_only and time.monotonic() < deadline:
-            time.sleep(0.005)  # the hub has no way to confirm it
+        while not port.listen_only:  # the hub has no way to confirm it
+            assert time.monotonic() < deadline, "the hub has not heard that it only listens"
+            time.sleep(0.005)
         sender.send(frame(0x100))
         assert sender.recv(5.0).arbitration_id & 0x20  # CAN_ERR_ACK
         listener.state = can.BusState.ACTIVE

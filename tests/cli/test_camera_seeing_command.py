@@ -65,6 +65,7 @@ def test_ranges_of_a_folder_go_to_tables_and_pictures(pictures: Path, tmp_path: 
     assert tuple(rows[0]) == RANGE_KEYS
     assert {row["picture"] for row in rows} == {"box.png", "empty.png"}
     ahead = [r for r in rows if r["picture"] == "empty.png" and abs(float(r["angle_deg"])) < 10]
+    assert ahead
     assert [float(r["x_m"]) for r in ahead] == pytest.approx([2.4] * len(ahead), rel=0.04)
     entries = json.loads(report.read_text(encoding="utf-8"))["pictures"]
     assert [entry["picture"] for entry in entries] == ["box.png", "empty.png"]

@@ -48,7 +48,8 @@ class Simulated:
     def wait_for_listener(self):
         """Publish nonsense, slowly, until the camera hears it."""
         deadline = time.monotonic() + DEADLINE_S
-        while self.camera.rejected == 0 and time.monotonic() < deadline:
+        while self.camera.rejected == 0:
+            assert time.monotonic() < deadline, "the camera does not hear its publisher"
             self.publisher.publish(Picture(0, 0, *SIZE, "none", b""))
             time.sleep(0.02)
             self.camera.read()
@@ -328,7 +329,8 @@ def test_a_device_is_asked_for_its_size_and_its_own_stamp_is_taken(monkeypatch, 
     assert camera.read() is None
     device.wanted.put(picture(VALUES[0]))
     deadline = time.monotonic() + DEADLINE_S
-    while (frame := camera.read()) is None and time.monotonic() < deadline:
+    while (frame := camera.read()) is None:
+        assert time.monotonic() < deadline, "no picture came"
         time.sleep(0.001)
     assert frame.stamp_ns == stamp_ns
     device.wanted.put(None)

@@ -99,6 +99,7 @@ def test_feedback_comes_at_the_rates_of_the_dbc(rig):
 
 def test_wheel_feedback_is_fresh_at_each_tick(rig):
     rig.run(500)
+    assert len(rig.seen) == 100
     ages_ns = [
         rig.clock.now_ns() - PERIOD_NS * (len(rig.seen) - 1 - n) - f.wheels.stamp_ns
         for n, f in enumerate(rig.seen)

@@ -240,6 +240,7 @@ def test_no_frame_of_any_length_raises(wire, can_id, length):
     wire.put(can_id, bytes(range(200, 200 + length)))
     wire.receive()
     wire.send()
+    assert len(wire.commands()) == 1
 
 
 def test_commands_go_out_with_a_running_counter(wire):

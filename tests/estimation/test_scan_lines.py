@@ -102,6 +102,7 @@ def test_steps_between_parallel_walls_are_no_corners():
 def test_where_the_sensor_sits_is_counted():
     scan = scan_of(ROOM)
     moved = find_lines(replace(scan, x_m=0.3, y_m=-0.1), CONFIG)
+    assert len(moved.segments) >= 4
     for before, after in zip(find_lines(scan, CONFIG).segments, moved.segments, strict=True):
         shift = float(before.line.normal @ [0.3, -0.1])
         assert after.line.r_m == pytest.approx(before.line.r_m + shift, abs=1e-9)
@@ -113,6 +114,7 @@ def test_where_the_sensor_sits_is_counted():
 def test_a_turned_robot_sees_the_same_room_turned(turn):
     scan = scan_of(ROOM, fov=4.0, beams=200)
     there = find_lines(replace(scan, angles_rad=scan.angles_rad + turn), CONFIG)
+    assert len(there.segments) >= 3
     for before, after in zip(find_lines(scan, CONFIG).segments, there.segments, strict=True):
         assert wrap_angle(after.line.alpha_rad - before.line.alpha_rad - turn) == pytest.approx(
             0.0, abs=1e-9

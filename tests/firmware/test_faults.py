@@ -812,6 +812,7 @@ class TestFrames:
     def test_a_corrupt_frame_differs_in_one_bit_and_fails_its_crc(self, driving):
         driving.begin("frames_corrupt id=0x181 duration=0.5")
         driving.drive(0.49)
+        assert len(driving.of(FEEDBACK)) == 98
         for frame in driving.of(FEEDBACK):
             data = bytearray(frame.data)
             assert not p01.e2e_p01_check(data, 0xA181, length=8)

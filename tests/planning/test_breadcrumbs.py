@@ -23,6 +23,7 @@ def test_crumbs_lie_a_spacing_apart():
     walk(crumbs, SE2(), 2.0)
     points = crumbs.legs()[0].points
     gaps = [math.dist(a, b) for a, b in itertools.pairwise(points)]
+    assert sum(gaps) == pytest.approx(2.0, abs=0.13)
     assert all(0.1 - 1e-9 <= gap < 0.13 for gap in gaps)
     assert points[-1] == (0.0, 0.0)
 

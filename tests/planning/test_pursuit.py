@@ -56,6 +56,7 @@ def test_a_path_is_followed_to_its_end_and_the_robot_stops_there(robot):
 
 def test_an_offset_start_converges_to_the_path(robot):
     poses, _ = follow(robot.drive, STRAIGHT, SE2(0.0, 0.3, 0.2))
+    assert poses[-1].x_m > 2.0
     assert all(abs(pose.y_m) < 0.02 for pose in poses if pose.x_m > 2.0)
 
 

@@ -103,6 +103,7 @@ def test_nobody_is_told_an_old_value() -> None:
     robot.mute_status = robot.mute_battery = robot.mute_sonars = True
     robot.ticks(101)
     state = robot.snapshot()
+    assert state.sonar_m
     assert all(math.isnan(range_m) for range_m in state.sonar_m)
     assert math.isnan(state.bus_voltage_v)
     assert (state.battery, state.current_a, state.temperature_c) == (None, (), ())

@@ -111,6 +111,7 @@ def test_a_health_that_never_saw_anything_has_seen_nothing_at_any_time(now_ns: i
     """Nor does the time since the machine's start let it look fresh."""
     kept = Health(SAFETY, PERIOD_NS, NAMES)
     assert kept.fault(now_ns) == "wheel feedback is older than 15 ms"
+    assert len(kept.fresh_sonar_m(now_ns)) == len(NAMES)
     assert all(math.isnan(range_m) for range_m in kept.fresh_sonar_m(now_ns))
     found = kept.fresh_motor(now_ns), kept.fresh_drive(now_ns), kept.fresh_battery(now_ns)
     assert found == (None, None, None)
