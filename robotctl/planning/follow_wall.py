@@ -111,8 +111,7 @@ class FollowWall:
         self._last = (pose, now_ns)
         if self._met(situation):
             return done()
-        new = situation.new[self._side]
-        reading = situation.ranges_m[self._side] + self._lateral if new else math.nan
+        reading = situation.ranges_m[self._side] + self._lateral
         twist = situation.twist
         omega = self._follower.step(reading, twist.v_m_s, dt, twist.omega_rad_s)
         if not self._follower.lost:

@@ -58,21 +58,6 @@ def test_one_stray_reading_of_the_front_sonar_does_not_end_it(differential):
     assert statuses == [Status.RUNNING] * 5 + [Status.DONE]
 
 
-def test_a_stray_reading_of_the_wall_steers_once_however_often_it_is_told(differential):
-    """0.1 m too near: two followers, one told of it again with three steps, steer alike then."""
-    item = FollowWallItem("follow_wall", "right", 0.8, Until(length_m=5.0))
-    rates = []
-    for repeated in (0.55, math.nan):
-        follower = FollowWall(item, WallConfig(), differential.mounts)
-        told = [(0.65, True)] * 10 + [(0.55, True)] + [(repeated, False)] * 3
-        for step, (side, new) in enumerate(told):
-            ranges = (*(math.inf,) * 6, side, math.inf)
-            situation = Situation(SE2(), Twist(0.3, 0.0), ranges, (new,) * 8)
-            wanted = follower.step(situation, step * 50_000_000)
-        rates.append(wanted.omega_rad_s)
-    assert rates[0] == rates[1] > 0.0  # away from it, to the left
-
-
 def test_it_ends_abeam_of_a_position(robot, make_run):
     item = FollowWallItem("follow_wall", "right", 0.8, Until(position=(3.0, 0.5)))
     run, out = follow(make_run, robot, SE2(1.0, 0.8, 0.0), item)
