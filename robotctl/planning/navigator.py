@@ -205,16 +205,19 @@ class Navigator:
         return self._outputs(self._decide(situation, now_ns))
 
     def _searches(self, localised: bool) -> bool:
-        """Say whether the present mode needs a place in the world that is not known."""
-        searching = not localised and (
-            self._mode in {Mode.AUTO, Mode.RTL}
-            or (self._mode is Mode.GUIDED and self._behaviour is not None)
-        )
+        """Say whether what is under way needs a place in the world that is not known."""
+        searching = not localised and self._is_under_way()
         if searching and not self._searching:
             self._pause_mode()
             self._look_around.reset()
         self._searching = searching
         return searching
+
+    def _is_under_way(self) -> bool:
+        """Say whether there is something to drive: a robot that has done it does not set off."""
+        if self._mode is Mode.AUTO and self._runner is not None:
+            return not (self._runner.completed or self._runner.failure)
+        return self._mode in {Mode.RTL, Mode.GUIDED} and self._behaviour is not None
 
     def _note_way(self, pose: SE2) -> None:
         """Drop a breadcrumb; RTL picks them up, unless it has left the way to search.

@@ -153,6 +153,34 @@ def test_no_breadcrumb_is_dropped_at_a_guess(make_run, differential):
     assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)  # it stands at home
 
 
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_a_robot_that_has_done_what_it_was_told_does_not_set_off(make_run, robot, mode):
+    item = GoToItem("go_to", 2.5, 1.0)
+    run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
+    run.step(ModeRequest(Mode.AUTO))
+    run.until(lambda out: out.mission_completed, 30.0)
+    if mode is Mode.RTL:
+        run.step(ModeRequest(mode))
+        run.until(lambda out: out.message == "home", 30.0)
+    elif mode is Mode.GUIDED:
+        run.step(ModeRequest(mode))
+        run.step(PositionRequest(3.0, 1.0))
+        run.until(lambda out: out.message == "arrived", 30.0)
+    for _ in range(100):
+        out = lost_step(run)
+        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, mode)
+
+
+def test_a_robot_whose_mission_has_failed_does_not_set_off(make_run, differential, mission):
+    run = make_run(differential, mission=mission)
+    run.world.obstacle = run.world.walls[:1] * 0.0 + [2.0, 0.5, 2.0, 1.5]
+    run.step(ModeRequest(Mode.AUTO))
+    run.until(lambda out: out.mission_failed, 60.0)
+    for _ in range(100):
+        out = lost_step(run)
+        assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.AUTO)
+
+
 def driven_out(make_run, robot):
     """Return a run of 2.5 m straight on, back on the way home, which has lost its place there."""
     item = GoToItem("go_to", 3.5, 1.0)
