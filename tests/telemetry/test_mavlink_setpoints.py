@@ -208,6 +208,26 @@ def test_set_points_for_other_systems_are_not_taken(bench):
 
 
 FLOAT32 = st.floats(width=32)
+NUMBERS = st.floats(-9.0, 9.0, width=32) | st.sampled_from([0.0, math.nan, -math.inf, 3e38])
+MASKS = [using(POSITION), using(VELOCITY), using(VELOCITY, YAW), using(VELOCITY, YAW_RATE)]
+
+
+def requests_of(bench, frame, mask, values):
+    """Return what a set-point leads to, checked: finite numbers of what the mask uses."""
+    bench.receive(
+        common.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *values)
+    )
+    requests = bench.step(bench.control(theta_rad=1.0))
+    for request in requests:
+        if isinstance(request, PositionTarget):
+            assert max(abs(request.x_m), abs(request.y_m)) < FARTHEST_M
+            assert mask & 3 == 0
+        else:
+            assert math.isfinite(request.v_m_s)
+            assert math.isfinite(request.omega_rad_s)
+            assert request.expires_ns > request.stamp_ns
+            assert mask & 0x008 == 0
+    return requests
 
 
 @settings(max_examples=300, deadline=None)
@@ -217,19 +237,20 @@ FLOAT32 = st.floats(width=32)
     values=st.lists(FLOAT32, min_size=11, max_size=11),
 )
 def test_any_set_point_gives_finite_numbers_or_nothing(make_bench, frame, mask, values):
-    bench = make_bench()
-    bench.receive(
-        common.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *values)
-    )
-    for request in bench.step(bench.control(theta_rad=1.0)):
-        if isinstance(request, PositionTarget):
-            assert max(abs(request.x_m), abs(request.y_m)) < FARTHEST_M
-            assert mask & POSITION == 0 or mask & 3 == 0
-        else:
-            assert math.isfinite(request.v_m_s)
-            assert math.isfinite(request.omega_rad_s)
-            assert request.expires_ns > request.stamp_ns
-            assert mask & 0x008 == 0
+    assert len(requests_of(make_bench(), frame, mask, values)) <= 1
+
+
+@pytest.mark.parametrize("mask", MASKS)
+def test_a_set_point_that_is_whole_gives_finite_numbers_whatever_it_asks_for(make_bench, mask):
+    taken = []
+
+    @settings(max_examples=100, deadline=None)
+    @given(values=st.lists(NUMBERS, min_size=11, max_size=11))
+    def give(values):
+        taken.extend(requests_of(make_bench(), LOCAL, mask, values))
+
+    give()
+    assert len(taken) > 5
 
 
 def sticks(x=0, y=0, z=500, r=0, target=1):
