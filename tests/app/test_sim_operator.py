@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 from collections.abc import Callable, Iterator
@@ -16,6 +17,9 @@ from robotctl.app.sim_options import SimOptions
 from robotctl.runtime.messages import Mode, SafetyState
 
 PATIENT_S = 60.0
+PATIENT = "runtime.rate_hz=100"
+"""Twice as long as usual may a busy computer stand before the robot stops."""
+
 QUIET_S = 2.0
 """Longer than the run waits before it asks again for what it wants."""
 
@@ -58,6 +62,10 @@ class Operator:
             )
         )
 
+    def close(self) -> None:
+        """Hang up."""
+        self._link.close()
+
     def command(self, number: int, *params: float) -> None:
         """Send a command."""
         given = (*params, *(7 - len(params)) * (0.0,))
@@ -92,10 +100,10 @@ def operator() -> Iterator[Operator]:
         find_file("diff_drive"),
         find_file("patrol", "missions"),
         bus=f"simcan:operator-{os.getpid()}",
-        overrides=(f'mavlink.link=[{{url="tcpin:127.0.0.1:{port}"}}]',),
+        overrides=(PATIENT, f'mavlink.link=[{{url="tcpin:127.0.0.1:{port}"}}]'),
     )
-    with SimRun(options) as run:
-        yield Operator(run, port)
+    with SimRun(options) as run, contextlib.closing(Operator(run, port)) as beside:
+        yield beside
 
 
 def test_the_robot_stays_as_the_operator_left_it(operator: Operator) -> None:

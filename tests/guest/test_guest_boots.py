@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -122,6 +123,19 @@ def test_a_guest_that_dies_is_an_error_of_the_tool(own_folder):
         assert process.wait(20) == 125
         assert b"the guest ended" in process.stderr.read()
     wait_until(lambda: not processes_of(own_folder))
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one processor for all")
+def test_each_guest_has_a_processor_of_its_own(own_folder):
+    command = [sys.executable, TOOL, "--real-time", "sh", "-c", "echo up; sleep 1000"]
+    with contextlib.ExitStack() as stack:
+        for _ in range(2):
+            process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE))
+            stack.callback(process.terminate)
+            assert process.stdout.readline() == b"up\n"
+        processors = [os.sched_getaffinity(pid) for pid in processes_of(own_folder)]
+    assert {len(some) for some in processors} == {1}
+    assert len(set.union(*processors)) == 2
 
 
 def test_guests_run_side_by_side():
