@@ -1,11 +1,15 @@
-"""Who holds, disarms or stops a simulated robot has it: the run starts it once and no more."""
+"""A simulated robot's run beside which somebody else acts: an operator, or the end of a process."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
+import signal
 import socket
+import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
@@ -14,18 +18,27 @@ from pymavlink import mavutil
 from robotctl.app.config import find_file
 from robotctl.app.sim import Progress, SimRun
 from robotctl.app.sim_options import SimOptions
+from robotctl.app.stack import NAVIGATION
+from robotctl.model.localisation import LocalisationStatus
 from robotctl.runtime.messages import Mode, SafetyState
 
 PATIENT_S = 60.0
-PATIENT = "runtime.rate_hz=100"
-"""Twice as long as usual may a busy computer stand before the robot stops."""
-
 QUIET_S = 2.0
 """Longer than the run waits before it asks again for what it wants."""
+
+WAY_M = 2.5
+"""From the start: more than any localiser may be off."""
+
+ERROR_M = 0.3
 
 HOLD = 4
 MAVLINK = mavutil.mavlink
 CUSTOM = MAVLINK.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+
+
+def own(bus: str, name: str) -> str:
+    """Return the bus of a run: on simcan it is nobody else's."""
+    return f"simcan:{name}-{os.getpid()}" if bus == "simcan" else bus
 
 
 class Operator:
@@ -47,6 +60,8 @@ class Operator:
         for progress in self._steps:
             begin_s = progress.elapsed_s if begin_s is None else begin_s
             assert progress.elapsed_s - begin_s < PATIENT_S, progress.lines
+            faulty = progress.control is not None and progress.control.state == SafetyState.FAULT
+            assert not faulty, progress.lines
             if reached(progress):
                 return progress
         raise AssertionError("the run has ended")
@@ -92,15 +107,15 @@ class Operator:
 
 
 @pytest.fixture
-def operator() -> Iterator[Operator]:
+def operator(bus: str) -> Iterator[Operator]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     options = SimOptions(
         find_file("diff_drive"),
         find_file("patrol", "missions"),
-        bus=f"simcan:operator-{os.getpid()}",
-        overrides=(PATIENT, f'mavlink.link=[{{url="tcpin:127.0.0.1:{port}"}}]'),
+        bus=own(bus, "operator"),
+        overrides=(f'mavlink.link=[{{url="tcpin:127.0.0.1:{port}"}}]',),
     )
     with SimRun(options) as run, contextlib.closing(Operator(run, port)) as beside:
         yield beside
@@ -116,3 +131,60 @@ def test_the_robot_stays_as_the_operator_left_it(operator: Operator) -> None:
     operator.sees_nothing_but(SafetyState.STANDBY, Mode.HOLD)
     operator.command(MAVLINK.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     operator.sees_nothing_but(SafetyState.ARMED, Mode.HOLD)
+
+
+def pid_of(module: str) -> int:
+    """Return the process id of a child of this process that runs a module."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # others come and go
+            is_ours = f"PPid:\t{os.getpid()}\n" in (entry / "status").read_text()
+            if is_ours and module.encode() in (entry / "cmdline").read_bytes().split(b"\0"):
+                found.append(int(entry.name))
+    (pid,) = found
+    return pid
+
+
+def error_m(progress: Progress) -> float:
+    """Return the distance between where the robot believes to be and where it is [m]."""
+    control, truth = progress.control, progress.truth
+    if control is None or truth is None:
+        return math.nan
+    return math.hypot(control.x_m - truth.x_m, control.y_m - truth.y_m)
+
+
+@pytest.mark.timeout(240)
+def test_a_localiser_that_is_killed_under_way_knows_the_place_again_and_nothing_drives_on(
+    bus: str,
+) -> None:
+    options = SimOptions(
+        find_file("diff_drive"),
+        find_file("patrol", "missions"),
+        bus=own(bus, "restart"),
+        max_seconds=200.0,
+        overrides=("mavlink.link=[]",),
+        localisation=('localisation.method="ekf"',),
+    )
+    killed_ns = 0
+    with SimRun(options) as run:
+        for progress in run.steps():
+            control, truth, navigation = progress.control, progress.truth, progress.navigation
+            if control is None or truth is None or navigation is None:
+                continue
+            start = run.mission.start
+            if not killed_ns and math.hypot(truth.x_m - start.x_m, truth.y_m - start.y_m) > WAY_M:
+                assert error_m(progress) < ERROR_M
+                os.kill(pid_of(NAVIGATION), signal.SIGKILL)
+                killed_ns = time.monotonic_ns()
+                distance_m = truth.distance_m
+            place = progress.localisation
+            again_ns = min(navigation.stamp_ns, 0 if place is None else place.stamp_ns)
+            if 0 < killed_ns < again_ns < control.stamp_ns:
+                break
+        assert killed_ns
+        assert any("navigation ended" in line for line in progress.lines)
+        assert place is not None
+        assert place.status is LocalisationStatus.LOCALISED
+        assert navigation.mode is Mode.HOLD
+        assert error_m(progress) < ERROR_M
+        assert truth.distance_m - distance_m < 0.5
