@@ -171,6 +171,7 @@ def test_a_localiser_that_is_killed_under_way_knows_the_place_again_and_nothing_
             control, truth, navigation = progress.control, progress.truth, progress.navigation
             if control is None or truth is None or navigation is None:
                 continue
+            assert killed_ns or control.state != SafetyState.FAULT, progress.lines
             start = run.mission.start
             if not killed_ns and math.hypot(truth.x_m - start.x_m, truth.y_m - start.y_m) > WAY_M:
                 assert error_m(progress) < ERROR_M
