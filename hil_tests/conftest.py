@@ -38,6 +38,8 @@ PRIORITY = 1
 """Of the tests, where permitted: below the robot."""
 WITNESS = pytest.StashKey[PauseWitness]()
 BEGAN = pytest.StashKey[int]()
+BENCHES = pytest.StashKey[list[Rig]]()
+"""Those that a test has had, in the end to be asked what they know of its failure."""
 FAILED, UNSAFE = pytest.StashKey[bool](), pytest.StashKey[bool]()
 """Whether a test failed; whether the simulator's monitor saw an unsafe motion meanwhile."""
 STOOD_MS = pytest.StashKey[float]()
@@ -78,6 +80,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     item.stash[BEGAN], item.stash[STOOD_MS] = time.monotonic_ns(), 0.0
     item.stash[FAILED] = item.stash[UNSAFE] = False
+    item.stash[BENCHES] = []
 
 
 def is_unsafe(error: BaseException | None) -> bool:
@@ -88,13 +91,6 @@ def is_unsafe(error: BaseException | None) -> bool:
     return isinstance(error, UnsafeMotionError) or any(
         map(is_unsafe, (error.__cause__, error.__context__, *parts))
     )
-
-
-def rigs_of(item: pytest.Item) -> list[Rig]:
-    """Return the benches that a test was given, each once."""
-    given = getattr(item, "funcargs", {}).values()
-    benches = [thing.rig if isinstance(thing, GroundStation) else thing for thing in given]
-    return list(dict.fromkeys(bench for bench in benches if isinstance(bench, Rig)))
 
 
 @pytest.hookimpl(wrapper=True, trylast=True)
@@ -110,7 +106,7 @@ def pytest_runtest_makereport(
         item.stash[UNSAFE] |= is_unsafe(call.excinfo and call.excinfo.value)
         if not item.stash[FAILED]:  # what fails behind that may be its doing
             item.stash[FAILED] = True
-            for rig in rigs_of(item) if report.when != "teardown" else ():  # it ends them
+            for rig in item.stash[BENCHES] if report.when != "teardown" else ():  # it ends them
                 rig.listen()
                 report.sections.append(("robot", f"{rig.told()}\n{rig.history()}"))
             witness = item.config.stash.get(WITNESS, None)
@@ -176,13 +172,16 @@ def close(rig: Rig) -> None:
 
 
 @pytest.fixture
-def make_rig(bus: str, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
+def make_rig(
+    bus: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[Callable[..., Rig]]:
     """Makes benches for one test."""
     with contextlib.ExitStack() as afterwards:
 
         def make(**kwargs: str) -> Rig:
             rig = Rig(bus, tmp_path, **kwargs)
             afterwards.callback(close, rig)
+            request.node.stash[BENCHES].append(rig)
             return rig
 
         yield make
@@ -234,6 +233,7 @@ def lasting(
             rig.arm()
         rig.drive_to_the_middle()
         sound = True
+        request.node.stash[BENCHES].append(rig)
         yield rig
         rig.listen()
         sound = rig.truth.unsafe_motions == 0

@@ -27,7 +27,8 @@ from robotctl.runtime.messages import SafetyState
 
 STATUS = 0x281
 ENABLED = 2
-FLOODS = ("overload", "babble")
+FLOODS = ("overload", "babble", "node_bus_off")
+"""A drive that leaves bus-off at once and breaks each frame fills the bus as much as the others."""
 
 
 @pytest.fixture(autouse=True)

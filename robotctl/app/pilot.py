@@ -147,6 +147,7 @@ class Pilot:
             enabled=enabled,
             localised=localised,
             attended=self._attended(requests, now_ns),
+            heard=fresh,
             requests=tuple(
                 _request(each)
                 for each in self._in_time(requests, now_ns)

@@ -63,6 +63,8 @@ class NavigationInputs(NamedTuple):
     """The pose is more than a guess."""
     attended: bool = True
     """Who must be there while the robot drives by itself is."""
+    heard: bool = True
+    """The control core has been heard of lately; where it has not, it is not `enabled` either."""
     floor_base: Sequence[Point] = ()
     """Points on the floor not to be driven over."""
 
@@ -180,7 +182,7 @@ class Navigator:
     def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:
         """Return the decision at `now_ns`, monotonic [ns]. Input that is no number stops."""
         self._attended = inputs.attended
-        self._fall_back(inputs.enabled, now_ns)
+        self._fall_back(inputs, now_ns)
         known = _finite(inputs)
         if known and inputs.localised:
             self._note_way(inputs.pose)
@@ -198,7 +200,8 @@ class Navigator:
         self._guard.observe(ranges, new, inputs.floor_base)
         if not inputs.enabled:
             self._pause()
-            return self._outputs(Step(0.0, 0.0, text="not armed"))
+            text = "not armed" if inputs.heard else "nothing is heard of control"
+            return self._outputs(Step(0.0, 0.0, text=text))
         self._last_ns = now_ns
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
@@ -230,23 +233,19 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended = f"hold: {reason}"
 
-    def _fall_back(self, enabled: bool, now_ns: int) -> None:
-        """Go to HOLD where a robot must not drive, or drive on, by itself."""
+    def _fall_back(self, inputs: NavigationInputs, now_ns: int) -> None:
+        """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
         if self._mode in _BY_HAND:
             return
         if not self._attended:
-            self._change_mode(Mode.HOLD)
-            self._ended = "hold: no ground station is there"
+            reason = "no ground station is there"
+        elif self._last_ns is None:
             return
-        if self._last_ns is None:
-            return
-        gap_ns = now_ns - self._last_ns
-        if not enabled:
+        else:
+            reason = _interruption(inputs, now_ns - self._last_ns)
+        if reason:
             self._change_mode(Mode.HOLD)
-            self._ended = "hold: the robot was stopped"
-        elif gap_ns > _LONGEST_STEP_NS:
-            self._change_mode(Mode.HOLD)
-            self._ended = f"hold: navigation was held up for {gap_ns / 1e9:.1f} s"
+            self._ended = f"hold: {reason}"
 
     def _take(self, request: Request, enabled: bool) -> None:
         """Take one request."""
@@ -361,6 +360,15 @@ def _finite(inputs: NavigationInputs) -> bool:
     pose, twist = inputs.pose, inputs.twist
     rest = pose.theta_rad + twist.v_m_s + twist.omega_rad_s
     return _on_earth(pose.x_m, pose.y_m) and math.isfinite(rest)
+
+
+def _interruption(inputs: NavigationInputs, gap_ns: int) -> str:
+    """Return what came between this step and the one `gap_ns` ago [ns], empty if nothing did."""
+    if inputs.heard and not inputs.enabled:
+        return "the robot was stopped"
+    if gap_ns > _LONGEST_STEP_NS:
+        return f"navigation was held up for {gap_ns / 1e9:.1f} s"
+    return "" if inputs.heard else "nothing was heard of control"
 
 
 def _on_earth(x_m: float, y_m: float) -> bool:

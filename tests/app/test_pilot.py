@@ -8,7 +8,7 @@ import pytest
 
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.options import StackOptions
-from robotctl.app.pilot import PRESENCE_MAX_AGE_NS, Pilot
+from robotctl.app.pilot import PRESENCE_MAX_AGE_NS, STATE_MAX_AGE_NS, Pilot
 from robotctl.app.robot import make_core
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.planning.requests import REQUEST_LIFE_NS
@@ -58,13 +58,14 @@ class Armed:
         self,
         *requests: NavigationRequest,
         pause_ns: int = 0,
+        age_ns: int = 0,
         localisation: LocalisationState | None = None,
     ) -> tuple[VelocityCommand, NavigationState]:
-        """Step once, `pause_ns` later than is due."""
+        """Step once, `pause_ns` later than is due, by a state of control of this age."""
         self.now_ns += self.pilot.period_ns + pause_ns
         control = msgspec.structs.replace(
             STATE,
-            stamp_ns=self.now_ns,
+            stamp_ns=self.now_ns - age_ns,
             state=SafetyState.ARMED if self.enabled else SafetyState.STANDBY,
             armings=self.armings,
             v_m_s=0.0,
@@ -120,6 +121,24 @@ def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed:
         command, state = armed.step()
     assert armed.pilot.news() == ["3 requests for a mode or position dropped: 4.5 s old"]
     assert armed.pilot.news() == []
+
+
+@pytest.mark.parametrize(
+    ("pause_ns", "reason"),
+    [(0, "nothing was heard of control"), (HANG_NS, "navigation was held up for 4.5 s")],
+)
+def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
+    armed: Armed, pause_ns: int, reason: str
+) -> None:
+    command, state = armed.step(SetMode(armed.next_ns(), Mode.AUTO), age_ns=STATE_MAX_AGE_NS)
+    assert command.v_m_s > 0.0
+    for _ in range(2):
+        command, state = armed.step(pause_ns=pause_ns, age_ns=STATE_MAX_AGE_NS + 1)
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+        assert state.message == "nothing is heard of control"
+    command, state = armed.step()
+    assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert state.message == f"hold: {reason}"
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
