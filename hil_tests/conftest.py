@@ -17,7 +17,7 @@ import pytest
 from hil_tests.floods import calm
 from hil_tests.ground_station import GroundStation
 from hil_tests.pauses import PauseWitness
-from hil_tests.rig import GUEST_TIME, Rig, UnsafeMotionError, is_exact
+from hil_tests.rig import GUEST_TIME, PATIENT_S, Rig, UnsafeMotionError, is_exact
 from robotctl.app.config import find_file
 from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
 from robotctl.runtime.messages import SafetyState
@@ -296,7 +296,7 @@ def make_station(
             rig.wait_for_state(SafetyState.STANDBY)
             station = GroundStation(rig, port)
             afterwards.callback(station.link.close)
-            station.wait("HEARTBEAT", seconds=10)
+            station.wait("HEARTBEAT", seconds=PATIENT_S)
             return station
 
         yield make

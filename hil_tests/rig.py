@@ -375,7 +375,7 @@ class Rig:
                 raise AssertionError(f"not within {seconds} s: {what}; {self.told()}")
             time.sleep(_POLL_S)
 
-    def wait_for_state(self, state: SafetyState, seconds: float = 10.0) -> ControlState:
+    def wait_for_state(self, state: SafetyState, seconds: float = PATIENT_S) -> ControlState:
         """Wait until the control process is in `state`."""
         self.wait(lambda: self.control and self.control.state == state, seconds, state.name)
         assert self.control is not None
