@@ -8,8 +8,8 @@ ordinary ones for a second, the kernel takes 50 ms for those. A test that failed
 itself stood is run again, and counted (`hil_tests/pauses.py`). Ctrl-C and SIGTERM end it early,
 with the table of the repeats until then.
 
-A soak may take days: with `--keep FILE` each repeat is kept in a line, and a later soak of the same
-code on the same bus goes on behind them.
+A soak may take days: with `--keep FILE` each repeat is kept in a line, with what was printed where
+a test failed, and a later soak of the same code on the same bus goes on behind them.
 """
 
 from __future__ import annotations
@@ -56,6 +56,8 @@ class Repeat(msgspec.Struct, frozen=True):
         What it said of each test that was run again.
     reactions
         Times of each fault [ms].
+    output
+        What pytest printed where a test failed, otherwise empty.
     """
 
     state: str
@@ -63,6 +65,7 @@ class Repeat(msgspec.Struct, frozen=True):
     status: int
     again: tuple[str, ...] = ()
     reactions: dict[str, list[float]] = {}
+    output: str = ""
 
 
 def state_of_code(root: Path) -> str:
@@ -99,8 +102,8 @@ def kept(file: Path, state: str, bus: str) -> list[Repeat]:
     return repeats
 
 
-def repeat(options: argparse.Namespace, state: str) -> tuple[Repeat, str]:
-    """Run the suite once; return what became of it, and its output."""
+def repeat(options: argparse.Namespace, state: str) -> Repeat:
+    """Run the suite once; return what became of it."""
     with tempfile.TemporaryDirectory(prefix="soak-") as directory:
         reactions = Path(directory) / "reactions.jsonl"
         reactions.touch()
@@ -117,8 +120,8 @@ def repeat(options: argparse.Namespace, state: str) -> tuple[Repeat, str]:
         for line in reactions.read_text(encoding="utf-8").splitlines():
             reaction = json.loads(line)
             times[reaction["fault"]].append(reaction["ms"])
-    done = Repeat(state, options.bus, ended.returncode, tuple(again), times)
-    return done, ended.stdout + ended.stderr
+    output = ended.stdout + ended.stderr if ended.returncode else ""
+    return Repeat(state, options.bus, ended.returncode, tuple(again), times, output)
 
 
 def table(repeats: list[Repeat]) -> str:
@@ -171,12 +174,12 @@ def main() -> int:
     begin_s = time.monotonic()
     with contextlib.suppress(KeyboardInterrupt):  # it has ended the tests
         while len(repeats) < options.repeats:
-            done, output = repeat(options, state)
+            done = repeat(options, state)
             repeats.append(done)
             if options.keep is not None:
                 with options.keep.open("ab") as file:
                     file.write(msgspec.json.encode(done) + b"\n")
-            for text in ([output] if done.status else []) + list(done.again):
+            for text in filter(None, (done.output, *done.again)):
                 print(text, flush=True)
             minutes = (time.monotonic() - begin_s) / 60
             text = f"repeat {len(repeats)} of {options.repeats}: exit {done.status}"
