@@ -30,7 +30,7 @@ $(STAMP): $(UV) uv.lock pyproject.toml
 	@echo "setup: packages of uv.lock into .venv"
 	@test -x $(PY) || $(PYTHON) -m venv --without-pip .venv
 	@UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=.venv \
-		$(UV) sync --locked --all-extras --quiet --system-certs \
+		$(UV) sync --locked --all-extras --quiet --system-certs --compile-bytecode \
 		--python "$$($(PYTHON) -c 'import sys; print(sys.executable)')"
 	@touch $@
 

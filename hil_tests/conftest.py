@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--bus", default="simcan", help="simcan, vcan0 or can0")
+    parser.addoption("--seed", type=int, default=0, help="of the simulated robot and of moments")
     parser.addoption("--reactions", default="", help="append each reaction time to this file")
 
 
@@ -171,15 +172,20 @@ def close(rig: Rig) -> None:
     assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
 
 
+@pytest.fixture(scope="session")
+def seed(request: pytest.FixtureRequest) -> int:
+    return int(request.config.getoption("--seed"))
+
+
 @pytest.fixture
 def make_rig(
-    bus: str, tmp_path: Path, request: pytest.FixtureRequest
+    bus: str, seed: int, tmp_path: Path, request: pytest.FixtureRequest
 ) -> Iterator[Callable[..., Rig]]:
     """Makes benches for one test."""
     with contextlib.ExitStack() as afterwards:
 
         def make(**kwargs: str) -> Rig:
-            rig = Rig(bus, tmp_path, **kwargs)
+            rig = Rig(bus, tmp_path, seed, **kwargs)
             afterwards.callback(close, rig)
             request.node.stash[BENCHES].append(rig)
             return rig
@@ -214,14 +220,14 @@ def benches() -> Iterator[list[Rig]]:
 
 @pytest.fixture
 def lasting(
-    bus: str, benches: list[Rig], tmp_path: Path, request: pytest.FixtureRequest
+    bus: str, seed: int, benches: list[Rig], tmp_path: Path, request: pytest.FixtureRequest
 ) -> Iterator[Rig]:
     """Firmware and control process, armed, away from walls, with many faults behind them.
 
     A failed test ends them, so that the next one has new ones.
     """
     if not benches:
-        benches.append(Rig(bus, tmp_path))
+        benches.append(Rig(bus, tmp_path, seed))
         benches[0].tolerates_rejects = True
         benches[0].start_firmware()
         benches[0].start()

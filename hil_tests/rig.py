@@ -16,6 +16,7 @@ from typing import Any
 
 import can
 import canopen
+import numpy as np
 import zmq
 
 from firmware_sim.nodes import wire
@@ -61,6 +62,8 @@ PATIENT_S = 30.0
 """So long may starting and recovering take on a busy machine; reactions have their own limits."""
 
 _POLL_S = 0.005
+_MOMENTS_S = 0.02
+"""Four periods of the loop, and one of the states that control publishes."""
 _TOLD, _TOLD_NS = 40, 50_000_000
 """So many states, so far apart, are told of a failure."""
 _TRUE = 100
@@ -100,6 +103,8 @@ class Rig:
     ----------
     bus
         `simcan`, or a SocketCAN interface.
+    seed
+        Of the simulated robot's random draws, and of the moments of `at_any_moment`.
     robot, world, start
         What stands on the bench: configuration, world, and pose "x,y,heading_deg".
     mavlink_url
@@ -114,6 +119,7 @@ class Rig:
         self,
         bus: str,
         directory: Path,
+        seed: int,
         robot: str = "diff_drive",
         world: str = "empty_room",
         start: str = "2.0,2.0,0",
@@ -130,6 +136,7 @@ class Rig:
         self.channel = name if simulated else bus
         self._firmware_bus = f"simcan:{name}" if simulated else bus
         self._world, self._start, self._directory = world, start, directory
+        self._seed, self._rng = seed, np.random.default_rng(seed)
         x_m, y_m, heading_deg = (float(part) for part in start.split(","))
         self.options = StackOptions(
             instance=name,
@@ -186,6 +193,7 @@ class Rig:
                 *("--world", str(find_file(self._world, "worlds"))),
                 *("--bus", self._firmware_bus),
                 f"--start={self._start}",
+                f"--seed={self._seed}",
                 *("--truth", self.endpoints.truth),
                 *("--priority", str(self.config.runtime.priority + _ABOVE_CONTROL)),
             ],
@@ -199,6 +207,10 @@ class Rig:
             return log.read_bytes().count(b"ready") > already
 
         self.wait(ready, 90.0, "firmware_sim is ready")
+
+    def at_any_moment(self) -> None:
+        """Let what comes next strike at a random moment of the periods in which all else works."""
+        time.sleep(self._rng.uniform(0.0, _MOMENTS_S))
 
     def inject(self, fault: str) -> float:
         """Let a fault befall the simulated robot; return when it began, in the wall's seconds."""

@@ -49,6 +49,7 @@ def test_without_its_interface_the_robot_stops_and_waits_for_arming_when_it_is_b
     reaction: Callable[[str, float], None],
 ) -> None:
     armed.drive(0.5, 0.0, 1.0)
+    armed.at_any_moment()
     cut_ns = time.monotonic_ns()
     cut(own_kernel)
     state = armed.wait_for_state(SafetyState.FAULT, 2.0)
@@ -80,6 +81,7 @@ def test_setting_the_wall_clock_neither_stops_the_robot_nor_hides_a_silent_drive
         assert armed.fresh_truth().distance_m - before.distance_m > 0.4
         assert armed.control.state == SafetyState.DRIVING
         armed.drive(0.5, 0.0, 0.1)
+        armed.at_any_moment()
         silent_ns = time.monotonic_ns()
         armed.send_signal("firmware", signal.SIGSTOP)
         state = armed.wait_for_state(SafetyState.FAULT, 1.0)

@@ -18,6 +18,7 @@ source = pytest.mark.parametrize("source", list(SOURCES))
 def test_while_driving(lasting: Rig, source: str, reaction: Callable[[str, float], None]) -> None:
     lasting.drive(0.4, 0.8, 1.0)
     lasting.heard(0.05)
+    lasting.at_any_moment()
     asked_s = time.time()
     SOURCES[source](lasting)
     if source != "frame on the bus":

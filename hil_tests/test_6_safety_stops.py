@@ -110,6 +110,7 @@ def test_an_emergency_stop_by_the_ground_station_latches_and_arming_from_there_e
     rig.wait_for_state(SafetyState.ARMED)
     rig.drive(0.4, 0.8, 0.5)
     rig.heard(0.05)
+    rig.at_any_moment()
     asked_s = time.time()
     station.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1)
     heard_s = rig.heard_until(EMERGENCY_STOP, 1.0)[-1].timestamp

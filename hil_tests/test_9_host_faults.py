@@ -77,6 +77,7 @@ def test_a_host_that_falls_silent_is_stopped_by_the_drive_and_waits_for_arming(
     rig.arm()
     rig.drive(0.5, 0.0, 1.0)
     messages = rig.heard(0.05)
+    rig.at_any_moment()
     rig.send_signal(CONTROL, signal.SIGSTOP if fault == FROZEN else IN_A_TICK[fault])
     messages += rig.heard_until(EMCY_DRIVE, 3.0)
     if fault == FROZEN:
@@ -93,6 +94,7 @@ def test_a_host_that_falls_silent_is_stopped_by_the_drive_and_waits_for_arming(
 def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> None:
     armed.drive(0.5, 0.0, 1.0)
     messages = armed.heard(0.05)
+    armed.at_any_moment()
     armed.kill(CONTROL, signal.SIGKILL)
     messages += armed.heard_until(EMCY_DRIVE, 3.0)
     taken_ms = reaction_ms(armed, messages)
@@ -145,6 +147,7 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
     rig = mission_rig
     on_mission(rig, "hil_tests.faulty_navigation")
     rig.heard(0.02)
+    rig.at_any_moment()
     if fault == "out of memory":
         rig.send_signal(NAVIGATION, LEAK)
         rig.wait(lambda: not rig.is_running(NAVIGATION), PATIENT_S, "its memory is used up")

@@ -8,6 +8,9 @@ ordinary ones for a second, the kernel takes 50 ms for those. A test that failed
 itself stood is run again, and counted (`hil_tests/pauses.py`). Ctrl-C and SIGTERM end it early,
 with the table of the repeats until then.
 
+Each repeat has its number as the seed (`--seed` of the tests): of what is drawn by the simulated
+robot, and of the moments at which faults strike. Under virtual time it can thus be had again.
+
 A soak may take days: with `--keep FILE` each repeat is kept in a line, with what was printed where
 a test failed, and a later soak of the same code on the same bus goes on behind them.
 """
@@ -30,6 +33,7 @@ from pathlib import Path
 import msgspec
 
 from reactions import reaction_table
+from run_tests import SETTINGS
 
 ROOT = Path(__file__).resolve().parent.parent
 CODE = ("configs", "firmware_sim", "hil_tests", "robotctl")
@@ -102,19 +106,26 @@ def kept(file: Path, state: str, bus: str) -> list[Repeat]:
     return repeats
 
 
-def repeat(options: argparse.Namespace, state: str) -> Repeat:
-    """Run the suite once; return what became of it."""
+def repeat(options: argparse.Namespace, state: str, number: int) -> Repeat:
+    """Run the suite once, with its number as the seed; return what became of it."""
     with tempfile.TemporaryDirectory(prefix="soak-") as directory:
         reactions = Path(directory) / "reactions.jsonl"
         reactions.touch()
         command = [
             *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
             *SUITE,
-            *("--bus", options.bus, "--reactions", str(reactions)),
+            *("--bus", options.bus, "--seed", str(number), "--reactions", str(reactions)),
             *(("-k", options.only) if options.only else ()),
             *(("-n", str(options.workers), "--dist", "worksteal") if options.workers > 1 else ()),
         ]
-        ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        ended = subprocess.run(
+            command,
+            cwd=ROOT,
+            env=os.environ | SETTINGS,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         again = [line for line in ended.stdout.splitlines() if line.startswith("RUN AGAIN")]
         times: dict[str, list[float]] = defaultdict(list)
         for line in reactions.read_text(encoding="utf-8").splitlines():
@@ -174,7 +185,7 @@ def main() -> int:
     begin_s = time.monotonic()
     with contextlib.suppress(KeyboardInterrupt):  # it has ended the tests
         while len(repeats) < options.repeats:
-            done = repeat(options, state)
+            done = repeat(options, state, len(repeats) + 1)
             repeats.append(done)
             if options.keep is not None:
                 with options.keep.open("ab") as file:

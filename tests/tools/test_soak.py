@@ -45,7 +45,7 @@ def on_termination():
 def test_a_soak_ended_early_tells_what_was_measured_until_then(monkeypatch, capsys, on_termination):
     rounds = []
 
-    def one_round(_options, state):
+    def one_round(_options, state, _number):
         if rounds:
             os.kill(os.getpid(), signal.SIGTERM)
         rounds.append(1)
@@ -62,11 +62,21 @@ def test_a_soak_ended_early_tells_what_was_measured_until_then(monkeypatch, caps
     )
 
 
+seeds: list[int] = []
+"""Those of all repeats of a test."""
+
+
+@pytest.fixture(autouse=True)
+def no_seeds():
+    seeds.clear()
+
+
 def soak_of(monkeypatch, *statuses, repeats=None, keep=None):
     """Run as many repeats as there are exit statuses, each of which took 7 ms for one reaction."""
     ends = iter(statuses)
 
     def run(command, **_options):
+        seeds.append(int(command[command.index("--seed") + 1]))
         reactions = Path(command[command.index("--reactions") + 1])
         reactions.write_text(line("cut", "simcan", 7.0), encoding="utf-8")
         return subprocess.CompletedProcess((), next(ends), "RUN AGAIN a test\n", "")
@@ -108,6 +118,7 @@ def test_a_soak_goes_on_behind_the_repeats_that_are_kept(
         "4 of 4 repeats done, 2 of them earlier; 1 failed, 4 tests run again; "
         "exit status 0 of 3, 1 of 1\n"
     )
+    assert seeds == [1, 2, 3, 4]
     outputs = [json.loads(each)["output"] for each in file.read_text(encoding="utf-8").splitlines()]
     assert outputs == ["", "RUN AGAIN a test\n", "", ""]  # what a failed test said is kept
 
