@@ -9,6 +9,7 @@ What it holds against a robot:
   command allows power if it is sound, new, and says "enable"; after an emergency stop only once
   the drive's latch has been cleared, over the bus or by the loss of its supply, and a command has
   said "no"; after a "no" only once somebody has armed the robot anew, where armings are told of;
+- steering that goes on where the wheels may have no power: it stays where it is;
 - more speed than the robot is allowed.
 
 Power is torque-making voltage: a bridge that drives with a duty that is not zero. The time-out is
@@ -37,6 +38,9 @@ GRACE_NS: Final = 6_000_000
 OVERSPEED: Final = 1.3
 """Share of the allowed speed that is held against the robot: room for overshoot and slip."""
 
+STEERED_RAD: Final = 0.05
+"""By so much a steering that is held may move: its servo settles [rad]."""
+
 KEPT: Final = 100
 """Findings kept; all are counted."""
 
@@ -54,6 +58,7 @@ class Motion(NamedTuple):
     powered: bool
     v_m_s: float
     omega_rad_s: float
+    steering_rad: float
 
 
 class Allowed(NamedTuple):
@@ -105,6 +110,8 @@ class SafetyMonitor:
         self._counter = -1
         self._allowed_ns: int | None = None
         self._why = ""
+        self._held_rad: float | None = None
+        """Where the steering stood when the wheels were not allowed power any more."""
         self._said_yes = False
         self._cleared = self._said_no = True
         self._armings: set[int] | None = None
@@ -173,11 +180,17 @@ class SafetyMonitor:
         self._present = kind
 
     def _objection(self, motion: Motion, now_ns: int) -> _Objection | None:
-        """Return what is held against the robot at this moment, power before speed."""
+        """Return what is held against the robot at this moment, the worst first."""
         allowed, v_m_s, omega_rad_s = self._allowed, motion.v_m_s, motion.omega_rad_s
-        reason = self._objection_to_power(now_ns) if motion.powered else ""
-        if reason:
-            return _Objection("power", reason)
+        forbidden = self._objection_to_power(now_ns)
+        if forbidden and motion.powered:
+            return _Objection("power", forbidden)
+        if not forbidden:
+            self._held_rad = None
+        elif self._held_rad is None:
+            self._held_rad = motion.steering_rad
+        elif abs(moved_rad := motion.steering_rad - self._held_rad) > STEERED_RAD:
+            return _Objection("steering", f"steering moved by {moved_rad:.2f} rad in a stop")
         if abs(v_m_s) > OVERSPEED * allowed.v_max_m_s:
             return _Objection("speed", f"speed {v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}")
         if abs(omega_rad_s) > OVERSPEED * allowed.omega_max_rad_s:

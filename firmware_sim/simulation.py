@@ -334,7 +334,7 @@ class Simulation:
 
     def _motion(self) -> Motion:
         plant = self.plant
-        return Motion(plant.powered, plant.v_m_s, plant.omega_rad_s)
+        return Motion(plant.powered, plant.v_m_s, plant.omega_rad_s, plant.steering_rad)
 
     def _watch(self) -> None:
         """Let the monitor look at the robot, now and from now on."""

@@ -10,7 +10,8 @@ import signal
 import subprocess
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -499,13 +500,21 @@ class Rig:
 
     def read_objects(self, node: int, objects: Sequence[tuple[int, int]]) -> list[int]:
         """Read unsigned objects by SDO through the independent `canopen` master."""
+        with self._sdo(node) as sdo:
+            return [int.from_bytes(sdo.upload(index, sub), "little") for index, sub in objects]
+
+    def store_parameters(self, node: int) -> None:
+        """Let a node keep the parameters that it has now."""
+        with self._sdo(node) as sdo:
+            sdo.download(0x1010, 1, b"save")
+
+    @contextmanager
+    def _sdo(self, node: int) -> Iterator[canopen.sdo.SdoClient]:
         network = canopen.Network()
         network.connect(interface=self.interface, channel=self.channel)
         try:
             remote = network.add_node(node, canopen.objectdictionary.ObjectDictionary())
             remote.sdo.RESPONSE_TIMEOUT = 1.0
-            return [
-                int.from_bytes(remote.sdo.upload(index, sub), "little") for index, sub in objects
-            ]
+            yield remote.sdo
         finally:
             network.disconnect()

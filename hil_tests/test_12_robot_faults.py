@@ -15,6 +15,7 @@ from hil_tests.floods import flood
 from hil_tests.pauses import LIMIT_MS
 from hil_tests.rig import (
     COMMAND,
+    DRIVE,
     EMCY_DRIVE,
     GUEST_TIME,
     PATIENT_S,
@@ -65,6 +66,17 @@ def without_power_s(messages: list[can.Message], since_s: float) -> float | None
     return None
 
 
+def refusals(rig: Rig, words: str) -> tuple[str, ...]:
+    """Ask to arm; return why that was refused, once `words` are in a reason."""
+
+    def refused() -> bool:
+        return any(words in reason for ack in rig.control.acks[-1:] for reason in ack.reasons)
+
+    rig.ask_to_arm()
+    rig.wait(refused, 3.0, f"arming is refused: {words}")
+    return rig.control.acks[-1].reasons
+
+
 def assert_recovers(rig: Rig) -> None:
     """Assert that commands move nothing until the robot has been armed, and then do."""
     rig.at_rest()
@@ -106,6 +118,9 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     )
     time.sleep(max(0.0, began_s + row.duration_s - time.time()))
     lasting.inject("clear")
+    if row.fault.startswith("parameter_lost"):
+        assert refusals(lasting, "reports") == ("the motor controller reports: parameter",)
+        lasting.store_parameters(DRIVE)
     assert_recovers(lasting)
 
 
@@ -181,12 +196,5 @@ def test_what_harms_nobody_neither_stops_the_robot_nor_leads_it_astray(
 def test_a_drive_with_another_firmware_is_not_armed(lasting: Rig) -> None:
     lasting.inject("wrong_firmware node=drive duration=4")
     lasting.wait_for_state(SafetyState.FAULT, 1.0)
-
-    def refused() -> bool:
-        acks = lasting.control.acks[-1:]
-        return any("drive" in r for ack in acks for r in ack.reasons)
-
-    lasting.ask_to_arm()
-    lasting.wait(refused, 3.0, "arming is refused for the drive's sake")
-    reasons = lasting.control.acks[-1].reasons
+    reasons = refusals(lasting, "drive")
     assert any("wire version" in r or "revision" in r for r in reasons), reasons

@@ -62,6 +62,10 @@ CHANGE_BELOW = 0.3
 GROWTH_MIB = 8.0
 """More is a leak: Python's arenas move by some MiB."""
 
+PARAMETERS_LOST = "the motor controller reports: parameter"
+STORE = (0x601, b"\x23\x10\x10\x01save")
+"""What the operator sends by hand then, and docs/safety.md tells him: store what is valid now."""
+
 NEVER_S = 1e9
 """No run is so long [s]."""
 
@@ -197,6 +201,9 @@ class Endurance:
         if now_ns < since_ns or now_ns - self._asked_ns < SECOND_NS:
             return []
         self._asked_ns = now_ns
+        if any(PARAMETERS_LOST in reason for ack in control.acks[-1:] for reason in ack.reasons):
+            [host] = (port for port in self.simulation.bus.ports if port.name == "host")
+            host.send(*STORE)
         self._number += 1
         self.simulation.monitor.on_arming(self._number)
         return [Arm(now_ns, self._number, arm=True)]

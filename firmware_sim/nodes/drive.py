@@ -176,6 +176,9 @@ class DriveNode(Node):
     def _on_restore_failed(self) -> None:
         self.faults |= DriveFault.PARAMETER
 
+    def _on_stored(self) -> None:
+        self.faults &= ~DriveFault.PARAMETER
+
     # Commands -----------------------------------------------------------------------------------
 
     def _on_motor_command(self, data: bytes, now_ns: int) -> None:
@@ -206,7 +209,8 @@ class DriveNode(Node):
     def _obey(self, command: wire.MotorCommand) -> None:
         machine = self._machine
         if not command.enable:
-            machine.handle(DriveEvent.DISABLE)
+            if machine.handle(DriveEvent.DISABLE):
+                self._steering_rad = self._stage.steering_rad  # it stays where it is
         elif machine.state is not _ENABLED:
             machine.handle(DriveEvent.ENABLE)
         if machine.state is _ENABLED:
@@ -287,11 +291,13 @@ class DriveNode(Node):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if self._machine.handle(DriveEvent.CLEAR):
             self._hold(self._now_ns)
-        self.faults = NO_FAULT
+        lost = self.faults & DriveFault.PARAMETER  # until they are stored anew
+        self.faults = lost
         for guard in self._guards:
             guard.reset()
         self._supply_guard.reset()
-        self.retract(*TROUBLES.values(), EMERGENCY_STOP_TROUBLE)
+        over = [trouble for fault, trouble in TROUBLES.items() if fault not in lost]
+        self.retract(*over, EMERGENCY_STOP_TROUBLE)
 
     # Time ---------------------------------------------------------------------------------------
 

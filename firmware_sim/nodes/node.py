@@ -197,6 +197,9 @@ class Node:
     def _on_restore_failed(self) -> None:
         """React to stored parameters that were damaged."""
 
+    def _on_stored(self) -> None:
+        """React to parameters, or the wish for defaults, that are stored now."""
+
     def _step(self, now_ns: int) -> None:
         """Do what is due."""
 
@@ -342,6 +345,7 @@ class Node:
             self._store.save(self.dictionary.stored())
         except OSError:
             raise SdoAbortError(AbortCode.HARDWARE) from None
+        self._accept_stored()
 
     def _restore_defaults(self, signature: int) -> None:
         if signature != objects.SIGNATURE_LOAD:
@@ -350,6 +354,12 @@ class Node:
             self._store.clear()
         except OSError:
             raise SdoAbortError(AbortCode.HARDWARE) from None
+        self._accept_stored()
+
+    def _accept_stored(self) -> None:
+        self._parameters_lost = False
+        self._on_stored()
+        self.retract(PARAMETERS_LOST)
 
 
 _TALKING = frozenset({NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL})

@@ -13,7 +13,7 @@ import math
 import struct
 from typing import Final, NamedTuple
 
-PROTOCOL_VERSION: Final = 0xC9FEFEB7
+PROTOCOL_VERSION: Final = 0x19F4B619
 """CRC-32 (zlib) of the robot.dbc that this module implements: object 0x2001 of the drive."""
 
 NMT: Final = 0x000

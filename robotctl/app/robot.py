@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import msgspec
 
 import robotctl
@@ -67,7 +69,7 @@ def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:
     """Return what a replay needs to make the same core again."""
     return RecordHeader(
         version=robotctl.__version__,
-        robot_json=msgspec.json.encode(config).decode(),
+        robot_json=json.dumps(msgspec.to_builtins(config)),  # msgspec's own knows no infinity
         x_m=options.x_m,
         y_m=options.y_m,
         theta_rad=options.theta_rad,

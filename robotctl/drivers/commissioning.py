@@ -3,11 +3,16 @@
 Each kind of node has a script, a generator that yields SDO transfers and gets their answers; what
 it returns is what is wrong, in a sentence, or nothing. `Node` advances it from within the control
 loop, one frame at a time, and starts over whenever the node boots or comes back after a silence.
+
+What a script writes it reads back at once, and again once the node is operational: one that has
+restarted in between, and whose boot-up message was lost, has forgotten it.
 """
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from robotctl.drivers.bus_load import STEERING_STATUS, SYNC, transmission_type
@@ -15,12 +20,32 @@ from robotctl.drivers.can_config import NodeParameters
 from robotctl.drivers.dbc import Dbc
 from robotctl.drivers.sdo import ABORT_NO_OBJECT, Request, Response
 
-Script: TypeAlias = Generator[Request, Response, str]
+
+class Start(enum.Enum):
+    """What a script yields, once, where the node is to become operational before it goes on."""
+
+    START = "start"
+
+
+Script: TypeAlias = Generator[Request | Start, Response, str]
 """Yields transfers, receives their ends, returns the problem ("" where there is none)."""
 
 VENDOR_ID: Final = 0x00526F62
 REVISION_MAJOR: Final = 0x0001
 PRODUCT_DRIVE, PRODUCT_SONAR, PRODUCT_POWER = 1, 2, 3
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """An object that is given a value of `size` bytes; `unit` follows that in sentences."""
+
+    index: int
+    subindex: int
+    name: str
+    wanted: int
+    size: int
+    unit: str
+
 
 CLEAR_FAULTS: Final = Request(0x2010, 0, "clear faults", value=1, size=1)
 
@@ -28,8 +53,8 @@ CLEAR_FAULTS: Final = Request(0x2010, 0, "clear faults", value=1, size=1)
 def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
     """Return the script of the motor controller.
 
-    Identity, wire version, counts per revolution; then the command time-out, written and read
-    back, and how often the status frames come.
+    Identity, wire version, counts per revolution; then the command time-out and how often the
+    status frames come.
     """
     sync = dbc.message(SYNC)
     rate_hz = parameters.rate_hz
@@ -37,6 +62,11 @@ def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
     drive_every = transmission_type(dbc.message(STEERING_STATUS), sync, rate_hz)
     if parameters.steered:
         drive_every = 1
+    settings = (
+        Setting(0x2000, 0, "command time-out", parameters.command_timeout_ms, 2, " ms"),
+        Setting(0x1801, 2, "period of MotorStatus", motor_every, 1, " SYNC"),
+        Setting(0x1802, 2, "period of DriveStatus", drive_every, 1, " SYNC"),
+    )
 
     def script() -> Script:
         counts = parameters.counts_per_revolution
@@ -50,13 +80,7 @@ def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
                     "has {found} counts per revolution, the configuration says {wanted}",
                 )
             )
-            or (
-                yield from _configure(
-                    0x2000, 0, "command time-out", parameters.command_timeout_ms, 2, " ms"
-                )
-            )
-            or (yield from _configure(0x1801, 2, "period of MotorStatus", motor_every, 1, " SYNC"))
-            or (yield from _configure(0x1802, 2, "period of DriveStatus", drive_every, 1, " SYNC"))
+            or (yield from _configure_and_start(*settings))
         )
 
     return script
@@ -65,6 +89,7 @@ def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
 def sonar_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
     """Return the script of the sonar ring: identity, number of sonars, ring period of the DBC."""
     period_ms = dbc.message("SonarRangesA").cycle_ms
+    ring_period = Setting(0x2201, 0, "ring period", period_ms, 2, " ms")
 
     def script() -> Script:
         return (
@@ -77,7 +102,7 @@ def sonar_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
                     "has {found} sonars, the configuration says {wanted}",
                 )
             )
-            or (yield from _configure(0x2201, 0, "ring period", period_ms, 2, " ms"))
+            or (yield from _configure_and_start(ring_period))
         )
 
     return script
@@ -87,8 +112,10 @@ def power_script(dbc: Dbc, _: NodeParameters) -> Callable[[], Script]:
     """Return the script of the battery monitor: identity."""
 
     def script() -> Script:
-        return (yield from _identify(PRODUCT_POWER)) or (
-            yield from _wire_version(dbc.wire_version, optional=True)
+        return (
+            (yield from _identify(PRODUCT_POWER))
+            or (yield from _wire_version(dbc.wire_version, optional=True))
+            or (yield from _configure_and_start())
         )
 
     return script
@@ -140,19 +167,27 @@ def _expect(request: Request, wanted: int, problem: str) -> Script:
     return ""
 
 
-def _configure(index: int, subindex: int, name: str, wanted: int, size: int, unit: str) -> Script:
-    """Write an object and read it back."""
-    write = Request(index, subindex, name, wanted, size)
-    response = yield write
-    if response.value is None:
-        return _failure(write, response)
-    return (
-        yield from _expect(
-            Request(index, subindex, name),
-            wanted,
-            f"{name} reads back {{found}}{unit}, wanted {{wanted}}{unit}",
-        )
-    )
+def _configure_and_start(*settings: Setting) -> Script:
+    """Write objects and read them back, before the node is operational and again then."""
+    for setting in settings:
+        write = Request(setting.index, setting.subindex, setting.name, setting.wanted, setting.size)
+        response = yield write
+        if response.value is None:
+            return _failure(write, response)
+        if problem := (yield from _read_back(setting)):
+            return problem
+    yield Start.START
+    for setting in settings:
+        if problem := (yield from _read_back(setting)):
+            return problem
+    return ""
+
+
+def _read_back(setting: Setting) -> Script:
+    """Check that an object has the value that was written."""
+    request = Request(setting.index, setting.subindex, setting.name)
+    problem = f"{setting.name} reads back {{found}}{setting.unit}, wanted {{wanted}}{setting.unit}"
+    return (yield from _expect(request, setting.wanted, problem))
 
 
 def _failure(request: Request, response: Response) -> str:

@@ -6,7 +6,7 @@ import enum
 from collections.abc import Callable
 from typing import Final
 
-from robotctl.drivers.commissioning import Script
+from robotctl.drivers.commissioning import Script, Start
 from robotctl.drivers.sdo import REQUEST_BASE, Request, Response, SdoClient
 from robotctl.runtime.messages import NodeStatus
 
@@ -29,6 +29,7 @@ class Phase(enum.Enum):
     WAKING = "leaves NMT stopped"
     IDENTIFYING = "script runs"
     STARTING = "waits for operational"
+    VERIFYING = "script runs on, operational"
     READY = "in service"
     REFUSED = "failed, waits for another attempt"
 
@@ -86,10 +87,11 @@ class Node:
             self._boots += self._lost
             self._begin()
         elif self.phase is Phase.STARTING and state == NMT_OPERATIONAL:
-            self._finish()
+            self.phase = Phase.VERIFYING
+            self._advance(Response())
         elif self.phase is Phase.WAKING and state == NMT_PRE_OPERATIONAL:
             self._identify()
-        elif self.phase is Phase.READY and state != NMT_OPERATIONAL:
+        elif self.phase in (Phase.VERIFYING, Phase.READY) and state != NMT_OPERATIONAL:
             self._boots += 1  # its boot-up was lost, or somebody has put it out of service
             self._begin()
         self._refresh()
@@ -170,7 +172,16 @@ class Node:
         self.phase = Phase.IDENTIFYING
         self._wait_until_ns = 0
         self._script = self._make_script()
-        self._sdo.start(next(self._script))
+        self._carry_out(next(self._script))
+
+    def _carry_out(self, step: Request | Start) -> None:
+        """Begin what the script wants."""
+        if isinstance(step, Request):
+            self._sdo.start(step)
+            return
+        self.phase = Phase.STARTING
+        self._attempts = 0
+        self._wait_until_ns = 0
 
     def _advance(self, response: Response) -> None:
         """Give the end of a transfer to who began it."""
@@ -181,19 +192,13 @@ class Node:
         if self._script is None:
             return
         try:
-            self._sdo.start(self._script.send(response))
+            self._carry_out(self._script.send(response))
         except StopIteration as stop:
             self._script = None
-            self._judge(stop.value)
-
-    def _judge(self, problem: str) -> None:
-        """Act on what the script has found."""
-        if problem:
-            self._refuse(problem, self._heartbeat_ns)
-            return
-        self.phase = Phase.STARTING
-        self._attempts = 0
-        self._wait_until_ns = 0
+            if stop.value:
+                self._refuse(stop.value, self._heartbeat_ns)
+            else:
+                self._finish()
 
     def _refuse(self, problem: str, now_ns: int) -> None:
         """Keep the node out of service and say why; try again later."""

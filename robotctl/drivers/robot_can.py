@@ -57,7 +57,6 @@ _SILENCE_PERIODS = 12
 """A protected message silent for so many periods starts anew: before its counter, of 15 values, may
 have gone round, and later than any feedback is let grow old (ten periods in a simulator)."""
 
-_STOPPED = WheelCommand(enable=False, brake=True)
 _SOURCES = {source.value: source for source in EmergencyStopSource}
 
 Handler = Callable[[bytes, int], None]
@@ -86,6 +85,8 @@ class CanRobot:
         self._stop_source: EmergencyStopSource | None = None
         self._clear_wanted = False
         self._closed = False
+        self._steering_rad = 0.0
+        """Where the steering was last: motors that go off leave it there."""
         dbc = codec.dbc
         timeout_ns = parameters.heartbeat_timeout_ms * 1_000_000
         self._drive = Node(DRIVE_NODE, "drive", drive_script(dbc, parameters), timeout_ns)
@@ -225,7 +226,8 @@ class CanRobot:
         )
 
     def _on_drive(self, data: bytes, stamp_ns: int) -> None:
-        self._drive_status = DriveStatus(stamp_ns, *self._codec.decode_drive(data))
+        self._drive_status = status = DriveStatus(stamp_ns, *self._codec.decode_drive(data))
+        self._steering_rad = status.steering_rad
 
     def _on_battery(self, data: bytes, stamp_ns: int) -> None:
         voltage, current, charge, temperature, low, critical = self._codec.decode_battery(data)
@@ -275,7 +277,7 @@ class CanRobot:
             )
         except (ValueError, OverflowError):
             self._refused_commands += 1
-            data = encode(alive.value, 0, 1, 0.0, 0.0, 0.0)
+            data = encode(alive.value, 0, 1, 0.0, 0.0, self._steering_rad)
         if self._port.send(self._codec.command_id, data):
             alive.advance()
 
@@ -317,8 +319,9 @@ class CanRobot:
         if self._closed:
             return
         self._closed = True
+        stopped = WheelCommand(enable=False, brake=True, steering_rad=self._steering_rad)
         for _ in range(DISABLE_FRAMES):
-            self._send_command(_STOPPED)
+            self._send_command(stopped)
         self._port.close()
 
     @property

@@ -37,6 +37,8 @@ _LONGEST_STEP_NS = 500_000_000
 """A longer gap between steps, and somebody may think that the robot has ended its mission [ns]."""
 
 
+_STOPPED = "the robot was stopped"
+
 _BY_HAND = frozenset({Mode.HOLD, Mode.MANUAL})
 """The modes in which the robot does nothing by itself."""
 
@@ -156,8 +158,10 @@ class Navigator:
         self._behaviour: Guarded | None = None
         self._ended = ""
         self._refused = ""
+        self._enabled = False
+        """As of the last step that heard of control."""
         self._last_ns: int | None = None
-        """Time of the last step, None where that was not enabled."""
+        """Time of the last step, None where that did not drive."""
 
     @property
     def mode(self) -> Mode:
@@ -182,12 +186,15 @@ class Navigator:
     def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:
         """Return the decision at `now_ns`, monotonic [ns]. Input that is no number stops."""
         self._attended = inputs.attended
-        self._fall_back(inputs, now_ns)
+        stopped = self._enabled and inputs.heard and not inputs.enabled
+        if inputs.heard:
+            self._enabled = inputs.enabled
+        self._fall_back(inputs, now_ns, stopped=stopped)
         known = _finite(inputs)
         if known and inputs.localised:
             self._note_way(inputs.pose)
         for request in inputs.requests:
-            self._take(request, inputs.enabled)
+            self._take(request, inputs.enabled, stopped=stopped)
         if not known:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
@@ -233,23 +240,26 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended = f"hold: {reason}"
 
-    def _fall_back(self, inputs: NavigationInputs, now_ns: int) -> None:
+    def _fall_back(self, inputs: NavigationInputs, now_ns: int, *, stopped: bool) -> None:
         """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
         if self._mode in _BY_HAND:
             return
+        reason = ""
         if not self._attended:
             reason = "no ground station is there"
-        elif self._last_ns is None:
-            return
-        else:
+        elif stopped:
+            reason = _STOPPED
+        elif self._last_ns is not None:
             reason = _interruption(inputs, now_ns - self._last_ns)
         if reason:
             self._change_mode(Mode.HOLD)
             self._ended = f"hold: {reason}"
 
-    def _take(self, request: Request, enabled: bool) -> None:
-        """Take one request."""
+    def _take(self, request: Request, enabled: bool, *, stopped: bool) -> None:
+        """Take one request; of what came until a stop was heard of nothing that drives."""
         match request:
+            case ModeRequest(mode) if stopped and mode not in _BY_HAND:
+                self._refused = _STOPPED
             case ModeRequest(mode):
                 self._refused = self.refusal(mode)
                 if not self._refused:
@@ -364,8 +374,6 @@ def _finite(inputs: NavigationInputs) -> bool:
 
 def _interruption(inputs: NavigationInputs, gap_ns: int) -> str:
     """Return what came between this step and the one `gap_ns` ago [ns], empty if nothing did."""
-    if inputs.heard and not inputs.enabled:
-        return "the robot was stopped"
     if gap_ns > _LONGEST_STEP_NS:
         return f"navigation was held up for {gap_ns / 1e9:.1f} s"
     return "" if inputs.heard else "nothing was heard of control"

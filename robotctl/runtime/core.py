@@ -28,6 +28,7 @@ from robotctl.runtime.messages import (
     Arm,
     ControlRequest,
     ControlState,
+    EmergencyMessage,
     EmergencyStop,
     EmergencyStopSource,
     Feedback,
@@ -46,6 +47,8 @@ from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, Safet
 _UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
+_NO_ERROR = 0
+"""EMCY code of a node whose errors are over (CiA 301, 7.2.7)."""
 _COUNTS_GAP_NS = 500_000_000
 """Half of what the drive's time stamp holds: behind a longer gap it may have rolled over."""
 _IMPOSSIBLE_SHARE = 2.0
@@ -175,6 +178,10 @@ class ControlCore:
         self._cleared_ns = 0
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
+        self._armed_ns = 0
+        """Time of the last arming [ns]."""
+        self._emergencies: set[tuple[int, int]] = set()
+        """Node and code of the EMCY messages that people were told of since the last arming."""
         self._notices: list[Notice] = []
         self._armings = 0
 
@@ -227,6 +234,8 @@ class ControlCore:
             self._nodes = feedback.nodes
             for node in feedback.nodes:
                 self._take_boot(node.node_id, node.boots, node.name, now_ns)
+        for emergency in feedback.emergencies:
+            self._tell(emergency, now_ns)
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
             self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
@@ -265,6 +274,16 @@ class ControlCore:
         self.odometry.reset(0.0, 0.0)
         if before is not None and self.machine.state in POWERED:
             self._on(Event.FAULT, f"{name} (node {node_id}) restarted", now_ns)
+
+    def _tell(self, emergency: EmergencyMessage, now_ns: int) -> None:
+        """Tell people what a node reports, each error once between two armings."""
+        number, code = emergency.node_id, emergency.code
+        if code == _NO_ERROR or (number, code) in self._emergencies:
+            return
+        self._emergencies.add((number, code))
+        name = next((node.name for node in self._nodes if node.node_id == number), "unknown")
+        text = f"{name} (node {number}) reports error 0x{code:04X}"
+        self._notices.append(Notice(now_ns, Severity.WARNING, text))
 
     def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
         """Carry out requests that are not too old; an emergency stop has no age.
@@ -326,7 +345,7 @@ class ControlCore:
         refusals = self._refusals(now_ns)
         if not refusals and self._on(Event.ARM, "", now_ns):
             arming.answer_waiting()
-            self._take_over()
+            self._take_over(now_ns)
             return False
         if now_ns - arming.since_ns > self._safety.arm_timeout_ms * 1_000_000:
             refusals = refusals or (self.machine.reason,)
@@ -354,9 +373,11 @@ class ControlCore:
             refusals += (f"the control loop is not warm: tick {self._ticks} of {of}",)
         return refusals
 
-    def _take_over(self) -> None:
+    def _take_over(self, now_ns: int) -> None:
         """Start the wheel loops from the present motion, so that arming causes no jump."""
         self._velocity = None
+        self._armed_ns = now_ns
+        self._emergencies.clear()
         self._plausibility.reset()
         self._sonar_monitor.reset()
         self._limiter.reset(self._twist_meas.v_m_s, self._twist_meas.omega_rad_s)
@@ -381,6 +402,8 @@ class ControlCore:
         """Return the velocity wanted now; rest where the set-point is missing or void."""
         velocity = self._velocity
         if velocity is None or now_ns > velocity.expires_ns:
+            return 0.0, 0.0
+        if velocity.stamp_ns < self._armed_ns:  # who wanted it did not know of the arming
             return 0.0, 0.0
         age_ns = now_ns - velocity.stamp_ns
         if not 0 <= age_ns <= self._setpoint_limit_ns:

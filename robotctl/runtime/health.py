@@ -176,6 +176,8 @@ class Health:
         elif motor.state in _LATCHED_DRIVE_STATES:
             words = f"{_words(motor.state)}{fault_words(motor.faults)}"
             reasons.append(f"the motor controller is in {words}")
+        elif motor.faults:
+            reasons.append(f"the motor controller reports{fault_words(motor.faults)}")
         if self.fresh_drive(now_ns) is None:
             reasons.append(f"drive status is older than {limit_ns / 1e6:g} ms")
         reasons += self._battery_faults(now_ns)

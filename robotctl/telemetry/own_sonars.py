@@ -11,6 +11,7 @@ so where a log has several the states alone count.
 
 from __future__ import annotations
 
+import json
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence
@@ -138,8 +139,8 @@ def _record(
     with path.open("rb") as file:
         try:
             header, entries = read_record(file, str(path))
-            mounts = msgspec.json.decode(header.robot_json, type=_Robot).sonar
-        except (RecordError, msgspec.DecodeError) as error:
+            mounts = msgspec.convert(json.loads(header.robot_json), _Robot).sonar
+        except (RecordError, msgspec.ValidationError, json.JSONDecodeError) as error:
             notes.append(
                 f"the record of the control loop is not read: {error}; sonar ranges are those of "
                 "the states"

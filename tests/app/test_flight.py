@@ -30,6 +30,7 @@ from robotctl.runtime.messages import (
     SafetyState,
     WheelFeedback,
 )
+from robotctl.runtime.recorder import Recorder
 from robotctl.runtime.ring_file import crashed
 from robotctl.runtime.topics import ring_path
 
@@ -244,6 +245,20 @@ def test_a_record_is_dumped_on_request_and_replayed(
     assert shown.exit_code == 0
     assert "77 ticks, all outputs the same bit for bit" in shown.output
     loop.ring.close()
+
+
+def test_a_record_of_a_robot_without_a_slew_limit_is_replayed(tmp_path: Path) -> None:
+    config = load_robot(find_file("diff_drive"), ("control.pwm.slew_per_s=inf",))
+    core = make_core(config, OPTIONS)
+    path = tmp_path / "a.rec"
+    with path.open("wb") as file:
+        recorder = Recorder(file.write, record_header(config, OPTIONS))
+        for number in range(1, 20):
+            now_ns = number * config.runtime.period_ns
+            inputs = Inputs(Feedback())
+            recorder.record(now_ns, inputs, core.step(inputs, now_ns))
+    replayed = replay_file(path)
+    assert (replayed.result.agreed, replayed.result.difference) == (19, None)
 
 
 def test_a_replay_that_differs_shows_tick_and_both_values(tmp_path: Path, loop: Loop) -> None:

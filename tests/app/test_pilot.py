@@ -142,6 +142,39 @@ def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_a_mode_that_was_asked_for_before_a_stop_is_not_taken_behind_it(
+    armed: Armed, mode: Mode
+) -> None:
+    armed.enabled = False
+    _, state = armed.step(SetMode(armed.now_ns + 1, mode))
+    assert (state.mode, state.message) == (Mode.HOLD, "refused: the robot was stopped")
+    _, state = armed.step(SetMode(armed.next_ns(), mode))  # who asks now knows of the stop
+    assert state.mode is mode
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_a_mode_asked_for_between_a_stop_and_an_arming_that_showed_in_no_state_is_not_taken(
+    armed: Armed, mode: Mode
+) -> None:
+    armed.armings += 1
+    command, state = armed.step(SetMode(armed.now_ns + 1, mode))
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+
+
+def test_a_stop_while_the_place_is_no_number_ends_the_mode_too(armed: Armed) -> None:
+    command, _ = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    assert command.v_m_s > 0.0
+    armed.theta_rad = math.nan
+    _, state = armed.step()
+    assert (state.mode, state.message) == (Mode.AUTO, "no valid pose or velocity")
+    armed.enabled = False
+    armed.step()
+    armed.theta_rad, armed.enabled, armed.armings = 0.0, True, armed.armings + 1
+    command, state = armed.step()
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
 def test_a_robot_stopped_and_armed_again_between_two_states_does_not_drive_on(
     armed: Armed, mode: Mode
 ) -> None:

@@ -147,7 +147,9 @@ def test_a_node_is_started_only_after_it_was_identified_and_configured(bus):
         for _, can_id, data in bus.sent
         if can_id == 0x601 or (can_id == 0x000 and data[1] == 1)
     ]
-    assert frames[-1] == (0x000, b"\x01\x01")
+    started = frames.index((0x000, b"\x01\x01"))
+    read_back = (b"\x40\x00\x20\x00", b"\x40\x01\x18\x02", b"\x40\x02\x18\x02")
+    assert [data[:4] for _, data in frames[started + 1 :]] == list(read_back)
     assert frames[0] == (0x601, bytes.fromhex("4018100100000000"))
     assert [can_id for can_id, _ in frames].count(0x000) == 1
 
@@ -183,7 +185,7 @@ def test_command_and_sync_go_out_on_every_tick_in_this_order(bus):
         (
             (0x2001, 0),
             0xDEADBEEF,
-            "drive (node 1): wire version 0xDEADBEEF is not ours 0xC9FEFEB7",
+            "drive (node 1): wire version 0xDEADBEEF is not ours 0x19F4B619",
         ),
         (
             (0x2002, 0),
@@ -196,7 +198,7 @@ def test_a_drive_that_is_not_ours_is_not_started(bus, key, value, problem):
     bus.drive.objects[key] = value
     bus.run(700)
     assert bus.status(1).problem == problem.replace(
-        "0xC9FEFEB7", f"0x{bus.robot._codec.dbc.wire_version:08X}"
+        "0x19F4B619", f"0x{bus.robot._codec.dbc.wire_version:08X}"
     )
     assert bus.drive.state == PRE_OPERATIONAL
     assert (0x000, b"\x01\x01") not in [frame[1:] for frame in bus.sent]
@@ -314,6 +316,44 @@ def test_a_boot_in_the_middle_of_commissioning_starts_it_over(bus):
     assert bus.problems() == ["", "", ""]
     assert bus.drive.requests[before:].count(((0x1018, 1), None)) >= 1
     assert bus.status(1).boots == 1
+
+
+@pytest.mark.parametrize("after", range(1, 30))
+def test_a_restart_that_nobody_heard_leaves_no_drive_in_service_with_other_settings(bus, after):
+    asked, restarted = bus.drive.on_frame, []
+
+    def on_frame(can_id, data):
+        asked(can_id, data)
+        if can_id == 0x601 or (can_id, data) == (0x000, b"\x01\x01"):
+            restarted.append(None)
+            if len(restarted) == after:  # its boot-up message is lost
+                bus.drive.state = PRE_OPERATIONAL
+                bus.drive.objects[0x2000, 0] = 250
+
+    bus.drive.on_frame = on_frame
+    in_service = 0
+    for _ in range(600):
+        bus.run(5)
+        if bus.status(1).problem == "" and bus.drive.state == OPERATIONAL:
+            in_service += 1
+            assert bus.drive.objects[0x2000, 0] == 100
+    assert in_service > 100
+    assert bus.status(1).problem == ""
+
+
+def test_a_time_out_that_is_not_there_any_more_once_the_drive_runs_is_named(bus):
+    asked = bus.drive.on_frame
+
+    def on_frame(can_id, data):
+        asked(can_id, data)
+        if (can_id, data) == (0x000, b"\x01\x01"):
+            bus.drive.objects[0x2000, 0] = 250
+
+    bus.drive.on_frame = on_frame
+    bus.run(700)
+    assert bus.status(1).problem == (
+        "drive (node 1): command time-out reads back 250 ms, wanted 100 ms"
+    )
 
 
 def test_a_node_whose_heartbeat_stops_is_lost_after_its_time_and_not_before(bus):

@@ -274,6 +274,16 @@ def test_a_command_that_cannot_be_sent_becomes_motors_off(wire, field, bad):
     assert wire.receive().bus.send_failures == 1
 
 
+def test_motors_that_are_switched_off_leave_the_steering_where_it_is(wire):
+    wire.put_checked("DriveStatus", SteeringAngle=0.25)
+    wire.receive()
+    wire.send(enable=True, duty1=math.nan, steering_rad=0.4)
+    wire.robot.close()
+    commands = wire.commands()
+    assert len(commands) == 1 + DISABLE_FRAMES
+    assert [c["SteeringAngle"] for c in commands] == pytest.approx([0.25] * len(commands))
+
+
 def test_an_emergency_stop_goes_out_at_once_with_its_source(wire):
     wire.robot.emergency_stop(EmergencyStopSource.OPERATOR)
     assert wire.sent == [(0x001, b"\x01")]

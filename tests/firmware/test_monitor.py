@@ -23,7 +23,7 @@ class Scene:
     """A robot of two numbers, a wire and a monitor."""
 
     def __init__(self):
-        self.motion = Motion(False, 0.0, 0.0)
+        self.motion = Motion(False, 0.0, 0.0, 0.0)
         self.monitor = SafetyMonitor(lambda: self.motion, Allowed(0.8, 2.5, TIMEOUT_NS))
         self.protector = Protector(0xA000 + COMMAND)
         self.now_ns = 0
@@ -225,7 +225,7 @@ def test_the_refusal_of_an_old_arming_takes_no_leave_that_is_there(scene):
     ],
 )
 def test_more_speed_than_allowed_is_unsafe(scene, v_m_s, omega_rad_s, reason):
-    scene.motion = Motion(False, v_m_s, omega_rad_s)
+    scene.motion = Motion(False, v_m_s, omega_rad_s, 0.0)
     scene.run(5)
     assert scene.reasons == ([reason] if reason else [])
 
@@ -233,19 +233,36 @@ def test_more_speed_than_allowed_is_unsafe(scene, v_m_s, omega_rad_s, reason):
 def test_a_motion_that_is_unsafe_for_its_speed_and_then_for_its_power_counts_twice(scene):
     scene.power()
     scene.run(50, enable=True)
-    scene.motion = Motion(True, 1.05, 0.0)
+    scene.motion = Motion(True, 1.05, 0.0, 0.0)
     scene.run(100)
     assert scene.reasons == ["speed 1.05 m/s, allowed 0.8"]
     scene.run(50)
     assert scene.reasons[1:] == ["power 110 ms after it was last allowed, behind the last command"]
-    scene.motion = Motion(False, 1.05, 0.0)
+    scene.motion = Motion(False, 1.05, 0.0, 0.0)
     scene.run(50)
     assert scene.monitor.count == 3
 
 
+def test_steering_that_goes_on_in_a_stop_is_unsafe(scene):
+    scene.power()
+    scene.run(50, enable=True)
+    scene.motion = scene.motion._replace(powered=False, steering_rad=0.4)
+    scene.run(150, enable=False)  # wherever it is once nothing allows power any more, it stays
+    scene.motion = scene.motion._replace(steering_rad=0.44)
+    scene.run(20, enable=False)
+    assert scene.reasons == []
+    scene.motion = scene.motion._replace(steering_rad=0.32)
+    scene.run(20, enable=False)
+    assert scene.reasons == ["steering moved by -0.08 rad in a stop"]
+    scene.run(20, enable=True)
+    scene.motion = scene.motion._replace(steering_rad=-0.5)
+    scene.run(50, enable=True)
+    assert scene.monitor.count == 1
+
+
 def test_figures_that_change_are_no_new_finding(scene):
     for speed_m_s in (1.05, 1.1, 1.2, 1.1):
-        scene.motion = Motion(False, speed_m_s, 0.0)
+        scene.motion = Motion(False, speed_m_s, 0.0, 0.0)
         scene.run(5)
     assert scene.reasons == ["speed 1.05 m/s, allowed 0.8"]
 

@@ -37,6 +37,17 @@ class TestCommands:
         assert rig.drive.drive_state is DriveState.READY
         assert (rig.stage.duty1, rig.stage.duty2, rig.stage.bridge) == (0.0, 0.0, bridge)
 
+    @pytest.mark.parametrize("brake", [False, True])
+    def test_enable_0_leaves_the_steering_where_it_is_whatever_it_was_told(self, rig, brake):
+        rig.enable()
+        rig.host.send(steering=0.6)
+        rig.stage.steering_rad = 0.25  # on its way, or held fast
+        rig.host.send(enable=False, brake=brake, steering=-0.3)
+        assert rig.stage.steering_cmd_rad == 0.25
+        rig.stage.steering_rad = 0.27
+        rig.host.send(enable=False, brake=not brake, steering=-0.3)
+        assert rig.stage.steering_cmd_rad == 0.25
+
     def test_commands_before_operational_count_for_nothing(self, rig):
         rig.line.deliver(0x000, b"\x80\x01")
         before = len(rig.stage.commands)

@@ -239,15 +239,30 @@ class TestStoredParameters:
         assert save(line)[0][4:] == bytes.fromhex("00000606")
 
 
-def test_the_drive_reports_damaged_parameters_in_its_status(make_rig, tmp_path):
+@pytest.mark.parametrize("stored", [(0x1010, b"save"), (0x1011, b"load")])
+def test_the_drive_reports_damaged_parameters_until_they_are_stored_anew(
+    make_rig, tmp_path, stored
+):
     store = FileStore(tmp_path, "drive")
     store.path.write_bytes(b"{")
     rig = make_rig(store)
-    for _ in range(4):
-        rig.line.deliver(0x080)
-    assert rig.last("MotorStatus")["FaultParameter"] == 1
+
+    def reports():
+        for _ in range(4):
+            rig.line.deliver(0x080)
+        return rig.last("MotorStatus")["FaultParameter"]
+
+    assert reports() == 1
     assert rig.last("MotorStatus")["State"] == 1
     rig.clear_faults()
-    for _ in range(4):
-        rig.line.deliver(0x080)
-    assert rig.last("MotorStatus")["FaultParameter"] == 0
+    assert reports() == 1
+    emergencies = len(rig.line.frames(0x081))
+    index, signature = stored
+    rig.write(index, 1, int.from_bytes(signature, "little"), 4)
+    assert reports() == 0
+    [over] = rig.line.frames(0x081)[emergencies:]
+    assert over.data[:2] == b"\0\0"
+    rig.drive.power_cycle(rig.line.now_ns)
+    rig.line.run_ms(6)
+    rig.line.deliver(0x000, b"\x01\x00")
+    assert reports() == 0

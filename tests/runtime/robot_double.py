@@ -17,6 +17,7 @@ from robotctl.runtime.messages import (
     ControlRequest,
     DriveState,
     DriveStatus,
+    EmergencyMessage,
     Feedback,
     LoopStatistics,
     MotorStatus,
@@ -81,6 +82,7 @@ class RobotDouble:
         self.sonar_m = (2.0, math.inf, 2.0, 2.0)
         self.objections: tuple[str, ...] = ()
         self.bus_stop = None
+        self.emergencies: tuple[EmergencyMessage, ...] = ()
         self.record: list[tuple[int, Inputs, Outputs]] = []
         self.outputs = Outputs(WheelCommand())
 
@@ -150,6 +152,7 @@ class RobotDouble:
             drive=DriveStatus(now, 0, 0.0, BUS_V, self.command_age_ms, 0) if status else None,
             sonars=self._sonars(),
             battery=self._battery(),
+            emergencies=self.emergencies,
             emergency_stop=stop,
             nodes=(NodeStatus(1, "drive", 5, heartbeat_ns, self.boots, self.problem),),
             bus=self.bus,

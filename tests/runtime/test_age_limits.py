@@ -156,6 +156,7 @@ def test_a_set_point_counts_while_it_is_young_and_not_expired(
     age_ns: int, left_ns: int, drives: bool
 ) -> None:
     robot = RobotDouble().armed()
+    robot.ticks(110)  # no set-point is older than the arming
     reference = wanted(robot, robot.now_ns - age_ns, robot.now_ns + left_ns)
     assert (reference > 0.0) == drives
     assert (robot.state == SafetyState.DRIVING) == drives

@@ -15,6 +15,7 @@ from robotctl.runtime.messages import (
     BusState,
     BusStatus,
     DriveState,
+    EmergencyMessage,
     EmergencyStop,
     EmergencyStopSource,
     SafetyState,
@@ -250,6 +251,41 @@ def test_a_stop_and_an_arming_within_one_tick_show_in_the_count_of_armings() -> 
     assert robot.snapshot().armings == 2
     robot.arm(10)
     assert robot.snapshot().armings == 2
+
+
+def test_a_velocity_wanted_before_the_arming_is_not_driven_however_late_it_comes() -> None:
+    robot = RobotDouble().armed()
+    before = robot.velocity(0.5, 0.0)
+    robot.tick(EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR))
+    robot.ticks(5)
+    robot.arm(2)
+    robot.ticks(1)
+    assert robot.state == SafetyState.ARMED
+    assert robot.now_ns < before.expires_ns
+    robot.tick(before)
+    assert robot.state == SafetyState.ARMED
+    assert robot.snapshot().v_ref_m_s == 0.0
+    robot.tick(robot.velocity(0.5, 0.0))
+    assert robot.state == SafetyState.DRIVING
+
+
+def test_what_a_node_reports_is_told_once_between_two_armings() -> None:
+    robot = RobotDouble()
+
+    def told(*codes: int) -> list[str]:
+        robot.emergencies = tuple(EmergencyMessage(robot.now_ns, 1, code, 1) for code in codes)
+        texts = [notice.text for notice in robot.tick().notices]
+        robot.emergencies = ()
+        return [text for text in texts if "error" in text]
+
+    robot.ticks(1)
+    assert told(0x6310, 0x6310, 0x3220) == [
+        "drive (node 1) reports error 0x6310",
+        "drive (node 1) reports error 0x3220",
+    ]
+    assert told(0, 0x6310) == []
+    robot.armed()
+    assert told(0x6310) == ["drive (node 1) reports error 0x6310"]
 
 
 @settings(max_examples=30)

@@ -259,11 +259,16 @@ def test_what_only_keeps_from_arming_stops_nobody(feedback: Feedback, reason: st
         bus(state=BusState.ERROR_WARNING),
         motor(state=DriveState.ENABLED),
         motor(state=DriveState.BOOT),
-        motor(faults=int(DriveFault.ENCODER)),
     ],
 )
 def test_what_is_allowed_is_no_reason(feedback: Feedback) -> None:
     assert health(feedback).refusals(NOW) == ()
+
+
+def test_a_drive_that_reports_a_fault_is_not_trusted_though_it_has_not_stopped() -> None:
+    kept = health(motor(state=DriveState.READY, faults=int(DriveFault.PARAMETER)))
+    assert kept.refusals(NOW) == ("the motor controller reports: parameter",)
+    assert kept.fault(NOW) == "the motor controller reports: parameter"
 
 
 def test_each_node_that_is_out_of_service_is_named() -> None:
