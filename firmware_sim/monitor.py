@@ -114,17 +114,19 @@ class SafetyMonitor:
         """Where the steering stood when the wheels were not allowed power any more."""
         self._said_yes = False
         self._cleared = self._said_no = True
-        self._armings: set[int] | None = None
+        self._now_ns = 0
+        self._armings: dict[int, int] | None = None
+        """When each was told of [ns]."""
         self._present = ""
 
     def on_arming(self, number: int) -> None:
         """Take note that somebody arms the robot on purpose, by a number of his own."""
-        self._armings = (self._armings or set()) | {number}
+        self._armings = (self._armings or {}) | {number: self._now_ns}
 
     def on_refusal(self, number: int) -> None:
         """Take note that the robot refused an arming: it is no leave to drive."""
         if self._armings is not None:
-            self._armings.discard(number)
+            self._armings.pop(number, None)
 
     def on_bus(self, frame: Frame) -> None:
         """Hear a frame that has passed the bus, whoever received it."""
@@ -155,7 +157,9 @@ class SafetyMonitor:
         if not data[1] & _ENABLE:
             self._said_no = self._said_no or self._cleared
             if self._said_yes and self._armings is not None:
-                self._armings.clear()
+                # What is delivered now may have waited since before the youngest of them.
+                since_ns = stamp_ns - self._allowed.power_ns
+                self._armings = {n: ns for n, ns in self._armings.items() if ns > since_ns}
             self._said_yes, self._why = False, "Enable=0"
             return
         self._said_yes = True
@@ -168,6 +172,7 @@ class SafetyMonitor:
 
     def look(self, now_ns: int) -> None:
         """Judge the robot as it is now [ns]."""
+        self._now_ns = now_ns
         motion = self._look()
         if self._powered and not motion.powered:
             self.power_off_ns = now_ns

@@ -49,6 +49,9 @@ GUARD_DUE_NS: Final = 30 * MILLISECOND_NS
 
 MAX_COUNTER_STEP: Final = 3
 """E2E_MaxDeltaCounter of MotorCommand."""
+ENABLE_FRAMES: Final = 3
+"""So many valid commands that say Enable=1, without a 0 between, enable the motors: a frame that
+somebody's controller held back for long does not."""
 NO_ECHO: Final = 15
 AGE_MAX_MS: Final = 255
 
@@ -59,6 +62,9 @@ _OPERATIONAL: Final = NmtState.OPERATIONAL
 _READY, _ENABLED = DriveState.READY, DriveState.ENABLED
 _DRIVE: Final = Bridge.DRIVE
 _INITIAL: Final = CheckStatus.INITIAL
+_FITS_CRC: Final = frozenset(
+    {CheckStatus.INITIAL, CheckStatus.REPEATED, CheckStatus.WRONG_SEQUENCE}
+)
 
 TROUBLES: Final = {
     DriveFault.OVER_CURRENT: Trouble(0x2310, GENERIC | _CURRENT),
@@ -155,6 +161,7 @@ class DriveNode(Node):
         self._checker = Checker(wire.data_id(wire.MOTOR_COMMAND), MAX_COUNTER_STEP)
         self._accepted = self._rejected = self._range_rejects = 0
         self._timeouts = self._emergency_stops = 0
+        self._enables = 0
         self._echo = NO_ECHO
         self._accepted_ns = self._heard_ns = -NEVER_NS
         self._command_image = bytes(8)
@@ -187,6 +194,8 @@ class DriveNode(Node):
         if now_ns - self._heard_ns >= self.clock.span_ns(self._timeout_ns):
             self._on_silence(now_ns)
         status = self._checker.check(data)
+        if status in _FITS_CRC and not data[1] & wire.ENABLE:
+            self._heed_off(now_ns)
         if status is _INITIAL:
             self._heard_ns = now_ns
             return
@@ -209,10 +218,13 @@ class DriveNode(Node):
     def _obey(self, command: wire.MotorCommand) -> None:
         machine = self._machine
         if not command.enable:
+            self._enables = 0
             if machine.handle(DriveEvent.DISABLE):
                 self._steering_rad = self._stage.steering_rad  # it stays where it is
         elif machine.state is not _ENABLED:
-            machine.handle(DriveEvent.ENABLE)
+            self._enables += 1
+            if self._enables >= ENABLE_FRAMES:
+                machine.handle(DriveEvent.ENABLE)
         if machine.state is _ENABLED:
             entered = self._bridge is not _DRIVE
             self._apply(command.duty1, command.duty2, command.steering_rad, _DRIVE)
@@ -223,6 +235,17 @@ class DriveNode(Node):
             if bridge is not self._bridge:
                 self._apply(0.0, 0.0, self._steering_rad, bridge)
 
+    def _heed_off(self, now_ns: int) -> None:
+        """Obey a command that says Enable=0 whatever its counter.
+
+        Late, it costs a moment. Behind frames that were held back it is the host's present will,
+        which their counters make look late.
+        """
+        self._enables = 0
+        if self._machine.state is _ENABLED:
+            self._machine.handle(DriveEvent.DISABLE)
+            self._hold(now_ns)
+
     def _apply(self, duty1: float, duty2: float, steering_rad: float, bridge: Bridge) -> None:
         self._duty1, self._duty2, self._steering_rad = duty1, duty2, steering_rad
         self._bridge = bridge
@@ -231,6 +254,7 @@ class DriveNode(Node):
     def _hold(self, now_ns: int) -> None:
         """Stop the motors: zero duty, shorted windings, the steering where it is."""
         self._run_to(now_ns)
+        self._enables = 0
         self._apply(0.0, 0.0, self._stage.steering_rad, Bridge.BRAKE)
 
     def _on_silence(self, now_ns: int) -> None:

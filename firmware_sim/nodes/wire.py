@@ -13,7 +13,9 @@ import math
 import struct
 from typing import Final, NamedTuple
 
-PROTOCOL_VERSION: Final = 0x19F4B619
+PROTOCOL_VERSION: Final = 0x6FF6E422
+ENABLE: Final = 0x10
+"""Bit of byte 1 of MotorCommand."""
 """CRC-32 (zlib) of the robot.dbc that this module implements: object 0x2001 of the drive."""
 
 NMT: Final = 0x000
@@ -79,7 +81,7 @@ def motor_command(data: bytes) -> MotorCommand | None:
     ):
         return None
     return MotorCommand(
-        bool(flags & 0x10), bool(flags & 0x20), duty1 * 1e-4, duty2 * 1e-4, steering * 1e-4
+        bool(flags & ENABLE), bool(flags & 0x20), duty1 * 1e-4, duty2 * 1e-4, steering * 1e-4
     )
 
 

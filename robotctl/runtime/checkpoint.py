@@ -28,6 +28,7 @@ _PURE: Final = (
     "robotctl.runtime.arm_requests",
     "robotctl.runtime.core",
     "robotctl.runtime.health",
+    "robotctl.runtime.latch_time",
     "robotctl.runtime.messages",
     "robotctl.runtime.plausibility",
     "robotctl.runtime.safety",

@@ -24,10 +24,12 @@ from robotctl.model.sonar import SonarMount
 from robotctl.model.twist import Twist
 from robotctl.runtime.arm_requests import ArmRequests
 from robotctl.runtime.health import Health
+from robotctl.runtime.latch_time import Latch, LatchTimes
 from robotctl.runtime.messages import (
     Arm,
     ControlRequest,
     ControlState,
+    DriveState,
     EmergencyMessage,
     EmergencyStop,
     EmergencyStopSource,
@@ -39,6 +41,7 @@ from robotctl.runtime.messages import (
     Severity,
     VelocityCommand,
     WheelCommand,
+    WheelFeedback,
 )
 from robotctl.runtime.plausibility import Plausibility, PlausibilityConfig
 from robotctl.runtime.plausibility_sonar import SonarMonitor
@@ -47,10 +50,11 @@ from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, Safet
 _UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
+_DRIVE_NODE = 1
 _NO_ERROR = 0
 """EMCY code of a node whose errors are over (CiA 301, 7.2.7)."""
-_COUNTS_GAP_NS = 500_000_000
-"""Half of what the drive's time stamp holds: behind a longer gap it may have rolled over."""
+_UNASKED_NS = 50_000_000
+"""So much longer than its time-out the drive may report power behind a stop of the host [ns]."""
 _IMPOSSIBLE_SHARE = 2.0
 """No wheel turns faster than so many times its speed at the robot's limits, and being pushed."""
 _PUSHED_M_S = 1.5
@@ -169,13 +173,16 @@ class ControlCore:
         self._twist_ref = Twist(0.0, 0.0)
         self._steering_rad = 0.0
         self._has_counts = False
-        self._counted_ns = 0
+        self._latches = LatchTimes()
         self._nodes: tuple[NodeStatus, ...] = ()
         self._boots: dict[int, int] = {}
         self._ticks = 0
         self._arming = ArmRequests()
         self._objections: tuple[str, ...] = ()
         self._cleared_ns = 0
+        self._unasked_limit_ns = safety.command_timeout_ms * 1_000_000 + _UNASKED_NS
+        self._powered_ns = 0
+        """Time of the last command that allows power [ns]."""
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
         self._armed_ns = 0
@@ -199,35 +206,30 @@ class ControlCore:
         if inputs.requests or inputs.feedback.emergency_stop is not None:
             stop = self._take_requests(inputs, now_ns)
         self._supervise(now_ns)
+        if self.machine.state not in POWERED and self._drives_unasked():
+            stop = EmergencyStopSource.HOST_FAULT
+            reason = "emergency stop: the motor controller drives without being told to"
+            self._on(Event.EMERGENCY_STOP, reason, now_ns)
         clear = bool(self._arming.waiting) and self._try_to_arm(now_ns)
         self._command_before = self._command
         self._command = self._drive_wheels(now_ns)
+        if self._command.enable:
+            self._powered_ns = now_ns
         return Outputs(self._command, stop, clear, tuple(self._notices))
 
     def _take_feedback(self, feedback: Feedback, now_ns: int) -> None:
         """Update estimates from what the bus brought."""
         health = self._health
+        wheels = feedback.wheels
+        latch = Latch.NEXT if wheels is None else self._latches.judge(wheels)
+        if latch is Latch.HELD_BACK:
+            wheels = None
+            feedback = msgspec.structs.replace(feedback, wheels=None)
         health.update(feedback)
         if feedback.drive is not None:
             self._steering_rad = feedback.drive.steering_rad
-        wheels = feedback.wheels
         if wheels is not None:
-            # A single wheel is both; the second update then is a latch seen twice, which is none.
-            first, last = self._estimators
-            if not self._has_counts:
-                self._has_counts = True
-                last.reset(wheels.count2, wheels.timestamp_us)
-                first.reset(wheels.count1, wheels.timestamp_us)
-            elif wheels.stamp_ns - self._counted_ns > _COUNTS_GAP_NS:
-                last.resume(wheels.count2, wheels.timestamp_us)
-                first.resume(wheels.count1, wheels.timestamp_us)
-            self._counted_ns = wheels.stamp_ns
-            first.update(wheels.count1, wheels.timestamp_us)
-            last.update(wheels.count2, wheels.timestamp_us)
-            self.odometry.update(first.position_rad, last.position_rad, self._steering_rad)
-            self._twist_meas = self._drive.forward(
-                first.velocity_rad_s, last.velocity_rad_s, self._steering_rad
-            )
+            self._take_counts(wheels, anew=latch is Latch.ANEW)
         if self.machine.state in POWERED:
             self._compare(feedback)
         if feedback.nodes is not self._nodes:
@@ -239,6 +241,24 @@ class ControlCore:
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
             self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
+
+    def _take_counts(self, wheels: WheelFeedback, *, anew: bool) -> None:
+        """Update velocities and odometry; `anew`: behind a gap of unknown length."""
+        # A single wheel is both; the second update then is a latch seen twice, which is none.
+        first, last = self._estimators
+        if not self._has_counts:
+            self._has_counts = True
+            last.reset(wheels.count2, wheels.timestamp_us)
+            first.reset(wheels.count1, wheels.timestamp_us)
+        elif anew:
+            last.resume(wheels.count2, wheels.timestamp_us)
+            first.resume(wheels.count1, wheels.timestamp_us)
+        first.update(wheels.count1, wheels.timestamp_us)
+        last.update(wheels.count2, wheels.timestamp_us)
+        self.odometry.update(first.position_rad, last.position_rad, self._steering_rad)
+        self._twist_meas = self._drive.forward(
+            first.velocity_rad_s, last.velocity_rad_s, self._steering_rad
+        )
 
     def _compare(self, feedback: Feedback) -> None:
         """Let the monitors see what came, while the robot is powered."""
@@ -265,13 +285,18 @@ class ControlCore:
         return tuple([wheel.estimator.velocity_rad_s for wheel in self._wheels])
 
     def _take_boot(self, node_id: int, boots: int, name: str, now_ns: int) -> None:
-        """Stop where a node has restarted; its counts begin anew."""
+        """Stop where a node has restarted; the counts of the drive begin anew."""
         before = self._boots.get(node_id)
         if before == boots:
             return
         self._boots[node_id] = boots
-        self._has_counts = False
-        self.odometry.reset(0.0, 0.0)
+        if node_id == _DRIVE_NODE:
+            self._has_counts = False
+            self._latches.reset()
+            self.odometry.reset(0.0, 0.0)
+        if before is not None and node_id == _DRIVE_NODE:
+            text = "the drive lost its counts: the way since is not in the pose"
+            self._notices.append(Notice(now_ns, Severity.WARNING, text))
         if before is not None and self.machine.state in POWERED:
             self._on(Event.FAULT, f"{name} (node {node_id}) restarted", now_ns)
 
@@ -335,6 +360,17 @@ class ControlCore:
                 self._on(Event.READY, "", now_ns)
             elif not self._on(Event.NOT_READY, problem, now_ns):
                 self.machine.reason = problem
+
+    def _drives_unasked(self) -> bool:
+        """Return whether the motor controller reports power though it was not told to for long.
+
+        As behind old commands that somebody's controller held back. Its time-out has passed: what
+        it did not hear is no excuse any more.
+        """
+        motor = self._health.motor
+        if motor is None or motor.state is not DriveState.ENABLED:
+            return False
+        return motor.stamp_ns - self._powered_ns > self._unasked_limit_ns
 
     def _try_to_arm(self, now_ns: int) -> bool:
         """Arm if nothing speaks against it; return whether the drive's latches must be cleared."""

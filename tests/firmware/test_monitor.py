@@ -175,7 +175,7 @@ def test_a_drive_that_was_powered_up_has_lost_its_latch_and_needs_a_new_no(scene
 def test_where_armings_are_told_of_power_after_a_stop_needs_a_new_one(scene):
     scene.monitor.on_arming(1)
     scene.power()
-    scene.run(50, enable=True)
+    scene.run(150, enable=True)
     scene.power(False)
     scene.run(50, enable=False)
     scene.power()
@@ -188,6 +188,20 @@ def test_where_armings_are_told_of_power_after_a_stop_needs_a_new_one(scene):
     scene.power()
     scene.run(200, enable=True)
     assert scene.monitor.count == 1
+
+
+def test_an_arming_outlives_what_was_sent_before_it_and_comes_after_it(scene):
+    scene.monitor.on_arming(1)
+    scene.power()
+    scene.run(150, enable=True)
+    scene.power(False)
+    scene.run(50)  # the bus is dead: what the host says waits
+    scene.monitor.on_arming(2)
+    scene.run(5, enable=True)
+    scene.run(20, enable=False)
+    scene.power()
+    scene.run(300, enable=True)
+    assert scene.reasons == []
 
 
 def test_an_arming_that_was_refused_is_no_leave_to_drive(scene):

@@ -15,7 +15,7 @@ import cantools
 import pytest
 from e2e import p01
 
-from firmware_sim.nodes.drive import DriveNode
+from firmware_sim.nodes.drive import ENABLE_FRAMES, DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.plant import Bridge
 
@@ -178,7 +178,8 @@ class DriveRig:
 
     def enable(self):
         self.host.send(enable=False)
-        self.host.send(enable=True)
+        for _ in range(ENABLE_FRAMES):
+            self.host.send(enable=True)
         assert self.drive.drive_state.name == "ENABLED"
 
     def last(self, name):

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from firmware_sim.nodes.drive import ENABLE_FRAMES
 from firmware_sim.nodes.drive_state import DriveState
 from firmware_sim.plant import Bridge
 
@@ -24,11 +25,37 @@ def accepted(rig):
 
 class TestCommands:
     def test_the_first_command_only_sets_the_reference(self, rig):
-        rig.host.send(duty1=0.5)
-        assert rig.drive.drive_state is DriveState.READY
+        for _ in range(ENABLE_FRAMES):
+            rig.host.send(duty1=0.5)
+            assert rig.drive.drive_state is DriveState.READY
         rig.host.send(duty1=0.5, duty2=-0.25, steering=0.1)
         assert rig.drive.drive_state is DriveState.ENABLED
         assert rig.stage.commands[-1] == pytest.approx((0.5, -0.25, 0.1, Bridge.DRIVE))
+
+    @pytest.mark.parametrize("late", range(2 * ENABLE_FRAMES))
+    def test_commands_that_were_held_back_enable_nobody_whom_the_host_keeps_off(self, rig, late):
+        old = [rig.host.frame(duty1=0.5) for _ in range(60)]
+        for _ in range(40):
+            rig.host.send(enable=False)
+            if late < ENABLE_FRAMES:  # so many of them between two of the host's
+                for _ in range(late):
+                    rig.line.deliver(0x201, old.pop(0)) if old else None
+            else:
+                rig.line.deliver(0x201, old[late])
+            assert rig.drive.drive_state is DriveState.READY
+            assert rig.stage.duty1 == 0.0
+
+    def test_enable_0_counts_whatever_its_counter_but_not_with_a_wrong_crc(self, rig):
+        rig.enable()
+        rig.host.send(duty1=0.5)
+        late = rig.host.frame(enable=False, counter=(rig.host.counter + 7) % 15)
+        damaged = bytes((late[0] ^ 1,)) + late[1:]
+        rig.line.deliver(0x201, damaged)
+        assert rig.drive.drive_state is DriveState.ENABLED
+        rig.stage.steering_rad = 0.2
+        rig.line.deliver(0x201, late)
+        assert rig.drive.drive_state is DriveState.READY
+        assert rig.stage.commands[-1] == (0.0, 0.0, 0.2, Bridge.BRAKE)
 
     @pytest.mark.parametrize(("brake", "bridge"), [(False, Bridge.COAST), (True, Bridge.BRAKE)])
     def test_enable_0_opens_or_shorts_the_bridge_whatever_the_duty_says(self, rig, brake, bridge):
@@ -186,7 +213,7 @@ class TestDeadMan:
         rig.host.drive(500, duty1=0.5)
         assert rig.drive.drive_state is DriveState.READY
         assert rig.stage.duty1 == 0.0
-        rig.host.send(enable=False)
+        rig.enable()
         rig.host.send(duty1=0.5)
         assert rig.stage.duty1 == pytest.approx(0.5)
 
@@ -442,7 +469,7 @@ class TestNmt:
         rig.line.deliver(0x000, b"\x01\x01")
         rig.host.drive(50, duty1=0.5)
         assert rig.drive.drive_state is DriveState.READY
-        rig.host.send(enable=False)
+        rig.enable()
         rig.host.send(duty1=0.5)
         assert rig.stage.duty1 == pytest.approx(0.5)
 

@@ -64,6 +64,8 @@ class RobotDouble:
         self.speeds = [0.0, 0.0]
         self.angles = [0.0, 0.0]
         self.motor_state = DriveState.READY
+        self.drive_says: DriveState | None = None
+        self.node_id = 1
         self.faults = 0
         self.problem = ""
         self.boots = 1
@@ -78,6 +80,8 @@ class RobotDouble:
         self.mute_sonars = False
         self.sonar_ns = 0
         self.frozen_latch = False
+        self.latch_ns = 0
+        self.held_back: WheelFeedback | None = None
         self.heartbeat_ns: int | None = None
         self.sonar_m = (2.0, math.inf, 2.0, 2.0)
         self.objections: tuple[str, ...] = ()
@@ -140,13 +144,16 @@ class RobotDouble:
         counts = [math.floor(angle / (2 * math.pi) * 2400) & 0xFFFF for angle in self.angles]
         status = not self.mute_status
         stop, self.bus_stop = self.bus_stop, None
-        latch_ns = 0 if self.frozen_latch else now
+        self.latch_ns = latch_ns = self.latch_ns if self.frozen_latch else now
         heartbeat_ns = now if self.heartbeat_ns is None else self.heartbeat_ns
+        wheels = WheelFeedback(now, (latch_ns // 1000) & 0xFFFFF, counts[0], counts[1])
+        if self.held_back is not None:
+            wheels, self.held_back = msgspec.structs.replace(self.held_back, stamp_ns=now), None
         return Feedback(
-            wheels=None
-            if self.mute_wheels
-            else WheelFeedback(now, (latch_ns // 1000) & 0xFFFFF, counts[0], counts[1]),
-            motor=MotorStatus(now, self.motor_state, *self.currents_a(), 30, 30, self.faults)
+            wheels=None if self.mute_wheels else wheels,
+            motor=MotorStatus(
+                now, self.drive_says or self.motor_state, *self.currents_a(), 30, 30, self.faults
+            )
             if status
             else None,
             drive=DriveStatus(now, 0, 0.0, BUS_V, self.command_age_ms, 0) if status else None,
@@ -154,7 +161,7 @@ class RobotDouble:
             battery=self._battery(),
             emergencies=self.emergencies,
             emergency_stop=stop,
-            nodes=(NodeStatus(1, "drive", 5, heartbeat_ns, self.boots, self.problem),),
+            nodes=(NodeStatus(self.node_id, "drive", 5, heartbeat_ns, self.boots, self.problem),),
             bus=self.bus,
         )
 

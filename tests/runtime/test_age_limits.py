@@ -44,8 +44,7 @@ def test_an_input_stops_the_robot_in_the_first_tick_after_its_limit(name: str) -
     robot = RobotDouble().armed()
     robot.ticks(60, (0.4, 0.0))
     damage(robot)
-    # With a frozen latch the first frame of the frozen time still is a new one.
-    last_ns = robot.now_ns + (PERIOD_NS if name == "latch" else 0)
+    last_ns = robot.now_ns
     sent_ns = {"sonars": robot.sonar_ns, "one sonar": robot.sonar_ns, "battery": robot.battery_ns}
     last_ns = sent_ns.get(name, last_ns)
     while robot.now_ns + PERIOD_NS <= last_ns + limit_ns:

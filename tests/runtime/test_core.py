@@ -269,6 +269,60 @@ def test_a_velocity_wanted_before_the_arming_is_not_driven_however_late_it_comes
     assert robot.state == SafetyState.DRIVING
 
 
+@pytest.mark.parametrize("stop", ["disarmed", "fault", "never armed"])
+def test_a_drive_that_goes_on_without_being_told_to_is_stopped_by_the_emergency_stop(
+    stop: str,
+) -> None:
+    robot = RobotDouble()
+    robot.ticks(110)
+    if stop != "never armed":
+        robot.armed()
+    if stop == "fault":
+        robot.boots += 1
+        robot.tick()
+        assert robot.state == SafetyState.FAULT
+    elif stop == "disarmed":
+        robot.disarm()
+    limit_ns = robot.now_ns + (robot.core._safety.command_timeout_ms + 50) * 1_000_000
+    if stop == "never armed":
+        limit_ns = 0
+    robot.motor_state = robot.drive_says = DriveState.ENABLED
+    while robot.now_ns + PERIOD_NS <= limit_ns - PERIOD_NS:
+        assert robot.tick().emergency_stop is None
+    stops = [robot.tick().emergency_stop for _ in range(3)]
+    assert stops[-1] is EmergencyStopSource.HOST_FAULT
+    assert robot.state == SafetyState.EMERGENCY_STOP
+    assert robot.snapshot().reason == (
+        "emergency stop: the motor controller drives without being told to"
+    )
+
+
+def test_a_frame_that_was_held_back_is_no_way_and_no_feedback() -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(100, (0.4, 0.0))
+    old = next(i.feedback.wheels for _, i, _ in reversed(robot.record[:-80]))
+    before, angles = robot.snapshot(), list(robot.angles)
+    robot.held_back = old
+    robot.tick(robot.velocity(0.4, 0.0))
+    after = robot.snapshot()
+    assert (after.x_m, after.wheel_rad_s) == (before.x_m, before.wheel_rad_s)
+    robot.ticks(20, (0.4, 0.0))
+    assert robot.state == SafetyState.DRIVING
+    way_m = [0.05 * (now - then) for now, then in zip(robot.angles, angles, strict=True)]
+    assert robot.snapshot().x_m - before.x_m == pytest.approx(sum(way_m) / 2, abs=0.0005)
+
+
+@pytest.mark.parametrize(("node_id", "told"), [(1, 1), (3, 0)])
+def test_a_drive_that_restarts_loses_its_counts_and_says_so(node_id: int, told: int) -> None:
+    robot = RobotDouble()
+    robot.node_id = node_id
+    robot.armed()
+    robot.boots += 1
+    texts = [notice.text for notice in robot.tick().notices]
+    assert texts.count("the drive lost its counts: the way since is not in the pose") == told
+    assert robot.state == SafetyState.FAULT
+
+
 def test_what_a_node_reports_is_told_once_between_two_armings() -> None:
     robot = RobotDouble()
 
