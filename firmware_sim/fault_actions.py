@@ -177,8 +177,9 @@ def lose_parameters(faults: Faults, arguments: Arguments) -> None:
 
 
 def flash(faults: Faults, arguments: Arguments) -> Undo:
-    """Let a node boot with other firmware; in the end it boots with its own."""
+    """Let a node boot with other firmware; when the last such fault ends, with its own."""
     node = _node(faults, arguments)
+    faults.flashed[node.name] += 1
 
     def boot(revision: int, wire_version: int) -> None:
         node.dictionary.on_read(standard_objects.IDENTITY, 3, lambda: revision)
@@ -186,8 +187,13 @@ def flash(faults: Faults, arguments: Arguments) -> Undo:
             node.dictionary.on_read(drive_objects.PROTOCOL_VERSION, 0, lambda: wire_version)
         faults.simulation.power_cycle(node.name)
 
+    def undo() -> None:
+        faults.flashed[node.name] -= 1
+        if not faults.flashed[node.name]:
+            boot(standard_objects.REVISION, wire.PROTOCOL_VERSION)
+
     boot(OTHER_REVISION, OTHER_WIRE_VERSION)
-    return lambda: boot(standard_objects.REVISION, wire.PROTOCOL_VERSION)
+    return undo
 
 
 def drift(faults: Faults, arguments: Arguments) -> Undo:

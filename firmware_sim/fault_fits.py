@@ -37,6 +37,12 @@ def wheel(robot: RobotConfig, arguments: Arguments) -> Misfits:
         yield "wheel", f"'right', the {robot.drive.kind} drive has one motor, allowed: left, drive"
 
 
+def pair(robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield where the robot has one motor only."""
+    if not isinstance(robot.drive, DifferentialDrive):
+        yield KIND, f"the {robot.drive.kind} drive has one motor: nothing to exchange"
+
+
 def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:
     """Yield where the robot has no sonar at all."""
     if not robot.sonar:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import reprlib
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -128,6 +128,30 @@ def play(scenario: Scenario, faults: Faults, announce: Callable[[str], None]) ->
     streams = np.random.SeedSequence(scenario.seed).spawn(len(scenario.faults))
     for planned, stream in zip(scenario.faults, streams, strict=True):
         _Player(planned, faults, announce, np.random.default_rng(stream)).start()
+
+
+def missed(scenario: Scenario, told: Sequence[str]) -> tuple[str, ...]:
+    """Return the faults whose time had not come when a run was over, as failed ones are told.
+
+    Parameters
+    ----------
+    scenario
+        What was to happen.
+    told
+        What `play` has announced.
+    """
+    left = list(told)
+    lines = []
+    for planned in scenario.faults:
+        if planned.at_s is None:
+            continue
+        line = f"{planned.at_s:.3f} s: {planned}"
+        begun = next((each for each in left if each.partition(FAILED)[0] == line), None)
+        if begun is None:
+            lines.append(f"{line}{FAILED}not begun: the run was over")
+        else:
+            left.remove(begun)
+    return tuple(lines)
 
 
 class _Player:

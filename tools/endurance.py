@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from firmware_sim.fault_catalogue import CATALOGUE
-from firmware_sim.fault_kinds import DURATION, Kind, Value
+from firmware_sim.fault_kinds import DURATION, Kind, Parameter, Value
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import Bench, make_simulation
 from robotctl.app.options import StackOptions
@@ -76,6 +76,12 @@ NOT_UNDER_WAY = ("wheels_swapped", "carried")
 
 FAULTS = {name: kind for name, kind in CATALOGUE.items() if name not in NOT_UNDER_WAY}
 """All that may befall a robot under way."""
+
+LONGEST = {"delay": 1.5}
+"""Narrower bounds than a fault's own, so that it is over soon [s]."""
+
+WIDE = 20.0
+"""Bounds farther apart than by this factor: magnitudes are drawn."""
 
 IDENTIFIERS = (0, 0x181, 0x201)
 """Whose frames suffer: all, the feedback, the command."""
@@ -289,7 +295,19 @@ class Endurance:
             drawn["probability"] = float(self._rng.uniform(0.05, 1.0))
         if "id" in kind.parameters:
             drawn["id"] = int(self._rng.choice(IDENTIFIERS))
+        for name, parameter in kind.parameters.items():
+            if name not in drawn and not parameter.words:
+                drawn[name] = self._draw_number(name, parameter)
         return drawn
+
+    def _draw_number(self, name: str, parameter: Parameter) -> float:
+        """Draw a number within its bounds: evenly, or its magnitude where they are far apart."""
+        low, high = parameter.low, min(parameter.high, LONGEST.get(name, parameter.high))
+        if low > 0.0 and high > WIDE * low:
+            return float(np.exp(self._rng.uniform(np.log(low), np.log(high))))
+        if parameter.whole:
+            return int(self._rng.integers(round(low), round(high) + 1))
+        return float(self._rng.uniform(low, high))
 
 
 def _kind(reason: str) -> str:

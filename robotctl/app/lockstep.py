@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from firmware_sim.errors import SimulationError
-from firmware_sim.scenario import play
+from firmware_sim.scenario import missed, play
 from firmware_sim.world import load_world
 from robotctl.app.camera_score import camera_score
 from robotctl.app.config import RobotConfig, find_file
@@ -195,7 +195,7 @@ class LockstepRun:
             load_walls(self._world), seen, is_recorded=options.record is not None
         )
         self._faults: list[str] = []
-        scenario = load_faults(options)
+        self._scenario = load_faults(options)
         self._navigation: NavigationState | None = None
         self._localisation: LocalisationState | None = None
         self._asked_ns = -_ARM_RETRY_NS
@@ -209,7 +209,7 @@ class LockstepRun:
             options.overrides,
         )
         self.bench = Bench(self.config, stack, simulation)
-        play(scenario, simulation.faults, self._faults.append)
+        play(self._scenario, simulation.faults, self._faults.append)
 
     def run(self) -> Report:
         """Drive until the mission is over or the time is up."""
@@ -333,7 +333,7 @@ class LockstepRun:
             loop=loop_report(self.bench.statistics()),
             bus=bus_report(control.bus),
             real_time_factor=round(duration_s / took_s, 2),
-            faults=tuple(self._faults),
+            faults=(*self._faults, *missed(self._scenario, self._faults)),
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,

@@ -17,6 +17,7 @@ from typing import TypeAlias
 import msgspec
 import zmq
 
+from firmware_sim.scenario import missed
 from robotctl.app.camera_score import camera_score
 from robotctl.app.children import lines_of, said_ready, start_child
 from robotctl.app.config import RobotConfig, find_file, load_robot
@@ -139,7 +140,7 @@ class SimRun:
         robot = options.robot.resolve()
         self.config: RobotConfig = load_robot(robot, overrides)
         self.walls = load_walls(self.world)
-        load_faults(options)
+        self._scenario = load_faults(options)
         start = self.mission.start
         instance = f"sim-{os.getpid()}"
         record = str(options.record.resolve()) if options.record else ""
@@ -385,7 +386,7 @@ class SimRun:
             loop=loop_report(control.loop),
             bus=bus_report(control.bus),
             real_time_factor=1.0,
-            faults=tuple(self._faults),
+            faults=(*self._faults, *missed(self._scenario, self._faults)),
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,
