@@ -35,7 +35,7 @@ PLACES_TRIED: Final = 1000
 TEC_LOW, TEC_HIGH = PASSIVE_LIMIT + 8, PASSIVE_LIMIT + 40
 """Between these a transmit error counter is held for error-passive: bus-off begins at 256."""
 
-OTHER_REVISION: Final = standard_objects.REVISION + 0x0001_0000
+MAJOR_REVISION: Final = 0x0001_0000
 OTHER_WIRE_VERSION: Final = wire.PROTOCOL_VERSION ^ 0xFFFF_FFFF
 
 
@@ -177,23 +177,24 @@ def lose_parameters(faults: Faults, arguments: Arguments) -> None:
 
 
 def flash(faults: Faults, arguments: Arguments) -> Undo:
-    """Let a node boot with other firmware; when the last such fault ends, with its own."""
-    node = _node(faults, arguments)
-    faults.flashed[node.name] += 1
+    """Let a node boot with other firmware; in the end it boots with its own.
 
-    def boot(revision: int, wire_version: int) -> None:
+    Each such fault raises the major revision by one: its own is back when all of them are over.
+    """
+    node = _node(faults, arguments)
+
+    def boot(raised: int) -> None:
+        revision = int.from_bytes(node.dictionary.upload(standard_objects.IDENTITY, 3), "little")
+        revision += raised
+        is_own = revision == standard_objects.REVISION
+        wire_version = wire.PROTOCOL_VERSION if is_own else OTHER_WIRE_VERSION
         node.dictionary.on_read(standard_objects.IDENTITY, 3, lambda: revision)
         if node is faults.simulation.drive:
             node.dictionary.on_read(drive_objects.PROTOCOL_VERSION, 0, lambda: wire_version)
         faults.simulation.power_cycle(node.name)
 
-    def undo() -> None:
-        faults.flashed[node.name] -= 1
-        if not faults.flashed[node.name]:
-            boot(standard_objects.REVISION, wire.PROTOCOL_VERSION)
-
-    boot(OTHER_REVISION, OTHER_WIRE_VERSION)
-    return undo
+    boot(MAJOR_REVISION)
+    return lambda: boot(-MAJOR_REVISION)
 
 
 def drift(faults: Faults, arguments: Arguments) -> Undo:

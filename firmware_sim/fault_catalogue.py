@@ -62,7 +62,7 @@ DRIVE: Final[dict[str, Kind]] = {
     ),
     "wheels_swapped": Kind(
         "the encoders' cables are in each other's sockets",
-        lambda faults, _: faults.stage.swap(), _LASTING, fits.pair,
+        lambda faults, _: faults.stage.swap(), _LASTING, fits.exchange,
     ),
     "feedback_frozen": Kind(
         "the drive's feedback goes on with the counts of long ago", act.freeze, _LASTING

@@ -37,10 +37,10 @@ def wheel(robot: RobotConfig, arguments: Arguments) -> Misfits:
         yield "wheel", f"'right', the {robot.drive.kind} drive has one motor, allowed: left, drive"
 
 
-def pair(robot: RobotConfig, _arguments: Arguments) -> Misfits:
-    """Yield where the robot has one motor only."""
+def exchange(robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield where the robot has no two motors, whose encoders could be exchanged."""
     if not isinstance(robot.drive, DifferentialDrive):
-        yield KIND, f"the {robot.drive.kind} drive has one motor: nothing to exchange"
+        yield KIND, f"the {robot.drive.kind} drive has one motor, whose encoder has no other socket"
 
 
 def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:

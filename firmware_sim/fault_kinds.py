@@ -61,7 +61,9 @@ class Parameter:
         if self.words:
             if not isinstance(given, str) or given not in self.words:
                 hint = nearest(str(given), self.words)
-                raise SimulationError(f"{given!r}, allowed: {', '.join(self.words)}{hint}")
+                raise SimulationError(
+                    f"{reprlib.repr(given)}, allowed: {', '.join(self.words)}{hint}"
+                )
             return given
         number = _number(given)
         if self.whole and not number.is_integer():
@@ -95,17 +97,17 @@ class Kind:
     def value(self, key: str, given: object) -> Value:
         """Return the value of one parameter; raises SimulationError where it is unknown or wrong.
 
-        The message begins with the key.
+        The message begins with the key as it is `shown`.
         """
         parameter = self.parameters.get(key)
         if parameter is None:
             allowed = ", ".join(self.parameters) or "none"
             hint = nearest(key, self.parameters)
-            raise SimulationError(f"{key}: unknown, allowed: {allowed}{hint}")
+            raise SimulationError(f"{shown(key)}: unknown, allowed: {allowed}{hint}")
         try:
             return parameter.value(given)
         except SimulationError as error:
-            raise SimulationError(f"{key}: {error}") from None
+            raise SimulationError(f"{shown(key)}: {error}") from None
 
     def complete(self, given: Mapping[str, Value]) -> dict[str, Value]:
         """Return all arguments, defaults in the place of those that are not given."""
@@ -116,6 +118,11 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return `; did you mean "..."?` for the name nearest to `word`; nothing where none is near."""
     near = difflib.get_close_matches(word, list(allowed), n=1)
     return f'; did you mean "{near[0]}"?' if near else ""
+
+
+def shown(key: str) -> str:
+    """Return a key as a message shows it: on one line, and shortened where it is very long."""
+    return reprlib.repr(key)[1:-1]
 
 
 def _number(given: object) -> float:

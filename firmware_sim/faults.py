@@ -7,7 +7,6 @@ The kinds stand in `fault_catalogue`. A fault that lasts ends by itself after it
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -56,8 +55,6 @@ class Faults:
         self.stage: FaultyStage = stage
         self.ring: FaultyRing = ring
         self.rng = rng
-        self.flashed: Counter[str] = Counter()
-        """How many faults of other firmware each node has."""
         self._present: list[Undo] = []
 
     def inject(self, line: str) -> str:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import reprlib
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -32,7 +32,7 @@ import numpy as np
 from firmware_sim.errors import SimulationError
 from firmware_sim.fault_catalogue import CATALOGUE
 from firmware_sim.fault_fits import KIND
-from firmware_sim.fault_kinds import DURATION, FAILED, Kind, Value, nearest
+from firmware_sim.fault_kinds import DURATION, FAILED, Kind, Value, nearest, shown
 from firmware_sim.toml_lines import Key, key_lines
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 AT, EVERY = "at", "every"
 LONGEST_S: Final = 1e6
+NOT_BEGUN: Final = "not begun: the run was over"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ def load_scenario(path: Path, robot: RobotConfig) -> Scenario:
         raise SimulationError(f"{path}: cannot be read: {error}") from error
     except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
         raise SimulationError(f"{path}: {error}") from error
-    reader = _Reader(path, _key_lines(text), robot)
+    reader = _Reader(path, key_lines(text), robot)
     scenario = reader.scenario(data)
     if reader.problems:
         raise SimulationError("\n".join(reader.problems))
@@ -130,28 +131,21 @@ def play(scenario: Scenario, faults: Faults, announce: Callable[[str], None]) ->
         _Player(planned, faults, announce, np.random.default_rng(stream)).start()
 
 
-def missed(scenario: Scenario, told: Sequence[str]) -> tuple[str, ...]:
-    """Return the faults whose time had not come when a run was over, as failed ones are told.
+def not_begun(scenario: Scenario, told: Iterable[str]) -> list[str]:
+    """Return a line for each fault whose `at` had not come when a run was over.
+
+    Each is as `play` announces one that could not begin. Faults with `every` may happen never.
 
     Parameters
     ----------
     scenario
         What was to happen.
     told
-        What `play` has announced.
+        All lines that `play` has announced.
     """
-    left = list(told)
-    lines = []
-    for planned in scenario.faults:
-        if planned.at_s is None:
-            continue
-        line = f"{planned.at_s:.3f} s: {planned}"
-        begun = next((each for each in left if each.partition(FAILED)[0] == line), None)
-        if begun is None:
-            lines.append(f"{line}{FAILED}not begun: the run was over")
-        else:
-            left.remove(begun)
-    return tuple(lines)
+    begun = {line.partition(FAILED)[0] for line in told}
+    due = [_line(each.at_s, each) for each in scenario.faults if each.at_s is not None]
+    return [f"{line}{FAILED}{NOT_BEGUN}" for line in due if line not in begun]
 
 
 class _Player:
@@ -180,11 +174,11 @@ class _Player:
         return float(self._rng.exponential(self._planned.every_s or 0.0))
 
     def _wait(self, pause_s: float) -> None:
-        self._bus.schedule(self._bus.now_ns + round(pause_s * 1e9), self._begin)
+        self._bus.schedule(self._bus.now_ns + _nanoseconds(pause_s), self._begin)
 
     def _begin(self) -> None:
         planned = self._planned
-        line = f"{(self._bus.now_ns - self._start_ns) / 1e9:.3f} s: {planned}"
+        line = _line((self._bus.now_ns - self._start_ns) / 1e9, planned)
         try:
             self._faults.begin(planned.kind, planned.arguments)
         except SimulationError as error:
@@ -197,7 +191,7 @@ class _Player:
 class _Reader:
     """Turns the tables of one file into values and collects what is wrong with them."""
 
-    def __init__(self, path: Path, lines: Mapping[str, int], robot: RobotConfig) -> None:
+    def __init__(self, path: Path, lines: Mapping[Key, int], robot: RobotConfig) -> None:
         self._path = path
         self._lines = lines
         self._robot = robot
@@ -207,19 +201,19 @@ class _Reader:
         """Return the whole file's."""
         for key in data:
             if key not in ("seed", "fault"):
-                self._blame(key, f"unknown key{nearest(key, ('seed', 'fault'))}")
+                self._blame((key,), f"unknown key{nearest(key, ('seed', 'fault'))}")
         seed = data.get("seed", 0)
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-            self._blame("seed", f"{seed!r} is no whole number from 0 on")
+            self._blame(("seed",), f"{reprlib.repr(seed)} is no whole number from 0 on")
             seed = 0
         tables = data.get("fault", [])
         if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
-            self._blame("fault", "write each fault as a table [[fault]]")
+            self._blame(("fault",), "write each fault as a table [[fault]]")
             tables = []
-        faults = [self._fault(f"fault[{index}]", table) for index, table in enumerate(tables)]
+        faults = [self._fault(("fault", index), table) for index, table in enumerate(tables)]
         return Scenario(tuple(each for each in faults if each is not None), seed)
 
-    def _fault(self, where: str, table: Mapping[str, Any]) -> PlannedFault | None:
+    def _fault(self, where: Key, table: Mapping[str, Any]) -> PlannedFault | None:
         name = table.get(KIND)
         if name is None:
             self._blame(where, 'a fault needs its kind, as kind = "bus_cut"')
@@ -227,20 +221,20 @@ class _Reader:
         kind = CATALOGUE.get(name) if isinstance(name, str) else None
         if kind is None:
             hint = nearest(str(name), CATALOGUE) or f"; allowed: {', '.join(CATALOGUE)}"
-            self._blame(f"{where}.{KIND}", f"{name!r} is no kind of fault{hint}")
+            self._blame((*where, KIND), f"{reprlib.repr(name)} is no kind of fault{hint}")
             return None
         arguments = self._arguments(where, kind, table)
         for key, problem in kind.fits(self._robot, kind.complete(arguments)):
-            self._blame(f"{where}.{key}", problem)
+            self._blame((*where, key), problem)
         at_s, every_s = (self._time(where, table, key) for key in (AT, EVERY))
         if (AT in table) == (EVERY in table):
             self._blame(where, f"needs either {AT} or {EVERY}, the time in seconds")
         planned = PlannedFault(name, arguments, at_s, every_s)
         if every_s is not None and DURATION in kind.parameters and planned.duration_s <= 0.0:
-            self._blame(f"{where}.{DURATION}", f"must be greater than 0 with {EVERY}")
+            self._blame((*where, DURATION), f"must be greater than 0 with {EVERY}")
         return planned
 
-    def _arguments(self, where: str, kind: Kind, table: Mapping[str, Any]) -> dict[str, Value]:
+    def _arguments(self, where: Key, kind: Kind, table: Mapping[str, Any]) -> dict[str, Value]:
         arguments = {}
         for key, given in table.items():
             if key in (KIND, AT, EVERY):
@@ -248,10 +242,10 @@ class _Reader:
             try:
                 arguments[key] = kind.value(key, given)
             except SimulationError as error:
-                self._blame(f"{where}.{key}", str(error).removeprefix(f"{key}: "))
+                self._blame((*where, key), str(error).removeprefix(f"{shown(key)}: "))
         return arguments
 
-    def _time(self, where: str, table: Mapping[str, Any], key: str) -> float | None:
+    def _time(self, where: Key, table: Mapping[str, Any], key: str) -> float | None:
         given = table.get(key)
         if given is None:
             return None
@@ -259,15 +253,31 @@ class _Reader:
         lowest = 0.001 if key == EVERY else 0.0
         if not is_number or not lowest <= given <= LONGEST_S:
             self._blame(
-                f"{where}.{key}", f"{reprlib.repr(given)}, allowed: {lowest:g} to {LONGEST_S:g} s"
+                (*where, key), f"{reprlib.repr(given)}, allowed: {lowest:g} to {LONGEST_S:g} s"
             )
             return None
         return float(given)
 
-    def _blame(self, key: str, problem: str) -> None:
-        line = self._lines.get(key) or self._lines.get(key.partition(".")[0])
+    def _blame(self, key: Key, problem: str) -> None:
+        line = self._line(key)
         place = f"{self._path}:{line}" if line else str(self._path)
-        self.problems.append(f"{place}: {key}: {problem}")
+        self.problems.append(f"{place}: {_dotted(key)}: {problem}")
+
+    def _line(self, key: Key) -> int | None:
+        """Return the line of a key, or of what is nearest around it, or of the first in it."""
+        around = (key[:length] for length in range(len(key), 0, -1))
+        lines = [self._lines[each] for each in around if each in self._lines]
+        lines += sorted(line for each, line in self._lines.items() if each[: len(key)] == key)
+        return next(iter(lines), None)
+
+
+def _line(time_s: float, planned: PlannedFault) -> str:
+    """Return what is told of a fault that begins."""
+    return f"{_nanoseconds(time_s) / 1e9:.3f} s: {planned}"
+
+
+def _nanoseconds(time_s: float) -> int:
+    return round(time_s * 1e9)
 
 
 def _text(key: str, value: Value) -> str:
@@ -276,11 +286,7 @@ def _text(key: str, value: Value) -> str:
     return f"{int(value):#x}" if key == "id" else f"{value:g}"
 
 
-def _key_lines(text: str) -> dict[str, int]:
-    """Map the keys of a scenario's text, `fault[0].kind`, to their lines, counted from 1."""
-    return {_dotted(key): number for key, number in key_lines(text).items()}
-
-
 def _dotted(key: Key) -> str:
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
+    """Return a key as it is shown: `fault[0].kind`."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{shown(part)}" for part in key)
     return text.removeprefix(".")

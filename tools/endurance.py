@@ -77,14 +77,17 @@ NOT_UNDER_WAY = ("wheels_swapped", "carried")
 FAULTS = {name: kind for name, kind in CATALOGUE.items() if name not in NOT_UNDER_WAY}
 """All that may befall a robot under way."""
 
-LONGEST = {"delay": 1.5}
-"""Narrower bounds than a fault's own, so that it is over soon [s]."""
-
-WIDE = 20.0
-"""Bounds farther apart than by this factor: magnitudes are drawn."""
-
 IDENTIFIERS = (0, 0x181, 0x201)
 """Whose frames suffer: all, the feedback, the command."""
+
+WIDE = 20.0
+"""Bounds farther apart than this factor: each order of magnitude is as likely as another."""
+
+LONGEST_S = 1.5
+"""Of times that are drawn, so that a fault is soon over."""
+
+LEFT = 0.9
+"""Of the supply: what a brown-out leaves must be less than there is, also where it falls a bit."""
 
 
 class Endurance:
@@ -283,31 +286,36 @@ class Endurance:
                 return name, arguments
 
     def _arguments(self, kind: Kind, lasts_ns: int) -> dict[str, Value]:
-        """Draw what differs from the defaults: whose, for how long, how often."""
-        drawn: dict[str, Value] = {
-            name: str(self._rng.choice(parameter.words))
-            for name, parameter in kind.parameters.items()
-            if parameter.words
+        """Draw them all: whose, for how long, how often, how much."""
+        last_sonar = max(0, len(self.simulation.config.sonar) - 1)
+        highest: dict[str, float] = {
+            "delay": LONGEST_S,
+            "sag": LONGEST_S,
+            "volts": LEFT * self.simulation.plant.bus_voltage_v,
+            "sonar": last_sonar,
+            "other": last_sonar,
         }
-        if DURATION in kind.parameters:
-            drawn[DURATION] = lasts_ns / 1e9
-        if "probability" in kind.parameters:
-            drawn["probability"] = float(self._rng.uniform(0.05, 1.0))
-        if "id" in kind.parameters:
-            drawn["id"] = int(self._rng.choice(IDENTIFIERS))
+        drawn: dict[str, Value] = {}
         for name, parameter in kind.parameters.items():
-            if name not in drawn and not parameter.words:
-                drawn[name] = self._draw_number(name, parameter)
+            if parameter.words:
+                drawn[name] = str(self._rng.choice(parameter.words))
+            elif name == DURATION:
+                drawn[name] = lasts_ns / 1e9
+            elif name == "id":
+                drawn[name] = int(self._rng.choice(IDENTIFIERS))
+            else:
+                drawn[name] = _draw(self._rng, parameter, highest.get(name, parameter.high))
         return drawn
 
-    def _draw_number(self, name: str, parameter: Parameter) -> float:
-        """Draw a number within its bounds: evenly, or its magnitude where they are far apart."""
-        low, high = parameter.low, min(parameter.high, LONGEST.get(name, parameter.high))
-        if low > 0.0 and high > WIDE * low:
-            return float(np.exp(self._rng.uniform(np.log(low), np.log(high))))
-        if parameter.whole:
-            return int(self._rng.integers(round(low), round(high) + 1))
-        return float(self._rng.uniform(low, high))
+
+def _draw(rng: np.random.Generator, parameter: Parameter, highest: float) -> float:
+    """Draw a number of a parameter, none above `highest`."""
+    low, high = parameter.low, min(parameter.high, highest)
+    if parameter.whole:
+        return float(rng.integers(round(low), round(high), endpoint=True))
+    if low > 0.0 and high > WIDE * low:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return float(rng.uniform(low, high))
 
 
 def _kind(reason: str) -> str:

@@ -91,7 +91,7 @@ def find_file(given: str, folder: str = "", suffix: str = ".toml") -> Path:
     path = Path(given)
     shipped = config_directory() / folder
     for candidate in (path, shipped / given, shipped / f"{given}{suffix}"):
-        if candidate.is_file():
+        if candidate.is_file() or candidate.is_char_device():  # /dev/null: an empty one
             return candidate
     names = [file.stem for file in sorted(shipped.glob(f"*{suffix}"))]
     raise ConfigError(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from firmware_sim.errors import SimulationError
-from firmware_sim.scenario import missed, play
+from firmware_sim.scenario import not_begun, play
 from firmware_sim.world import load_world
 from robotctl.app.camera_score import camera_score
 from robotctl.app.config import RobotConfig, find_file
@@ -240,6 +240,7 @@ class LockstepRun:
                     yield control, navigation
                     if is_over(control, navigation):
                         break
+            self._faults += not_begun(self._scenario, self._faults)
             bench.robot.close()
             if logs is not None:
                 self._score.save(logs.directory, logs.run)
@@ -333,7 +334,7 @@ class LockstepRun:
             loop=loop_report(self.bench.statistics()),
             bus=bus_report(control.bus),
             real_time_factor=round(duration_s / took_s, 2),
-            faults=(*self._faults, *missed(self._scenario, self._faults)),
+            faults=tuple(self._faults),
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,

@@ -17,9 +17,9 @@ from typing import TypeAlias
 import msgspec
 import zmq
 
-from firmware_sim.scenario import missed
+from firmware_sim.scenario import not_begun
 from robotctl.app.camera_score import camera_score
-from robotctl.app.children import lines_of, said_ready, start_child
+from robotctl.app.children import lines_of, start_child
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.log_folder import LogFolder
 from robotctl.app.options import StackOptions
@@ -72,7 +72,8 @@ _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _ASK_S = 0.5
 _SAY_S = 5.0
-_FAULT = "fault at "
+_READY, _FAULT = "ready", "fault at "
+"""What lines of firmware_sim begin with."""
 
 
 _Heard: TypeAlias = (
@@ -165,6 +166,7 @@ class SimRun:
         self._to_control = RequestSender(self._context, self._endpoints.control_requests)
         self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
         self._said: queue.Queue[str | None] = queue.Queue()
+        self._is_ready = False
         self._faults: list[str] = []
         self._run = 0
         self._epoch_ns = time.time_ns() - time.monotonic_ns()
@@ -248,10 +250,20 @@ class SimRun:
             command += ["--faults", str(options.faults)]
         self._firmware = start_child(command, stdout=subprocess.PIPE, text=True)
         self._said = lines_of(self._firmware)
-        if not said_ready(self._said, _READY_S, self._stopped):
-            self._firmware.kill()
-            status = self._firmware.wait()
-            raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
+        self._await_firmware(self._firmware)
+
+    def _await_firmware(self, process: subprocess.Popen[str]) -> None:
+        """Wait until firmware_sim says that it is ready; what it says before is heard too."""
+        deadline_s = time.monotonic() + _READY_S
+        while not self._is_ready:
+            if self._stopped():
+                raise KeyboardInterrupt
+            if process.poll() is not None or time.monotonic() > deadline_s:
+                process.kill()
+                status = process.wait()
+                raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
+            time.sleep(_POLL_S)
+            self._listen_to_firmware()
 
     @property
     def connections(self) -> tuple[str, ...]:
@@ -279,6 +291,7 @@ class SimRun:
             yield progress
             over = is_over(progress.control, progress.navigation) or self._control_began_anew
             if stopped or progress.elapsed_s > self._options.max_seconds or (until_done and over):
+                self._faults += not_begun(self._scenario, self._faults)
                 return
             if now_s - asked_s >= _ASK_S and not self._control_began_anew:
                 asked_s = now_s
@@ -343,9 +356,10 @@ class SimRun:
                     progress.lines.append(message.text)
 
     def _listen_to_firmware(self) -> None:
-        """Take in which faults have begun."""
+        """Take in whether it is ready, and which faults have begun."""
         while not self._said.empty():
             line = self._said.get() or ""
+            self._is_ready |= line.startswith(_READY)
             if line.startswith(_FAULT):
                 self._faults.append(line.removeprefix(_FAULT).rstrip())
                 self.progress.lines.append(line.rstrip())
@@ -386,7 +400,7 @@ class SimRun:
             loop=loop_report(control.loop),
             bus=bus_report(control.bus),
             real_time_factor=1.0,
-            faults=(*self._faults, *missed(self._scenario, self._faults)),
+            faults=tuple(self._faults),
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,

@@ -111,9 +111,35 @@ def test_a_fault_that_could_not_begin_fails_the_run_and_stands_in_its_report(
     assert "not applied" in capsys.readouterr().out
 
 
-def test_a_run_in_real_time_shows_each_fault_and_reports_it(tmp_path: Path) -> None:
+def test_a_fault_whose_time_never_comes_fails_the_run_and_stands_in_its_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario, file = tmp_path / "scenario.toml", tmp_path / "report.json"
+    table = '[[fault]]\nkind = "sonar_silent"\n'
+    scenario.write_text(f"{table}at = 200.0\n{table}every = 100000.0\n")
+    arguments = ["sim", "--lockstep", "--headless", "--report", str(file)]
+    with pytest.raises(SystemExit) as ended:
+        app([*arguments, "--faults", str(scenario)])
+    assert ended.value.code == 3
+    report = json.loads(file.read_text())
+    assert report["mission_completed"]
+    assert report["faults"] == ["200.000 s: sonar_silent failed: not begun: the run was over"]
+    assert "not applied" in capsys.readouterr().out
+
+
+def test_an_empty_file_of_the_system_is_a_scenario_without_faults() -> None:
+    assert not load_faults(options_of(find_file("/dev/null", "scenarios"))).faults
+
+
+def test_a_run_in_real_time_shows_each_fault_and_reports_those_that_were_not_applied_too(
+    tmp_path: Path,
+) -> None:
     scenario = tmp_path / "scenario.toml"
-    scenario.write_text('[[fault]]\nkind = "sonar_silent"\nduration = 0.1\nat = 1.0\n')
+    scenario.write_text(
+        '[[fault]]\nkind = "bus_cut"\nat = 500.0\n'
+        '[[fault]]\nkind = "host_cut"\nat = 0.0\n'
+        '[[fault]]\nkind = "sonar_silent"\nduration = 0.1\nat = 1.0\n'
+    )
     options = SimOptions(
         find_file("diff_drive"),
         PATROL,
@@ -122,13 +148,19 @@ def test_a_run_in_real_time_shows_each_fault_and_reports_it(tmp_path: Path) -> N
         max_seconds=20.0,
         overrides=("mavlink.link=[]",),
     )
-    with SimRun(options) as run:
-        lines: list[str] = []
+    lines: list[str] = []
+    heard = False
+    with SimRun(options, lambda: heard) as run:
         for progress in run.steps():
             lines += progress.lines
             progress.lines.clear()
-            if progress.truth and progress.control and progress.navigation and run.report().faults:
-                break
+            if progress.truth and progress.control and progress.navigation:
+                heard = len(run.report().faults) >= 2
         report = run.report()
     assert "fault at 1.000 s: sonar_silent duration=0.1" in lines
-    assert report.faults == ("1.000 s: sonar_silent duration=0.1",)
+    assert report.faults == (
+        "0.000 s: host_cut failed: no host is on the bus",
+        "1.000 s: sonar_silent duration=0.1",
+        "500.000 s: bus_cut failed: not begun: the run was over",
+    )
+    assert report.failed_faults == (report.faults[0], report.faults[2])

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from robotctl.control.pid import Pid
 from robotctl.runtime.checkpoint import CheckpointError, checkpoint, fields_of, restored
 from robotctl.runtime.core import ControlCore
-from robotctl.runtime.messages import DriveState
+from robotctl.runtime.messages import DriveState, LoopStatistics
 from robotctl.runtime.recorder import (
     LENGTH,
     Checkpoint,
@@ -135,6 +135,20 @@ def test_a_core_restored_at_any_tick_goes_on_bit_for_bit(at: int) -> None:
     assert again.odometry.pose_world_base == whole.core.odometry.pose_world_base
 
 
+def test_enumerations_as_early_releases_of_python_3_11_write_them_are_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Debian 12 and Raspberry Pi OS have 3.11.2: members are written as attributes there."""
+    monkeypatch.setattr(
+        DriveState, "__reduce_ex__", lambda self, _: (getattr, (DriveState, self.name))
+    )
+    robot = driven()
+    data = checkpoint(robot.core)
+    assert b"getattr" in data
+    again = restored(data)
+    assert again.snapshot(robot.now_ns, LoopStatistics()) == robot.snapshot()
+
+
 def test_a_record_with_a_gap_goes_on_at_the_checkpoint_after_it() -> None:
     robot = driven()
     core = make_core()
@@ -235,11 +249,23 @@ class Evil:
         Evil(subprocess.Popen, ["true"]),
         Evil(eval, "1"),
         Evil(getattr, "x", "upper"),
+        Evil(getattr, DriveState, "mro"),
+        Evil(getattr, DriveState, "__members__"),
         Evil(Path, "/"),
         Evil(collections.Counter),
         Evil(restored, b""),
     ],
-    ids=["system", "Popen", "eval", "getattr", "Path", "Counter", "function of robotctl"],
+    ids=[
+        "system",
+        "Popen",
+        "eval",
+        "getattr",
+        "mro",
+        "members",
+        "Path",
+        "Counter",
+        "function of robotctl",
+    ],
 )
 def test_a_checkpoint_can_call_nothing(evil: Evil) -> None:
     with pytest.raises(CheckpointError, match="has no place in a checkpoint"):

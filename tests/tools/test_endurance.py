@@ -25,6 +25,30 @@ def test_every_robot_gets_the_faults_that_it_can_feel_and_recovers(robot, capsys
     assert wanted in capsys.readouterr().out
 
 
+def test_every_number_of_every_fault_is_drawn_within_its_bounds():
+    run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
+    supply_v = run.simulation.plant.bus_voltage_v
+    for kind in endurance.FAULTS.values():
+        draws = [run._arguments(kind, 100_000_000) for _ in range(300)]
+        for name, parameter in kind.parameters.items():
+            drawn = [kind.value(name, each[name]) for each in draws]
+            if parameter.words:
+                assert set(drawn) == set(parameter.words)
+            elif name == endurance.DURATION:
+                assert set(drawn) == {0.1}
+            elif name == "id":
+                assert set(drawn) == set(endurance.IDENTIFIERS)
+            else:
+                assert len(set(drawn)) >= (8 if name in {"sonar", "other"} else 290)
+                assert min(drawn) <= float(parameter.default)
+                assert max(drawn) > 0.5 * float(parameter.default)
+            if name in {"delay", "sag"}:
+                assert max(drawn) <= 1.5
+                assert min(drawn) < 0.01
+            if name == "volts":
+                assert max(drawn) < supply_v
+
+
 def test_without_faults_laps_are_completed_and_nothing_is_recovered_from(capsys):
     run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
     run.run_until(4 * MINUTE_NS)
