@@ -8,12 +8,9 @@ import queue
 import signal
 import subprocess
 import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 _PR_SET_PDEATHSIG = 1
-_POLL_S = 0.05
 _libc = ctypes.CDLL(None)
 
 
@@ -60,27 +57,3 @@ def lines_of(process: subprocess.Popen[str]) -> queue.Queue[str | None]:
 
     threading.Thread(target=read, daemon=True).start()
     return lines
-
-
-def said_ready(lines: queue.Queue[str | None], seconds: float, stopped: Callable[[], bool]) -> bool:
-    """Wait for the line `ready`.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Where the wait was ended.
-    """
-    deadline_s = time.monotonic() + seconds
-    while True:
-        if stopped():
-            raise KeyboardInterrupt
-        try:
-            line = lines.get(timeout=_POLL_S)
-        except queue.Empty:
-            if time.monotonic() > deadline_s:
-                return False
-            continue
-        if line is None:
-            return False
-        if line.startswith("ready"):
-            return True

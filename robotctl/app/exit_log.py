@@ -41,8 +41,11 @@ class ExitLog:
         try:
             if self._path.exists() and self._path.stat().st_size > MAX_BYTES:
                 self._path.replace(self._path.with_name(NAME + ".1"))
-            with self._path.open("ab") as file:
-                file.write(msgspec.json.encode(line) + b"\n")
+            with self._path.open("ab", buffering=0) as file:
+                size, data = file.tell(), msgspec.json.encode(line) + b"\n"
+                if file.write(data) < len(data):  # half a line would spoil the next one
+                    file.truncate(size)
+                    return f"{self._path}: the end of {ended.name} is not logged: the disk is full"
         except OSError as error:
             return f"{self._path}: the end of {ended.name} is not logged: {error.strerror}"
         return ""

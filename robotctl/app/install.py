@@ -47,7 +47,7 @@ def read_manifest(root: Path) -> Manifest:
         return msgspec.json.decode(path.read_bytes(), type=Manifest)
     except FileNotFoundError:
         return Manifest()
-    except (OSError, msgspec.DecodeError) as error:
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
 
 
@@ -96,7 +96,13 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
     try:
         paths = [*(file.path for file in files), MANIFEST]
         made = [str(folder.relative_to(root)) for folder in _make_folders(paths, root)]
-        wanted = {str(file.path): _digest_of(file.data) for file in files}
+        # What somebody has changed stays his, also where it is installed again as it is.
+        wanted = {
+            str(file.path): before.files.get(str(file.path), _digest_of(file.data))
+            if _change(file, root).startswith("same")
+            else _digest_of(file.data)
+            for file in files
+        }
         # The manifest first: an installation that is cut short can be taken back.
         manifest = Manifest(before.files | wanted, (*before.folders, *made))
         write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest)).decode())

@@ -28,6 +28,7 @@ from robotctl.runtime.state_file import StateError, StateFile
 NAME: Final = "progress.json"
 
 _SAVE_NS: Final = 5_000_000_000
+_SAY_NS: Final = 10_000_000_000
 """While it drives, so much is lost at most in a power cut [ns]."""
 _SAVE_AT_REST_NS: Final = 1_000_000_000
 _SILENCE_NS: Final = 300_000_000
@@ -147,8 +148,10 @@ def resumed(options: StackOptions, items: int) -> tuple[StackOptions, Progress, 
     saved, notes = load_progress(options)
     if saved is None:
         raise StateError("\n".join((*notes, f"{options.state}: there is no run to resume")))
+    if not saved.run:  # it cannot be read
+        raise StateError("\n".join((*notes, f"{options.state}: there is no run to resume")))
     options = msgspec.structs.replace(options, run=saved.run)
-    if not saved.fits(options) or not saved.run:
+    if not saved.fits(options):
         raise StateError(
             "\n".join((*notes, f"{options.state}: the run saved there is of another mission"))
         )
@@ -220,10 +223,12 @@ class ProgressKeeper:
         self._navigation: NavigationState | None = None
         self._saved = saved if saved is not None and saved.fits(options) else None
         self._tried_ns = 0
-        self._trouble = ""
+        self._trouble = False
+        self._said_ns: int | None = None
+        """When it was last said that saving fails [ns]."""
 
     def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
-        """Take in what was published; return a sentence where saving begins to fail."""
+        """Take in what was published; return a sentence where saving fails."""
         for message in messages:
             if isinstance(message, ControlState):
                 self._control = self._locator.locate(message)
@@ -293,15 +298,17 @@ class ProgressKeeper:
         )
 
     def _save(self, progress: Progress, now_ns: int) -> tuple[str, ...]:
-        """Save, and say once where that fails."""
+        """Save, and say so every 10 s as long as that fails: who hears it may come later."""
         self._tried_ns = now_ns
         try:
             self._file.save(progress)
         except StateError as error:
-            news = () if self._trouble else (str(error),)
-            self._trouble = str(error)
-            return news
-        self._saved, self._trouble = progress, ""
+            self._trouble = True
+            if self._said_ns is not None and now_ns - self._said_ns < _SAY_NS:
+                return ()
+            self._said_ns = now_ns
+            return (str(error),)
+        self._saved, self._trouble, self._said_ns = progress, False, None
         return ()
 
 

@@ -82,4 +82,8 @@ def _robot_of(header: RecordHeader, path: Path) -> tuple[RobotConfig, StackOptio
     options = StackOptions(
         "replay", "", x_m=header.x_m, y_m=header.y_m, theta_rad=header.theta_rad
     )  # fmt: skip
+    try:
+        make_core(config, options)
+    except ValueError as error:
+        raise RecordError(f"{path}: the configuration in it is damaged: {error}") from error
     return config, options

@@ -29,11 +29,11 @@ def main() -> None:
     try:
         _run()
     except RobotctlError as error:
-        _give_up_output()
+        give_up_output()
         print(f"robotctl: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT)
     except OSError as error:
-        _give_up_output()
+        give_up_output()
         if error.errno == errno.EPIPE and error.filename is None:
             sys.exit(NOBODY_READS)
         if error.filename is None and error.errno not in _DISK:
@@ -57,7 +57,7 @@ def _run() -> None:
         raise
 
 
-def _give_up_output() -> None:
+def give_up_output() -> None:
     """Write the rest of the output, or drop it: the interpreter would try it again at its end."""
     try:
         sys.stdout.flush()

@@ -14,7 +14,7 @@ import typer
 from robotctl.cli.files import check_files
 from robotctl.errors import LinkError
 from robotctl.runtime.flight_ring import dump as dump_ring
-from robotctl.runtime.recorder import RecordError
+from robotctl.runtime.recorder import RecordError, read_record
 from robotctl.runtime.ring_file import is_written
 from robotctl.runtime.topics import ring_folder, ring_name
 
@@ -36,6 +36,9 @@ def dump(
     Works while the robot drives, which it does not notice, and after its processes were killed.
     """
     check_files(file)
+    if file is not None:
+        file = file.resolve()
+        _check_target(file)
     ring = find_ring(instance)
     target = file or Path(f"flight-{dt.datetime.now(dt.UTC):%Y%m%dT%H%M%S}Z.rec")
     try:
@@ -57,6 +60,27 @@ def recover(
     except OSError as error:
         raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
     print(f"{file}: complete, {count} messages")
+
+
+def _check_target(file: Path) -> None:
+    """Refuse to replace what is no record.
+
+    Raises
+    ------
+    RecordError
+        If something else is there.
+    """
+    if not file.exists():
+        return
+    if not file.is_file():
+        raise RecordError(f"{file}: is no ordinary file: give one, and pass it on from there")
+    try:
+        with file.open("rb") as present:
+            read_record(present, str(file))
+    except RecordError as error:
+        raise RecordError(f"{file}: is there, and would be lost: {error}") from error
+    except OSError as error:
+        raise RecordError(f"{file}: cannot be read: {error.strerror}") from error
 
 
 def find_ring(instance: str) -> Path:

@@ -24,6 +24,7 @@ from robotctl.app.stack import Stack
 from robotctl.app.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.keys import HINT, Keys
+from robotctl.cli.main import give_up_output
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
 
@@ -101,12 +102,20 @@ def run(
     try:
         with Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
             if keys.usable:
-                print(HINT, flush=True)
+                say(HINT)
             while not stopped():
                 if keys.emergency():
                     stack.emergency_stop()
                 for line in supervisor.step(messages.receive(), time.monotonic()):
-                    print(line, flush=True)
+                    say(line)
                 time.sleep(POLL_S)
     finally:
         context.destroy(linger=0)
+
+
+def say(line: str) -> None:
+    """Print a line; a robot whose words nobody can take any more drives on without them."""
+    try:
+        print(line, flush=True)
+    except OSError:
+        give_up_output()

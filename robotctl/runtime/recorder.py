@@ -150,7 +150,7 @@ def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Entry
         if first is None:
             raise RecordError(f"{name}: not a record of the control loop, or an empty one")
         header = msgspec.msgpack.decode(first, type=RecordHeader)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise RecordError(f"{name}: not a record: {error}") from error
     return header, _entries(messages, name)
 
@@ -256,5 +256,5 @@ def _entries(messages: Iterator[bytes], name: str) -> Iterator[Entry]:
     for index, payload in enumerate(messages):
         try:
             yield decoder.decode(payload)
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise RecordError(f"{name}: message {index + 1} is damaged: {error}") from error

@@ -220,7 +220,7 @@ class _Receiver(Generic[T]):
         while _readable(self._socket):
             try:
                 messages.append(self._decoder.decode(self._socket.recv(zmq.NOBLOCK)))
-            except msgspec.DecodeError:
+            except (msgspec.DecodeError, UnicodeDecodeError):
                 self.rejected += 1
             except zmq.Again:
                 break

@@ -30,7 +30,7 @@ from robotctl.runtime.messages import (
     SafetyState,
     WheelFeedback,
 )
-from robotctl.runtime.recorder import Recorder
+from robotctl.runtime.recorder import Recorder, RecordError
 from robotctl.runtime.ring_file import crashed
 from robotctl.runtime.topics import ring_path
 
@@ -244,6 +244,33 @@ def test_a_record_is_dumped_on_request_and_replayed(
     shown = CliRunner().invoke(app, ["replay", str(target)])
     assert shown.exit_code == 0
     assert "77 ticks, all outputs the same bit for bit" in shown.output
+    loop.ring.close()
+
+
+def test_a_dump_replaces_records_alone_and_follows_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    loop = Loop(ring_path("robot"))
+    loop.ticks(5)
+
+    def dump(target: Path) -> bool:
+        done = CliRunner().invoke(app, ["record", "dump", str(target), "--instance", "robot"])
+        assert isinstance(done.exception, RecordError | None), done.exception
+        return done.exception is None
+
+    fifo, text, link = tmp_path / "fifo", tmp_path / "robot.toml", tmp_path / "link.rec"
+    os.mkfifo(fifo)
+    text.write_text("x = 1")
+    link.symlink_to(tmp_path / "real.rec")
+    assert not dump(fifo)
+    assert fifo.is_fifo()
+    assert not dump(text)
+    assert text.read_text() == "x = 1"
+    assert dump(link)
+    assert link.is_symlink()
+    assert dump(tmp_path / "real.rec")
+    assert replay_file(link).result.agreed == 5
     loop.ring.close()
 
 

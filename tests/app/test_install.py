@@ -383,6 +383,21 @@ def test_an_update_takes_a_mission_that_was_changed_on_the_robot(tmp_path: Path)
     assert f"--mission /{MISSION}" in (tmp_path / UNIT).read_text()
 
 
+@pytest.mark.usefixtures("reachable")
+def test_what_was_changed_on_the_robot_outlives_an_update_and_uninstalling(tmp_path: Path) -> None:
+    run_install(tmp_path, "--mission", "patrol")
+    robot, mission = tmp_path / ROBOT, tmp_path / MISSION
+    for file in (robot, mission):
+        file.write_text(file.read_text() + "# changed on the robot\n")
+    run_install(tmp_path, "--robot", str(robot))
+    refused = CliRunner().invoke(app, ["install", "--root", str(tmp_path), "--no-mission"])
+    assert isinstance(refused.exception, ConfigError)
+    done = CliRunner().invoke(app, ["uninstall", "--root", str(tmp_path)])
+    assert done.output.count("kept, since it was changed") == 2
+    for file in (robot, mission):
+        assert file.read_text().endswith("# changed on the robot\n")
+
+
 def test_a_mission_and_none_cannot_be_asked_for_at_once(tmp_path: Path) -> None:
     arguments = ["install", "--root", str(tmp_path), "--mission", "patrol", "--no-mission"]
     done = CliRunner().invoke(app, arguments)

@@ -1,5 +1,7 @@
 """What `robotctl run` refuses before anything starts."""
 
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -71,3 +73,10 @@ def test_what_is_damaged_is_said_where_the_generation_before_is_resumed(
     first, second = capsys.readouterr().out.splitlines()
     assert "set aside as" in first
     assert second.startswith("resuming with item 2 of 5 at x 3.00 m, y 4.00 m")
+
+
+def test_a_robot_whose_words_nobody_can_take_drives_on() -> None:
+    program = "from robotctl.cli.run import say; say('one'); say('two'); import sys; sys.exit(7)"
+    with Path("/dev/full").open("wb") as full:
+        ended = subprocess.run([sys.executable, "-c", program], stdout=full, check=False)
+    assert ended.returncode == 7

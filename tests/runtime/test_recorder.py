@@ -272,6 +272,22 @@ def test_a_checkpoint_can_call_nothing(evil: Evil) -> None:
         restored(pickle.dumps(evil))
 
 
+def test_a_bit_that_flips_anywhere_in_a_record_is_said_or_shows() -> None:
+    """It may hit a text, which is no text then, a number, a length, or the configuration."""
+    sink = io.BytesIO()
+    recorder = Recorder(sink.write, HEADER)
+    robot = driven()
+    for now_ns, inputs, outputs in robot.record[:40]:
+        recorder.record(now_ns, inputs, outputs)
+    data = sink.getvalue()
+    for place in range(0, len(data), 7):
+        flipped = bytearray(data)
+        flipped[place] ^= 0x80
+        with contextlib.suppress(RecordError):
+            _, entries = read_record(io.BytesIO(bytes(flipped)), "x.rec")
+            list(entries)
+
+
 def test_names_that_lead_out_of_a_module_are_refused() -> None:
     data = b"\x80\x04\x8c\x15robotctl.runtime.core\x8c\x0emsgspec.Struct\x93."
     with pytest.raises(CheckpointError, match="has no place"):
