@@ -28,8 +28,9 @@ from robotctl.runtime.state_file import StateError, StateFile
 NAME: Final = "progress.json"
 
 _SAVE_NS: Final = 5_000_000_000
-_SAY_NS: Final = 10_000_000_000
 """While it drives, so much is lost at most in a power cut [ns]."""
+_SAY_NS: Final = 10_000_000_000
+"""Between two sentences that say that saving fails [ns]."""
 _SAVE_AT_REST_NS: Final = 1_000_000_000
 _SILENCE_NS: Final = 300_000_000
 """A process that has published nothing for so long may be about to start again [ns]."""
@@ -146,9 +147,7 @@ def resumed(options: StackOptions, items: int) -> tuple[StackOptions, Progress, 
         If there is none, or its mission was another, or had fewer items than are saved.
     """
     saved, notes = load_progress(options)
-    if saved is None:
-        raise StateError("\n".join((*notes, f"{options.state}: there is no run to resume")))
-    if not saved.run:  # it cannot be read
+    if saved is None or not saved.run:  # without a run it cannot be read
         raise StateError("\n".join((*notes, f"{options.state}: there is no run to resume")))
     options = msgspec.structs.replace(options, run=saved.run)
     if not saved.fits(options):

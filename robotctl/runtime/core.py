@@ -207,7 +207,7 @@ class ControlCore:
             stop = self._take_requests(inputs, now_ns)
         self._supervise(now_ns)
         if self.machine.state not in POWERED and self._drives_unasked():
-            stop = EmergencyStopSource.HOST_FAULT
+            stop = EmergencyStopSource.HOST_FAULT if stop is None else stop
             reason = "emergency stop: the motor controller drives without being told to"
             self._on(Event.EMERGENCY_STOP, reason, now_ns)
         clear = bool(self._arming.waiting) and self._try_to_arm(now_ns)
