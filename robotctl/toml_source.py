@@ -30,6 +30,7 @@ Rules = Callable[[T], Iterable[tuple[Key, str]]]
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _ASSIGNMENT = re.compile(r"^\s*([A-Za-z0-9_\-\"'.]+)\s*=")
+_INDEX = re.compile(r"\[(\d+)\]")
 _END_OF_VALUE = re.compile(r"[\]}\"']\s*(?:#.*)?$")
 _KEY_FIRST = re.compile(r"([a-z]\w*(?:\.\w+)*)(?:: | (?=must |puts ))")
 _TELLS_VALUE = re.compile(r"\bfound\b|\bnot [-\d('\"]|\bnot (?:nan|inf)\b")
@@ -69,8 +70,8 @@ def parse(
     lines = _key_lines(text)
     sources = {key: f"{name}:{line}" for key, line in lines.items()}
     for override in overrides:
-        key = _apply_override(data, override)
-        sources[key] = f"--set {override}"
+        for key in _apply_override(data, override):
+            sources[key] = f"--set {override}"
 
     def refuse(problems: Iterable[tuple[Key, str]]) -> None:
         lines = [f"{_place(key, sources, name)}: {_dotted(key)}: {why}" for key, why in problems]
@@ -268,20 +269,31 @@ def _dataclass_of(data: Any, kind: Any) -> Any:
     return None
 
 
-def _apply_override(data: dict[str, Any], override: str) -> Key:
-    """Set `a.b.c=value` in `data`; the value is TOML, or a bare word as a string."""
+def _split_override(override: str) -> tuple[list[str], Any]:
+    """Return the parts of the key of `a.b.c=value`, and the value."""
     path, separator, text = override.partition("=")
     if not separator or not path.strip():
         raise ConfigError(f"--set {override}: not of the form key.subkey=value")
+    if (spelled := _INDEX.sub(r".\1", path)) != path:
+        raise ConfigError(f"--set {override}: {path} found, write {spelled}")
     if not is_utf_8(override):
         raise ConfigError(f"--set {override}: not UTF-8")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         value = text
+    return [part.strip() for part in path.split(".")], value
+
+
+def _apply_override(data: dict[str, Any], override: str) -> list[Key]:
+    """Set `a.b.c=value` in `data`; the value is TOML, or a bare word as a string.
+
+    Returns the keys of the tables that had to be made, and that of the value.
+    """
+    parts, value = _split_override(override)
     key: list[str | int] = []
+    made: list[Key] = []
     target: Any = data
-    parts = [part.strip() for part in path.split(".")]
     for position, part in enumerate(parts):
         last = position == len(parts) - 1
         if not isinstance(target, dict | list):
@@ -297,10 +309,12 @@ def _apply_override(data: dict[str, Any], override: str) -> Key:
             elif isinstance(target, list):
                 target = target[index]
             else:
+                if index not in target:
+                    made.append(tuple(key))
                 target = target.setdefault(index, {})
         except (TypeError, IndexError) as error:
             raise ConfigError(f"--set {override}: {_dotted(tuple(key))}: no such key") from error
-    return tuple(key)
+    return [*made, tuple(key)]
 
 
 def _key_lines(text: str) -> dict[Key, int]:
@@ -366,7 +380,7 @@ def _place(key: Key, sources: dict[Key, str], name: str) -> str:
 
 
 def _dotted(key: Key) -> str:
-    """Write a key as the user writes it: `sonar[2].x_m`."""
+    """Write a key as errors show it: `sonar[2].x_m`."""
     text = ""
     for part in key:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)

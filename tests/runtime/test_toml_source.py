@@ -139,6 +139,20 @@ def test_an_override_wins_and_is_named_in_its_own_errors() -> None:
     assert "key.subkey=value" in line
 
 
+def test_a_table_that_a_setting_made_up_is_blamed_on_the_setting() -> None:
+    (line,) = errors(GOOD, "nonsense.a.b=1")
+    assert line.startswith("--set nonsense.a.b=1: nonsense: unknown key")
+    (line,) = errors(GOOD, "gains.foo.bar=1")
+    assert line.startswith("--set gains.foo.bar=1: gains.foo: unknown key")
+    (line,) = errors(GOOD + "[gian]\nkp = 1\n", "gian.kd=1")
+    assert line.startswith("robot.toml:")
+
+
+def test_an_index_in_brackets_is_told_its_spelling() -> None:
+    (line,) = errors(GOOD, "shape[0].radius_m=2")
+    assert line == ("--set shape[0].radius_m=2: shape[0].radius_m found, write shape.0.radius_m")
+
+
 def test_a_number_must_not_come_as_text() -> None:
     (line,) = errors('[gains]\nkp = "2"\n')
     assert "robot.toml:2: gains.kp" in line
