@@ -8,14 +8,14 @@ import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
 from robotctl.app.config import RobotConfig, load_robot
 from robotctl.app.doctor_can import check_link, no_kernel_link, read_link
 from robotctl.app.doctor_host import (
-    check_cameras,
+    check_camera,
     check_clock_source,
     check_disk,
     check_governor,
@@ -67,6 +67,8 @@ def examine(
         yield fail("configuration", str(error), f"correct {robot}; robotctl config check {robot}")
         return
     yield ok("configuration", f"{robot}: {config.robot.name}, {config.runtime.rate_hz} Hz")
+    if config.localisation.map or config.localisation.places:
+        yield _check_localisation(config, robot)
     yield from _check_bus(config)
     yield check_preemption(root)
     yield check_governor(root)
@@ -74,11 +76,26 @@ def examine(
     yield check_isolation(root, config.runtime.cpu)
     yield from _check_wakeups(config, lag_seconds)
     yield from check_disk(logs)
-    yield from check_cameras(root)
+    yield check_camera(config.camera, root)
     serial = [link.address.host for link in config.mavlink.link if link.address.kind == "serial"]
     yield from check_serial(serial, root)
     yield check_time_sync(clock_status())
     yield from check_mavlink(config.mavlink.link)
+
+
+def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
+    """Check that the map and the places load that the robot's file names."""
+    # It loads numba.
+    from robotctl.app.localisation_files import check_localisation  # noqa: PLC0415
+
+    check = "map and places"
+    try:
+        check_localisation(config, robot)
+    except ConfigError as error:
+        fix = f"put the file there, or correct {robot}; robotctl config check {robot}"
+        return fail(check, str(error), fix)
+    named = (config.localisation.map, config.localisation.places)
+    return ok(check, ", ".join(filter(None, named)))
 
 
 def _check_bus(config: RobotConfig) -> Iterator[Finding]:
@@ -114,15 +131,37 @@ def _user() -> str:
 
 
 def check_mavlink(links: tuple[LinkConfig, ...]) -> list[Finding]:
-    """Check each MAVLink address: names resolve, ports to listen on are free or ours."""
+    """Check each MAVLink address: names resolve, ports to listen on are free or ours.
+
+    Two links that listen at one address under different names are found here and not by
+    `robotctl config check`, whose answer depends on no name server.
+    """
     if not links:
         fix = "add a [[mavlink.link]] with an url to the robot's file"
         return [fail("MAVLink", "no link: nobody can arm the robot", fix)]
-    return [_check_mavlink_link(link) for link in links]
+    listeners: list[_Listener] = []
+    return [_check_mavlink_link(link, listeners) for link in links]
 
 
-def _check_mavlink_link(link: LinkConfig) -> Finding:
-    """Check one address."""
+class _Listener(NamedTuple):
+    """Where a link listens."""
+
+    url: str
+    socket_kind: int
+    host: str
+    port: int
+
+    def clashes(self, other: _Listener) -> bool:
+        """Whether the kernel would refuse one of two sockets; port 0 is any that is free."""
+        if (self.socket_kind, self.port) != (other.socket_kind, other.port) or self.port == 0:
+            return False
+        hosts = {self.host, other.host}
+        same_family = len({":" in host for host in hosts}) == 1
+        return len(hosts) == 1 or "::" in hosts or ("0.0.0.0" in hosts and same_family)  # noqa: S104
+
+
+def _check_mavlink_link(link: LinkConfig, listeners: list[_Listener]) -> Finding:
+    """Check one address; `listeners` are the links so far that listen, and gets this one."""
     kind, host, port = link.address
     if kind == "serial":
         return ok("MAVLink", f"{link.url}, {port} baud")
@@ -136,6 +175,12 @@ def _check_mavlink_link(link: LinkConfig) -> Finding:
         return fail("MAVLink", f"{link.url}: {reason}", fix)
     if kind.endswith("out"):
         return ok("MAVLink", f"{link.url}: sends to {address[0]} port {port}")
+    here = _Listener(link.url, kind_of_socket, str(address[0]), port)
+    before = next((each for each in listeners if each.clashes(here)), None)
+    listeners.append(here)
+    if before is not None:
+        found = f"{link.url}: {here.host} port {port} is that of {before.url} too"
+        return fail("MAVLink", found, "give one of the two links another port, or remove it")
     with socket.socket(family, kind_of_socket) as listener:
         if not udp:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from robotctl.app.finding import Finding, fail, none, ok, warn
+from robotctl.model.camera import SIMULATED, CameraConfig
 
 MIN_FREE_BYTES: Final = 1_000_000_000
 """A day of logs [B]."""
@@ -105,11 +106,11 @@ def check_isolation(root: Path, cpu: int) -> Finding:
     isolated = parse_cpu_list(_read(root / "sys/devices/system/cpu/isolated") or "")
     online = parse_cpu_list(_read(root / "sys/devices/system/cpu/online") or "")
     words = f"isolated: {', '.join(map(str, sorted(isolated))) or 'none'}; runtime.cpu = {cpu}"
-    if cpu in isolated:
-        return ok(check, words)
     if cpu >= 0 and online and cpu not in online:
         allowed = ", ".join(map(str, sorted(online)))
         return fail(check, f"{words}: no such processor", f"set runtime.cpu to one of {allowed}")
+    if cpu in isolated:
+        return ok(check, words)
     if len(online) < 3:
         return none(check, f"{words}; {len(online)} processors are too few to give one away")
     last = max(online)
@@ -217,12 +218,23 @@ def check_device(check: str, path: Path, groups: str) -> Finding:
     )
 
 
-def check_cameras(root: Path) -> list[Finding]:
-    """Check the rights on each camera there is."""
-    cameras = sorted((root / "dev").glob("video[0-9]*"))
-    if not cameras:
-        return [none("camera", "there is none")]
-    return [check_device("camera", path, "video") for path in cameras]
+def check_camera(camera: CameraConfig | None, root: Path) -> Finding:
+    """Check the source of a camera that is enabled: a device, or a file, which need only be read.
+
+    A stream is not tried: it may come up with the robot.
+    """
+    check = "camera"
+    if camera is None or not camera.enabled:
+        return none(check, "the robot does not look: camera.enabled is not true")
+    source = camera.source
+    if source == SIMULATED or "://" in source:
+        return none(check, f"not tried: camera.source is {source}")
+    if source.isdecimal():
+        source = f"/dev/video{source}"
+    path = root / source.lstrip("/") if source.startswith("/") else Path(source)
+    if path.is_file() and os.access(path, os.R_OK):
+        return ok(check, f"{path} may be read")
+    return check_device(check, path, "video")
 
 
 def check_serial(urls: Sequence[str], root: Path) -> list[Finding]:

@@ -14,6 +14,9 @@ from typing import Final
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 
+MAX_CPU: Final = 8191
+"""Linux has at most 8192 processors; which of them are there, `robotctl doctor` finds out."""
+
 IDLE_STATES: Final = Path("/dev/cpu_dma_latency")
 """Linux's PM QoS interface: who holds it open says how long processors may take to wake."""
 
@@ -30,7 +33,7 @@ class LoopConfig:
         SCHED_FIFO priority, 1 to 99, of the loop; threads that serve it come right below. 0 leaves
         the scheduler as it is.
     cpu
-        Processor to run on; -1 leaves the choice to the kernel.
+        Processor to run on, 0 to 8191; -1 leaves the choice to the kernel.
     wake_latency_us
         Idle states that take longer to leave than this are not entered while the loop runs [us];
         -1 leaves them to the kernel. 0 lets idle processors of a PC spin: the least lag, above
@@ -49,6 +52,8 @@ class LoopConfig:
             raise ValueError(f"rate_hz must be 100 to 1000, not {self.rate_hz}")
         if not 0 <= self.priority <= 99:
             raise ValueError(f"priority must be 0 to 99, not {self.priority}")
+        if not -1 <= self.cpu <= MAX_CPU:
+            raise ValueError(f"cpu must be -1 to {MAX_CPU}, not {self.cpu}")
         if not -1 <= self.wake_latency_us <= 10_000:
             raise ValueError(f"wake_latency_us must be -1 to 10000, not {self.wake_latency_us}")
 

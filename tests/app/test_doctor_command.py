@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from robotctl.app.config import config_directory, find_file
-from robotctl.app.doctor import check_mavlink
-from robotctl.app.finding import Verdict
+from robotctl.app.doctor import check_mavlink, examine
+from robotctl.app.finding import Finding, Verdict
 from robotctl.runtime.claim import claim_bus
 from robotctl.runtime.mavlink_port import LinkConfig
 
@@ -152,3 +152,43 @@ def test_mavlink_addresses_are_resolved_and_tried() -> None:
     assert verdicts == [Verdict.OK, Verdict.WARN, Verdict.FAIL, Verdict.OK]
     (nobody,) = check_mavlink(())
     assert nobody.verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("tcpin:127.0.0.1", "tcpin:localhost"),
+        ("tcpin:0.0.0.0", "tcpin:127.0.0.1"),
+        ("udpin:127.0.0.1", "udpin:127.1"),
+        ("tcpin:[::]", "tcpin:127.0.0.1"),
+    ],
+)
+def test_two_links_that_listen_at_one_address_are_told(first: str, second: str) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    one, other = check_mavlink((LinkConfig(f"{first}:{port}"), LinkConfig(f"{second}:{port}")))
+    assert one.verdict is not Verdict.FAIL
+    assert other.verdict is Verdict.FAIL
+    assert f"{first}:{port}" in other.found
+    assert "another port" in other.fix
+
+
+def test_links_that_listen_apart_are_no_clash() -> None:
+    urls = ("tcpin:127.0.0.1:0", "tcpin:localhost:0", "udpin:127.0.0.1:0", "udpout:127.0.0.1:9")
+    findings = check_mavlink(tuple(LinkConfig(url) for url in urls))
+    assert [each.verdict for each in findings] == [Verdict.OK] * 4
+
+
+def test_a_map_that_is_not_there_is_found_before_the_robot_drives(tmp_path: Path) -> None:
+    def second(*settings: str) -> Finding:
+        findings = examine(find_file("diff_drive"), settings, tmp_path)
+        next(findings)
+        return next(findings)
+
+    missing = second('localisation.map="nowhere.yaml"')
+    assert (missing.check, missing.verdict) == ("map and places", Verdict.FAIL)
+    assert "localisation.map: nowhere.yaml: no such file" in missing.found
+    assert "config check" in missing.fix
+    there = second('localisation.map="flat"')
+    assert (there.verdict, there.found) == (Verdict.OK, "flat")

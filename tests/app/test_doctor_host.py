@@ -13,7 +13,7 @@ from robotctl.app.doctor import _check_wakeups
 from robotctl.app.doctor_host import (
     MIN_FREE_BYTES,
     MIN_WRITE_BYTES_S,
-    check_cameras,
+    check_camera,
     check_clock_source,
     check_disk,
     check_governor,
@@ -27,6 +27,7 @@ from robotctl.app.doctor_host import (
 )
 from robotctl.app.finding import Finding, Verdict
 from robotctl.app.wakeup import Wakeups, check_lag, check_rights, check_timer_slack
+from robotctl.model.camera import CameraConfig, CameraIntrinsics, CameraMount
 
 OK, WARN, FAIL, NONE = Verdict.OK, Verdict.WARN, Verdict.FAIL, Verdict.NONE
 RT = "Linux version 6.6.31-rt31-v8+ (gcc 12) #1 SMP PREEMPT_RT Thu"
@@ -91,6 +92,7 @@ def test_slow_clock_sources_are_warned_of(tmp_path: Path, source: str, verdict: 
         ("0-3", "", -1, WARN, "runtime.cpu = 3"),
         ("0-3", "2-3", -1, WARN, "runtime.cpu = 3"),
         ("0-3", "", 4, FAIL, "one of 0, 1, 2, 3"),
+        ("0-2", "3", 3, FAIL, "no such processor"),
         ("0-1", "", -1, NONE, "too few"),
     ],
 )
@@ -173,13 +175,30 @@ def test_cameras_and_serial_lines_need_read_and_write_rights(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = computer(tmp_path, dev__video0="", dev__ttyUSB0="")
-    assert_is(check_cameras(root)[0], OK, "video0")
+    camera = camera_at("0")
+    assert_is(check_camera(camera, root), OK, "video0")
+    assert_is(check_camera(camera_at("/dev/video0"), root), OK, "video0")
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    assert_is(check_cameras(root)[0], FAIL, "usermod -aG video")
+    assert_is(check_camera(camera, root), FAIL, "usermod -aG video")
     assert_is(check_serial(["/dev/ttyUSB0"], root)[0], FAIL, "usermod -aG dialout")
     assert_is(check_serial(["/dev/ttyUSB7"], root)[0], FAIL, "is not there")
     assert_is(check_serial([], root)[0], NONE)
-    assert_is(check_cameras(tmp_path / "none")[0], NONE)
+
+
+def camera_at(source: str, *, enabled: bool = True) -> CameraConfig:
+    lens, mount = CameraIntrinsics(640, 480, 500.0, 500.0, 320.0, 240.0), CameraMount(0.0, 0.0, 0.2)
+    return CameraConfig(lens, mount, source, enabled=enabled)
+
+
+def test_the_camera_that_the_robot_looks_with_is_tried_and_no_other(tmp_path: Path) -> None:
+    root = computer(tmp_path, dev__video0="", film="")
+    assert_is(check_camera(camera_at("7"), root), FAIL, "video7 is not there")
+    assert_is(check_camera(camera_at("/nowhere.avi"), root), FAIL, "nowhere.avi is not there")
+    assert_is(check_camera(camera_at(str(tmp_path / "film")), Path("/")), OK, "may be read")
+    assert_is(check_camera(camera_at("sim"), root), NONE, "sim")
+    assert_is(check_camera(camera_at("rtsp://host/stream"), root), NONE, "rtsp://host/stream")
+    assert_is(check_camera(camera_at("7", enabled=False), root), NONE, "camera.enabled")
+    assert_is(check_camera(None, root), NONE)
 
 
 def wakeups(p99_us: float = 50.0, max_us: float = 100.0, **changes: object) -> Wakeups:

@@ -34,6 +34,12 @@ def test_a_wake_latency_out_of_range_is_refused(latency_us: int) -> None:
         LoopConfig(wake_latency_us=latency_us)
 
 
+@pytest.mark.parametrize("cpu", [-2, 8192])
+def test_a_processor_that_no_machine_has_is_refused(cpu: int) -> None:
+    with pytest.raises(ValueError, match=f"cpu must be -1 to 8191, not {cpu}"):
+        LoopConfig(cpu=cpu)
+
+
 THREADS = """
 import gc, os, threading
 from robotctl.runtime.realtime import LoopConfig, acquire_realtime
