@@ -121,7 +121,7 @@ class Report(msgspec.Struct, frozen=True):
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
     `faults` are those of the scenario whose time has come, each with the simulator's time, and why
-    where it could not begin.
+    where it could not begin; then those that never began, since the run was over before their time.
     `pose_error` is that of the pose that the robot goes by; `localisation`, `map_quality` and
     `camera` are None without a localiser, without mapping and without a camera.
     """
@@ -151,7 +151,7 @@ class Report(msgspec.Struct, frozen=True):
 
     @property
     def failed_faults(self) -> tuple[str, ...]:
-        """Those of `faults` that could not begin: the run has not tested what it was to test."""
+        """Those of `faults` that did not begin: the run has not tested what it was to test."""
         return tuple(each for each in self.faults if FAILED in each)
 
     @property

@@ -21,8 +21,11 @@ from robotctl.cli.files import check_files, write_file
 from robotctl.cli.keys import HINT, Keys
 from robotctl.cli.score_view import score_table
 from robotctl.cli.view import make_view
+from robotctl.errors import ConfigError
 
 NOT_COMPLETED = 3
+OWN_BUS = "simcan"
+"""The bus of a run that is told of none."""
 
 
 def sim(
@@ -34,7 +37,7 @@ def sim(
     bus: Annotated[
         str,
         typer.Option(help="simcan, simcan:CHANNEL, or a SocketCAN interface such as vcan0."),
-    ] = "simcan",
+    ] = OWN_BUS,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
     max_seconds: Annotated[
         float, typer.Option(min=1.0, help="Give up after so many seconds of the robot's time.")
@@ -55,7 +58,10 @@ def sim(
         bool, typer.Option("--lockstep", help="One process, virtual time, same seed same run.")
     ] = False,
     faults: Annotated[
-        str, typer.Option(help="Scenario file or name: faults that befall the robot.")
+        str,
+        typer.Option(
+            help="Scenario file or name: faults for the robot; status 3 if one did not begin."
+        ),
     ] = "",
     localiser: Annotated[
         Literal["none", "ekf", "mcl"] | None,
@@ -91,9 +97,15 @@ def sim(
 ) -> None:
     """Drive a mission in simulation and score it.
 
-    Status 0: completed. 3: not completed, or a fault could not begin. 2: bad input.
+    Status 0: completed. 3: not completed, or a fault did not begin: it could not, or the run was
+    over before its time. 2: bad input.
     """
     check_files(report)
+    if lockstep and bus != OWN_BUS:
+        raise ConfigError(
+            f"--bus {bus}: found with --lockstep, whose bus is in its one process and which allows "
+            "no other"
+        )
     options = SimOptions(
         robot=find_file(robot),
         mission=find_file(mission, "missions"),

@@ -27,7 +27,8 @@ def runtime() -> Iterator[Path]:
 def sim(runtime: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     """Start `robotctl sim` on a bus of its own, with `runtime` as the folder of its sockets."""
     runtime.chmod(0o700)
-    command = [*ROBOTCTL, "sim", "--headless", "--bus", f"simcan:{runtime}/hub"]
+    bus = [] if "--lockstep" in arguments else ["--bus", f"simcan:{runtime}/hub"]
+    command = [*ROBOTCTL, "sim", "--headless", *bus]
     with subprocess.Popen(
         [*command, "--set", "mavlink.link=[]", *arguments],
         stdout=subprocess.PIPE,
@@ -101,6 +102,13 @@ def test_a_report_without_its_folder_is_refused_before_the_run(runtime: Path) ->
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
     assert output == f"robotctl: {target}: the folder {target.parent} does not exist\n"
+
+
+def test_a_bus_that_a_run_in_lockstep_would_not_use_is_refused(runtime: Path) -> None:
+    with sim(runtime, "--lockstep", "--bus", "vcan0") as process:
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2
+    assert output.startswith("robotctl: --bus vcan0: found with --lockstep")
 
 
 def test_a_report_on_a_full_disk_does_not_lose_the_score(runtime: Path) -> None:
