@@ -7,6 +7,7 @@ The kinds stand in `fault_catalogue`. A fault that lasts ends by itself after it
 from __future__ import annotations
 
 import re
+import reprlib
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -16,7 +17,7 @@ import numpy as np
 from firmware_sim.bus.faults import Fault as BusFault
 from firmware_sim.errors import SimulationError
 from firmware_sim.fault_catalogue import CATALOGUE
-from firmware_sim.fault_kinds import DURATION, Arguments, Kind, Undo, Value, nearest
+from firmware_sim.fault_kinds import DURATION, Arguments, Kind, Undo, Value, nearest, shown
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.nodes import wire
 
@@ -73,9 +74,11 @@ class Faults:
         for word in words:
             key, equals, value = word.partition("=")
             if not equals:
-                raise SimulationError(f"fault {name}: {word!r} is not of the form key=value")
+                raise SimulationError(
+                    f"fault {shown(name)}: {reprlib.repr(word)} is not of the form key=value"
+                )
             if key in arguments:
-                raise SimulationError(f"fault {name}: {key} is given twice")
+                raise SimulationError(f"fault {shown(name)}: {shown(key)} is given twice")
             arguments[key] = value
         self.begin(name, arguments)
         return name
@@ -191,7 +194,7 @@ def check(name: str, given: Arguments) -> tuple[Kind, dict[str, Value]]:
     if kind is None:
         kinds = [*CATALOGUE, CLEAR]
         hint = nearest(name.lower(), kinds) or f", allowed: {', '.join(kinds)}"
-        raise SimulationError(f"fault {name!r}: unknown{hint}")
+        raise SimulationError(f"fault {reprlib.repr(name)}: unknown{hint}")
     try:
         checked = {key: kind.value(key, value) for key, value in given.items()}
     except SimulationError as error:

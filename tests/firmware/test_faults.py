@@ -1018,3 +1018,11 @@ def test_the_catalogue_can_be_had_without_a_compiler():
 def test_every_kind_stands_in_a_test_above():
     source = Path(__file__).read_text(encoding="utf-8")
     assert [name for name in CATALOGUE if f'"{name}' not in source] == []
+
+
+@pytest.mark.parametrize("line", ["{}", "{} a", "{} a=1 a=2", "bus_cut {}", "bus_cut {}=1"])
+def test_very_long_words_of_a_fault_are_shortened(bench, line):
+    with pytest.raises(SimulationError) as caught:
+        bench.simulation.faults.inject(line.format("x" * 5000))
+    assert len(str(caught.value)) < 1000
+    assert "xxx...xxx" in str(caught.value)
