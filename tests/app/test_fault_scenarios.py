@@ -95,36 +95,37 @@ def test_settings_of_the_robot_count_for_its_faults_too(tmp_path: Path) -> None:
         load_faults(low)
 
 
-def test_a_fault_that_could_not_begin_fails_the_run_and_stands_in_its_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scenario, file = tmp_path / "scenario.toml", tmp_path / "report.json"
-    scenario.write_text('[[fault]]\nkind = "brown_out"\nvolts = 12.59\nat = 0.5\n')
-    arguments = ["sim", "--lockstep", "--headless", "--report", str(file)]
+def faults_of_a_failed_run(
+    folder: Path, scenario: str, capsys: pytest.CaptureFixture[str]
+) -> list[str]:
+    """Return the faults in the report of a run that did its mission and failed all the same."""
+    faults, file = folder / "scenario.toml", folder / "report.json"
+    faults.write_text(scenario)
     with pytest.raises(SystemExit) as ended:
-        app([*arguments, "--faults", str(scenario)])
+        app(["sim", "--lockstep", "--headless", "--report", str(file), "--faults", str(faults)])
     assert ended.value.code == 3
     report = json.loads(file.read_text())
     assert report["mission_completed"]
-    (fault,) = report["faults"]
-    assert re.fullmatch(r".* failed: the supply has 12\.5\d V, not over 12\.59 V", fault)
     assert "not applied" in capsys.readouterr().out
+    return report["faults"]
+
+
+def test_a_fault_that_could_not_begin_fails_the_run_and_stands_in_its_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = '[[fault]]\nkind = "brown_out"\nvolts = 12.59\nat = 0.5\n'
+    (fault,) = faults_of_a_failed_run(tmp_path, scenario, capsys)
+    assert re.fullmatch(r".* failed: the supply has 12\.5\d V, not over 12\.59 V", fault)
 
 
 def test_a_fault_whose_time_never_comes_fails_the_run_and_stands_in_its_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scenario, file = tmp_path / "scenario.toml", tmp_path / "report.json"
     table = '[[fault]]\nkind = "sonar_silent"\n'
-    scenario.write_text(f"{table}at = 200.0\n{table}every = 100000.0\n")
-    arguments = ["sim", "--lockstep", "--headless", "--report", str(file)]
-    with pytest.raises(SystemExit) as ended:
-        app([*arguments, "--faults", str(scenario)])
-    assert ended.value.code == 3
-    report = json.loads(file.read_text())
-    assert report["mission_completed"]
-    assert report["faults"] == ["200.000 s: sonar_silent failed: not begun: the run was over"]
-    assert "not applied" in capsys.readouterr().out
+    scenario = f"{table}at = 200.0\n{table}every = 100000.0\n"
+    assert faults_of_a_failed_run(tmp_path, scenario, capsys) == [
+        "200.000 s: sonar_silent failed: not begun: the run was over"
+    ]
 
 
 def test_an_empty_file_of_the_system_is_a_scenario_without_faults() -> None:

@@ -232,6 +232,13 @@ def test_the_folder_is_bounded_and_only_logs_are_removed(tmp_path: Path) -> None
     assert names == [*(f"control-{number:04d}.rec" for number in range(20, 31)), "notes.txt"]
 
 
+def dump_to(target: Path) -> bool:
+    """Ask for a dump; return whether it was made, and not refused."""
+    done = CliRunner().invoke(app, ["record", "dump", str(target), "--instance", "robot"])
+    assert isinstance(done.exception, RecordError | None), done.exception
+    return done.exception is None
+
+
 def test_a_record_is_dumped_on_request_and_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -239,8 +246,7 @@ def test_a_record_is_dumped_on_request_and_replayed(
     loop = Loop(ring_path("robot"))
     loop.ticks(77)
     target = tmp_path / "wanted.rec"
-    done = CliRunner().invoke(app, ["record", "dump", str(target), "--instance", "robot"])
-    assert done.exit_code == 0, done.output
+    assert dump_to(target)
     shown = CliRunner().invoke(app, ["replay", str(target)])
     assert shown.exit_code == 0
     assert "77 ticks, all outputs the same bit for bit" in shown.output
@@ -253,23 +259,17 @@ def test_a_dump_replaces_records_alone_and_follows_links(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     loop = Loop(ring_path("robot"))
     loop.ticks(5)
-
-    def dump(target: Path) -> bool:
-        done = CliRunner().invoke(app, ["record", "dump", str(target), "--instance", "robot"])
-        assert isinstance(done.exception, RecordError | None), done.exception
-        return done.exception is None
-
     fifo, text, link = tmp_path / "fifo", tmp_path / "robot.toml", tmp_path / "link.rec"
     os.mkfifo(fifo)
     text.write_text("x = 1")
     link.symlink_to(tmp_path / "real.rec")
-    assert not dump(fifo)
+    assert not dump_to(fifo)
     assert fifo.is_fifo()
-    assert not dump(text)
+    assert not dump_to(text)
     assert text.read_text() == "x = 1"
-    assert dump(link)
+    assert dump_to(link)
     assert link.is_symlink()
-    assert dump(tmp_path / "real.rec")
+    assert dump_to(tmp_path / "real.rec")
     assert replay_file(link).result.agreed == 5
     loop.ring.close()
 

@@ -1,5 +1,6 @@
 """A disk without room: nothing is left lying about, and what was stopped goes on when there is."""
 
+import datetime as dt
 import errno
 import fcntl
 import functools
@@ -13,6 +14,7 @@ import msgspec
 import pytest
 
 from robotctl.app.config import find_file, load_robot
+from robotctl.app.exit_log import NAME, ExitLog
 from robotctl.app.flight import MOST_DUMPS, RETRY_NS, FlightDumps
 from robotctl.app.log_folder import LogConfig, LogFolder
 from robotctl.app.logs import BusLog, StateLog, recover_all
@@ -20,6 +22,7 @@ from robotctl.app.options import StackOptions
 from robotctl.app.recorder import Recording
 from robotctl.app.replay import replay_file
 from robotctl.app.robot import make_core, record_header
+from robotctl.app.supervised import Exit
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import Inputs
@@ -58,6 +61,20 @@ class Loop:
             self.now_ns += CONFIG.runtime.period_ns
             inputs = Inputs(Feedback())
             self.ring.record(self.now_ns, inputs, self.core.step(inputs, self.now_ns), 0, 0)
+
+
+def test_half_a_line_of_the_exit_log_is_taken_back(tmp_path: Path) -> None:
+    log, ended = ExitLog(tmp_path), Exit("navigation", 17, -9, False, True, False, 42, 1.5, 0.25)
+    now, file = dt.datetime.now(dt.UTC), tmp_path / NAME
+    assert log.write(ended, now) == ""
+    line = file.read_bytes()
+    with full_disk(len(line) + 10):
+        assert log.write(ended, now).endswith(
+            "the end of navigation is not logged: the disk is full"
+        )
+    assert file.read_bytes() == line
+    assert log.write(ended, now) == ""
+    assert file.read_bytes() == 2 * line
 
 
 def test_a_full_disk_leaves_no_empty_logs_and_they_go_on_when_there_is_room(
