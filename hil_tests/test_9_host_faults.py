@@ -211,7 +211,8 @@ def test_a_robot_that_must_have_a_ground_station_stops_without_it(
     taken_ms = (rig.navigation.stamp_ns - beaten_ns) / 1e6
     reaction(fault, taken_ms)
     assert taken_ms <= limit_ms + HELD_UP_MS
-    assert rig.navigation.message == "hold: no ground station is there"
+    why = "hold: no ground station is there"  # unless it hears nothing of control just then
+    rig.wait(lambda: rig.navigation.message == why, PATIENT_S, "it says why")
     rig.at_rest()
     before = rig.fresh_truth()
     rig.ask_for_mode(Mode.GUIDED)
