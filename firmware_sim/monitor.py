@@ -6,9 +6,10 @@ the drive's controller, whoever sent it. It looks at the bridges and the body of
 What it holds against a robot:
 
 - power at the wheels later than the drive's time-out after the last command that allowed it. A
-  command allows power if it is sound, new, and says "enable"; after an emergency stop only once
-  the drive's latch has been cleared, over the bus or by the loss of its supply, and a command has
-  said "no"; after a "no" only once somebody has armed the robot anew, where armings are told of;
+  command allows power if it is sound, new, and says "enable", and forbids it with a "no" if it is
+  sound, new or not; after an emergency stop it allows only once the drive's latch has been cleared,
+  over the bus or by the loss of its supply, and a command has said "no"; after a "no" only once
+  somebody has armed the robot anew, where armings are told of;
 - steering that goes on where the wheels may have no power: it stays where it is;
 - more speed than the robot is allowed.
 
@@ -24,7 +25,7 @@ from typing import Final, NamedTuple
 
 from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.nodes import wire
-from firmware_sim.nodes.e2e import crc8, data_id_crc
+from firmware_sim.nodes.e2e import COUNTER_INVALID, crc8, data_id_crc
 
 PERIOD_NS: Final = 5_000_000
 """Between two looks at the robot [ns]."""
@@ -147,13 +148,13 @@ class SafetyMonitor:
         self._cleared = True
 
     def _on_command(self, data: bytes, stamp_ns: int) -> None:
-        """Take a command that is sound and new; what is neither allows nothing."""
+        """Take a command that is sound; one that is not new allows nothing."""
         if len(data) != 8 or crc8(data[1:], self._crc_start) != data[0]:
             return
         counter = data[1] & 0x0F
-        if counter == self._counter:
-            return
-        self._counter = counter
+        new = counter not in {self._counter, COUNTER_INVALID}
+        if counter != COUNTER_INVALID:
+            self._counter = counter
         if not data[1] & _ENABLE:
             self._said_no = self._said_no or self._cleared
             if self._said_yes and self._armings is not None:
@@ -161,6 +162,8 @@ class SafetyMonitor:
                 since_ns = stamp_ns - self._allowed.power_ns
                 self._armings = {n: ns for n, ns in self._armings.items() if ns > since_ns}
             self._said_yes, self._why = False, "Enable=0"
+            return
+        if not new:
             return
         self._said_yes = True
         if not (self._cleared and self._said_no):

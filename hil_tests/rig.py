@@ -31,6 +31,7 @@ from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.drivers.dbc import load_dbc
 from robotctl.model.angles import wrap_angle
 from robotctl.runtime.messages import (
+    Ack,
     Arm,
     ControlState,
     EmergencyStop,
@@ -176,8 +177,11 @@ class Rig:
         self.control: ControlState | None = None
         self.navigation: NavigationState | None = None
         self.notices: list[str] = []
+        self.acks: dict[int, Ack] = {}
         self._history: deque[ControlState] = deque(maxlen=_TOLD)
         self._true: deque[Truth] = deque(maxlen=_TRUE)
+        self._unsafe: Truth | None = None
+        """The newest truth with an unsafe motion; firmware that is started again counts anew."""
         self.tolerates_rejects = False
         """Whether the test disturbs frames on purpose."""
 
@@ -334,10 +338,14 @@ class Rig:
 
     def listen(self) -> None:
         """Take in what the processes have published."""
-        self._true.extend(self._truths.receive())
+        for truth in self._truths.receive():
+            self._true.append(truth)
+            if truth.unsafe_motions:
+                self._unsafe = truth
         for message in self._states.receive():
             if isinstance(message, ControlState):
                 self.control = message
+                self.acks.update({ack.request_id: ack for ack in message.acks})
                 if not self._history or message.stamp_ns - self._history[-1].stamp_ns > _TOLD_NS:
                     self._history.append(message)
             elif isinstance(message, NavigationState):
@@ -353,9 +361,8 @@ class Rig:
         UnsafeMotionError
             With the newest reason.
         """
-        truth = self.truth
-        if truth is not None and truth.unsafe_motions:
-            raise UnsafeMotionError(f"{truth.unsafe_motions}: {truth.unsafe_reason}")
+        if self._unsafe is not None:
+            raise UnsafeMotionError(f"{self._unsafe.unsafe_motions}: {self._unsafe.unsafe_reason}")
 
     def told(self) -> str:
         """Return what the processes have said of themselves last, in a line."""
@@ -400,9 +407,11 @@ class Rig:
         """Arm and wait for it."""
         self.wait_for(self.ask_to_arm, SafetyState.ARMED)
 
-    def ask_to_arm(self) -> None:
-        """Send one request to arm."""
-        self._requests.send(Arm(time.monotonic_ns(), next(self._ids), arm=True))
+    def ask_to_arm(self) -> int:
+        """Send one request to arm; return its number, by which `acks` has the answer."""
+        number = next(self._ids)
+        self._requests.send(Arm(time.monotonic_ns(), number, arm=True))
+        return number
 
     def wait_for(self, ask: Callable[[], Any], state: SafetyState) -> None:
         """Ask now and each second until the control process is in `state`."""

@@ -42,10 +42,11 @@ def test_twice(lasting: Rig, source: str) -> None:
 def test_right_behind_a_request_to_arm(lasting: Rig, source: str) -> None:
     SOURCES[source](lasting)
     lasting.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
-    lasting.ask_to_arm()
+    number = lasting.ask_to_arm()
     SOURCES[source](lasting)
     lasting.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
     lasting.heard(1.5)  # longer than a request to arm may wait
     lasting.listen()
     assert lasting.control.state == SafetyState.EMERGENCY_STOP
+    assert number in lasting.acks, "it was not asked to arm"
     assert_latched(lasting)

@@ -9,7 +9,7 @@ from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.config import load_robot
 from firmware_sim.monitor import GRACE_NS, Allowed, Motion, SafetyMonitor
 from firmware_sim.nodes.drive_state import DriveState
-from firmware_sim.nodes.e2e import Protector
+from firmware_sim.nodes.e2e import Protector, crc8, data_id_crc
 from firmware_sim.simulation import Simulation
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -97,6 +97,28 @@ def test_a_repeated_or_a_damaged_command_keeps_nobody_alive(scene):
         scene.frame(COMMAND, sound)
         scene.frame(COMMAND, bytes((sound[0] ^ 1,)) + sound[1:])
     assert scene.monitor.count == 1
+
+
+def test_a_counter_that_no_sender_uses_keeps_nobody_alive(scene):
+    scene.power()
+    scene.run(20, enable=True)
+    unused = 0x1F  # enable, counter 15
+    body = bytes((unused,)) + bytes(6)
+    for _ in range(50):
+        scene.run(5)
+        scene.frame(COMMAND, bytes((crc8(body, data_id_crc(0xA000 + COMMAND)),)) + body)
+    assert scene.monitor.count == 1
+
+
+def test_a_repeated_enable_0_forbids_as_a_new_one_does(scene):
+    scene.monitor.on_arming(1)
+    scene.power()
+    scene.run(100, enable=True)
+    scene.protector.counter = (scene.protector.counter - 1) % 15  # that of the last command
+    scene.command(enable=False)
+    scene.run(200, enable=True)
+    (reason,) = scene.reasons
+    assert reason.endswith("behind a stop, without a new arming")
 
 
 def test_power_that_goes_on_behind_enable_0_is_unsafe(scene):
