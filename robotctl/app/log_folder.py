@@ -17,7 +17,9 @@ from robotctl.runtime.ring_file import hold, leads_to, remove_dead
 
 MOST_TOTAL_MB: Final = 1e9
 
-_LOG: Final = re.compile(r"(control|can|robot|simulator|truth)-(\d{4,})\.(rec|log|mcap|tum)")
+_LOG: Final = re.compile(
+    r"(control|can|robot|simulator|truth)-(\d{4,})\.(rec|log|mcap|tum)(?:\.damaged-\d+)?"
+)
 _NUMBERED: Final = re.compile(rf"{_LOG.pattern}|(map)-(\d{{4,}})\.yaml")
 _OF_THE_RECORDER: Final = ("control", "can", "robot")
 

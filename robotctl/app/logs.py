@@ -161,8 +161,11 @@ def recover_all(folder: LogFolder) -> tuple[str, ...]:
         try:
             if not is_complete(path):
                 with suppress(LogInUseError):
-                    count = recover(path)
-                    notes.append(f"{path}: was cut, completed with its {count} messages")
+                    recovered = recover(path)
+                    notes.append(
+                        f"{path}: was cut, completed with its {recovered.messages} messages"
+                        f"{recovered.loss()}"
+                    )
         except (OSError, McapLogError) as error:
             notes.append(f"{path}: was cut and cannot be completed: {error}")
     return tuple(notes)

@@ -17,6 +17,7 @@ from robotctl.runtime.recorder import (
     RecordError,
     RecordHeader,
     Replayed,
+    is_cut,
     read_record,
     replay,
 )
@@ -32,10 +33,13 @@ class Replay:
         robotctl that made the record.
     result
         Ticks that agreed, gaps, and the first tick that differs.
+    is_cut
+        Whether the record ends within a message.
     """
 
     version: str
     result: Replayed
+    is_cut: bool
 
 
 def replay_file(path: Path) -> Replay:
@@ -51,9 +55,10 @@ def replay_file(path: Path) -> Replay:
             header, entries = read_record(file, str(path))
             config, options = _robot_of(header, path)
             result = replay(lambda: make_core(config, options), entries, str(path), header.fields)
+            cut = is_cut(file)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror}") from error
-    return Replay(header.version, result)
+    return Replay(header.version, result, cut)
 
 
 def differences(difference: Difference) -> list[tuple[str, str, str]]:

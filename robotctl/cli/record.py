@@ -52,14 +52,17 @@ def dump(
 def recover(
     file: Annotated[Path, typer.Argument(help="robot-*.mcap that was cut by a kill.")],
 ) -> None:
-    """Complete an MCAP log that was not closed, in place; the recorder does so when it starts."""
+    """Complete an MCAP log that was not closed, in place; the recorder does so when it starts.
+
+    Damaged places are left out; the log as it was is kept then, as FILE.damaged-1 and so on.
+    """
     from robotctl.telemetry.mcap_log import recover as recover_log  # noqa: PLC0415 - loads zstd
 
     try:
-        count = recover_log(file)
+        recovered = recover_log(file)
     except OSError as error:
         raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
-    print(f"{file}: complete, {count} messages")
+    print(f"{file}: complete, {recovered.messages} messages{recovered.loss()}")
 
 
 def _check_target(file: Path) -> None:

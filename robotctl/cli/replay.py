@@ -25,6 +25,8 @@ def replay(
     if replayed.version != robotctl.__version__:
         print(f"made by robotctl {replayed.version}, replayed by {robotctl.__version__}")
     gaps = f", {result.gaps} gaps in the record" if result.gaps else ""
+    if replayed.is_cut:
+        gaps += ", up to where the record was cut"
     if result.difference is None:
         print(f"{file}: {result.agreed} ticks, all outputs the same bit for bit{gaps}")
         return

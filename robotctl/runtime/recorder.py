@@ -155,6 +155,19 @@ def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Entry
     return header, _entries(messages, name)
 
 
+def is_cut(file: BinaryIO) -> bool:
+    """Return whether a record ends within a message; one cut between two of them looks whole."""
+    size = file.seek(0, 2)
+    place = 0
+    while place < size:
+        file.seek(place)
+        prefix = file.read(LENGTH.size)
+        if len(prefix) < LENGTH.size:
+            return True
+        place += LENGTH.size + LENGTH.unpack(prefix)[0]
+    return place > size
+
+
 def replay(
     make_core: Callable[[], ControlCore],
     entries: Iterable[Entry],

@@ -142,10 +142,11 @@ class StateFile(Generic[T]):
             system.close(descriptor)
 
     def _content(self, path: Path) -> bytes | None:
-        """Return what a file holds; None where it is missing."""
+        """Return what a file holds, of a fifo nothing; None where it is missing."""
         system = self._system
+        flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK  # a fifo is not waited for
         try:
-            descriptor = system.open(path, os.O_RDONLY | os.O_CLOEXEC, 0)
+            descriptor = system.open(path, flags, 0)
         except FileNotFoundError:
             return None
         try:

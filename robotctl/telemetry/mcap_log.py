@@ -7,16 +7,17 @@ its last flush. Such a file has no index: strict readers want it recovered first
 
 from __future__ import annotations
 
-import struct
+import io
+import os
+import stat
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final, TypeAlias
 
 import msgspec
-import zstandard
-from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Header, McapRecord, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC, Writer
 
@@ -34,13 +35,13 @@ from robotctl.telemetry.log_schema import (
     plain,
     schema_of,
 )
+from robotctl.telemetry.mcap_records import Gap, whole_records
 
 Published: TypeAlias = (
     ControlState | NavigationState | LocalisationState | LidarScan | CameraView | Notice
 )
 
-_DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, EOFError)
-_RECORD_LIMIT: Final = 1 << 28
+_LIBRARY: Final = f"robotctl {robotctl.__version__}"
 
 
 class McapLogError(RobotctlError):
@@ -66,7 +67,7 @@ class McapLog:
 
     def __init__(self, file: BinaryIO, epoch_ns: int, name: str) -> None:
         self._writer = Writer(file)
-        self._writer.start(library=f"robotctl {robotctl.__version__}")
+        self._writer.start(library=_LIBRARY)
         self._epoch_ns = epoch_ns
         self._name = name
         self._encode = msgspec.json.Encoder().encode
@@ -120,10 +121,43 @@ def is_complete(path: Path) -> bool:
         return size > 2 * len(MCAP0_MAGIC) and file.read() == MCAP0_MAGIC
 
 
-def recover(path: Path) -> int:
-    """Make a log that was cut complete, up to its last whole chunk; return its messages.
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """What became of a log.
+
+    Parameters
+    ----------
+    messages
+        Kept.
+    gaps
+        Damaged places that were left out; not the end of a log that was merely cut.
+    unknown
+        Messages left out since the definition of their topic was in a gap.
+    kept_aside
+        Where the log lies as it was, if anything was left out.
+    """
+
+    messages: int
+    gaps: tuple[Gap, ...]
+    unknown: int
+    kept_aside: Path | None
+
+    def loss(self) -> str:
+        """Return what was left out, to follow another sentence; empty where that is nothing."""
+        if self.kept_aside is None:
+            return ""
+        lost = sum(gap.length for gap in self.gaps)
+        places = f"{len(self.gaps)} damaged place{'s' if len(self.gaps) > 1 else ''}"
+        unknown = f", and {self.unknown} messages of unknown topics" if self.unknown else ""
+        return f"; left out {places}, {lost} bytes{unknown}; as it was: {self.kept_aside}"
+
+
+def recover(path: Path) -> Recovery:
+    """Make a log that was cut or damaged complete, with all its whole chunks.
 
     The file is replaced when the whole one is on the disk; until then that is `NAME.mcap.part`.
+    Mode and owner stay, the owner where the system lets us. Where more is lost than the end of a
+    log that was cut, the log as it was becomes `NAME.mcap.damaged-1` and so on.
 
     Raises
     ------
@@ -139,41 +173,81 @@ def recover(path: Path) -> int:
             raise LogInUseError(f"{path}: is still being written; whoever writes it completes it")
         if source.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise McapLogError(f"{path}: not an MCAP file")
-        source.seek(0)
         with part_file(path) as file:
-            return _copy(source, file)
+            _take_owner_and_mode(source, file)
+            messages, gaps, unknown = _copy(source, file)
+            if not gaps and not unknown:
+                return Recovery(messages, (), 0, None)
+            file.flush()
+            os.fsync(file.fileno())  # before the log gives way
+            return Recovery(messages, gaps, unknown, _set_aside(path))
 
 
-def whole_records(source: BinaryIO) -> Iterator[McapRecord | None]:
-    """Yield the records of a log; at last None if it was cut or damaged there."""
-    records = StreamReader(
-        source, validate_crcs=True, record_size_limit=_RECORD_LIMIT
-    ).records  # fmt: skip
-    while True:
-        try:
-            yield next(records)
-        except StopIteration:
-            return
-        except _DAMAGE:
-            yield None
-            return
-
-
-def _copy(source: BinaryIO, target: BinaryIO) -> int:
-    """Copy whole records; return how many messages."""
-    writer = Writer(target)
-    writer.start(library=f"robotctl {robotctl.__version__}")
-    schemas: dict[int, int] = {0: 0}
-    channels: dict[int, int] = {}
-    count = 0
+def log_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
+    """Yield as `whole_records`; our own definitions where a gap took those of a log of ours."""
+    is_ours = is_defined = False
     for record in whole_records(source):
-        if isinstance(record, Schema) and record.id not in schemas:
+        if isinstance(record, Header):
+            is_ours = record.library == _LIBRARY
+        is_defined |= isinstance(record, Channel)
+        yield record
+        if isinstance(record, Gap) and not record.is_cut and is_ours and not is_defined:
+            is_defined = True
+            yield from _definitions()
+
+
+def _definitions() -> Iterator[Schema | Channel]:
+    """Yield what each log of ours begins with."""
+    file = io.BytesIO()
+    log = McapLog(file, 0, "")
+    log.add(Notice(0, 6, ""))  # without a message, definitions are not written
+    log.close()
+    for record in whole_records(file):
+        if isinstance(record, Schema | Channel):
+            yield record
+
+
+def _take_owner_and_mode(source: BinaryIO, target: BinaryIO) -> None:
+    """Give a file the owner and the mode of another."""
+    status = os.fstat(source.fileno())
+    with suppress(PermissionError):  # nobody but root gives files away
+        os.fchown(target.fileno(), status.st_uid, status.st_gid)
+    os.fchmod(target.fileno(), stat.S_IMODE(status.st_mode))
+
+
+def _set_aside(path: Path) -> Path:
+    """Rename a damaged log to a name that is free."""
+    number = 1
+    while (target := path.with_name(f"{path.name}.damaged-{number}")).exists():
+        number += 1
+    return path.rename(target)
+
+
+def _copy(source: BinaryIO, target: BinaryIO) -> tuple[int, tuple[Gap, ...], int]:
+    """Copy whole records; return how many messages, the gaps, and messages of unknown topics."""
+    writer = Writer(target)
+    writer.start(library=f"{_LIBRARY}, recovered")
+    schemas: dict[int, int] = {}
+    channels: dict[int, int] = {}
+    gaps = []
+    count = unknown = 0
+    for record in log_records(source):
+        if isinstance(record, Gap):
+            if not record.is_cut:
+                gaps.append(record)
+        elif isinstance(record, Schema) and record.id not in schemas:
             schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
         elif isinstance(record, Channel) and record.id not in channels:
             channels[record.id] = writer.register_channel(
-                record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
+                record.topic,
+                record.message_encoding,
+                schemas.get(record.schema_id, 0),
+                record.metadata,
             )
         elif isinstance(record, Message):
+            if record.channel_id not in channels:
+                unknown += 1
+                continue
             writer.add_message(
                 channels[record.channel_id],
                 record.log_time,
@@ -183,4 +257,4 @@ def _copy(source: BinaryIO, target: BinaryIO) -> int:
             )
             count += 1
     writer.finish()
-    return count
+    return count, tuple(gaps), unknown

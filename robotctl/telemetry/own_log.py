@@ -34,7 +34,8 @@ from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.log_text import LogFormatError, in_order
-from robotctl.telemetry.mcap_log import whole_records
+from robotctl.telemetry.mcap_log import log_records
+from robotctl.telemetry.mcap_records import Gap
 from robotctl.telemetry.own_sonars import LoggedState, OwnSonars, own_sonars
 from robotctl.telemetry.tum import read_tum
 
@@ -192,12 +193,16 @@ def _take_in(file: Path, content: _Content) -> None:
 
 
 def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
-    """Yield topics and messages up to the end of a file, or to where it was cut."""
+    """Yield topics and messages up to the end of a file, past places that are damaged."""
     topics: dict[int, str] = {}
     with file.open("rb") as source:
-        for record in whole_records(source):
-            if record is None:
-                notes.append(f"{file}: was cut, read up to the cut")
+        for record in log_records(source):
+            if isinstance(record, Gap):
+                notes.append(
+                    f"{file}: was cut, read up to the cut"
+                    if record.is_cut
+                    else f"{file}: damaged at byte {record.begin}, {record.length} bytes left out"
+                )
             elif isinstance(record, Channel) and record.message_encoding == MessageEncoding.JSON:
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:

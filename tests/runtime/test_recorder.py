@@ -29,6 +29,7 @@ from robotctl.runtime.recorder import (
     Replayed,
     Tick,
     framed,
+    is_cut,
     read_record,
     replay,
 )
@@ -321,3 +322,9 @@ def test_a_damaged_checkpoint_is_an_error_or_a_core(data: st.DataObject) -> None
     good[place] = data.draw(st.integers(0, 255))
     with contextlib.suppress(CheckpointError):
         assert isinstance(restored(bytes(good)), ControlCore)
+
+
+def test_a_record_that_ends_within_a_message_is_known_as_cut() -> None:
+    whole = framed(b"header") + framed(b"tick")
+    cuts = [size for size in range(len(whole) + 1) if is_cut(io.BytesIO(whole[:size]))]
+    assert cuts == [size for size in range(len(whole)) if size not in (0, len(framed(b"header")))]

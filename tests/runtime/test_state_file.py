@@ -321,3 +321,18 @@ def test_short_writes_are_completed(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     StateFile(path, Value, Dribbling()).save(NEW)
     assert StateFile(path, Value).load() == (NEW, ())
+
+
+@pytest.mark.timeout(10)
+def test_a_fifo_in_the_place_of_the_file_is_damage_and_not_waited_for(tmp_path: Path) -> None:
+    class Number(msgspec.Struct):
+        value: int
+
+    path = tmp_path / "number.json"
+    os.mkfifo(path)
+    file = StateFile(path, Number)
+    value, (note,) = file.load()
+    assert value is None
+    assert f"set aside as {path}.damaged-1" in note
+    file.save(Number(3))
+    assert file.load() == (Number(3), ())

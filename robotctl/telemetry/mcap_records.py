@@ -1,0 +1,214 @@
+"""The whole records of an MCAP file, and where it was cut or damaged.
+
+Behind a damaged place reading goes on at the next chunk that proves itself: its lengths agree, it
+decompresses, and its CRC-32 is right. Records between chunks carry no checksum; they count as
+damaged where their kind is unknown or their length does not fit their content.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO, Final
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    Header,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+)
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import MCAP0_MAGIC
+
+_DAMAGE: Final = (
+    McapError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,
+    KeyError,
+    EOFError,
+    MemoryError,
+)
+_RECORD_LIMIT: Final = 1 << 28
+_HEAD: Final = struct.Struct("<BQ")
+_LENGTH: Final = struct.Struct("<Q")
+_CHUNK: Final = struct.Struct("<QQQII")  # times, size, CRC-32; length of the compression's name
+_BLOCK: Final = 1 << 20
+_KINDS: Final[dict[int, type[Header | Schema | Channel | Attachment | Metadata]]] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A place of a log that cannot be read.
+
+    Parameters
+    ----------
+    begin
+        Its first byte.
+    length
+        How many bytes; 0 where a log was cut between two records.
+    is_cut
+        Whether it is the end of a log that was cut: nothing was there that is lost now.
+    """
+
+    begin: int
+    length: int
+    is_cut: bool
+
+
+def whole_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
+    """Yield the records of a log up to the end of its data, and the gaps between them.
+
+    The last is a gap where the log was not closed.
+    """
+    size = source.seek(0, io.SEEK_END)
+    place = len(MCAP0_MAGIC)
+    while True:
+        try:
+            opcode, end = _extent(source, place, size)
+            if opcode == Opcode.DATA_END:
+                return
+            records = _records(source, opcode, place, end)
+        except _DAMAGE as error:
+            end = _next_chunk(source, place + 1, size)
+            is_cut = end == size and _is_cut(source, place, size, error)
+            yield Gap(place, end - place, is_cut)
+            if end == size:
+                return
+        else:
+            yield from records
+        place = end
+
+
+def _extent(source: BinaryIO, place: int, size: int) -> tuple[int, int]:
+    """Return kind and end of the record that begins at a place.
+
+    Raises
+    ------
+    EOFError
+        If the file ends within it.
+    ValueError
+        If no record begins there.
+    """
+    source.seek(place)
+    head = source.read(_HEAD.size)
+    if len(head) < _HEAD.size:
+        raise EOFError
+    opcode, length = _HEAD.unpack(head)
+    if opcode == Opcode.CHUNK:
+        _check_lengths(source, length)
+    elif opcode == Opcode.DATA_END:
+        if length != 4:
+            raise ValueError("no end of the data")
+    elif opcode not in _KINDS and opcode not in (Opcode.MESSAGE, Opcode.MESSAGE_INDEX):
+        raise ValueError("no record of the data section")
+    if length > _RECORD_LIMIT:
+        raise ValueError("too long")
+    end = place + _HEAD.size + length
+    if end > size:
+        raise EOFError
+    return opcode, end
+
+
+def _check_lengths(source: BinaryIO, length: int) -> None:
+    """Refuse a chunk, read up to its head, whose lengths contradict each other."""
+    fixed = source.read(_CHUNK.size)
+    if len(fixed) < _CHUNK.size:
+        raise EOFError
+    *_, name_length = _CHUNK.unpack(fixed)
+    if name_length > length:
+        raise ValueError("the name of the compression is longer than the chunk")
+    source.seek(name_length, io.SEEK_CUR)
+    inner = source.read(_LENGTH.size)
+    if len(inner) < _LENGTH.size:
+        raise EOFError
+    if _CHUNK.size + name_length + _LENGTH.size + _LENGTH.unpack(inner)[0] != length:
+        raise ValueError("the lengths of a chunk contradict each other")
+
+
+def _records(source: BinaryIO, opcode: int, place: int, end: int) -> list[McapRecord]:
+    """Return a record, or those in a chunk; raises one of `_DAMAGE`."""
+    source.seek(place + _HEAD.size)
+    length = end - place - _HEAD.size
+    stream = ReadDataStream(io.BytesIO(source.read(length)))
+    if opcode == Opcode.CHUNK:
+        return _opened(Chunk.read(stream))
+    if opcode == Opcode.MESSAGE:
+        return [Message.read(stream, length)]
+    if opcode == Opcode.MESSAGE_INDEX:  # not needed, and slow to take apart
+        stream.read2()
+        if stream.read4() != length - 6:
+            raise ValueError("its length does not fit its content")
+        return []
+    record: McapRecord = _KINDS[opcode].read(stream)
+    if stream.count != length:
+        raise ValueError("its length does not fit its content")
+    return [record]
+
+
+def _opened(chunk: Chunk) -> list[McapRecord]:
+    """Return the records in a chunk; the sizes it claims must not ask for all memory."""
+    sizes = [chunk.uncompressed_size]
+    if chunk.compression == "zstd":
+        sizes.append(zstandard.frame_content_size(chunk.data))
+    if max(sizes) > _RECORD_LIMIT:
+        raise ValueError("too long")
+    return breakup_chunk(chunk, validate_crc=True)
+
+
+def _next_chunk(source: BinaryIO, place: int, size: int) -> int:
+    """Return where the next chunk begins that proves itself; the end of the file without any."""
+    while place < size:
+        source.seek(place)
+        block = source.read(_BLOCK)
+        at = block.find(Opcode.CHUNK)
+        while at >= 0:
+            if _is_proven(source, place + at, size):
+                return place + at
+            at = block.find(Opcode.CHUNK, at + 1)
+        place += len(block)
+    return size
+
+
+def _is_proven(source: BinaryIO, place: int, size: int) -> bool:
+    """Return whether a whole chunk with a checksum that is right begins at a place."""
+    try:
+        opcode, end = _extent(source, place, size)
+        _records(source, opcode, place, end)
+        source.seek(place + _HEAD.size)
+        *_, crc, _ = _CHUNK.unpack(source.read(_CHUNK.size))
+    except _DAMAGE:
+        return False
+    return bool(crc)  # 0 stands for none
+
+
+def _is_cut(source: BinaryIO, place: int, size: int, error: BaseException) -> bool:
+    """Return whether the rest of a file, without a chunk, is what a kill or a power cut leaves.
+
+    That is the beginning of a record, or nothing but zeros, which had not come to the disk.
+    """
+    closing = size - len(MCAP0_MAGIC)
+    if closing >= place:
+        source.seek(closing)
+        if source.read() == MCAP0_MAGIC:
+            return False
+    if isinstance(error, EOFError):
+        return True
+    source.seek(place)
+    return all(not any(block) for block in iter(lambda: source.read(_BLOCK), b""))
