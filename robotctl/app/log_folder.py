@@ -6,6 +6,7 @@ A log is locked while it is written, and whoever makes room or cleans up leaves 
 from __future__ import annotations
 
 import re
+import tempfile
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
@@ -69,6 +70,15 @@ def make_folder(directory: Path) -> None:
         raise LogError(f"{directory}: is no folder") from error
     except OSError as error:
         raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
+
+
+def refusal(directory: Path) -> str:
+    """Return why no file can be written in a folder; empty where one can."""
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return ""
+    except OSError as error:
+        return f"{directory}: cannot be written: {error.strerror}"
 
 
 class LogFolder:

@@ -15,6 +15,7 @@ import zmq
 
 from robotctl.app.config import find_file
 from robotctl.app.exit_log import ExitLog
+from robotctl.app.log_folder import refusal
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
 from robotctl.app.progress import Progress, resumed, state_directory
@@ -87,6 +88,8 @@ def run(
     asked_early = EmergencySignal()
     notifier = ServiceNotifier(os.environ)
     log = ExitLog(record.resolve()) if record else None
+    if record and (reason := refusal(record)):
+        print(f"{reason}; the robot drives without logs")
     print(f"{config.robot.name} on {config.can.interface}:{config.can.channel}, Ctrl-C ends")
     for link in config.mavlink.link:
         print(f"MAVLink: {link.url}", flush=True)

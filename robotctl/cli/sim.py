@@ -11,6 +11,7 @@ import typer
 
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
+from robotctl.app.log_folder import LogError, make_folder, refusal
 from robotctl.app.score import Report
 from robotctl.app.signals import StopFlag
 from robotctl.app.sim import SimRun
@@ -101,6 +102,10 @@ def sim(
     over before its time. 2: bad input.
     """
     check_files(report)
+    if record is not None:
+        make_folder(record)
+        if reason := refusal(record):
+            raise LogError(reason)
     if lockstep and bus != OWN_BUS:
         raise ConfigError(
             f"--bus {bus}: found with --lockstep, whose bus is in its one process and which allows "

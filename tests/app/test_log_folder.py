@@ -10,7 +10,7 @@ import pytest
 from firmware_sim.bus.core import Bus
 from firmware_sim.bus.log import LogWriter
 from robotctl.app.config import find_file, load_robot
-from robotctl.app.log_folder import LogConfig, LogFolder
+from robotctl.app.log_folder import LogConfig, LogFolder, refusal
 from robotctl.app.logs import BusLog, StateLog, recover_all
 from robotctl.runtime.messages import Notice
 from robotctl.runtime.ring_file import is_written
@@ -85,3 +85,21 @@ def test_a_log_that_has_just_been_begun_is_not_taken_for_an_empty_one(
     LogFolder(tmp_path, SMALL).remove_empty()
     assert path.exists()
     log.close()
+
+
+def test_a_folder_that_takes_no_files_is_refused_and_one_that_does_stays_empty(
+    tmp_path: Path,
+) -> None:
+    assert refusal(tmp_path) == ""
+    assert not list(tmp_path.iterdir())
+    assert refusal(Path("/proc")).startswith("/proc: cannot be written: ")
+
+
+@pytest.mark.parametrize("how", [("--headless",), ("--lockstep",)])
+def test_a_run_whose_record_cannot_be_written_does_not_begin(
+    how: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of("sim", *how, "--record", "/proc") == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("robotctl: /proc: cannot be written: ")
