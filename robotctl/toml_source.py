@@ -69,12 +69,17 @@ def parse(
         raise ConfigError(f"{name}: not valid TOML: {error}") from error
     lines = _key_lines(text)
     sources = {key: f"{name}:{line}" for key, line in lines.items()}
+    made: dict[Key, str] = {}  # what is missing in such a table is the file's
     for override in overrides:
-        for key in _apply_override(data, override):
-            sources[key] = f"--set {override}"
+        key, tables = _apply_override(data, override)
+        sources[key] = f"--set {override}"
+        made |= dict.fromkeys(tables, f"--set {override}")
 
     def refuse(problems: Iterable[tuple[Key, str]]) -> None:
-        lines = [f"{_place(key, sources, name)}: {_dotted(key)}: {why}" for key, why in problems]
+        lines = [
+            f"{made.get(key) or _place(key, sources, name)}: {_dotted(key)}: {why}"
+            for key, why in problems
+        ]
         if lines:
             raise ConfigError("\n".join(lines))
 
@@ -285,10 +290,10 @@ def _split_override(override: str) -> tuple[list[str], Any]:
     return [part.strip() for part in path.split(".")], value
 
 
-def _apply_override(data: dict[str, Any], override: str) -> list[Key]:
+def _apply_override(data: dict[str, Any], override: str) -> tuple[Key, list[Key]]:
     """Set `a.b.c=value` in `data`; the value is TOML, or a bare word as a string.
 
-    Returns the keys of the tables that had to be made, and that of the value.
+    Returns the key of the value, and those of the tables that had to be made.
     """
     parts, value = _split_override(override)
     key: list[str | int] = []
@@ -314,7 +319,7 @@ def _apply_override(data: dict[str, Any], override: str) -> list[Key]:
                 target = target.setdefault(index, {})
         except (TypeError, IndexError) as error:
             raise ConfigError(f"--set {override}: {_dotted(tuple(key))}: no such key") from error
-    return [*made, tuple(key)]
+    return tuple(key), made
 
 
 def _key_lines(text: str) -> dict[Key, int]:

@@ -131,7 +131,7 @@ def test_pictures_of_a_sequence_are_seen_on_the_floor_of_the_first(
         (["{pictures}/box.png", "--csv", "no/such.csv"], "such.csv: the folder no does not exist"),
         (["{pictures}/none.png"], "{pictures}/none.png: No such file or directory"),
         (["{pictures}/box.png", "--robot", "diff_driv"], 'did you mean "diff_drive"?'),
-        (["{pictures}/box.png", "--robot", "tricycle"], "--set camera.intrinsics.width_px=320: camera.mount: missing key"),
+        (["{pictures}/box.png", "--robot", "tricycle"], "tricycle.toml: camera.mount: missing key"),
     ],
 )
 def test_wrong_input_is_said_plainly(arguments: list[str], message: str, pictures: Path) -> None:

@@ -146,6 +146,8 @@ def test_a_table_that_a_setting_made_up_is_blamed_on_the_setting() -> None:
     assert line.startswith("--set gains.foo.bar=1: gains.foo: unknown key")
     (line,) = errors(GOOD + "[gian]\nkp = 1\n", "gian.kd=1")
     assert line.startswith("robot.toml:")
+    (line,) = errors("", "gains.kd=1")
+    assert line.startswith("robot.toml: gains.kp: missing key")
 
 
 def test_an_index_in_brackets_is_told_its_spelling() -> None:
