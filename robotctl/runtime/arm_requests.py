@@ -7,7 +7,7 @@ from typing import Final
 from robotctl.runtime.messages import Ack, Arm
 
 _KEPT: Final = 8
-"""Requests that wait at most; as many are refused for that within one period of publishing."""
+"""Requests that wait, and answers, at most: so many ask within one period of publishing."""
 
 
 class ArmRequests:
@@ -29,19 +29,15 @@ class ArmRequests:
         self.acks: tuple[Ack, ...] = ()
 
     def wait(self, request: Arm) -> None:
-        """Let a request wait; where too many do, the oldest is refused."""
+        """Let a request wait."""
         if not self.waiting:
             self.since_ns = request.stamp_ns
-        self.waiting = (*self.waiting, request.request_id)
-        if len(self.waiting) > _KEPT:
-            oldest, *others = self.waiting
-            self.answer(oldest, f"more than {_KEPT} ask at once")
-            self.waiting = tuple(others)
+        self.waiting = (*self.waiting, request.request_id)[-_KEPT:]
 
     def answer(self, request_id: int, *refusals: str) -> None:
         """Answer one request: yes, unless there are reasons against it."""
         ack = Ack(request_id, accepted=not refusals, reasons=refusals)
-        self.acks = (*self.acks, ack)[-2 * _KEPT :]
+        self.acks = (*self.acks, ack)[-_KEPT:]
 
     def answer_waiting(self, *refusals: str) -> None:
         """Answer all that wait: yes, unless there are reasons against it."""
