@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import zlib
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, Generic, Protocol, TypeVar
@@ -53,6 +54,14 @@ class FileSystem(Protocol):
 
     def listdir(self, path: Path, /) -> list[str]:
         """As `os.listdir`."""
+
+
+def damaged_name(name: str, taken: Collection[str]) -> str:
+    """Return under which name a damaged file is set aside, beside others: one not `taken`."""
+    number = 1
+    while (free := f"{name}.damaged-{number}") in taken:
+        number += 1
+    return free
 
 
 class StateFile(Generic[T]):
@@ -177,11 +186,8 @@ class StateFile(Generic[T]):
 
     def _set_aside(self, path: Path) -> Path:
         """Rename a damaged file to a name that is free."""
-        taken = set(self._system.listdir(path.parent))
-        number = 1
-        while (name := f"{self.path.name}.damaged-{number}") in taken:
-            number += 1
-        target = path.with_name(name)
+        taken = self._system.listdir(path.parent)
+        target = path.with_name(damaged_name(self.path.name, taken))
         self._system.rename(path, target)
         self._sync_folder()
         return target

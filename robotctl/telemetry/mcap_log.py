@@ -27,6 +27,7 @@ from robotctl.runtime.estimation_messages import CameraView, LidarScan, Localisa
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.part_file import part_file
 from robotctl.runtime.ring_file import hold
+from robotctl.runtime.state_file import damaged_name
 from robotctl.telemetry.log_schema import (
     LASER_SCHEMA,
     LOG_SCHEMA,
@@ -147,7 +148,7 @@ class Recovery:
         if self.kept_aside is None:
             return ""
         lost = sum(gap.length for gap in self.gaps)
-        places = f"{len(self.gaps)} damaged place{'s' if len(self.gaps) > 1 else ''}"
+        places = f"{len(self.gaps)} damaged place{'s' if len(self.gaps) != 1 else ''}"
         unknown = f", and {self.unknown} messages of unknown topics" if self.unknown else ""
         return f"; left out {places}, {lost} bytes{unknown}; as it was: {self.kept_aside}"
 
@@ -217,10 +218,8 @@ def _take_owner_and_mode(source: BinaryIO, target: BinaryIO) -> None:
 
 def _set_aside(path: Path) -> Path:
     """Rename a damaged log to a name that is free."""
-    number = 1
-    while (target := path.with_name(f"{path.name}.damaged-{number}")).exists():
-        number += 1
-    return path.rename(target)
+    taken = {each.name for each in path.parent.iterdir()}
+    return path.rename(path.with_name(damaged_name(path.name, taken)))
 
 
 def _copy(source: BinaryIO, target: BinaryIO) -> tuple[int, tuple[Gap, ...], int]:

@@ -2,7 +2,9 @@
 
 Behind a damaged place reading goes on at the next chunk that proves itself: its lengths agree, it
 decompresses, and its CRC-32 is right. Records between chunks carry no checksum; they count as
-damaged where their kind is unknown or their length does not fit their content.
+damaged where their kind is unknown, or not one that stands there, or their length does not fit
+their content. Any content is that of a message: where there are chunks, one outside of them is
+taken for another record, damaged.
 """
 
 from __future__ import annotations
@@ -41,8 +43,15 @@ _DAMAGE: Final = (
 )
 _RECORD_LIMIT: Final = 1 << 28
 _HEAD: Final = struct.Struct("<BQ")
-_LENGTH: Final = struct.Struct("<Q")
 _CHUNK: Final = struct.Struct("<QQQII")  # times, size, CRC-32; length of the compression's name
+_STRING: Final = struct.Struct("<I")
+_LENGTHS: Final[dict[int, tuple[struct.Struct, ...]]] = {
+    Opcode.HEADER: (_STRING, _STRING),
+    Opcode.CHUNK: (_CHUNK, struct.Struct("<Q")),
+    Opcode.MESSAGE_INDEX: (struct.Struct("<HI"),),
+}
+"""What stands before each part of a record whose length varies, that length last."""
+
 _BLOCK: Final = 1 << 20
 _KINDS: Final[dict[int, type[Header | Schema | Channel | Attachment | Metadata]]] = {
     Opcode.HEADER: Header,
@@ -79,11 +88,16 @@ def whole_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
     """
     size = source.seek(0, io.SEEK_END)
     place = len(MCAP0_MAGIC)
+    has_chunks = _next_chunk(source, place, size) < size
     while True:
         try:
             opcode, end = _extent(source, place, size)
             if opcode == Opcode.DATA_END:
                 return
+            if opcode == Opcode.MESSAGE and has_chunks:
+                raise ValueError("a message outside of the chunks")
+            if (opcode == Opcode.HEADER) != (place == len(MCAP0_MAGIC)):
+                raise ValueError("a log has one heading, and begins with it")
             records = _records(source, opcode, place, end)
         except _DAMAGE as error:
             end = _next_chunk(source, place + 1, size)
@@ -111,35 +125,35 @@ def _extent(source: BinaryIO, place: int, size: int) -> tuple[int, int]:
     if len(head) < _HEAD.size:
         raise EOFError
     opcode, length = _HEAD.unpack(head)
-    if opcode == Opcode.CHUNK:
-        _check_lengths(source, length)
+    if length > _RECORD_LIMIT:
+        raise ValueError("too long")
+    if opcode in _LENGTHS:
+        _check_lengths(source, opcode, length)
     elif opcode == Opcode.DATA_END:
         if length != 4:
             raise ValueError("no end of the data")
-    elif opcode not in _KINDS and opcode not in (Opcode.MESSAGE, Opcode.MESSAGE_INDEX):
+    elif opcode not in _KINDS and opcode != Opcode.MESSAGE:
         raise ValueError("no record of the data section")
-    if length > _RECORD_LIMIT:
-        raise ValueError("too long")
     end = place + _HEAD.size + length
     if end > size:
         raise EOFError
     return opcode, end
 
 
-def _check_lengths(source: BinaryIO, length: int) -> None:
-    """Refuse a chunk, read up to its head, whose lengths contradict each other."""
-    fixed = source.read(_CHUNK.size)
-    if len(fixed) < _CHUNK.size:
-        raise EOFError
-    *_, name_length = _CHUNK.unpack(fixed)
-    if name_length > length:
-        raise ValueError("the name of the compression is longer than the chunk")
-    source.seek(name_length, io.SEEK_CUR)
-    inner = source.read(_LENGTH.size)
-    if len(inner) < _LENGTH.size:
-        raise EOFError
-    if _CHUNK.size + name_length + _LENGTH.size + _LENGTH.unpack(inner)[0] != length:
-        raise ValueError("the lengths of a chunk contradict each other")
+def _check_lengths(source: BinaryIO, opcode: int, length: int) -> None:
+    """Refuse a record, read up to its head, whose lengths contradict each other."""
+    total = 0
+    for part in _LENGTHS[opcode]:
+        head = source.read(part.size)
+        if len(head) < part.size:
+            raise EOFError
+        *_, inner = part.unpack(head)
+        total += part.size + inner
+        if total > length:
+            break
+        source.seek(inner, io.SEEK_CUR)
+    if total != length:
+        raise ValueError("the lengths of a record contradict each other")
 
 
 def _records(source: BinaryIO, opcode: int, place: int, end: int) -> list[McapRecord]:
@@ -152,9 +166,6 @@ def _records(source: BinaryIO, opcode: int, place: int, end: int) -> list[McapRe
     if opcode == Opcode.MESSAGE:
         return [Message.read(stream, length)]
     if opcode == Opcode.MESSAGE_INDEX:  # not needed, and slow to take apart
-        stream.read2()
-        if stream.read4() != length - 6:
-            raise ValueError("its length does not fit its content")
         return []
     record: McapRecord = _KINDS[opcode].read(stream)
     if stream.count != length:
