@@ -238,11 +238,11 @@ def lasting(
         if rig.control is None or rig.control.state != SafetyState.DRIVING:
             rig.arm()
         rig.drive_to_the_middle()
-        sound = True
         request.node.stash[BENCHES].append(rig)
         yield rig
         rig.listen()
-        sound = rig.truth.unsafe_motions == 0
+        rig.assert_safe()
+        sound = True
     finally:
         if not sound or request.node.stash[FAILED]:
             close(benches.pop())

@@ -12,8 +12,9 @@ from robotctl.app.stack import CONTROL
 from robotctl.runtime.messages import SafetyState
 
 OPERATOR_FRAME = can.Message(arbitration_id=EMERGENCY_STOP, data=b"\x01", is_extended_id=False)
+ON_THE_BUS = "frame on the bus"
 SOURCES: dict[str, Callable[[Rig], None]] = {
-    "frame on the bus": lambda rig: rig.observer.send(OPERATOR_FRAME),
+    ON_THE_BUS: lambda rig: rig.observer.send(OPERATOR_FRAME),
     "request of a process": Rig.emergency_stop,
     "SIGUSR1": lambda rig: rig.send_signal(CONTROL, signal.SIGUSR1),
 }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from hil_tests.emergency_stop import SOURCES, assert_latched
+from hil_tests.emergency_stop import ON_THE_BUS, SOURCES, assert_latched
 from hil_tests.rig import EMERGENCY_STOP, Rig
 from robotctl.runtime.messages import SafetyState
 
@@ -21,7 +21,7 @@ def test_while_driving(lasting: Rig, source: str, reaction: Callable[[str, float
     lasting.at_any_moment()
     asked_s = time.time()
     SOURCES[source](lasting)
-    if source != "frame on the bus":
+    if source != ON_THE_BUS:
         heard_s = lasting.heard_until(EMERGENCY_STOP, 1.0)[-1].timestamp
         reaction(f"emergency stop by {source}: on the bus", 1000 * (heard_s - asked_s))
     state = lasting.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
@@ -33,7 +33,10 @@ def test_while_driving(lasting: Rig, source: str, reaction: Callable[[str, float
 def test_twice(lasting: Rig, source: str) -> None:
     lasting.drive(0.4, 0.8, 0.5)
     for _ in range(2):
+        lasting.heard(0.05)
         SOURCES[source](lasting)
+        if source != ON_THE_BUS:
+            lasting.heard_until(EMERGENCY_STOP, 1.0)
         lasting.wait_for_state(SafetyState.EMERGENCY_STOP, 1.0)
     assert_latched(lasting)
 

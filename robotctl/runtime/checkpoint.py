@@ -30,6 +30,7 @@ _PURE: Final = (
     "robotctl.runtime.health",
     "robotctl.runtime.latch_time",
     "robotctl.runtime.messages",
+    "robotctl.runtime.node_news",
     "robotctl.runtime.plausibility",
     "robotctl.runtime.safety",
 )

@@ -30,7 +30,6 @@ from robotctl.runtime.messages import (
     ControlRequest,
     ControlState,
     DriveState,
-    EmergencyMessage,
     EmergencyStop,
     EmergencyStopSource,
     Feedback,
@@ -43,6 +42,7 @@ from robotctl.runtime.messages import (
     WheelCommand,
     WheelFeedback,
 )
+from robotctl.runtime.node_news import NodeNews
 from robotctl.runtime.plausibility import Plausibility, PlausibilityConfig
 from robotctl.runtime.plausibility_sonar import SonarMonitor
 from robotctl.runtime.safety import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
@@ -51,8 +51,6 @@ _UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
 _DRIVE_NODE = 1
-_NO_ERROR = 0
-"""EMCY code of a node whose errors are over (CiA 301, 7.2.7)."""
 _UNASKED_NS = 50_000_000
 """So much longer than its time-out the drive may report power behind a stop of the host [ns]."""
 _IMPOSSIBLE_SHARE = 2.0
@@ -174,8 +172,7 @@ class ControlCore:
         self._steering_rad = 0.0
         self._has_counts = False
         self._latches = LatchTimes()
-        self._nodes: tuple[NodeStatus, ...] = ()
-        self._boots: dict[int, int] = {}
+        self._news = NodeNews()
         self._ticks = 0
         self._arming = ArmRequests()
         self._objections: tuple[str, ...] = ()
@@ -187,8 +184,6 @@ class ControlCore:
         """Time of the last emergency stop or fault [ns]."""
         self._armed_ns = 0
         """Time of the last arming [ns]."""
-        self._emergencies: set[tuple[int, int]] = set()
-        """Node and code of the EMCY messages that people were told of since the last arming."""
         self._notices: list[Notice] = []
         self._armings = 0
 
@@ -232,12 +227,11 @@ class ControlCore:
             self._take_counts(wheels, anew=latch is Latch.ANEW)
         if self.machine.state in POWERED:
             self._compare(feedback)
-        if feedback.nodes is not self._nodes:
-            self._nodes = feedback.nodes
-            for node in feedback.nodes:
-                self._take_boot(node.node_id, node.boots, node.name, now_ns)
+        for node, was_up in self._news.booted(feedback):
+            self._take_boot(node, now_ns, was_up=was_up)
         for emergency in feedback.emergencies:
-            self._tell(emergency, now_ns)
+            if text := self._news.error(emergency):
+                self._notices.append(Notice(now_ns, Severity.WARNING, text))
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
             self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
@@ -284,31 +278,17 @@ class ControlCore:
         """Return the speed of each driven wheel by its encoder [rad/s]."""
         return tuple([wheel.estimator.velocity_rad_s for wheel in self._wheels])
 
-    def _take_boot(self, node_id: int, boots: int, name: str, now_ns: int) -> None:
+    def _take_boot(self, node: NodeStatus, now_ns: int, *, was_up: bool) -> None:
         """Stop where a node has restarted; the counts of the drive begin anew."""
-        before = self._boots.get(node_id)
-        if before == boots:
-            return
-        self._boots[node_id] = boots
-        if node_id == _DRIVE_NODE:
+        if node.node_id == _DRIVE_NODE:
             self._has_counts = False
             self._latches.reset()
             self.odometry.reset(0.0, 0.0)
-        if before is not None and node_id == _DRIVE_NODE:
+        if was_up and node.node_id == _DRIVE_NODE:
             text = "the drive lost its counts: the way since is not in the pose"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
-        if before is not None and self.machine.state in POWERED:
-            self._on(Event.FAULT, f"{name} (node {node_id}) restarted", now_ns)
-
-    def _tell(self, emergency: EmergencyMessage, now_ns: int) -> None:
-        """Tell people what a node reports, each error once between two armings."""
-        number, code = emergency.node_id, emergency.code
-        if code == _NO_ERROR or (number, code) in self._emergencies:
-            return
-        self._emergencies.add((number, code))
-        name = next((node.name for node in self._nodes if node.node_id == number), "unknown")
-        text = f"{name} (node {number}) reports error 0x{code:04X}"
-        self._notices.append(Notice(now_ns, Severity.WARNING, text))
+        if was_up and self.machine.state in POWERED:
+            self._on(Event.FAULT, f"{node.name} (node {node.node_id}) restarted", now_ns)
 
     def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
         """Carry out requests that are not too old; an emergency stop has no age.
@@ -413,7 +393,7 @@ class ControlCore:
         """Start the wheel loops from the present motion, so that arming causes no jump."""
         self._velocity = None
         self._armed_ns = now_ns
-        self._emergencies.clear()
+        self._news.forget_errors()
         self._plausibility.reset()
         self._sonar_monitor.reset()
         self._limiter.reset(self._twist_meas.v_m_s, self._twist_meas.omega_rad_s)
