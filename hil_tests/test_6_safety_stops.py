@@ -5,11 +5,13 @@ import time
 from collections.abc import Callable
 
 import can
+import cantools
 import pytest
 
 from hil_tests.emergency_stop import SOURCES, assert_latched
 from hil_tests.ground_station import GroundStation, mavlink
 from hil_tests.rig import COMMAND, EMERGENCY_STOP, PATIENT_S, Rig, enabled
+from robotctl.app.config import config_directory
 from robotctl.app.stack import CONTROL
 from robotctl.runtime.messages import SafetyState
 
@@ -57,6 +59,42 @@ def test_when_the_firmware_dies_the_host_stops_and_waits_to_be_armed_again(armed
     armed.arm()
     armed.drive(0.3, 0.0, 1.0)
     assert armed.fresh_truth().distance_m - before.distance_m > 0.1
+
+
+LAG_RAD, SETTLED_RAD = 0.05, 0.01
+"""A servo that is so far behind its command is on its way; one that moves less stands [rad]."""
+WIRE = cantools.database.load_file(config_directory() / "robot.dbc")
+
+
+def steering_rad(messages: list[can.Message], name: str) -> list[float]:
+    """Return the steering angles in the frames of one kind [rad]."""
+    kind = WIRE.get_message_by_name(name)
+    return [
+        kind.decode(message.data)["SteeringAngle"]
+        for message in messages
+        if message.arbitration_id == kind.frame_id
+    ]
+
+
+@pytest.mark.parametrize("robot", ["tricycle", "ackermann"])
+def test_a_stop_while_it_steers_leaves_the_steering_where_it_is(
+    make_rig: Callable[..., Rig], robot: str
+) -> None:
+    rig = make_rig(robot=robot)
+    rig.start_firmware()
+    rig.start()
+    rig.arm()
+    rig.drive(0.4, 0.5, 1.0)
+    rig.heard(0.01)
+    rig.drive(0.4, -0.5, 0.15)
+    asked_ns = time.monotonic_ns()
+    SOURCES["SIGUSR1"](rig)
+    rig.wait(lambda: rig.truth.power_off_ns > asked_ns, 2.0, "the wheels lose their power")
+    messages = rig.heard(0.05, before=True)
+    held_rad = steering_rad(rig.heard(0.5), "DriveStatus")
+    assert min(steering_rad(messages, "MotorCommand")) < held_rad[0] - LAG_RAD, "it does not steer"
+    assert max(held_rad) - min(held_rad) < SETTLED_RAD
+    rig.at_rest()
 
 
 def test_an_emergency_stop_frame_of_anybody_stops_drive_and_host_and_latches(armed: Rig) -> None:
