@@ -86,7 +86,8 @@ class CanRobot:
         self._clear_wanted = False
         self._closed = False
         self._steering_rad = 0.0
-        """Where the steering was last: motors that go off leave it there."""
+        """Where the steering was last, as far as a command can say it: motors that go off leave it
+        there."""
         dbc = codec.dbc
         timeout_ns = parameters.heartbeat_timeout_ms * 1_000_000
         self._drive = Node(DRIVE_NODE, "drive", drive_script(dbc, parameters), timeout_ns)
@@ -227,7 +228,8 @@ class CanRobot:
 
     def _on_drive(self, data: bytes, stamp_ns: int) -> None:
         self._drive_status = status = DriveStatus(stamp_ns, *self._codec.decode_drive(data))
-        self._steering_rad = status.steering_rad
+        low_rad, high_rad = self._codec.steering_range_rad
+        self._steering_rad = min(max(status.steering_rad, low_rad), high_rad)
 
     def _on_battery(self, data: bytes, stamp_ns: int) -> None:
         voltage, current, charge, temperature, low, critical = self._codec.decode_battery(data)
@@ -254,7 +256,7 @@ class CanRobot:
         """Send one actuator command and SYNC, then at most one frame of node services.
 
         A command that the wire cannot carry (not finite, out of range) becomes "motors off" and
-        counts as a failure to send.
+        counts as a failure to send. "Motors off" says where the steering is, whatever the command.
         """
         if self._stop_source is not None:
             self.emergency_stop(self._stop_source)
@@ -266,6 +268,7 @@ class CanRobot:
         """Send MotorCommand; its counter moves on only when the bus took it."""
         alive = self._alive
         encode = self._codec.encode_command
+        steering_rad = command.steering_rad if command.enable else self._steering_rad
         try:
             data = encode(
                 alive.value,
@@ -273,7 +276,7 @@ class CanRobot:
                 command.brake,
                 command.duty1,
                 command.duty2,
-                command.steering_rad,
+                steering_rad,
             )
         except (ValueError, OverflowError):
             self._refused_commands += 1

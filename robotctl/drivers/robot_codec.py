@@ -69,6 +69,12 @@ class RobotCodec:
             dbc.message(COMMAND),
             _present(dbc, COMMAND, "Counter", "Enable", "Brake", "Duty1", "Duty2", "SteeringAngle"),
         )
+        steering = dbc.signal(COMMAND, "SteeringAngle")
+        self.steering_range_rad = (
+            steering.raw_minimum * steering.scale + steering.offset,
+            steering.raw_maximum * steering.scale + steering.offset,
+        )
+        """The steering angles that a command can carry [rad]; DriveStatus says more than these."""
         self.decode_wheels = self._decoder(WHEELS, "Timestamp", "Count1", "Count2")
         self.decode_motor = self._decoder(
             MOTOR,

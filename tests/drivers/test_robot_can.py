@@ -284,6 +284,18 @@ def test_motors_that_are_switched_off_leave_the_steering_where_it_is(wire):
     assert [c["SteeringAngle"] for c in commands] == pytest.approx([0.25] * len(commands))
 
 
+@pytest.mark.parametrize("angle_rad", [1.6, -1.6, 3.2767, -3.2768])
+def test_a_steering_angle_that_no_command_can_carry_does_not_keep_motors_on(wire, angle_rad):
+    wire.put_checked("DriveStatus", SteeringAngle=angle_rad)
+    assert wire.receive().drive.steering_rad == pytest.approx(angle_rad)
+    wire.send(enable=False, brake=True, steering_rad=angle_rad)
+    wire.robot.close()
+    commands = wire.commands()
+    assert [(c["Enable"], c["Brake"]) for c in commands] == [(0, 1)] * (1 + DISABLE_FRAMES)
+    end_rad = math.copysign(1.5708, angle_rad)
+    assert [c["SteeringAngle"] for c in commands] == pytest.approx([end_rad] * len(commands))
+
+
 def test_an_emergency_stop_goes_out_at_once_with_its_source(wire):
     wire.robot.emergency_stop(EmergencyStopSource.OPERATOR)
     assert wire.sent == [(0x001, b"\x01")]
