@@ -9,12 +9,20 @@ from __future__ import annotations
 import errno
 import hashlib
 import socket
+from contextlib import suppress
 
 from robotctl.errors import LinkError
 
 
 def claim_bus(interface: str, channel: str) -> socket.socket:
-    """Claim the commands on a CAN bus, as `claim`."""
+    """Claim the commands on a CAN bus, as `claim`.
+
+    Linux opens a network device by its other names (`ip link`: altname) too; it is claimed by its
+    first, or as it is called where there is none at the moment.
+    """
+    if interface == "socketcan":
+        with suppress(OSError):
+            channel = socket.if_indextoname(socket.if_nametoindex(channel))
     return claim(f"{interface} {channel}")
 
 

@@ -14,6 +14,9 @@ import can
 import pytest
 import zmq
 
+from robotctl.errors import LinkError
+from robotctl.runtime.claim import claim_bus
+
 INTERFACE = "vcan0"
 TIMER_SLACK_NS = 50_000  # what Linux adds to sleeps of ordinary processes
 FIFO_NEEDS_ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="SCHED_FIFO needs root")
@@ -55,6 +58,17 @@ def test_another_process_answers_over_the_bus(buses):
         buses[0].send(can.Message(arbitration_id=0x10, is_extended_id=False))
         heard = [buses[1].recv(20.0), buses[1].recv(20.0)]
     assert [message.arbitration_id for message in heard if message] == [0x10, 0x11]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="another name needs root")
+def test_a_bus_is_claimed_once_by_whichever_of_its_names():
+    name = ("altname", "robotbus", "dev", INTERFACE)
+    subprocess.run(("ip", "link", "property", "add", *name), check=True)
+    try:
+        with claim_bus("socketcan", INTERFACE), pytest.raises(LinkError, match=INTERFACE):
+            claim_bus("socketcan", "robotbus")
+    finally:
+        subprocess.run(("ip", "link", "property", "del", *name), check=True)
 
 
 @pytest.mark.parametrize("place", ["TMPDIR", "working directory"])
