@@ -164,6 +164,10 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
     drive, monitor = config.drive, config.plausibility
     if isinstance(drive, DifferentialDrive):
         return
+    tolerance_rad, most_rad = monitor.steering_tolerance_rad, drive.steering_max_rad
+    if tolerance_rad >= most_rad:
+        problem = f"{tolerance_rad} found, less than drive.steering_max_rad ({most_rad}) allowed"
+        yield ("plausibility", "steering_tolerance_rad"), problem
     way_rad = 2.0 * drive.steering_max_rad - monitor.steering_tolerance_rad
     least_ms = 1000.0 * way_rad / drive.steering_rate_max_rad_s
     if monitor.steering_ms < least_ms:

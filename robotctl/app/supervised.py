@@ -98,7 +98,7 @@ class Exit:
 
     def words(self) -> str:
         """Return a line for people."""
-        if self.asked:
+        if self.asked and not self.hung:
             return f"{self.name} begins anew"
         how = status_words(self.status) if self.pid else f"not started: {os.strerror(self.status)}"
         if self.hung:

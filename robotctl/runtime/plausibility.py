@@ -75,26 +75,32 @@ class PlausibilityConfig:
         the data sheet, times the gear ratio. Not the loop's `kv`, so that tuning cannot blind it.
     speed_tolerance_rad_s, speed_tolerance_share
         The encoder may differ from the speed that duty and current tell by the sum of the first
-        [rad/s] and of the second times the greater of the two, > 0.
+        [rad/s] and of the second times the greater of the two, > 0, at most 5 and 0.5.
     speed_ms
         Longer than this it may not [ms], 5 to 500; half as long if it differs twice as much, since
         a loop whose encoders are exchanged speeds up the more, the faster it is.
     push_v
-        Drop `R i` over a winding [V], > 0; more than the steepest slope needs.
+        Drop `R i` over a winding [V], > 0, at most 10; more than the steepest slope needs.
     push_ms
         Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000.
     pair_share
-        Two wheels may differ by this in the ratio of counted to electrical speed, > 0.
+        Two wheels may differ by this in the ratio of counted to electrical speed, > 0, at most 0.5.
     pair_ms
         Longer than this they may not [ms], 20 to 5000.
     steering_tolerance_rad
-        The steering may differ from its command by this [rad], > 0.
+        The steering may differ from its command by this [rad], > 0, at most 0.5, and below the
+        bound of the linkage.
     steering_ms
         Longer than this it may not [ms]; more than full travel takes, 20 to 2000.
     clock_share
-        The drive's clock may be faster or slower than the host's by this, (0, 0.5).
+        The drive's clock may be faster or slower than the host's by this, > 0, at most 0.25.
     travel_m
-        Way straight ahead over which a sonar that looks along it is compared [m], > 0.
+        Way straight ahead over which a sonar that looks along it is compared [m], > 0, at most 2.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range: a tolerance that nothing exceeds is no monitor.
     """
 
     resistance_ohm: float
@@ -113,28 +119,29 @@ class PlausibilityConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name in (
-            "resistance_ohm",
-            "back_emf_v_s_rad",
-            "speed_tolerance_rad_s",
-            "speed_tolerance_share",
-            "push_v",
-            "pair_share",
-            "steering_tolerance_rad",
-            "clock_share",
-            "travel_m",
-        ):
+        for name, most in _MOST.items():
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name}: {value} found, a finite number > 0 allowed")
-        if not self.clock_share < 0.5:
-            raise ValueError(f"clock_share: {self.clock_share} found, (0, 0.5) allowed")
+            if value > most:
+                raise ValueError(f"{name}: {value} found, at most {most} allowed")
         for name, (low, high) in _RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise ValueError(f"{name}: {value} found, {low} to {high} allowed")
 
 
+_MOST: Final = {
+    "resistance_ohm": math.inf,
+    "back_emf_v_s_rad": math.inf,
+    "speed_tolerance_rad_s": 5.0,
+    "speed_tolerance_share": 0.5,
+    "push_v": 10.0,
+    "pair_share": 0.5,
+    "steering_tolerance_rad": 0.5,
+    "clock_share": 0.25,
+    "travel_m": 2.0,
+}
 _RANGES: Final = {
     "speed_ms": (5, 500),
     "push_ms": (20, 2000),

@@ -93,7 +93,8 @@ class StateFile(Generic[T]):
         Raises
         ------
         StateError
-            Where the disk refuses to be read; that is no reason to begin with nothing.
+            Where the disk refuses to be read, or a damaged file to be set aside; that is no
+            reason to begin with nothing, nor with a value that the next save puts there for good.
         """
         notes: list[str] = []
         for path in (self.path, self._previous):
@@ -101,12 +102,16 @@ class StateFile(Generic[T]):
                 content = self._content(path)
                 if content is None:
                     continue
-                try:
-                    return self._value(content), tuple(notes)
-                except ValueError as error:
-                    notes.append(f"{path}: damaged ({error}); set aside as {self._set_aside(path)}")
             except OSError as error:
                 raise StateError(f"{path}: cannot be read: {error.strerror}") from error
+            try:
+                return self._value(content), tuple(notes)
+            except ValueError as error:
+                damage = f"{path}: damaged ({error})"
+            try:
+                notes.append(f"{damage}; set aside as {self._set_aside(path)}")
+            except OSError as error:
+                raise StateError(f"{damage}, cannot be set aside: {error.strerror}") from error
         return None, tuple(notes)
 
     def save(self, value: T) -> None:

@@ -149,6 +149,16 @@ def test_settings_of_the_simulator_are_checked_and_named() -> None:
     )
 
 
+def test_a_steering_may_not_miss_its_command_by_as_much_as_it_reaches() -> None:
+    reach = "drive.steering_max_rad=0.4"
+    load_robot(find_file("ackermann"), [reach, "plausibility.steering_tolerance_rad=0.39"])
+    words = (
+        r"steering_tolerance_rad: 0\.4 found, less than drive\.steering_max_rad \(0\.4\) allowed"
+    )
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("ackermann"), [reach, "plausibility.steering_tolerance_rad=0.4"])
+
+
 def test_a_steering_is_given_the_time_that_it_needs() -> None:
     # ackermann: (2 x 0.60 - 0.35) rad at 4 rad/s are 212.5 ms.
     load_robot(find_file("ackermann"), ["plausibility.steering_ms=213"])

@@ -121,6 +121,15 @@ def test_a_renewed_process_costs_no_budget(watched) -> None:
     assert all(each.asked and each.restart_in_s == 0.0 for each in part.exits)
 
 
+def test_a_renewed_process_that_hangs_instead_of_ending_is_killed_and_that_is_said(watched) -> None:
+    deaf = f"import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); {STUCK_AFTER_A_BEAT}"
+    part = watched(deaf, stall_s=0.3)
+    part.phase(Phase.READY)
+    part.process.renew()
+    part.until(lambda: part.exits, "killed")
+    assert "it hung, signal 9, SIGKILL" in part.exits[0].words()
+
+
 def test_what_the_robot_can_do_without_is_killed_first_when_memory_is_short(watched) -> None:
     vital, other = watched(SILENT, vital=True), watched(SILENT)
     score = [

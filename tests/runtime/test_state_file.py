@@ -317,6 +317,18 @@ def test_a_disk_that_cannot_be_read_is_an_error_and_not_an_empty_state(tmp_path:
         StateFile(path, Value, Refusing("read", errno.EIO)).load()
 
 
+def test_a_damaged_file_that_cannot_be_set_aside_is_called_damaged_and_stays(
+    tmp_path: Path,
+) -> None:
+    path = saved(tmp_path, OLD)
+    path.write_bytes(b"robotctl-state 1 3 00000000\n{}\n")
+    with pytest.raises(
+        StateError, match=r"state\.json: damaged .*, cannot be set aside: Read-only"
+    ):
+        StateFile(path, Value, Refusing("rename", errno.EROFS)).load()
+    assert path.read_bytes() == b"robotctl-state 1 3 00000000\n{}\n"
+
+
 def test_short_writes_are_completed(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     StateFile(path, Value, Dribbling()).save(NEW)

@@ -32,10 +32,22 @@ def test_a_tolerance_is_a_finite_number_above_zero(name: str) -> None:
             changed(CONFIG, **{name: value})
 
 
-def test_the_clock_share_is_below_one_half() -> None:
-    assert changed(CONFIG, clock_share=below(0.5)).clock_share < 0.5
-    with pytest.raises(ValueError, match=r"^clock_share: 0.5 found, \(0, 0.5\) allowed$"):
-        changed(CONFIG, clock_share=0.5)
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("speed_tolerance_rad_s", 5.0),
+        ("speed_tolerance_share", 0.5),
+        ("push_v", 10.0),
+        ("pair_share", 0.5),
+        ("steering_tolerance_rad", 0.5),
+        ("clock_share", 0.25),
+        ("travel_m", 2.0),
+    ],
+)
+def test_no_tolerance_can_be_set_so_wide_that_nothing_exceeds_it(name: str, most: float) -> None:
+    assert getattr(changed(CONFIG, **{name: most}), name) == most
+    with pytest.raises(ValueError, match=rf"^{name}: \S+ found, at most {most} allowed$"):
+        changed(CONFIG, **{name: above(most)})
 
 
 @pytest.mark.parametrize(
