@@ -152,9 +152,7 @@ def test_settings_of_the_simulator_are_checked_and_named() -> None:
 def test_a_steering_may_not_miss_its_command_by_as_much_as_it_reaches() -> None:
     reach = "drive.steering_max_rad=0.4"
     load_robot(find_file("ackermann"), [reach, "plausibility.steering_tolerance_rad=0.39"])
-    words = (
-        r"steering_tolerance_rad: 0\.4 found, less than drive\.steering_max_rad \(0\.4\) allowed"
-    )
+    words = r"tolerance_rad: 0\.4 found, less than drive\.steering_max_rad \(0\.4\) allowed"
     with pytest.raises(ConfigError, match=words):
         load_robot(find_file("ackermann"), [reach, "plausibility.steering_tolerance_rad=0.4"])
 
