@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from pydantic import Field
 
@@ -28,6 +28,9 @@ from robotctl.runtime.safety import SafetyConfig
 from robotctl.telemetry.config import MavlinkConfig
 
 MAX_SONARS = 16
+
+RING_S: Final = 0.05
+"""So far apart are two readings of one sonar, of which the second stops the robot [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +164,18 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         most = getattr(limits, limit)
         if value > most:
             yield ("navigation", *key), f"{value} found, at most limits.{limit} ({most}) allowed"
+    guard = navigation.guard
+    step_s = 1.0 / navigation.rate_hz
+    # The limiter follows a speed that falls evenly late by the last part.
+    late_s = 0.5 * guard.deceleration_m_s2 / limits.jerk_max_m_s3
+    least_s = max(RING_S, step_s) + step_s + late_s
+    if config.sonar and guard.reaction_s < least_s:
+        problem = (
+            f"{guard.reaction_s} found, but from the first of two readings to the brakes pass "
+            f"{least_s:.3f} s and more (navigation.rate_hz {navigation.rate_hz:g}, "
+            f"limits.jerk_max_m_s3 {limits.jerk_max_m_s3:g})"
+        )
+        yield ("navigation", "guard", "reaction_s"), problem
     drive, monitor = config.drive, config.plausibility
     if isinstance(drive, DifferentialDrive):
         return

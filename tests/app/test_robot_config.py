@@ -5,7 +5,7 @@ from pathlib import Path
 import cantools.database
 import pytest
 
-from robotctl.app.config import config_directory, find_file, load_robot
+from robotctl.app.config import RING_S, config_directory, find_file, load_robot
 from robotctl.app.control import PUBLISH_HZ
 from robotctl.app.sim_options import SimulatorError, simulated_robot
 from robotctl.app.telemetry import described
@@ -40,6 +40,22 @@ def test_the_guard_is_given_the_time_from_an_echo_to_the_brakes(path: Path) -> N
     guard = config.navigation.guard
     ramp_s = 0.5 * guard.deceleration_m_s2 / config.limits.jerk_max_m_s3
     assert ring_s + heard_s + decided_s + ramp_s <= guard.reaction_s
+
+
+def test_a_guard_with_less_time_than_its_readings_take_is_refused() -> None:
+    dbc = cantools.database.load_file(config_directory() / "robot.dbc")
+    assert dbc.get_message_by_name("SonarRangesA").cycle_time == RING_S * 1e3
+    # Two periods of 0.1 s and 0.8 / (2 x 30) s of ramp.
+    slow = "navigation.rate_hz=10"
+    load_robot(find_file("diff_drive"), [slow, "navigation.guard.reaction_s=0.214"])
+    with pytest.raises(ConfigError, match=r"reaction_s: 0\.213 found, .* 0\.213 s and more \("):
+        load_robot(find_file("diff_drive"), [slow, "navigation.guard.reaction_s=0.213"])
+    with pytest.raises(ConfigError, match=r"reaction_s: 0\.2 found, .* 0\.500 s and more \("):
+        load_robot(find_file("diff_drive"), ["limits.jerk_max_m_s3=1"])
+    # A ring of 50 ms is not heard faster by a faster navigation.
+    fast = "navigation.rate_hz=100"
+    with pytest.raises(ConfigError, match=r"reaction_s: 0\.07 found, .* 0\.073 s and more \("):
+        load_robot(find_file("diff_drive"), [fast, "navigation.guard.reaction_s=0.07"])
 
 
 def test_an_override_changes_one_value_only() -> None:
