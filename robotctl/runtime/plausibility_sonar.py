@@ -34,23 +34,24 @@ READINGS: Final = 5
 """A comparison needs so many; a fast robot drives farther than `travel_m` for them."""
 
 CONTRADICTION_NS: Final = 2_000_000_000
-"""Front and rear must contradict within this [ns]."""
+"""Front and rear must contradict within this [ns], or within one comparison of a slow robot."""
 
 
 class _Track:
     """What one sonar has seen since its comparison began; `sign` 1 looks ahead, -1 behind."""
 
-    __slots__ = ("contradicted_ns", "farthest_m", "first_m", "name", "nearest_m", "readings",
-                 "sign", "start")  # fmt: skip
+    __slots__ = ("began_ns", "contradicted_ns", "farthest_m", "first_m", "name", "nearest_m",
+                 "readings", "sign", "start")  # fmt: skip
 
     def __init__(self, name: str, sign: float) -> None:
         self.name = name
         self.sign = sign
         self.contradicted_ns = -CONTRADICTION_NS
-        self.begin(math.nan, SE2())
+        self.begin(math.nan, SE2(), 0)
 
-    def begin(self, range_m: float, start: SE2) -> None:
+    def begin(self, range_m: float, start: SE2, stamp_ns: int) -> None:
         """Start a comparison with this reading."""
+        self.began_ns = stamp_ns
         self.first_m = self.nearest_m = self.farthest_m = range_m
         self.start = start
         self.readings = 1
@@ -105,7 +106,7 @@ class SonarMonitor:
         start = track.start
         turned = abs(wrap_angle(pose.theta_rad - start.theta_rad)) > TURN_RAD
         if track.readings == 0 or turned or not math.isfinite(range_m + track.first_m):
-            track.begin(range_m, pose)
+            track.begin(range_m, pose, stamp_ns)
             return ""
         track.add(range_m)
         ahead_m = (pose.x_m - start.x_m) * math.cos(start.theta_rad) + (
@@ -114,7 +115,7 @@ class SonarMonitor:
         if abs(ahead_m) < self._travel_m or track.readings < READINGS:
             return ""
         fault = self._judge(track, range_m, ahead_m * track.sign, stamp_ns)
-        track.begin(range_m, pose)
+        track.begin(range_m, pose, stamp_ns)
         return fault
 
     def _judge(self, track: _Track, range_m: float, nearer_m: float, stamp_ns: int) -> str:
@@ -130,16 +131,13 @@ class SonarMonitor:
             return f"sonar {track.name} is stuck at {range_m:.3f} m"
         if abs(range_m - track.first_m - nearer_m) <= MATCH_M:
             track.contradicted_ns = stamp_ns
-            return self._contradiction(stamp_ns)
+            return self._contradiction(track.began_ns, stamp_ns)
         return ""
 
-    def _contradiction(self, now_ns: int) -> str:
+    def _contradiction(self, began_ns: int, now_ns: int) -> str:
         """Return a sentence where a sonar ahead and one behind see the way driven backwards."""
-        against = [
-            track
-            for track in self._tracks.values()
-            if now_ns - track.contradicted_ns < CONTRADICTION_NS
-        ]
+        since_ns = min(began_ns, now_ns - CONTRADICTION_NS + 1)
+        against = [track for track in self._tracks.values() if track.contradicted_ns >= since_ns]
         if {track.sign for track in against} != {1.0, -1.0}:
             return ""
         names = " and ".join(track.name for track in against)

@@ -338,6 +338,22 @@ def test_front_and_rear_must_contradict_within_two_seconds(apart_ns: int, togeth
     assert backwards(drive, front=False, rear=True) == (BACKWARDS if together else "")
 
 
+@pytest.mark.parametrize("start_ns", [0, 10**12])
+@pytest.mark.parametrize("heard_later", [FRONT, REAR])
+def test_a_slow_robot_whose_sonars_began_apart_finds_out_too(
+    start_ns: int, heard_later: str
+) -> None:
+    """5 s for the way of a comparison, and one of the two hears nothing for 2.5 s of them."""
+    drive, step_m = Drive(start_ns=start_ns), TRAVEL_M / 100
+    for number in range(153):
+        moved_m = number * step_m
+        front = INF if heard_later == FRONT and number < 50 else 1.0 + moved_m
+        rear = INF if heard_later == REAR and number < 50 else 3.0 - moved_m
+        if said := drive.see(front, INF, rear, INF, step_m=step_m if number else 0.0):
+            break
+    assert said == BACKWARDS
+
+
 def test_a_reset_forgets_what_contradicted() -> None:
     for start_ns in (0, 10**12):
         drive = Drive(start_ns=start_ns)
