@@ -105,10 +105,14 @@ class SonarMonitor:
         """Add a reading to a comparison, and judge it once the way is long enough."""
         start = track.start
         turned = abs(wrap_angle(pose.theta_rad - start.theta_rad)) > TURN_RAD
-        if track.readings == 0 or turned or not math.isfinite(range_m + track.first_m):
+        same = track.nearest_m == track.farthest_m == range_m
+        echoes = math.isfinite(range_m + track.first_m)
+        if track.readings == 0 or not echoes or (turned and not same):
             track.begin(range_m, pose, stamp_ns)
             return ""
         track.add(range_m)
+        if turned:
+            return self._compare_in_bend(track, pose)
         ahead_m = (pose.x_m - start.x_m) * math.cos(start.theta_rad) + (
             pose.y_m - start.y_m
         ) * math.sin(start.theta_rad)
@@ -117,6 +121,13 @@ class SonarMonitor:
         fault = self._judge(track, range_m, ahead_m * track.sign, stamp_ns)
         track.begin(range_m, pose, stamp_ns)
         return fault
+
+    def _compare_in_bend(self, track: _Track, pose: SE2) -> str:
+        """Judge readings that are all the same behind a turn: no wall stays there so exactly."""
+        way_m = math.hypot(pose.x_m - track.start.x_m, pose.y_m - track.start.y_m)
+        if way_m < self._travel_m or track.readings < READINGS:
+            return ""
+        return _stuck(track)
 
     def _judge(self, track: _Track, range_m: float, nearer_m: float, stamp_ns: int) -> str:
         """Return what is wrong after driving `nearer_m` towards what the sonar sees [m]."""
@@ -128,7 +139,7 @@ class SonarMonitor:
                 "stuck"
             )
         if spread_m == 0.0:
-            return f"sonar {track.name} is stuck at {range_m:.3f} m"
+            return _stuck(track)
         if abs(range_m - track.first_m - nearer_m) <= MATCH_M:
             track.contradicted_ns = stamp_ns
             return self._contradiction(track.began_ns, stamp_ns)
@@ -142,3 +153,7 @@ class SonarMonitor:
             return ""
         names = " and ".join(track.name for track in against)
         return f"the robot drives the other way than odometry says, by sonar {names}"
+
+
+def _stuck(track: _Track) -> str:
+    return f"sonar {track.name} is stuck at {track.nearest_m:.3f} m"

@@ -219,7 +219,7 @@ def turned_by(turn_rad: float, start_rad: float = 0.0) -> str:
         theta_rad = start_rad + (turn_rad if number > 4 else 0.0)
         way_m = number * STEP_M * 1.01
         pose = SE2(way_m * math.cos(start_rad), way_m * math.sin(start_rad), theta_rad)
-        said = monitor.update(0, (2.0,), pose, number)
+        said = monitor.update(0, (0.5 + 0.01 * (number % 2),), pose, number)
     return said
 
 
@@ -229,6 +229,44 @@ def test_a_turn_of_more_than_0_1_rad_begins_the_comparison_anew(sign: float) -> 
     assert turned_by(sign * math.nextafter(0.1, 1.0)) == ""
     # Over the cut of the angle as well.
     assert turned_by(sign * (0.09 - 2.0 * math.pi), 3.1) != ""
+
+
+@pytest.mark.parametrize("radius_m", [0.6, 0.2, -0.2])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_sonar_that_is_stuck_is_found_out_in_a_bend_too(radius_m: float, sign: float) -> None:
+    for stuck in (True, False):
+        monitor, said, way_m = SonarMonitor(RING, TRAVEL_M), "", 0.0
+        while not said and way_m < 2.0:
+            turn_rad = sign * way_m / radius_m
+            pose = SE2(radius_m * math.sin(turn_rad), radius_m * (1 - math.cos(turn_rad)), turn_rad)
+            range_m = 2.0 if stuck or way_m < 0.15 else 2.0 + 0.001 * math.cos(way_m)
+            said = monitor.update(0, (range_m,), pose, 0)
+            way_m += STEP_M
+        assert said == ("sonar front is stuck at 2.000 m" if stuck else "")
+        assert not stuck or way_m <= 2.0 * TRAVEL_M
+
+
+def test_in_a_bend_too_five_readings_are_needed() -> None:
+    monitor = SonarMonitor(RING, TRAVEL_M)
+    said = [monitor.update(0, (2.0,), SE2(n * 1.0, 0.0, n * 0.2), n) for n in range(5)]
+    assert said == [*[""] * 4, "sonar front is stuck at 2.000 m"]
+
+
+def test_in_a_bend_too_no_echo_is_no_reading_and_a_reset_begins_anew() -> None:
+    poses = [SE2(n * STEP_M, 0.0, n * 0.2) for n in range(40)]
+    monitor = SonarMonitor(RING, TRAVEL_M)
+    assert [monitor.update(0, (INF,), pose, 0) for pose in poses] == [""] * 40
+    monitor.reset()
+    for pose in poses[:6]:
+        monitor.update(0, (2.0,), pose, 0)
+    monitor.reset()
+    assert [monitor.update(0, (2.0,), pose, 0) for pose in poses[20:28]] == [""] * 8
+
+
+def test_on_the_spot_the_same_range_may_stand_for_long() -> None:
+    monitor = SonarMonitor(RING, TRAVEL_M)
+    for number in range(100):
+        assert monitor.update(0, (2.0,), SE2(0.0, 0.0, 0.1 * number), number) == ""
 
 
 def test_driving_sideways_of_the_heading_is_no_way_ahead() -> None:
