@@ -176,6 +176,7 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             f"limits.jerk_max_m_s3 {limits.jerk_max_m_s3:g})"
         )
         yield ("navigation", "guard", "reaction_s"), problem
+    yield from _beyond_the_motors(config)
     drive, monitor = config.drive, config.plausibility
     if isinstance(drive, DifferentialDrive):
         return
@@ -188,3 +189,18 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
     if monitor.steering_ms < least_ms:
         problem = f"the steering needs {least_ms:.0f} ms from one end to near the other"
         yield ("plausibility", "steering_ms"), f"{monitor.steering_ms} found, but {problem}"
+
+
+def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what the bridges are too slow for."""
+    pwm, deceleration_m_s2 = config.control.pwm, config.navigation.guard.deceleration_m_s2
+    slew_v_s = pwm.slew_per_s * pwm.min_bus_voltage_v
+    slew_rad_s2 = slew_v_s / config.plausibility.back_emf_v_s_rad
+    most_m_s2 = slew_rad_s2 * min(config.drive.wheel_radii_m)
+    if most_m_s2 < deceleration_m_s2:
+        problem = (
+            f"{pwm.slew_per_s:g} found, with which the voltage falls by {slew_v_s:g} V/s and the "
+            f"robot brakes by {most_m_s2:.2g} m/s^2, but navigation.guard.deceleration_m_s2 is "
+            f"{deceleration_m_s2:g}"
+        )
+        yield ("control", "pwm", "slew_per_s"), problem

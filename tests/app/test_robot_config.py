@@ -58,6 +58,15 @@ def test_a_guard_with_less_time_than_its_readings_take_is_refused() -> None:
         load_robot(find_file("diff_drive"), [fast, "navigation.guard.reaction_s=0.07"])
 
 
+def test_a_bridge_too_slow_for_the_guard_is_refused() -> None:
+    # 1.2 /s of 6 V over 0.45 V s/rad are 16 rad/s^2, of wheels of 0.05 m: 0.8 m/s^2.
+    load_robot(find_file("diff_drive"), ["control.pwm.slew_per_s=1.21"])
+    load_robot(find_file("diff_drive"), ["control.pwm.slew_per_s=inf"])
+    words = r"slew_per_s: 0\.6 found, .* falls by 3\.6 V/s .* by 0\.4 m/s\^2, .*_m_s2 is 0\.8"
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("diff_drive"), ["control.pwm.slew_per_s=0.6"])
+
+
 def test_an_override_changes_one_value_only() -> None:
     plain = load_robot(find_file("diff_drive"))
     changed = load_robot(find_file("diff_drive"), ["control.left.kp=2"])
