@@ -21,13 +21,16 @@ from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDri
 from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
-from robotctl.runtime.core import ControlConfig
+from robotctl.runtime.core import ControlConfig, fastest_wheel_rad_s
 from robotctl.runtime.plausibility import PlausibilityConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.safety import SafetyConfig
 from robotctl.telemetry.config import MavlinkConfig
 
 MAX_SONARS = 16
+
+MAX_SUPPLY_V: Final = 65.5
+"""More than this no drive can report [V]."""
 
 RING_S: Final = 0.05
 """So far apart are two readings of one sonar, of which the second stops the robot [s]."""
@@ -192,7 +195,17 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
 
 
 def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield what the bridges are too slow for."""
+    """Yield what no motor can do, and what the bridges are too slow for."""
+    limits = config.limits
+    fastest_rad_s = fastest_wheel_rad_s(config.drive, limits)
+    needed_v = config.plausibility.back_emf_v_s_rad * fastest_rad_s
+    if needed_v > MAX_SUPPLY_V:
+        problem = (
+            f"{limits.v_max_m_s:g} found with omega_max_rad_s {limits.omega_max_rad_s:g}, where "
+            f"a wheel turns at {fastest_rad_s:.0f} rad/s and its motor needs {needed_v:.0f} V; at "
+            f"most {MAX_SUPPLY_V} V allowed, see the units of [limits] and [drive]"
+        )
+        yield ("limits", "v_max_m_s"), problem
     pwm, deceleration_m_s2 = config.control.pwm, config.navigation.guard.deceleration_m_s2
     slew_v_s = pwm.slew_per_s * pwm.min_bus_voltage_v
     slew_rad_s2 = slew_v_s / config.plausibility.back_emf_v_s_rad

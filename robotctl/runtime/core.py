@@ -515,8 +515,13 @@ class ControlCore:
         )
 
 
+def fastest_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
+    """Return how fast a wheel turns at both speed limits at once [rad/s]."""
+    corner = drive.inverse(limits.v_max_m_s, limits.omega_max_rad_s, 0.0)
+    return max(abs(corner.omega1_rad_s), abs(corner.omega2_rad_s))
+
+
 def _impossible_rad_s(drive: Drive, limits: LimitsConfig) -> float:
     """Return a speed that no wheel of this robot has [rad/s]: counts that need it are wrong."""
-    corner = drive.inverse(limits.v_max_m_s, limits.omega_max_rad_s, 0.0)
-    fastest_rad_s = max(abs(corner.omega1_rad_s), abs(corner.omega2_rad_s))
-    return _IMPOSSIBLE_SHARE * fastest_rad_s + _PUSHED_M_S / min(drive.wheel_radii_m)
+    pushed_rad_s = _PUSHED_M_S / min(drive.wheel_radii_m)
+    return _IMPOSSIBLE_SHARE * fastest_wheel_rad_s(drive, limits) + pushed_rad_s

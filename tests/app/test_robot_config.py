@@ -5,7 +5,7 @@ from pathlib import Path
 import cantools.database
 import pytest
 
-from robotctl.app.config import RING_S, config_directory, find_file, load_robot
+from robotctl.app.config import MAX_SUPPLY_V, RING_S, config_directory, find_file, load_robot
 from robotctl.app.control import PUBLISH_HZ
 from robotctl.app.sim_options import SimulatorError, simulated_robot
 from robotctl.app.telemetry import described
@@ -56,6 +56,32 @@ def test_a_guard_with_less_time_than_its_readings_take_is_refused() -> None:
     fast = "navigation.rate_hz=100"
     with pytest.raises(ConfigError, match=r"reaction_s: 0\.07 found, .* 0\.073 s and more \("):
         load_robot(find_file("diff_drive"), [fast, "navigation.guard.reaction_s=0.07"])
+
+
+@pytest.mark.parametrize(
+    ("robot", "wrong_unit", "rad_s", "volts"),
+    [
+        ("diff_drive", "limits.v_max_m_s=800", "16008", "7203"),
+        ("diff_drive", "limits.omega_max_rad_s=143", "445", "200"),
+        ("diff_drive", "drive.track_width_m=300", "7516", "3382"),
+        ("diff_drive", "drive.wheel_radius_m=0.005", "235", "106"),
+        ("ackermann", "limits.v_max_m_s=80", "1455", "800"),
+    ],
+)
+def test_limits_that_no_motor_reaches_are_refused(robot, wrong_unit, rad_s, volts) -> None:
+    words = f"v_max_m_s: .* at {rad_s} rad/s and its motor needs {volts} V; at most 65.5 V allowed"
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file(robot), [wrong_unit])
+
+
+def test_limits_may_need_what_a_drive_can_report() -> None:
+    dbc = cantools.database.load_file(config_directory() / "robot.dbc")
+    most_v = dbc.get_message_by_name("DriveStatus").get_signal_by_name("BusVoltage").maximum
+    assert 0.0 <= most_v - MAX_SUPPLY_V < 0.1
+    # (6.9 m/s + 0.15 m x 2.5 rad/s) / 0.05 m x 0.45 V s/rad are 65.475 V.
+    load_robot(find_file("diff_drive"), ["limits.v_max_m_s=6.9"])
+    with pytest.raises(ConfigError, match=r"limits\.v_max_m_s: 6\.91 found"):
+        load_robot(find_file("diff_drive"), ["limits.v_max_m_s=6.91"])
 
 
 def test_a_bridge_too_slow_for_the_guard_is_refused() -> None:

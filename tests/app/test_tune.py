@@ -336,7 +336,7 @@ def test_bad_input_ends_with_status_2_and_the_nearest_name(capsys, arguments, wo
         ("simulation.battery.voltage_scale=0.8", "battery is low"),
         ("simulation.errors.wheel_radius=[0.0, 0.2]", "not enough room: the robot met a wall"),
         ("simulation.motor.coulomb_n_m=1.0", "wheel is blocked"),
-        ("drive.wheel_radius_m=0.005", "at a duty of 1.00 the wheels turn at"),
+        ("drive.wheel_radius_m=0.01", "at a duty of 1.00 the wheels turn at"),
     ],
 )
 def test_an_experiment_that_is_stopped_says_why_with_status_1(capsys, setting, words):
