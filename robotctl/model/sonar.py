@@ -10,6 +10,9 @@ from typing import Final, NamedTuple
 SPEED_OF_SOUND_M_S: Final = 343.0
 """In air at 20 degC."""
 
+FARTHEST_M: Final = 10.0
+"""No sonar sits farther from `base` than this, along either axis [m]."""
+
 
 def listening_ns(ranges_m: Iterable[float], max_range_m: float) -> int:
     """Return how long sonars that fired together have listened when their ranges are sent [ns].
@@ -30,14 +33,14 @@ class SonarMount:
     name
         Name of the sonar, not empty.
     x_m, y_m
-        Position of its face in `base`, x forward, y left [m].
+        Position of its face in `base`, x forward, y left [m], at most 10 to each side.
     heading_deg
         Direction of its axis, 0 forward, 90 left [deg].
 
     Raises
     ------
     ValueError
-        On an empty name or a number that is not finite.
+        On an empty name, a number that is not finite, or a place that is no place on a robot.
     """
 
     name: str
@@ -51,6 +54,9 @@ class SonarMount:
         for key in ("x_m", "y_m", "heading_deg"):
             if not math.isfinite(getattr(self, key)):
                 raise ValueError(f"{key} must be finite")
+        for key in ("x_m", "y_m"):
+            if abs(value := getattr(self, key)) > FARTHEST_M:
+                raise ValueError(f"{key}: {value} found, -{FARTHEST_M:g} to {FARTHEST_M:g} allowed")
 
     @property
     def heading_rad(self) -> float:

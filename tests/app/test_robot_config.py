@@ -123,6 +123,8 @@ def test_errors_name_file_line_key_and_the_nearest_key(tmp_path: Path) -> None:
         ('mavlink.link.0.url="http://x"', "udpout"),
         ("control.drive.kp=1", "no such wheel"),
         ('sonar.1.name="front"', "given 2 times"),
+        ("sonar.1.y_m=100", "y_m: 100.0 found, -10 to 10 allowed"),
+        ("sonar.0.x_m=-10.1", "x_m: -10.1 found, -10 to 10 allowed"),
         ("limits.v_max_m_s=nan", "v_max_m_s"),
         ("log.total_mb=inf", "at most 1e+09, not inf"),
         ("log.total_mb=100", "at least ten times file_mb (640)"),
