@@ -207,13 +207,12 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         )
         yield ("limits", "v_max_m_s"), problem
     pwm, deceleration_m_s2 = config.control.pwm, config.navigation.guard.deceleration_m_s2
-    slew_v_s = pwm.slew_per_s * pwm.min_bus_voltage_v
-    slew_rad_s2 = slew_v_s / config.plausibility.back_emf_v_s_rad
+    supply_v = max(needed_v, pwm.min_bus_voltage_v)  # the real one is not known here
+    slew_rad_s2 = pwm.slew_per_s * supply_v / config.plausibility.back_emf_v_s_rad
     most_m_s2 = slew_rad_s2 * min(config.drive.wheel_radii_m)
     if most_m_s2 < deceleration_m_s2:
         problem = (
-            f"{pwm.slew_per_s:g} found, with which the voltage falls by {slew_v_s:g} V/s and the "
-            f"robot brakes by {most_m_s2:.2g} m/s^2, but navigation.guard.deceleration_m_s2 is "
-            f"{deceleration_m_s2:g}"
+            f"{pwm.slew_per_s:g} found, which brakes the robot by {most_m_s2:.2g} m/s^2 at "
+            f"{supply_v:.1f} V, but navigation.guard.deceleration_m_s2 is {deceleration_m_s2:g}"
         )
         yield ("control", "pwm", "slew_per_s"), problem

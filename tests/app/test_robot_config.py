@@ -85,12 +85,17 @@ def test_limits_may_need_what_a_drive_can_report() -> None:
 
 
 def test_a_bridge_too_slow_for_the_guard_is_refused() -> None:
-    # 1.2 /s of 6 V over 0.45 V s/rad are 16 rad/s^2, of wheels of 0.05 m: 0.8 m/s^2.
-    load_robot(find_file("diff_drive"), ["control.pwm.slew_per_s=1.21"])
+    # 0.681 /s of the 10.575 V that the limits need, over 0.45 V s/rad, are 16 rad/s^2: 0.8 m/s^2.
+    load_robot(find_file("diff_drive"), ["control.pwm.slew_per_s=0.681"])
     load_robot(find_file("diff_drive"), ["control.pwm.slew_per_s=inf"])
-    words = r"slew_per_s: 0\.6 found, .* falls by 3\.6 V/s .* by 0\.4 m/s\^2, .*_m_s2 is 0\.8"
+    load_robot(find_file("diff_drive"), ["control.pwm.min_bus_voltage_v=0.01"])
+    words = r"slew_per_s: 0\.6 found, .* by 0\.71 m/s\^2 at 10\.6 V, but .*_m_s2 is 0\.8"
     with pytest.raises(ConfigError, match=words):
         load_robot(find_file("diff_drive"), ["control.pwm.slew_per_s=0.6"])
+    # A floor of 12 V says more of the supply than the limits do.
+    load_robot(
+        find_file("diff_drive"), ["control.pwm.slew_per_s=0.61", "control.pwm.min_bus_voltage_v=12"]
+    )
 
 
 def test_an_override_changes_one_value_only() -> None:
