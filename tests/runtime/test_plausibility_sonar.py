@@ -252,6 +252,14 @@ def test_in_a_bend_too_five_readings_are_needed() -> None:
     assert said == [*[""] * 4, "sonar front is stuck at 2.000 m"]
 
 
+def test_the_way_in_a_bend_counts_from_its_whole_length_on() -> None:
+    for way_m, judged in ((TRAVEL_M, True), (math.nextafter(TRAVEL_M, 0.0), False)):
+        monitor = SonarMonitor(RING, TRAVEL_M)
+        for number in range(8):
+            assert monitor.update(0, (2.0,), SE2(0.0, 0.5, number * 0.1), number) == ""
+        assert bool(monitor.update(0, (2.0,), SE2(way_m, 0.5, 0.9), 9)) == judged
+
+
 def test_in_a_bend_too_no_echo_is_no_reading_and_a_reset_begins_anew() -> None:
     poses = [SE2(n * STEP_M, 0.0, n * 0.2) for n in range(40)]
     monitor = SonarMonitor(RING, TRAVEL_M)
@@ -388,6 +396,20 @@ def test_a_slow_robot_whose_sonars_began_apart_finds_out_too(
         front = INF if heard_later == FRONT and number < 50 else 1.0 + moved_m
         rear = INF if heard_later == REAR and number < 50 else 3.0 - moved_m
         if said := drive.see(front, INF, rear, INF, step_m=step_m if number else 0.0):
+            break
+    assert said == BACKWARDS
+
+
+def test_a_slow_robot_finds_out_in_a_later_comparison_too() -> None:
+    """What front sees is in order for 5 s; rear, 2.5 s later each time, sees the way backwards."""
+    drive, step_m, said = Drive(start_ns=10**12), TRAVEL_M / 100, ""
+    for number in range(203):
+        moved_m = number * step_m
+        front = 1.0 + moved_m - 2.0 * min(moved_m, TRAVEL_M)
+        rear = INF if number < 50 else 3.0 - moved_m
+        said = drive.see(front, INF, rear, INF, step_m=step_m if number else 0.0)
+        assert said == "" or number >= 200
+        if said:
             break
     assert said == BACKWARDS
 
