@@ -25,7 +25,7 @@ from robotctl.app.stack import Stack
 from robotctl.app.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.keys import HINT, Keys
-from robotctl.cli.main import give_up_output
+from robotctl.cli.voice import Voice
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
 
@@ -90,7 +90,10 @@ def run(
     log = ExitLog(record.resolve()) if record else None
     if record and (reason := refusal(record)):
         print(f"{reason}; the robot drives without logs")
-    print(f"{config.robot.name} on {config.can.interface}:{config.can.channel}, Ctrl-C ends")
+    print(
+        f"{config.robot.name} on {config.can.interface}:{config.can.channel}, Ctrl-C ends",
+        flush=True,
+    )
     for link in config.mavlink.link:
         print(f"MAVLink: {link.url}", flush=True)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -103,22 +106,14 @@ def run(
     if asked_early.take():
         stack.emergency_stop()
     try:
-        with Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
+        with Voice() as voice, Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
             if keys.usable:
-                say(HINT)
+                voice.say(HINT)
             while not stopped():
                 if keys.emergency():
                     stack.emergency_stop()
                 for line in supervisor.step(messages.receive(), time.monotonic()):
-                    say(line)
+                    voice.say(line)
                 time.sleep(POLL_S)
     finally:
         context.destroy(linger=0)
-
-
-def say(line: str) -> None:
-    """Print a line; a robot whose words nobody can take any more drives on without them."""
-    try:
-        print(line, flush=True)
-    except OSError:
-        give_up_output()

@@ -1,5 +1,6 @@
 """What `robotctl run` refuses before anything starts."""
 
+import os
 import subprocess
 import sys
 import zlib
@@ -75,8 +76,34 @@ def test_what_is_damaged_is_said_where_the_generation_before_is_resumed(
     assert second.startswith("resuming with item 2 of 5 at x 3.00 m, y 4.00 m")
 
 
+SPEAKS = """
+from robotctl.cli.voice import Voice
+with Voice() as voice:
+    for _ in range(10_000):
+        voice.say("x" * 80)
+raise SystemExit(7)
+"""
+
+
 def test_a_robot_whose_words_nobody_can_take_drives_on() -> None:
-    program = "from robotctl.cli.run import say; say('one'); say('two'); import sys; sys.exit(7)"
     with Path("/dev/full").open("wb") as full:
-        ended = subprocess.run([sys.executable, "-c", program], stdout=full, check=False)
+        ended = subprocess.run([sys.executable, "-c", SPEAKS], stdout=full, check=False)
     assert ended.returncode == 7
+
+
+def test_a_robot_whose_words_nobody_reads_drives_on_and_can_be_ended() -> None:
+    reading, writing = os.pipe()
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", SPEAKS], stdout=writing, check=False, timeout=60.0
+        )
+    finally:
+        os.close(writing)
+        os.close(reading)
+    assert ended.returncode == 7
+
+
+def test_its_last_words_are_printed_before_it_ends() -> None:
+    program = SPEAKS.replace("10_000", "500")
+    ended = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, check=False)
+    assert ended.stdout == b"".join([b"x" * 80 + b"\n"] * 500)
