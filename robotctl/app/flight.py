@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from robotctl.app.log_folder import LogFolder, close_log
+from robotctl.app.log_folder import LogFolder, age_rank, close_log
 from robotctl.runtime.flight_ring import Part, RingReader, dump, dump_size
 from robotctl.runtime.messages import ControlState
 from robotctl.runtime.part_file import remove_parts
@@ -214,7 +214,7 @@ class FlightDumps:
         """Return all dumps that are there."""
         return sorted(
             (path for each in _KINDS for path in self._directory.glob(f"{each}-*.rec")),
-            key=lambda path: path.stat().st_mtime_ns,
+            key=lambda path: age_rank(path.stat()),
         )
 
 

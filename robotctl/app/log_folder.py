@@ -5,8 +5,10 @@ A log is locked while it is written, and whoever makes room or cleans up leaves 
 
 from __future__ import annotations
 
+import os
 import re
 import tempfile
+import time
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
@@ -70,6 +72,15 @@ def make_folder(directory: Path) -> None:
         raise LogError(f"{directory}: is no folder") from error
     except OSError as error:
         raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
+
+
+def age_rank(status: os.stat_result) -> tuple[bool, int]:
+    """Return what sorts files, the oldest first.
+
+    What is dated after now was written before the clock was put back, as that of a computer
+    without a battery is at each start: it is older than whatever has been written since.
+    """
+    return status.st_mtime_ns <= time.time_ns(), status.st_mtime_ns
 
 
 def refusal(directory: Path) -> str:
@@ -163,7 +174,7 @@ class LogFolder:
         for path in self.directory.iterdir():
             if _LOG.fullmatch(path.name):
                 status = path.stat()
-                files.append((status.st_mtime_ns, path.name, path, status.st_size))
+                files.append((age_rank(status), path.name, path, status.st_size))
         total = sum(size for *_, size in files)
         for *_, path, size in sorted(files):
             if total <= self._total_bytes:

@@ -143,6 +143,24 @@ def test_the_oldest_dumps_go(tmp_path: Path, loop: Loop, monkeypatch: pytest.Mon
     assert "fault-06.rec" in left
 
 
+def test_dumps_of_before_the_clock_was_put_back_go_before_a_new_one(
+    tmp_path: Path, loop: Loop
+) -> None:
+    flights = tmp_path / "flights"
+    flights.mkdir()
+    for number in range(MOST_DUMPS):
+        old = flights / f"fault-{number:02d}.rec"
+        old.write_bytes(b"")
+        os.utime(old, (4e9 + number, 4e9 + number))
+    dumps = FlightDumps(tmp_path / "a.ring", flights)
+    dumps.step([state(SafetyState.FAULT)], 0)
+    (note,) = dumps.close()
+    assert Path(note.removeprefix("flight recorder written to ")).exists()
+    assert {path.name for path in flights.glob("fault-0?.rec")} == {
+        f"fault-{number:02d}.rec" for number in range(1, 10)
+    }
+
+
 def test_a_dump_that_cannot_be_written_is_said(tmp_path: Path, loop: Loop) -> None:
     (tmp_path / "flights").write_text("in the way")
     dumps = FlightDumps(tmp_path / "a.ring", tmp_path / "flights")

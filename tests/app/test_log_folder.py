@@ -75,6 +75,20 @@ def test_a_log_that_is_being_written_makes_no_room_for_others(
     assert not is_written(path)
 
 
+def test_logs_of_before_the_clock_was_put_back_make_room_first(tmp_path: Path) -> None:
+    for number in range(1, 12):
+        log = tmp_path / f"control-{number:04d}.rec"
+        log.write_bytes(bytes(100_000))
+        os.utime(log, (4e9 + number, 4e9 + number))
+    folder = LogFolder(tmp_path, SMALL)
+    for _ in range(3):
+        with folder.open("control", "rec") as file:
+            file.write(bytes(100_000))
+    folder.trim()
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {f"control-{number:04d}.rec" for number in range(5, 15)}
+
+
 @WRITERS
 def test_a_log_that_has_just_been_begun_is_not_taken_for_an_empty_one(
     tmp_path: Path, writer: Callable[[LogFolder], Any]
