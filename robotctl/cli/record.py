@@ -40,7 +40,8 @@ def dump(
         file = file.resolve()
         _check_target(file)
     ring = find_ring(instance)
-    target = file or Path(f"flight-{dt.datetime.now(dt.UTC):%Y%m%dT%H%M%S}Z.rec")
+    now = dt.datetime.now(dt.UTC)
+    target = file or Path(f"flight-{now:%Y%m%dT%H%M%S}.{now.microsecond // 1000:03d}Z.rec")
     try:
         dump_ring(ring, target)
     except OSError as error:

@@ -271,6 +271,19 @@ def test_a_record_is_dumped_on_request_and_replayed(
     loop.ring.close()
 
 
+def test_two_dumps_within_a_second_are_two_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    loop = Loop(ring_path("robot"))
+    loop.ticks(5)
+    for _ in range(3):
+        assert CliRunner().invoke(app, ["record", "dump", "--instance", "robot"]).exit_code == 0
+    assert len(list(tmp_path.glob("flight-*Z.rec"))) == 3
+    loop.ring.close()
+
+
 def test_a_dump_replaces_records_alone_and_follows_links(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
