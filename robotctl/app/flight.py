@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from robotctl.app.log_folder import LogFolder, age_rank, close_log
+from robotctl.app.log_folder import LogFolder, age_rank, close_log, is_gone
 from robotctl.runtime.flight_ring import Part, RingReader, dump, dump_size
 from robotctl.runtime.messages import ControlState
 from robotctl.runtime.part_file import remove_parts
@@ -34,7 +34,7 @@ class RecordCopy:
     """Copies the ring, while it is written, into records `control-0001.rec` and so on.
 
     A copy begins with the oldest segment that is there, so a recorder that starts again repeats
-    some ticks and loses none.
+    some ticks and loses none; so does a copy whose file was removed.
 
     Parameters
     ----------
@@ -60,6 +60,8 @@ class RecordCopy:
             If the disk refuses; after `close` it can be tried again, and nothing is lost meanwhile
             but what the ring overwrites.
         """
+        if self._file is not None and is_gone(self._file):
+            self.close()
         if self._reader is None:
             try:
                 self._reader = RingReader(self._ring)

@@ -183,6 +183,11 @@ class LogFolder:
                 total -= size
 
 
+def is_gone(file: IO[Any]) -> bool:
+    """Return whether somebody has removed a log that is being written: nobody would read it."""
+    return not leads_to(Path(file.name), file.fileno())
+
+
 def close_log(file: IO[Any]) -> None:
     """Close a log and remove it if nothing arrived in it, as on a full disk.
 

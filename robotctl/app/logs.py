@@ -9,7 +9,7 @@ from typing import BinaryIO, Final
 
 import can
 
-from robotctl.app.log_folder import LogFolder, close_log
+from robotctl.app.log_folder import LogFolder, close_log, is_gone
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.candump import CandumpReader
 from robotctl.runtime.part_file import remove_parts
@@ -61,7 +61,7 @@ class StateLog:
         if now_ns - self._flushed_ns >= FLUSH_NS:
             self._flushed_ns = now_ns
             self._log.flush()
-            if self._file.tell() > self._folder.file_bytes:
+            if self._file.tell() > self._folder.file_bytes or is_gone(self._file):
                 self.close()
 
     def close(self) -> None:
@@ -130,7 +130,7 @@ class BusLog:
             self._file = self._folder.open("can", "log")
         self._file.write(os.fsencode(lines))
         self._file.flush()
-        if self._file.tell() > self._folder.file_bytes:
+        if self._file.tell() > self._folder.file_bytes or is_gone(self._file):
             self._file.close()
             self._file = None
 

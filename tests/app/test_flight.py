@@ -196,6 +196,21 @@ def test_the_continuous_record_holds_every_tick_over_files_and_lives(tmp_path: P
     assert all(file.stat().st_size < 0.1e6 + SMALL[1] for file in files)
 
 
+def test_a_record_that_somebody_removes_is_begun_anew_with_all_that_the_ring_holds(
+    tmp_path: Path, loop: Loop
+) -> None:
+    logs = tmp_path / "logs"
+    copy = RecordCopy(tmp_path / "a.ring", LogFolder(logs, LogConfig()))
+    loop.ticks(50)
+    copy.step()
+    (logs / "control-0001.rec").unlink()
+    loop.ticks(50)
+    copy.step()
+    copy.close()
+    (file,) = logs.iterdir()
+    assert replay_file(file).result.agreed == 100
+
+
 def test_a_disk_that_refuses_the_log_is_tried_again_and_said_as_long_as_it_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -89,6 +89,23 @@ def test_logs_of_before_the_clock_was_put_back_make_room_first(tmp_path: Path) -
     assert left == {f"control-{number:04d}.rec" for number in range(5, 15)}
 
 
+def test_a_log_that_somebody_removes_while_it_is_written_is_followed_by_another(
+    tmp_path: Path,
+) -> None:
+    folder = LogFolder(tmp_path, SMALL)
+    states, bus = log_states(folder), log_bus(folder)
+    for path in tmp_path.iterdir():
+        path.unlink()
+    for second in (2, 3):
+        states.step([Notice(0, 6, "driving")], second * 10**9)
+        bus._write("a frame\n")
+    states.close()
+    bus.close()
+    assert {path.name for path in tmp_path.iterdir()} == {"can-0001.log", "robot-0001.mcap"}
+    assert (tmp_path / "can-0001.log").read_text() == "a frame\n"
+    assert is_complete(tmp_path / "robot-0001.mcap")
+
+
 @WRITERS
 def test_a_log_that_has_just_been_begun_is_not_taken_for_an_empty_one(
     tmp_path: Path, writer: Callable[[LogFolder], Any]
