@@ -22,8 +22,11 @@ def main() -> None:
     """Run the command line; a known error, or a file that is refused, ends it with status 2.
 
     So does a disk that cannot take what is written, the standard output included. Names of files
-    are printed as they are, in whatever encoding.
+    are printed as they are, in whatever encoding. Where the standard output is closed, nobody wants
+    what would be printed.
     """
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123 - until the process ends
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")
     try:

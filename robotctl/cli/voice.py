@@ -47,8 +47,6 @@ class Voice:
         Past `sys.stdout`, whose lock the interpreter would wait for at its end.
         """
         while (line := self._lines.get()) is not None:
-            if sys.stdout is None:  # it was closed by who started the process
-                continue
             rest = f"{line}\n".encode(errors="surrogateescape")
             with suppress(OSError):
                 while rest:

@@ -35,6 +35,16 @@ def test_a_reader_that_has_gone_is_no_error_to_talk_about() -> None:
     assert (done.returncode, done.stderr) == (1, b"")
 
 
+@pytest.mark.parametrize(("command", "status"), [("version", 0), ("config check /nowhere.toml", 2)])
+def test_a_closed_output_is_no_error(command: str, status: int) -> None:
+    script = f'exec "$@" {command} >&-'
+    done = subprocess.run(
+        ["sh", "-c", script, "sh", *ROBOTCTL], stderr=subprocess.PIPE, text=True, check=False
+    )
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
+
+
 def named_strangely(folder: Path) -> str:
     """Return the path of a robot's file whose name is no UTF-8."""
     path = folder / os.fsdecode(b"caf\xe9.toml")
