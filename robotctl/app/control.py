@@ -173,6 +173,8 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     clock = RealClock()
     folder = endpoint_directory(options.instance)
     claims = [claim_bus(config.can.interface, config.can.channel), claim(str(folder))]
+    if options.state:
+        claims.append(claim(options.state))
     endpoints = Endpoints(folder)
     context = zmq.Context()
     publisher = Publisher(context, endpoints.control_state)

@@ -24,7 +24,7 @@ from robotctl.app.config import find_file
 from robotctl.app.options import StackOptions
 from robotctl.app.progress import Progress, progress_file
 from robotctl.app.replay import replay_file
-from robotctl.app.stack import CONTROL, RECORDER, Stack
+from robotctl.app.stack import CONTROL, RECORDER, Stack, StackError
 from robotctl.runtime.messages import Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory, ring_path
 from robotctl.telemetry.mcap_log import is_complete
@@ -126,6 +126,23 @@ def test_logs_records_and_dumps_outlive_the_kill_of_any_process(stack: Stack, fo
     with can.io.CanutilsLogReader(logs / "can-0001.log") as reader:
         assert len(list(reader)) > 100
     assert json.loads((folder / "state" / "progress.json").read_text().split("\n")[1])["run"]
+
+
+def test_a_second_robot_that_would_overwrite_the_state_of_the_first_is_refused(
+    stack: Stack,
+    options: StackOptions,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    until(stack, lambda: stack.ready, "ready")
+    (folder / "other").mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder / "other"))
+    bus = ('can.interface="simcan"', 'can.channel="of-its-own"', "mavlink.link=[]")
+    second = Stack(msgspec.structs.replace(options, overrides=bus, run="second"))
+    with contextlib.closing(second), pytest.raises(StackError, match="control process did not"):
+        until(second, lambda: second.ready, "refused")
+    assert f"{folder / 'state'}: another robotctl of this computer has it" in capfd.readouterr().err
 
 
 def test_a_ground_station_that_comes_late_hears_what_the_run_before_left(
