@@ -41,6 +41,11 @@ FORCE = 21196.0
 ANSWER_NS = 1_000_000_000
 """How long the answer may take after the control process has given up trying [ns]."""
 
+MAX_PENDING = 8
+"""So many wait for an answer, no more than control answers at once: whoever invents senders must
+not take the time in which a stop is waited for. The others are told to ask again, without a text:
+many would crowd out why the robot has stopped."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Pending:
@@ -110,16 +115,14 @@ class Arming:
         if self._context.robot.has_localiser and self._context.fresh_localisation(now_ns) is None:
             self._context.say(now_ns, "Arm: the localiser is not ready")
             return TEMPORARILY_REJECTED
-        self._ask(command, now_ns, arm=True)
-        return None
+        return self._ask(command, now_ns, arm=True)
 
     def _disarm(self, command: Command, now_ns: int) -> int | None:
         if command.params[1] == FORCE:
             return self._stop(now_ns)
         if (repeated := self._find(command.sender, arm=False)) is not None:
             del self._pending[repeated]  # the new request will be answered in its place
-        self._ask(command, now_ns, arm=False)
-        return None
+        return self._ask(command, now_ns, arm=False)
 
     def _find(self, sender: tuple[int, int], *, arm: bool) -> int | None:
         """Return the number of this sender's request that waits for its answer."""
@@ -128,12 +131,18 @@ class Arming:
                 return request_id
         return None
 
-    def _ask(self, command: Command, now_ns: int, *, arm: bool) -> None:
+    def _ask(self, command: Command, now_ns: int, *, arm: bool) -> int | None:
+        is_full = len(self._pending) >= MAX_PENDING
+        if arm and is_full:
+            return TEMPORARILY_REJECTED
         # Numbers from the clock differ from those before a restart of this process, to which the
         # control process's present answer may still belong.
         self._last_request = max(self._last_request + 1, now_ns)
         self._context.requests.append(Arm(now_ns, self._last_request, arm))
+        if is_full:
+            return TEMPORARILY_REJECTED
         self._pending[self._last_request] = _Pending(command, arm, now_ns + self._timeout_ns)
+        return None
 
     def step(self, now_ns: int) -> None:
         """Acknowledge what the control process has answered, or has not answered in time."""

@@ -39,6 +39,7 @@ class LateCopies:
 
     def __init__(self) -> None:
         self._answered: dict[tuple[tuple[int, int], Hashable], _Answered] = {}
+        """In the order in which they were answered."""
 
     def remember(
         self, sender: tuple[int, int], meaning: Hashable, result: int, now_ns: int
@@ -47,12 +48,12 @@ class LateCopies:
 
         `meaning` is equal for commands that ask for the same.
         """
-        self._answered = {
-            key: answered
-            for key, answered in self._answered.items()
-            if now_ns - answered.answered_ns <= CONFIRMED_REPEAT_NS
-        }
+        self._answered.pop((sender, meaning), None)
         self._answered[sender, meaning] = _Answered(result, now_ns)
+        while now_ns - self._answered[oldest := next(iter(self._answered))].answered_ns > (
+            CONFIRMED_REPEAT_NS
+        ):
+            del self._answered[oldest]
 
     def answer(
         self,

@@ -14,7 +14,7 @@ Nothing is said of a sender whose `time_boot_ms`
 - has not advanced as time does, within `LET_GO`, over `TRUST_NS`: it counts something else;
 - stands still: it is not filled in, or too coarse;
 - goes back: the sender was started anew, or messages overtook each other;
-- was not heard for `FORGET_NS`.
+- was not heard for `FORGET_NS`, or of any that come while `MAX_STREAMS` others are being heard.
 
 It is taken for a new sender then, none of whose messages is late. The wrap after 49.7 days is not
 going back.
@@ -29,6 +29,8 @@ from typing import Final
 LET_GO: Final = 0.1
 TRUST_NS: Final = 2_000_000_000
 FORGET_NS: Final = 10_000_000_000
+MAX_STREAMS: Final = 64
+"""Whoever invents senders must not fill the memory, nor take the time of all others."""
 
 _WRAP_MS: Final = 1 << 32
 
@@ -88,5 +90,6 @@ class SenderClocks:
             for each, stream in self._streams.items()
             if now_ns - stream.heard_ns <= FORGET_NS
         }
-        self._streams[key] = _Stream(boot_ms, now_ns, now_ns)
+        if key in self._streams or len(self._streams) < MAX_STREAMS:
+            self._streams[key] = _Stream(boot_ms, now_ns, now_ns)
         return 0

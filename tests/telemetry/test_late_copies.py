@@ -1,10 +1,13 @@
 """Late copies of commands for a mode, and how long a command is taken for one."""
 
+import time
+
 import pytest
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import Peer
 from robotctl.runtime.messages import Ack, Arm, Mode, SetMode
+from robotctl.telemetry.late_copies import CONFIRMED_REPEAT_NS, LateCopies
 
 ARM = common.MAV_CMD_COMPONENT_ARM_DISARM
 SET_MODE = common.MAV_CMD_DO_SET_MODE
@@ -145,3 +148,14 @@ def test_the_answer_to_a_copy_does_not_prolong_the_time_for_copies(bench):
         assert bench.step(bench.navigation(mode=Mode.HOLD), advance_s=0.24) == []
     bench.command(SET_MODE, 1, 10)
     assert [request.mode for request in bench.step(advance_s=0.1)] == [Mode.AUTO]
+
+
+def test_answers_are_forgotten_without_a_look_at_all_the_others():
+    """Whoever invents senders must not take the time in which a stop is waited for."""
+    copies, begin_s = LateCopies(), time.process_time()
+    for number in range(20_000):
+        copies.remember((number % 250, number // 250), Mode.GUIDED, ACCEPTED, number)
+    assert time.process_time() - begin_s < 2.0
+    copies.remember((1, 1), Mode.GUIDED, ACCEPTED, CONFIRMED_REPEAT_NS)
+    copies.remember((2, 1), Mode.GUIDED, ACCEPTED, 20_000 + CONFIRMED_REPEAT_NS)
+    assert set(copies._answered) == {((1, 1), Mode.GUIDED), ((2, 1), Mode.GUIDED)}

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.planning.requests import REQUEST_LIFE_NS
 from robotctl.runtime.mavlink_port import Peer
 from robotctl.runtime.messages import PositionTarget, VelocityTarget
-from robotctl.telemetry.sender_clock import FORGET_NS, LET_GO, SenderClocks
+from robotctl.telemetry.sender_clock import FORGET_NS, LET_GO, MAX_STREAMS, SenderClocks
 
 BODY_NED, LOCAL = 8, 1
 VELOCITY, POSITION = 0xFC7, 0xFF8
@@ -190,6 +190,16 @@ def test_each_sender_on_each_link_has_a_clock_of_its_own(bench, sender):
         bench.step(advance_s=0.1)
     assert sender.deliver(sender.stall(2.0)[:10]) == []
     assert other.deliver([other.message()])
+
+
+def test_invented_senders_take_no_room_and_leave_those_who_were_heard_alone():
+    clocks = SenderClocks()
+    for ms in range(0, 5000, 100):
+        assert clocks.late_ns("known", ms, ms * 1_000_000) == 0
+        for number in range(100):
+            clocks.late_ns((ms, number), 5, ms * 1_000_000)
+    assert len(clocks._streams) == MAX_STREAMS
+    assert clocks.late_ns("known", 5000, 5_800_000_000) > 700_000_000
 
 
 @given(

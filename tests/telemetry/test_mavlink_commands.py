@@ -18,6 +18,7 @@ from robotctl.runtime.messages import (
     SafetyState,
     SetMode,
 )
+from robotctl.telemetry.arming import MAX_PENDING
 from robotctl.telemetry.service import TelemetryRobot
 from robotctl.telemetry.telemetry import Telemetry
 
@@ -132,6 +133,22 @@ def test_disarming_is_always_carried_out_even_behind_an_arm_request(bench):
     bench.step(bench.control(acks=(Ack(requests[2].request_id, accepted=True),)))
     bench.run(3.0)
     assert results(bench) == [ACCEPTED, ACCEPTED]
+
+
+def test_many_who_ask_at_once_do_not_keep_anybody_from_disarming(bench):
+    for system in range(100, 100 + MAX_PENDING + 1):
+        bench.command(ARM, 1, system=system)
+    asked = bench.step()
+    assert len(asked) == MAX_PENDING
+    ((ack, _),) = bench.take("COMMAND_ACK")
+    assert (ack.result, ack.target_system) == (BUSY, 100 + MAX_PENDING)
+    bench.command(ARM, 0)
+    (disarm,) = bench.step()
+    assert not disarm.arm
+    assert results(bench) == [BUSY]
+    answers = tuple(Ack(request.request_id, accepted=True) for request in asked)
+    bench.step(bench.control(acks=answers))
+    assert results(bench) == [ACCEPTED] * MAX_PENDING
 
 
 def test_request_numbers_differ_after_a_restart(make_bench):
