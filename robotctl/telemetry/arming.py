@@ -49,7 +49,10 @@ many would crowd out why the robot has stopped."""
 
 @dataclass(frozen=True, slots=True)
 class _Pending:
-    command: Command
+    """A request of one sender; `commands` to answer, the last of each connection."""
+
+    sender: tuple[int, int]
+    commands: dict[Peer, Command]
     arm: bool
     deadline_ns: int
 
@@ -97,7 +100,8 @@ class Arming:
         if objection := self._held_back.objection(command.peer, command.sender, now_ns):
             self._context.say(now_ns, f"Arm: {objection}")
             return TEMPORARILY_REJECTED
-        if self._find(command.sender, arm=True) is not None:
+        if (repeated := self._find(command.sender, arm=True)) is not None:
+            self._pending[repeated].commands[command.peer] = command
             return None
         control = self._context.fresh_control(now_ns)
         armed = control is not None and control.state in POWERED
@@ -115,23 +119,26 @@ class Arming:
         if self._context.robot.has_localiser and self._context.fresh_localisation(now_ns) is None:
             self._context.say(now_ns, "Arm: the localiser is not ready")
             return TEMPORARILY_REJECTED
-        return self._ask(command, now_ns, arm=True)
+        return self._ask(command, {}, now_ns, arm=True)
 
     def _disarm(self, command: Command, now_ns: int) -> int | None:
         if command.params[1] == FORCE:
             return self._stop(now_ns)
+        before: dict[Peer, Command] = {}
         if (repeated := self._find(command.sender, arm=False)) is not None:
-            del self._pending[repeated]  # the new request will be answered in its place
-        return self._ask(command, now_ns, arm=False)
+            before = self._pending.pop(repeated).commands  # answered with the new request
+        return self._ask(command, before, now_ns, arm=False)
 
     def _find(self, sender: tuple[int, int], *, arm: bool) -> int | None:
         """Return the number of this sender's request that waits for its answer."""
         for request_id, pending in self._pending.items():
-            if pending.arm == arm and pending.command.sender == sender:
+            if pending.arm == arm and pending.sender == sender:
                 return request_id
         return None
 
-    def _ask(self, command: Command, now_ns: int, *, arm: bool) -> int | None:
+    def _ask(
+        self, command: Command, before: dict[Peer, Command], now_ns: int, *, arm: bool
+    ) -> int | None:
         is_full = len(self._pending) >= MAX_PENDING
         if arm and is_full:
             return TEMPORARILY_REJECTED
@@ -141,7 +148,9 @@ class Arming:
         self._context.requests.append(Arm(now_ns, self._last_request, arm))
         if is_full:
             return TEMPORARILY_REJECTED
-        self._pending[self._last_request] = _Pending(command, arm, now_ns + self._timeout_ns)
+        commands = {**before, command.peer: command}
+        deadline_ns = now_ns + self._timeout_ns
+        self._pending[self._last_request] = _Pending(command.sender, commands, arm, deadline_ns)
         return None
 
     def step(self, now_ns: int) -> None:
@@ -162,10 +171,10 @@ class Arming:
         self._answer(pending, ACCEPTED if ack.accepted else DENIED, now_ns)
 
     def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:
-        acknowledge(self._context, pending.command, result)
-        if pending.arm:
-            command = pending.command
-            self._copies.remember(command.sender, _meaning(command), result, now_ns)
+        for command in pending.commands.values():
+            acknowledge(self._context, command, result)
+            if pending.arm:
+                self._copies.remember(command.sender, _meaning(command), result, now_ns)
 
 
 def _meaning(command: Command) -> tuple[float, bool]:

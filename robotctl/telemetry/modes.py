@@ -7,7 +7,7 @@ out however often it comes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import common
 
@@ -37,10 +37,11 @@ next state, which is here in time.
 
 @dataclass(frozen=True, slots=True)
 class _Pending:
-    command: Command | None
-    sender: tuple[int, int]
+    """What a sender wants; `commands` to answer, the last of each connection, none of SET_MODE."""
+
     mode: Mode
     asked_ns: int
+    commands: dict[Peer, Command] = field(default_factory=dict)
 
 
 class Modes:
@@ -52,32 +53,35 @@ class Modes:
     def __init__(self, context: Context, held_back: HeldBack) -> None:
         self._context = context
         self._held_back = held_back
-        self._pending: _Pending | None = None
+        self._pending: dict[tuple[int, int], _Pending] = {}
+        """By sender, all for the same mode: whoever asks for another one ends them."""
         self._copies = LateCopies()
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take SET_MODE, which has no acknowledgement."""
         mode = self._wanted(message.base_mode, message.custom_mode, now_ns)
         sender = source(message)
-        if mode is None or self._is_held_back(peer, sender, mode, now_ns):
+        if mode is None or self._is_repeated(sender, mode, now_ns):
+            return
+        if self._is_held_back(peer, sender, mode, now_ns):
             return
         if self._of_copy(sender, mode, 0, now_ns) is None:
-            self._ask(_Pending(None, sender, mode, now_ns))
+            self._ask(sender, mode, now_ns)
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
         """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number."""
         mode = self._wanted(command.params[0], command.params[1], now_ns)
         if mode is None:
             return DENIED
-        if self._pending is not None and self._is_repeated(self._pending, command, mode):
-            if mode is Mode.HOLD:
-                self._context.requests.append(SetMode(now_ns, mode))
+        if self._is_repeated(command.sender, mode, now_ns):
+            self._pending[command.sender].commands[command.peer] = command
             return None
         if self._is_held_back(command.peer, command.sender, mode, now_ns):
             return TEMPORARILY_REJECTED
         copy = self._of_copy(command.sender, mode, command.confirmation, now_ns)
         if copy is None:
-            self._ask(_Pending(command, command.sender, mode, now_ns))
+            self._ask(command.sender, mode, now_ns)
+            self._pending[command.sender].commands[command.peer] = command
         return copy
 
     def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
@@ -118,37 +122,43 @@ class Modes:
         self._context.say(now_ns, f"Mode {custom_mode:g}: allowed {allowed}")
         return None
 
-    @staticmethod
-    def _is_repeated(pending: _Pending, command: Command, mode: Mode) -> bool:
-        before = pending.command
-        return before is not None and before.sender == command.sender and pending.mode == mode
+    def _is_repeated(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+        """Say whether a sender waits for that mode already; HOLD is carried out all the same."""
+        pending = self._pending.get(sender)
+        if pending is None or pending.mode is not mode:
+            return False
+        if mode is Mode.HOLD:
+            self._context.requests.append(SetMode(now_ns, mode))
+        return True
 
-    def _ask(self, wish: _Pending) -> None:
-        if self._pending is not None:
-            self._answer(self._pending, TEMPORARILY_REJECTED, wish.asked_ns)
-        self._context.requests.append(SetMode(wish.asked_ns, wish.mode))
-        self._pending = wish
+    def _ask(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> None:
+        for other, pending in list(self._pending.items()):
+            if pending.mode is not mode:
+                self._answer(other, TEMPORARILY_REJECTED, now_ns)
+        self._context.requests.append(SetMode(now_ns, mode))
+        self._pending[sender] = _Pending(mode, now_ns)
 
     def step(self, now_ns: int) -> None:
         """Acknowledge the mode that was taken, or was not in time."""
-        pending = self._pending
-        if pending is None:
-            return
         navigation = self._context.fresh_navigation(now_ns)
-        if (
-            navigation is not None
-            and navigation.stamp_ns > pending.asked_ns
-            and navigation.mode == pending.mode
-        ):
-            self._answer(pending, ACCEPTED, now_ns)
-        elif now_ns - pending.asked_ns > TIMEOUT_NS:
-            why = "navigation does not answer" if navigation is None else navigation.message
-            self._context.say(now_ns, f"Mode {pending.mode.name} not taken: {why}")
-            self._answer(pending, TEMPORARILY_REJECTED, now_ns)
+        refusal = ""
+        for sender, pending in list(self._pending.items()):
+            if (
+                navigation is not None
+                and navigation.stamp_ns > pending.asked_ns
+                and navigation.mode == pending.mode
+            ):
+                self._answer(sender, ACCEPTED, now_ns)
+            elif now_ns - pending.asked_ns > TIMEOUT_NS:
+                why = "navigation does not answer" if navigation is None else navigation.message
+                refusal = f"Mode {pending.mode.name} not taken: {why}"
+                self._answer(sender, TEMPORARILY_REJECTED, now_ns)
+        if refusal:
+            self._context.say(now_ns, refusal)
 
-    def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:
-        self._pending = None
+    def _answer(self, sender: tuple[int, int], result: int, now_ns: int) -> None:
+        pending = self._pending.pop(sender)
         if pending.mode is not Mode.HOLD:
-            self._copies.remember(pending.sender, pending.mode, result, now_ns)
-        if pending.command is not None:
-            acknowledge(self._context, pending.command, result)
+            self._copies.remember(sender, pending.mode, result, now_ns)
+        for command in pending.commands.values():
+            acknowledge(self._context, command, result)

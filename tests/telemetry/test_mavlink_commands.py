@@ -93,7 +93,8 @@ def test_an_arm_request_repeated_while_it_is_carried_out_is_not_sent_twice(bench
     bench.command(ARM, 1, peer=Peer(0, 9))
     assert bench.step() == []
     bench.step(bench.control(acks=(Ack(request.request_id, accepted=True),)))
-    assert results(bench) == [ACCEPTED]
+    acks = [(ack.result, peer) for ack, peer in bench.take("COMMAND_ACK")]
+    assert acks == [(ACCEPTED, Peer(0, 0)), (ACCEPTED, Peer(0, 9))], "one on each connection"
 
 
 @pytest.mark.parametrize("unused", [0.0, math.nan])
@@ -240,6 +241,33 @@ def test_a_repeated_mode_command_is_carried_out_once(bench):
     bench.command(SET_MODE, 1, 10)
     bench.command(SET_MODE, 1, 10, confirmation=1)
     assert len(bench.step()) == 1
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.MANUAL])
+def test_all_who_ask_for_the_same_mode_at_once_are_told_that_it_was_taken(bench, mode):
+    """Ground stations may have the same ids, as those have that nobody has given others."""
+    bench.command(SET_MODE, 1, mode)
+    bench.receive(common.MAVLink_set_mode_message(1, 1, mode))
+    bench.command(SET_MODE, 1, mode, system=254, peer=Peer(0, 1))
+    bench.command(SET_MODE, 1, mode, peer=Peer(0, 2))
+    assert bench.step()
+    bench.step(bench.navigation(mode=mode))
+    acks = {(ack.result, ack.target_system, peer) for ack, peer in bench.take("COMMAND_ACK")}
+    assert acks == {
+        (ACCEPTED, 255, Peer(0, 0)),
+        (ACCEPTED, 254, Peer(0, 1)),
+        (ACCEPTED, 255, Peer(0, 2)),
+    }
+
+
+def test_two_with_the_same_ids_who_disarm_at_once_are_both_answered(bench):
+    bench.command(ARM, 0)
+    bench.command(ARM, 0, peer=Peer(0, 1))
+    first, second = bench.step()
+    answers = (Ack(first.request_id, accepted=True), Ack(second.request_id, accepted=True))
+    bench.step(bench.control(acks=answers))
+    acks = [(ack.result, peer) for ack, peer in bench.take("COMMAND_ACK")]
+    assert acks == [(ACCEPTED, Peer(0, 0)), (ACCEPTED, Peer(0, 1))]
 
 
 @pytest.mark.parametrize(
