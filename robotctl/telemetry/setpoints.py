@@ -18,7 +18,8 @@ is refused.
 z, vz and their bits do not matter to a rover, nor does FORCE_SET without accelerations, which many
 programs set by mistake (0x0FC7). All else (accelerations or forces, position together with
 velocity, half a vector, yaw together with yaw_rate, other frames, numbers that are not finite, a
-point 1000 km away, a sideways velocity) is refused, counted by reason, and said once in a while.
+point 1000 km away, a sideways velocity) is refused, counted by reason, and said once in a while; so
+are SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from robotctl.telemetry import frames
 from robotctl.telemetry.sender_clock import SenderClocks
 from robotctl.telemetry.service import Context, source
 
+FOLLOWED: int = common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
 BODY_FRAMES = frozenset({common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_FRD})
 LOCAL_NED: int = common.MAV_FRAME_LOCAL_NED
 
@@ -70,7 +72,13 @@ class Setpoints:
     `refused` counts by reason.
     """
 
-    handles = frozenset({common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED})
+    handles = frozenset(
+        {
+            FOLLOWED,
+            common.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
+            common.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
+        }
+    )
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -81,9 +89,11 @@ class Setpoints:
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take one set-point."""
-        stream = (peer, source(message))
-        late_ns = self._clocks.late_ns(stream, message.time_boot_ms, now_ns)
         try:
+            if message.get_msgId() != FOLLOWED:
+                raise Refused(f"{message.get_type()}: only SET_POSITION_TARGET_LOCAL_NED counts")
+            stream = (peer, source(message))
+            late_ns = self._clocks.late_ns(stream, message.time_boot_ms, now_ns)
             self._follow(message, late_ns, now_ns)
         except Refused as refused:
             reason = str(refused)
