@@ -14,13 +14,14 @@ from robotctl.runtime.mavlink_port import Message, Peer
 from robotctl.runtime.messages import ManualControl
 from robotctl.telemetry import frames
 from robotctl.telemetry.service import Context
+from robotctl.telemetry.setpoints import SAY_AGAIN_NS
 
 NO_AXIS = frames.INT16_MAX
 FULL = 1000
 
 
 class ManualControls:
-    """Turns sticks into requests that expire; `refused` counts what was out of range."""
+    """Turns sticks into requests that expire; `refused` counts what was out of range and said."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_MANUAL_CONTROL})
 
@@ -28,6 +29,7 @@ class ManualControls:
         self._context = context
         self._timeout_ns = round(context.config.setpoint_timeout_s * 1e9)
         self.refused = 0
+        self._say_ns = 0
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
         """Take one position of the sticks; the message names its target in a field of its own."""
@@ -36,6 +38,10 @@ class ManualControls:
         turns = [axis for axis in (message.y, message.r) if axis != NO_AXIS]
         if any(abs(axis) > FULL for axis in (message.x, *turns)):
             self.refused += 1
+            if now_ns >= self._say_ns:
+                self._say_ns = now_ns + SAY_AGAIN_NS
+                found = f"x {message.x}, y {message.y}, r {message.r}"
+                self._context.say(now_ns, f"Sticks: {found}: allowed -{FULL} to {FULL}")
             return
         turn = max(turns, key=abs, default=0)
         self._context.requests.append(

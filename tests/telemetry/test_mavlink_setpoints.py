@@ -308,3 +308,14 @@ def test_sticks_drive_and_turn(bench, message, forward, turn):
 def test_sticks_out_of_range_or_of_others_do_nothing(bench, message):
     bench.receive(message)
     assert bench.step() == []
+
+
+def test_sticks_out_of_range_are_said_once_in_a_while(bench):
+    for _ in range(3):
+        bench.receive(sticks(x=1001))
+        bench.step()
+    assert "".join(bench.texts()) == "Sticks: x 1001, y 0, r 0: allowed -1000 to 1000"
+    bench.step(advance_s=30.0)
+    bench.receive(sticks(r=-1001))
+    bench.step()
+    assert "".join(bench.texts()) == "Sticks: x 0, y 0, r -1001: allowed -1000 to 1000"
