@@ -43,8 +43,7 @@ ANSWER_NS = 1_000_000_000
 
 MAX_PENDING = 8
 """So many wait for an answer, no more than control answers at once: whoever invents senders must
-not take the time in which a stop is waited for. The others are told to ask again, without a text:
-many would crowd out why the robot has stopped."""
+not take the time in which a stop is waited for. The others are told to ask again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,13 @@ class Context:
             self.texts.extend((state.severity, line) for line in state.text.splitlines())
 
     def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
-        """Tell people `text`, on the ground stations and in the notices."""
+        """Tell people `text`, on the ground stations and in the notices.
+
+        Not where half the room for texts is taken: whoever asks for nonsense again and again must
+        not crowd out what the other processes say, such as why the robot has stopped.
+        """
+        if len(self.texts) >= MAX_TEXTS // 2:
+            return
         self.texts.append((severity, text))
         self.notices.append(Notice(now_ns, severity, text))
 

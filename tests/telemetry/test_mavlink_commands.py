@@ -15,8 +15,10 @@ from robotctl.runtime.messages import (
     EmergencyStop,
     EmergencyStopSource,
     Mode,
+    Notice,
     SafetyState,
     SetMode,
+    Severity,
 )
 from robotctl.telemetry.arming import MAX_PENDING
 from robotctl.telemetry.service import TelemetryRobot
@@ -280,6 +282,17 @@ def test_modes_that_a_rover_does_not_have_are_denied_with_the_list(bench, params
     assert [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"] == [DENIED]
     text = "".join(m.text for m, _ in sent if m.get_type() == "STATUSTEXT")
     assert "GUIDED 15" in text or "CUSTOM_MODE_ENABLED" in text
+
+
+def test_nonsense_asked_for_again_and_again_does_not_hide_why_the_robot_stands(bench):
+    stopped = [Notice(0, Severity.WARNING, "stopped: no feedback")]
+    texts = []
+    for step in range(100):
+        for number in range(100, 200):
+            bench.command(SET_MODE, 1, number)
+        bench.step(*(stopped if step == 50 else []))
+        texts += bench.texts()
+    assert "stopped: no feedback" in texts
 
 
 def test_the_old_set_mode_message_works_and_has_no_acknowledgement(bench):
