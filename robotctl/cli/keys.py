@@ -6,6 +6,7 @@ import os
 import select
 import sys
 import termios
+from contextlib import suppress
 from typing import Final, TextIO
 
 EMERGENCY_KEYS: Final = frozenset(" eE")
@@ -51,9 +52,10 @@ class Keys:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        """Give the terminal back as it was."""
+        """Give the terminal back as it was, if it is still there."""
         if self._descriptor is not None and self._before is not None:
-            termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
+            with suppress(termios.error):
+                termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
             self._before = None
 
     def emergency(self) -> bool:

@@ -66,6 +66,38 @@ def test_only_the_emergency_keys_stop_and_need_no_enter(typed: bytes, stops: boo
     assert "x" not in output  # keys are not shown
 
 
+WITHOUT_A_TERMINAL = """
+import os, signal, time
+from robotctl.cli.keys import Keys
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+os.close(os.open(os.ttyname(0), os.O_RDWR))
+with Keys() as keys:
+    print("go", flush=True)
+    while keys.usable:
+        keys.emergency()
+        os.isatty(0) or exit("as it should")
+        time.sleep(0.01)
+"""
+
+
+def test_a_terminal_that_is_closed_meanwhile_is_no_error() -> None:
+    terminal, child = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", WITHOUT_A_TERMINAL],
+        stdin=child,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    ) as process:
+        os.close(child)
+        assert process.stdout is not None
+        assert process.stdout.readline() == "go\n"
+        os.close(terminal)
+        _, said = process.communicate(timeout=20.0)
+    assert said.strip() == "as it should"
+
+
 def test_without_a_terminal_there_are_no_keys() -> None:
     with Keys(io.StringIO(" e")) as keys:
         assert not keys.usable
