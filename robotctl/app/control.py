@@ -172,9 +172,8 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     options, odometer_m, notes = continued(options)
     clock = RealClock()
     folder = endpoint_directory(options.instance)
-    claims = [claim_bus(config.can.interface, config.can.channel), claim(str(folder))]
-    if options.state:
-        claims.append(claim(options.state))
+    claims = [claim_bus(config.can.interface, config.can.channel)]
+    claims += [claim(each) for each in sorted({str(folder), options.state} - {""})]
     endpoints = Endpoints(folder)
     context = zmq.Context()
     publisher = Publisher(context, endpoints.control_state)

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -136,12 +137,12 @@ def test_a_second_robot_that_would_overwrite_the_state_of_the_first_is_refused(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     until(stack, lambda: stack.ready, "ready")
-    (folder / "other").mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder / "other"))
     bus = ('can.interface="simcan"', 'can.channel="of-its-own"', "mavlink.link=[]")
-    second = Stack(msgspec.structs.replace(options, overrides=bus, run="second"))
-    with contextlib.closing(second), pytest.raises(StackError, match="control process did not"):
-        until(second, lambda: second.ready, "refused")
+    with tempfile.TemporaryDirectory(dir="/tmp") as short:  # paths of sockets have little room
+        monkeypatch.setenv("XDG_RUNTIME_DIR", short)
+        second = Stack(msgspec.structs.replace(options, overrides=bus, run="second"))
+        with contextlib.closing(second), pytest.raises(StackError, match="control process did not"):
+            until(second, lambda: second.ready, "refused")
     assert f"{folder / 'state'}: another robotctl of this computer has it" in capfd.readouterr().err
 
 
