@@ -26,6 +26,7 @@ from robotctl.runtime.safety import POWERED
 from robotctl.telemetry.commands import (
     ACCEPTED,
     DENIED,
+    MAX_PENDING,
     TEMPORARILY_REJECTED,
     Command,
     acknowledge,
@@ -40,10 +41,6 @@ FORCE = 21196.0
 
 ANSWER_NS = 1_000_000_000
 """How long the answer may take after the control process has given up trying [ns]."""
-
-MAX_PENDING = 8
-"""So many wait for an answer, no more than control answers at once: whoever invents senders must
-not take the time in which a stop is waited for. The others are told to ask again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,10 @@ TEMPORARILY_REJECTED: int = common.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = common.MAV_RESULT_DENIED
 UNSUPPORTED: int = common.MAV_RESULT_UNSUPPORTED
 
+MAX_PENDING = 8
+"""So many wait for an answer of each kind, no more than control answers at once: whoever invents
+senders must not take the time in which a stop is waited for. The others are told to ask again."""
+
 
 class Command(NamedTuple):
     """A command and where it came from.

@@ -185,14 +185,14 @@ def recover(path: Path) -> Recovery:
 
 
 def log_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
-    """Yield as `whole_records`; our own definitions where a gap took those of a log of ours."""
-    is_ours = is_defined = False
+    """Yield as `whole_records`; in a log of robotctl its definitions too, where a gap took them."""
+    is_own = is_defined = False
     for record in whole_records(source):
         if isinstance(record, Header):
-            is_ours = record.library == _LIBRARY
+            is_own = record.library == _LIBRARY
         is_defined |= isinstance(record, Channel)
         yield record
-        if isinstance(record, Gap) and not record.is_cut and is_ours and not is_defined:
+        if isinstance(record, Gap) and not record.is_cut and is_own and not is_defined:
             is_defined = True
             yield from _definitions()
 

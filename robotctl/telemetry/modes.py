@@ -17,6 +17,7 @@ from robotctl.runtime.messages import Mode, SetMode
 from robotctl.telemetry.commands import (
     ACCEPTED,
     DENIED,
+    MAX_PENDING,
     TEMPORARILY_REJECTED,
     Command,
     acknowledge,
@@ -79,10 +80,12 @@ class Modes:
         if self._is_held_back(command.peer, command.sender, mode, now_ns):
             return TEMPORARILY_REJECTED
         copy = self._of_copy(command.sender, mode, command.confirmation, now_ns)
-        if copy is None:
-            self._ask(command.sender, mode, now_ns)
-            self._pending[command.sender].commands[command.peer] = command
-        return copy
+        if copy is not None:
+            return copy
+        if not self._ask(command.sender, mode, now_ns):
+            return TEMPORARILY_REJECTED
+        self._pending[command.sender].commands[command.peer] = command
+        return None
 
     def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
         """Say whether a mode in which the robot may move may be a wish of long ago."""
@@ -131,12 +134,20 @@ class Modes:
             self._context.requests.append(SetMode(now_ns, mode))
         return True
 
-    def _ask(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> None:
+    def _ask(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+        """Ask for a mode; return whether there is room to wait for what becomes of it.
+
+        Where there is none, the mode has been asked for; HOLD is carried out all the same.
+        """
         for other, pending in list(self._pending.items()):
             if pending.mode is not mode:
                 self._answer(other, TEMPORARILY_REJECTED, now_ns)
-        self._context.requests.append(SetMode(now_ns, mode))
-        self._pending[sender] = _Pending(mode, now_ns)
+        has_room = len(self._pending) < MAX_PENDING
+        if has_room or mode is Mode.HOLD:
+            self._context.requests.append(SetMode(now_ns, mode))
+        if has_room:
+            self._pending[sender] = _Pending(mode, now_ns)
+        return has_room
 
     def step(self, now_ns: int) -> None:
         """Acknowledge the mode that was taken, or was not in time."""

@@ -20,7 +20,7 @@ from robotctl.runtime.messages import (
     SetMode,
     Severity,
 )
-from robotctl.telemetry.arming import MAX_PENDING
+from robotctl.telemetry.commands import MAX_PENDING
 from robotctl.telemetry.service import TelemetryRobot
 from robotctl.telemetry.telemetry import Telemetry
 
@@ -260,6 +260,21 @@ def test_all_who_ask_for_the_same_mode_at_once_are_told_that_it_was_taken(bench,
         (ACCEPTED, 254, Peer(0, 1)),
         (ACCEPTED, 255, Peer(0, 2)),
     }
+
+
+def test_of_many_who_ask_for_a_mode_at_once_eight_wait_and_hold_is_asked_for_always(bench):
+    senders = range(100, 100 + 2 * MAX_PENDING)
+    for system in senders:
+        bench.command(SET_MODE, 1, Mode.AUTO, system=system)
+    assert [request.mode for request in bench.step()] == [Mode.AUTO] * MAX_PENDING
+    answers = [(ack.result, ack.target_system) for ack, _ in bench.take("COMMAND_ACK")]
+    assert answers == [(BUSY, system) for system in senders[MAX_PENDING:]]
+    for system in senders:
+        bench.command(SET_MODE, 1, Mode.HOLD, system=system)
+    assert [request.mode for request in bench.step()] == [Mode.HOLD] * len(senders)
+    assert results(bench) == [BUSY] * len(senders)
+    bench.step(bench.navigation(mode=Mode.HOLD))
+    assert results(bench) == [ACCEPTED] * MAX_PENDING
 
 
 def test_two_with_the_same_ids_who_disarm_at_once_are_both_answered(bench):
