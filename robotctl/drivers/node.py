@@ -63,7 +63,6 @@ class Node:
         self._nmt_state = NMT_BOOT_UP
         self._heartbeat_ns = 0
         self._boots = 0
-        self._lost = False
         self._attempts = 0
         self._wait_until_ns = 0
         self._problem = "not heard on the bus"
@@ -84,7 +83,7 @@ class Node:
             self._nmt_state = NMT_PRE_OPERATIONAL
             self._begin()
         elif self.phase is Phase.SILENT:
-            self._boots += self._lost
+            self._boots += 1  # nothing is known of its past: it was never heard, or lost
             self._begin()
         elif self.phase is Phase.STARTING and state == NMT_OPERATIONAL:
             self.phase = Phase.VERIFYING
@@ -109,7 +108,6 @@ class Node:
         self._stop_script()
         self.phase = Phase.SILENT
         self.busy = False
-        self._lost = True
         self._say(f"no heartbeat for {self._timeout_ns / 1e6:g} ms")
         return True
 

@@ -238,17 +238,15 @@ class ControlCore:
 
     def _take_counts(self, wheels: WheelFeedback, *, anew: bool) -> None:
         """Update velocities and odometry; `anew`: behind a gap of unknown length."""
-        # A single wheel is both; the second update then is a latch seen twice, which is none.
+        counts = wheels.count1, wheels.count2
+        for wheel, count in zip(self._wheels, counts, strict=False):  # of a single one the first
+            if not self._has_counts:
+                wheel.estimator.reset(count, wheels.timestamp_us)
+            elif anew:
+                wheel.estimator.resume(count, wheels.timestamp_us)
+            wheel.estimator.update(count, wheels.timestamp_us)
+        self._has_counts = True
         first, last = self._estimators
-        if not self._has_counts:
-            self._has_counts = True
-            last.reset(wheels.count2, wheels.timestamp_us)
-            first.reset(wheels.count1, wheels.timestamp_us)
-        elif anew:
-            last.resume(wheels.count2, wheels.timestamp_us)
-            first.resume(wheels.count1, wheels.timestamp_us)
-        first.update(wheels.count1, wheels.timestamp_us)
-        last.update(wheels.count2, wheels.timestamp_us)
         self.odometry.update(first.position_rad, last.position_rad, self._steering_rad)
         self._twist_meas = self._drive.forward(
             first.velocity_rad_s, last.velocity_rad_s, self._steering_rad
@@ -285,7 +283,7 @@ class ControlCore:
             self._latches.reset()
             self.odometry.reset(0.0, 0.0)
         if was_up and node.node_id == _DRIVE_NODE:
-            text = "the drive lost its counts: the way since is not in the pose"
+            text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
         if was_up and self.machine.state in POWERED:
             self._on(Event.FAULT, f"{node.name} (node {node.node_id}) restarted", now_ns)

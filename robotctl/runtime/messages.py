@@ -142,8 +142,9 @@ class EmergencyMessage(msgspec.Struct, frozen=True, array_like=True):
 class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
     """What is known of one CANopen node.
 
-    `boots` counts its boot-up messages; `problem` is empty once the node is identified, has
-    confirmed its parameters and is operational, otherwise one sentence for the operator.
+    `boots` counts how often it began anew, the first time included; `problem` is empty once the
+    node is identified, has confirmed its parameters and is operational, otherwise one sentence for
+    the operator.
     """
 
     node_id: int

@@ -28,7 +28,7 @@ class NodeNews:
             before = self._boots.get(node.node_id)
             if before != node.boots:
                 self._boots[node.node_id] = node.boots
-                booted.append((node, before is not None))
+                booted.append((node, bool(before)))
         return booted
 
     def error(self, emergency: EmergencyMessage) -> str:

@@ -1,16 +1,22 @@
 """Frames lost at the worst moment: what counts and latches must not make of it; in lockstep."""
 
+import math
+
 import pytest
 
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import Bench, make_simulation
 from robotctl.app.options import StackOptions
+from robotctl.app.robot import make_core
+from robotctl.runtime.core import Inputs
 from robotctl.runtime.messages import (
     Arm,
     EmergencyStop,
     EmergencyStopSource,
+    Feedback,
     SafetyState,
     VelocityCommand,
+    WheelFeedback,
 )
 from robotctl.runtime.safety import POWERED
 
@@ -29,6 +35,7 @@ class Robot:
         world = find_file("empty_room", "worlds")
         self.simulation = make_simulation(robot, world, 1, MIDDLE, overrides)
         self.bench = Bench(options.load(), options, self.simulation)
+        self.notices = []
         while self.state not in POWERED:
             self.tick(*(self.request(),) if self.bench.ticks % 100 == 99 else ())
 
@@ -44,7 +51,9 @@ class Robot:
         return Arm(self.now_ns, self.bench.ticks, arm=True)
 
     def tick(self, *requests):
-        return self.bench.tick(requests)
+        outputs = self.bench.tick(requests)
+        self.notices += [notice.text for notice in outputs.notices]
+        return outputs
 
     def idle(self, seconds):
         end_ns = self.now_ns + round(seconds * 1e9)
@@ -188,3 +197,45 @@ def test_an_encoder_is_blamed_where_commands_came_through():
     robot.inject("encoder_stuck wheel=left duration=1")
     robot.drive(0.5, 0.4)
     assert robot.bench.snapshot().reason.startswith("left encoder stuck")
+
+
+@pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
+@pytest.mark.parametrize("gap_ms", [100, 600])
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [(32500, 33000), (33000, 32500), (32768, 32768), (65500, 200), (200, 65500), (100, 600)],
+)
+def test_behind_a_gap_each_wheel_has_turned_by_its_own_counts(robot, gap_ms, before, after):
+    """A drive with one motor leaves the second count at 0, which is none of its wheels."""
+    options = StackOptions("lost", str(find_file(robot)))
+    config = options.load()
+    core = make_core(config, options)
+    now_ns = 10_000 * MS
+
+    def hear(count):
+        nonlocal now_ns
+        second = count if len(config.drive.wheel_names) == 2 else 0
+        for _ in range(20):
+            wheels = WheelFeedback(now_ns, now_ns // 1000 & 0xFFFFF, count, second)
+            core.step(Inputs(Feedback(wheels=wheels)), now_ns)
+            now_ns += 5 * MS
+        return core.odometry.pose_world_base.x_m
+
+    at_m = hear(before)
+    now_ns += gap_ms * MS
+    way_m = hear(after) - at_m
+    counts = (after - before + 0x8000) % 0x10000 - 0x8000
+    turned_rad = math.tau * counts / config.drive.counts_per_revolution
+    assert way_m == pytest.approx(turned_rad * config.drive.wheel_radii_m[0], abs=1e-6)
+
+
+def test_a_start_is_no_restart():
+    assert not [text for text in Robot().notices if "restarted" in text]
+
+
+def test_heartbeats_that_come_again_are_told_as_what_they_may_be():
+    robot = Robot()
+    robot.inject("frames_lost id=0x701 duration=0.6")
+    robot.idle(1.5)
+    text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
+    assert robot.notices.count(text) == 1

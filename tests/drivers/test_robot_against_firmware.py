@@ -172,7 +172,7 @@ def test_a_host_that_comes_late_takes_over_running_nodes(codec, parameters, cloc
     rig.robot = second
     rig.run(300)
     assert rig.problems() == ["", "", ""]
-    assert [node.boots for node in rig.feedback.nodes] == [0, 0, 0]
+    assert [node.boots for node in rig.feedback.nodes] == [1, 1, 1]
 
 
 def test_another_robots_configuration_is_refused(codec, parameters, clock):
