@@ -160,15 +160,19 @@ def bus(request: pytest.FixtureRequest) -> str:
 
 
 def close(rig: Rig) -> None:
-    """End a bench; no frame was rejected on it and, whatever else went wrong, no motion unsafe."""
+    """End a bench: all ended well, none of its frames was rejected.
+
+    Whatever else went wrong, no motion was unsafe.
+    """
     rejected: dict[str, int] = {}
     with contextlib.ExitStack() as afterwards:
         afterwards.callback(rig.assert_safe)
         afterwards.callback(rig.close)
         afterwards.callback(rig.listen)
-        rig.close_stack()  # the host reads by the same SDO channel
+        ends = rig.close_stack()  # the host reads by the same SDO channel
         if not rig.tolerates_rejects:
             rejected = rig.rejected_frames()
+    assert not any(ends.values()), ends
     assert rejected == dict.fromkeys(rejected, 0), "the drive rejected frames"
 
 
@@ -300,6 +304,7 @@ def make_station(
             for module in (CONTROL, NAVIGATION, TELEMETRY):
                 rig.start(module)
             rig.wait_for_state(SafetyState.STANDBY)
+            rig.prefer(NAVIGATION, TELEMETRY)
             station = GroundStation(rig, port)
             afterwards.callback(station.link.close)
             station.wait("HEARTBEAT", seconds=PATIENT_S)

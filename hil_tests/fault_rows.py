@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+BRAKED_M, UNBRAKED_M = 0.05, 0.25
+"""What a drive needs that shorts its motors, and one that has no supply or boots."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -16,6 +19,8 @@ class Row:
     reasons: tuple[str, ...]
     limit_ms: float
     omega_rad_s: float = 0.8
+    rests_within_m: float = BRAKED_M
+    """The way from then on, from 0.4 m/s."""
     cut_off: bool = False
     """Whether host and drive do not hear each other, so that each must stop by itself."""
 
@@ -42,7 +47,7 @@ DRIVE_BOOTS = (*DRIVE_GONE, "under voltage")
 NO_RANGE = ("has given no range for",)
 
 ROWS = (
-    Row("node_reset node=drive", DRIVE_GONE, 100),
+    Row("node_reset node=drive", DRIVE_GONE, 100, rests_within_m=UNBRAKED_M),
     Row("node_reset node=power", ("power (node 3) restarted",), 500),
     Row("node_silent node=drive duration=0.5", SILENT, 80),
     Row("node_silent node=sonar duration=1", ("sonar (node 2)", *NO_RANGE), 600),
@@ -57,14 +62,15 @@ ROWS = (
     Row("over_current amperes=30 duration=0.5", ("encoder reversed", "over current"), 400),
     Row("over_temperature kelvin=150 duration=0.5", ("over temperature",), 400),
     Row("under_voltage volts=6 duration=0.5", ("under voltage",), 400),
-    Row("brown_out volts=4 duration=0.5", DRIVE_BOOTS, 400),
+    Row("brown_out volts=4 duration=0.5", DRIVE_BOOTS, 400, rests_within_m=UNBRAKED_M),
     Row("brown_out volts=8 duration=0.5", DRIVE_BOOTS, 400),
-    Row("parameter_lost node=drive", DRIVE_BOOTS, 100),
-    Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100),
+    Row("parameter_lost node=drive", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
+    Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
     Row("clock_drift node=drive ppm=100000 duration=5", ("the drive's clock runs",), 4500),
     Row("sonar_silent duration=0.5", NO_RANGE, 400),
     # A comparison takes 0.3 m; the fault may have to wait for the end of the one it began in.
-    Row("sonar_stuck duration=3", ("is stuck at",), 1700, omega_rad_s=0.0),
+    # Where the range that sticks was an outlier, an obstacle there would have been reached.
+    Row("sonar_stuck duration=3", ("is stuck at", "still sees"), 1700, omega_rad_s=0.0),
     # Until it is found out each wheel is driven by the other's error: twice the turn rate.
     Row(
         "wheels_swapped duration=0.5",
@@ -84,8 +90,9 @@ ROWS = (
     Row("frames_destroyed duration=0.5", BUS_GONE, 100, cut_off=True),
     Row("frames_lost id=0x181 duration=0.5", SILENT, 80),
     Row("frames_lost id=0x201 duration=0.5", STOPPED, 100),
-    Row("frames_stale id=0x181 duration=0.5", SILENT, 80),
-    Row("frames_stale id=0x201 duration=0.5", STOPPED, 100),
+    # What is repeated is the first frame that comes: a period later, on a slow machine two or more.
+    Row("frames_stale id=0x181 duration=0.5", SILENT, 90),
+    Row("frames_stale id=0x201 duration=0.5", STOPPED, 125),
     Row("frames_corrupt id=0x181 duration=0.5", SILENT, 80),
     Row("frames_corrupt id=0x201 duration=0.5", STOPPED, 100),
     Row("frames_late id=0x181 delay=0.2 duration=0.5", SILENT, 80),

@@ -12,26 +12,26 @@ from types import FrameType
 from robotctl.app import control
 
 HANG, SPIN, COLLECT = signal.SIGRTMIN, signal.SIGRTMIN + 1, signal.SIGRTMIN + 2
-_PAUSE_S = 0.2
+PAUSE_S = 0.2
 """Twice the drive's time-out: longer would hold up the tests beside this one for nothing."""
 _RINGS = 400_000
 
 
 def _hang() -> None:
     """Wait for something that takes long."""
-    time.sleep(_PAUSE_S)
+    time.sleep(PAUSE_S)
 
 
 def _spin() -> None:
     """Compute for long."""
-    end_s = time.monotonic() + _PAUSE_S
+    end_s = time.monotonic() + PAUSE_S
     while time.monotonic() < end_s:
         pass
 
 
 def _collect() -> None:
     """Leave so much circular garbage that collecting it takes long."""
-    end_s = time.monotonic() + _PAUSE_S
+    end_s = time.monotonic() + PAUSE_S
     while time.monotonic() < end_s:
         for _ in range(_RINGS):
             ring: list[object] = []

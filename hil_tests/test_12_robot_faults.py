@@ -41,6 +41,15 @@ def one_flood_at_a_time(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+def sees_walls(rig: Rig) -> bool:
+    """Return whether the sonars along the way hear an echo: what sticks is a range then."""
+    rig.listen()
+    ranges_m = dict(
+        zip((mount.name for mount in rig.config.sonar), rig.control.sonar_m, strict=True)
+    )
+    return all(math.isfinite(ranges_m[name]) for name in ("front", "rear"))
+
+
 def power_off_s(rig: Rig, since_s: float) -> float:
     """Return when the true wheels lost their power: what a dead bus cannot tell."""
     offset_s = time.time() - time.monotonic()
@@ -96,15 +105,21 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
         pytest.skip("more frames than a guest's processor takes in real time")
     if not row.omega_rad_s:
         lasting.drive_to_the_middle(radius_m=0.0)
+        while not sees_walls(lasting):
+            lasting.drive(0.0, 0.8, 0.3)
     lasting.drive(0.4, row.omega_rad_s, 0.8)
-    lasting.heard(0.05)
+    messages = lasting.heard(0.05)
+    lasting.listen()
+    lasting.notices.clear()
     lasting.at_any_moment()
     began_s = lasting.inject(row.fault)
     deadline_s = time.monotonic() + 2.0 + row.limit_ms / 1000
     while lasting.control.state in (SafetyState.ARMED, SafetyState.DRIVING):
         assert time.monotonic() < deadline_s, "the host did not stop"
-        lasting.drive(0.4, row.omega_rad_s, 0.05)
-    messages = lasting.heard(0.2, before=True)
+        lasting.velocity(0.4, row.omega_rad_s)
+        messages += lasting.heard(0.05, before=True)
+        lasting.listen()
+    messages += lasting.heard(0.2, before=True)
     heard_s = None if row.cut_off else without_power_s(messages, began_s)
     stopped_s = heard_s or power_off_s(lasting, began_s)
     taken_ms = 1000 * (stopped_s - began_s)
@@ -113,6 +128,9 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     assert row.explains(lasting.control.reason), lasting.control.reason
     assert lasting.control.state == SafetyState.FAULT
     assert any(lasting.control.reason in notice for notice in lasting.notices)
+    stop = lasting.truth_at(round((stopped_s - time.time() + time.monotonic()) * 1e9))
+    lasting.at_rest()
+    assert lasting.truth.distance_m - stop.distance_m < row.rests_within_m
     lasting.wait(
         lambda: not any(node.problem for node in lasting.control.nodes), PATIENT_S, "nodes are back"
     )

@@ -45,6 +45,11 @@ SUITE = sorted(
 )
 
 
+LONGEST_S = 1800
+"""A repeat that takes longer hangs (a test that is run again has no time-out of its own): it is
+ended, with exit status 124."""
+
+
 class Repeat(msgspec.Struct, frozen=True):
     """What became of one run of the suite: a line of the file that is kept.
 
@@ -112,6 +117,7 @@ def repeat(options: argparse.Namespace, state: str, number: int) -> Repeat:
         reactions = Path(directory) / "reactions.jsonl"
         reactions.touch()
         command = [
+            *("timeout", "--foreground", "--signal=INT", "--kill-after=60", str(LONGEST_S)),
             *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"),
             *SUITE,
             *("--bus", options.bus, "--seed", str(number), "--reactions", str(reactions)),
