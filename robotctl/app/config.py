@@ -159,6 +159,10 @@ def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]
     if len(names) > MAX_SONARS:
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
         yield ("sonar", MAX_SONARS), problem
+    settings = config.localisation
+    if settings.method != "none" and not settings.map:
+        problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"
+        yield ("localisation", "method"), f'"{settings.method}" {problem}'
 
 
 def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:

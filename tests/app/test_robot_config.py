@@ -18,7 +18,7 @@ from robotctl.app.config import (
     load_robot,
 )
 from robotctl.app.control import PUBLISH_HZ
-from robotctl.app.sim_options import SimulatorError, simulated_robot
+from robotctl.app.sim_options import SimOptions, SimulatorError, simulated_robot
 from robotctl.app.telemetry import described
 from robotctl.errors import ConfigError
 
@@ -216,6 +216,26 @@ def test_settings_of_the_simulator_are_checked_and_named() -> None:
     assert str(caught.value) == (
         "--set simulation.mass_kg=nan: simulation.mass_kg: must be a finite number, found nan"
     )
+
+
+@pytest.mark.parametrize("method", ["ekf", "mcl"])
+def test_a_localiser_without_a_map_is_refused_where_no_world_stands_in(
+    tmp_path: Path, method: str
+) -> None:
+    text = find_file("diff_drive").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(f'{text}\n[localisation]\nmethod = "{method}"\n')
+    line = len(text.splitlines()) + 3
+    with pytest.raises(ConfigError) as caught:
+        load_robot(path)
+    assert str(caught.value) == (
+        f'{path}:{line}: localisation.method: "{method}" needs localisation.map, a world (.toml) '
+        "or a ROS map (.yaml)"
+    )
+    world = find_file("flat", "worlds")
+    options = SimOptions(path, Path("mission"), localisation=(f'localisation.method="{method}"',))
+    assert load_robot(path, options.settings(world)).localisation.map == str(world)
+    load_robot(path, ["localisation.mapping=true", "localisation.method=none"])
 
 
 def described_keys(table: dict[str, Any]) -> set[str]:
