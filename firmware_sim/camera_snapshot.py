@@ -1,8 +1,9 @@
 """`python -m firmware_sim.camera_snapshot`: pictures of a world from given or drawn poses.
 
-Writes for each pose NAME-000.png and NAME-000-labels.png (16 bits: 0 nothing, 1 floor, 2 and on the
-things of the world in their order), and NAME.json with the truth: poses, the true camera, the
-ranges to whatever stands nearest in each direction, and the things in the picture.
+Writes for each pose NAME-000.png, and NAME-000.png in the folder `labels` beside it (16 bits: 0
+nothing, 1 floor, 2 and on the things of the world in their order), and NAME.json with the truth:
+poses, the true camera, the ranges to whatever stands nearest in each direction, and the things in
+the picture.
 """
 
 from __future__ import annotations
@@ -87,21 +88,21 @@ def _write_all(options: argparse.Namespace) -> None:
     if not poses:
         raise SimulationError(f"no pose: give --pose {POSE} or --random N")
     camera = Camera(robot, world, options.seed)
-    options.out.parent.mkdir(parents=True, exist_ok=True)
+    folder = options.out.parent
+    (folder / "labels").mkdir(parents=True, exist_ok=True)
     angles_rad = math.radians(camera.mount.yaw_deg) + np.linspace(
         -_HALF_FAN_RAD, _HALF_FAN_RAD, BEAMS
     )
     pictures: list[dict[str, Any]] = []
     for number, pose in enumerate(poses):
         view = camera.look(*pose, number=number)
-        name = f"{options.out.name}-{number:03d}"
-        (options.out.parent / f"{name}.png").write_bytes(png(view.picture))
-        labels = (view.labels + 2).astype(np.uint16)
-        (options.out.parent / f"{name}-labels.png").write_bytes(png(labels))
+        name = f"{options.out.name}-{number:03d}.png"
+        (folder / name).write_bytes(png(view.picture))
+        (folder / "labels" / name).write_bytes(png((view.labels + 2).astype(np.uint16)))
         seen = sightings(world, pose, camera.intrinsics, camera.mount)
         pictures.append(
             {
-                "file": f"{name}.png",
+                "file": name,
                 "pose": {"x_m": pose[0], "y_m": pose[1], "theta_rad": pose[2]},
                 "ranges_m": _finite(true_ranges(world, pose, camera.mount, angles_rad)),
                 "things": [asdict(each) for each in seen],

@@ -70,8 +70,13 @@ def parse(
     lines = _key_lines(text)
     sources = {key: f"{name}:{line}" for key, line in lines.items()}
     made: dict[Key, str] = {}  # what is missing in such a table is the file's
+    impossible: list[str] = []
     for override in overrides:
-        key, tables = _apply_override(data, override)
+        try:
+            key, tables = _apply_override(data, override)
+        except ConfigError as error:
+            impossible.append(str(error))
+            continue
         sources[key] = f"--set {override}"
         made |= dict.fromkeys(tables, f"--set {override}")
 
@@ -80,8 +85,8 @@ def parse(
             f"{made.get(key) or _place(key, sources, name)}: {_dotted(key)}: {why}"
             for key, why in problems
         ]
-        if lines:
-            raise ConfigError("\n".join(lines))
+        if impossible or lines:
+            raise ConfigError("\n".join((*impossible, *lines)))
 
     dates = dict(_dates(data, ()))
     refuse(

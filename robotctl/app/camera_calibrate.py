@@ -232,7 +232,7 @@ def _fitted(
         else:
             fits.append((points, fit))
     if not fits:
-        raise CalibrationError(f"{len(ways[0].names)} points: {reasons[0]}")
+        raise CalibrationError(reasons[0])
     nominal_deg = 0.0 if config.camera is None else config.camera.mount.yaw_deg
 
     def doubt(way: tuple[FloorPoints, MountFit]) -> tuple[int, float]:

@@ -56,7 +56,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """Everything about one robot. `simulation` belongs to firmware_sim, which checks it itself."""
+    """Everything about one robot."""
 
     robot: Identity
     drive: Annotated[
@@ -76,7 +76,13 @@ class RobotConfig:
     localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
     log: LogConfig = field(default_factory=LogConfig)
     odometry: MotionNoise = field(default_factory=MotionNoise)
-    simulation: dict[str, Any] = field(default_factory=dict)
+    simulation: Annotated[
+        dict[str, Any],
+        Field(
+            description="What is true of the robot in the simulated world, whatever the rest of "
+            "the file believes; docs/missions.md lists the keys. firmware_sim checks them itself."
+        ),
+    ] = field(default_factory=dict)
 
 
 def config_directory() -> Path:
@@ -153,6 +159,10 @@ def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]
     if len(names) > MAX_SONARS:
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
         yield ("sonar", MAX_SONARS), problem
+    settings = config.localisation
+    if settings.method != "none" and not settings.map:
+        problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"
+        yield ("localisation", "method"), f'"{settings.method}" {problem}'
 
 
 def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:

@@ -53,14 +53,9 @@ def files_beside(config: RobotConfig, robot: Path) -> dict[Path, bytes]:
     Raises
     ------
     ConfigError
-        If localisation has no map, a file does not load, or a path leads out of the folder.
+        If a file does not load, or a path leads out of the folder.
     """
     settings, beside = config.localisation, robot.resolve().parent
-    if settings.method != "none" and not settings.map:
-        raise ConfigError(
-            f'{robot}: localisation.map: method "{settings.method}" needs a map; a world (.toml) '
-            "or a ROS map (.yaml)"
-        )
     check_localisation(config, robot)
     named: dict[Path, Path] = {}
     if settings.map:

@@ -27,7 +27,7 @@ def localize(
     ],
     out: Annotated[Path, typer.Option(help="Write the estimated trajectory here, as TUM file.")],
     map_file: Annotated[
-        str, typer.Option("--map", metavar="MAP.yaml", help="ROS map, or a world; for mcl.")
+        str, typer.Option("--map", metavar="MAP.yaml", help="ROS map, or a world; for ekf a world.")
     ] = "",
     method: Annotated[
         str, typer.Option(help="mcl: particles and scans. ekf: sightings of landmarks.")

@@ -10,6 +10,42 @@ from dataclasses import dataclass
 class GroundCameraConfig:
     """How the floor is told from what stands on it, and how far that is trusted.
 
+    Parameters
+    ----------
+    patch_near_m
+        The free patch, from which the floor's look is learned, begins so far behind the nearest
+        floor in the picture [m]. What is nearer is not judged: hide the robot's own bumper so.
+    patch_depth_m
+        How far the free patch reaches from there [m].
+    patch_near_width_m
+        Width of the free patch at its near side [m].
+    patch_far_width_m
+        Width of the free patch at its far side [m].
+    adaption
+        Share of a picture that is learned from in what is known of the floor, (0, 1].
+    max_range_m
+        Beyond it nothing is judged [m].
+    beams
+        Beams of the range scan, evenly over the picture's width.
+    least_height_m
+        What rises less is not looked for [m].
+    least_width_m
+        What is narrower is not looked for [m].
+    boundary_sigma_px
+        Standard deviation of a boundary in the picture [px].
+    pitch_sigma_deg
+        Standard deviation of the robot's pitch while it drives [deg].
+    calibration_sigma_deg
+        Standard deviation of the calibrated angles of the camera [deg].
+    height_sigma
+        Standard deviation of the camera's calibrated height, as a share of it.
+    obstacle_range_m
+        Single obstacles are told from walls up to here [m].
+    obstacle_gap_m
+        A boundary that leaps farther away by more than this ends an obstacle [m].
+    obstacle_width_m
+        What is wider is no single obstacle but a wall [m].
+
     Raises
     ------
     ValueError
@@ -17,38 +53,21 @@ class GroundCameraConfig:
     """
 
     patch_near_m: float = 0.02
-    """The free patch, from which the floor's look is learned, begins so far behind the nearest
-    floor in the picture [m]. What is nearer is not judged: hide the robot's own bumper so."""
     patch_depth_m: float = 0.4
-    """How far the free patch reaches from there [m]."""
     patch_near_width_m: float = 0.3
-    """Its width at the near side [m]."""
     patch_far_width_m: float = 0.4
-    """Its width at the far side [m]."""
     adaption: float = 0.05
-    """Share of a picture that is learned from in what is known of the floor, (0, 1]."""
     max_range_m: float = 4.0
-    """Beyond it nothing is judged [m]."""
     beams: int = 80
-    """Beams of the range scan, evenly over the picture's width."""
     least_height_m: float = 0.04
-    """What rises less is not looked for [m]."""
     least_width_m: float = 0.04
-    """What is narrower is not looked for [m]."""
     boundary_sigma_px: float = 0.7
-    """Standard deviation of a boundary in the picture [px]."""
     pitch_sigma_deg: float = 0.1
-    """Standard deviation of the robot's pitch while it drives [deg]."""
     calibration_sigma_deg: float = 0.05
-    """Standard deviation of the calibrated angles of the camera [deg]."""
     height_sigma: float = 0.005
-    """Standard deviation of the camera's calibrated height, as a share of it."""
     obstacle_range_m: float = 2.5
-    """Single obstacles are told from walls up to here [m]."""
     obstacle_gap_m: float = 0.1
-    """A boundary that leaps farther away by more than this ends an obstacle [m]."""
     obstacle_width_m: float = 1.2
-    """What is wider is no single obstacle but a wall [m]."""
 
     def __post_init__(self) -> None:
         for key in ("patch_near_m", "pitch_sigma_deg", "calibration_sigma_deg", "height_sigma"):

@@ -10,6 +10,37 @@ from dataclasses import dataclass
 class OccupancyGridConfig:
     """How much one measurement says of a cell, in log odds (notes, section 5.1).
 
+    Parameters
+    ----------
+    resolution_m
+        Side of a cell [m].
+    limit
+        Log odds stay within this and its negative, so that a changed room is learnt anew.
+    hit
+        Evidence of a lidar's echo from a cell, probability 0.7.
+    miss
+        Evidence of a lidar's beam that passes a cell, probability 0.45; counted negative. Less than
+        a hit: poses and ranges err, and what grazes a wall would wipe it out.
+    range_limit_m
+        A lidar's echo from farther says only that the beam is free up to here [m].
+    no_echo_m
+        How far a lidar's beam without an echo says free [m]: dark or shining things return none.
+    fan_deg
+        Lidar beams no farther apart are filled between [deg].
+    sonar_hit
+        Evidence of a sonar's echo, for all cells of the arc that it may have come from.
+    sonar_miss
+        Evidence of a sonar's cone for the cells before the echo; counted negative.
+    sonar_width_deg
+        Full width of a sonar's cone [deg].
+    sonar_band_m
+        Cells so much nearer or farther than the range count as at it [m].
+    sonar_range_m
+        A sonar's echo from farther says only that the cone is free up to here [m]: its arc is too
+        wide to say where.
+    sonar_no_echo_m
+        How far a sonar without an echo says free [m]: smooth walls at an angle return none.
+
     Raises
     ------
     ValueError
@@ -17,33 +48,18 @@ class OccupancyGridConfig:
     """
 
     resolution_m: float = 0.05
-    """Side of a cell [m]."""
     limit: float = 4.0
-    """Log odds stay within this and its negative, so that a changed room is learnt anew."""
     hit: float = 0.85
-    """Evidence of a lidar's echo from a cell, probability 0.7."""
     miss: float = 0.2
-    """Evidence of a lidar's beam that passes a cell, probability 0.45; counted negative. Less than
-    a hit: poses and ranges err, and what grazes a wall would wipe it out."""
     range_limit_m: float = 30.0
-    """A lidar's echo from farther says only that the beam is free up to here [m]."""
     no_echo_m: float = 2.0
-    """How far a lidar's beam without an echo says free [m]: dark or shining things return none."""
     fan_deg: float = 1.5
-    """Lidar beams no farther apart are filled between [deg]."""
     sonar_hit: float = 0.5
-    """Evidence of a sonar's echo, for all cells of the arc that it may have come from."""
     sonar_miss: float = 0.25
-    """Evidence of a sonar's cone for the cells before the echo; counted negative."""
     sonar_width_deg: float = 20.0
-    """Full width of a sonar's cone [deg]."""
     sonar_band_m: float = 0.05
-    """Cells so much nearer or farther than the range count as at it [m]."""
     sonar_range_m: float = 2.5
-    """A sonar's echo from farther says only that the cone is free up to here [m]: its arc is too
-    wide to say where."""
     sonar_no_echo_m: float = 1.0
-    """How far a sonar without an echo says free [m]: smooth walls at an angle return none."""
 
     def __post_init__(self) -> None:
         for key in ("limit", "hit", "miss", "sonar_hit", "sonar_miss"):

@@ -38,6 +38,8 @@ class LoopConfig:
         Idle states that take longer to leave than this are not entered while the loop runs [us];
         -1 leaves them to the kernel. 0 lets idle processors of a PC spin: the least lag, above
         all in a virtual machine, for the most power.
+    allow_best_effort
+        Whether the robot arms though the computer refused a real-time right.
     """
 
     rate_hz: int = 200

@@ -183,7 +183,7 @@ def test_without_a_camera_in_the_file_a_picture_without_lens_still_gives_all(
             "no chess",
         ),
         ({"floor": "board.png", "markers": "markers.csv"}, CalibrationError, "none of the markers"),
-        ({"points": "few.csv"}, CalibrationError, "3 points; a homography needs 4"),
+        ({"points": "few.csv"}, CalibrationError, "^3 points; a homography needs 4"),
         ({"points": "line.csv"}, CalibrationError, "lie on a line"),
         ({"points": "swapped.csv"}, CalibrationError, "left and right exchanged"),
         ({"points": "words.csv"}, ConfigError, "words.csv:3: y: not a finite number"),

@@ -40,6 +40,15 @@ def test_the_same_seeds_and_file_give_the_same_can_log_to_the_byte(tmp_path: Pat
     assert can_log(tmp_path / "d", None) != first
 
 
+def test_the_robot_drives_on_over_a_noisy_bus() -> None:
+    report = drive(find_file("bus", "scenarios"))
+    assert report.mission_completed, report.message
+    assert {each.split()[2] for each in report.faults} == {
+        "frames_destroyed", "frames_lost", "frames_corrupt", "frames_repeated",
+    }  # fmt: skip
+    assert report.unsafe_motions == 0
+
+
 def test_the_robot_stops_for_a_plug_that_comes_off_and_the_report_says_what_befell_it() -> None:
     report = drive(find_file("sensors", "scenarios"))
     assert not report.mission_completed

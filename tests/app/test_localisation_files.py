@@ -127,7 +127,6 @@ def test_map_and_places_that_are_both_missing_are_both_said(home: Path) -> None:
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
-        (['method = "mcl"'], 'method "mcl" needs a map'),
         (['map = "../room.toml"'], "leads out of the folder"),
         (['map = "mission.toml"'], r"mission\.toml is taken"),
     ],

@@ -1,13 +1,24 @@
 """Robot files as a user edits them."""
 
+import json
+import re
 from pathlib import Path
+from typing import Any
 
 import cantools.database
+import pydantic
 import pytest
 
-from robotctl.app.config import MAX_SUPPLY_V, RING_S, config_directory, find_file, load_robot
+from robotctl.app.config import (
+    MAX_SUPPLY_V,
+    RING_S,
+    RobotConfig,
+    config_directory,
+    find_file,
+    load_robot,
+)
 from robotctl.app.control import PUBLISH_HZ
-from robotctl.app.sim_options import SimulatorError, simulated_robot
+from robotctl.app.sim_options import SimOptions, SimulatorError, simulated_robot
 from robotctl.app.telemetry import described
 from robotctl.errors import ConfigError
 
@@ -205,6 +216,45 @@ def test_settings_of_the_simulator_are_checked_and_named() -> None:
     assert str(caught.value) == (
         "--set simulation.mass_kg=nan: simulation.mass_kg: must be a finite number, found nan"
     )
+
+
+@pytest.mark.parametrize("method", ["ekf", "mcl"])
+def test_a_localiser_without_a_map_is_refused_where_no_world_stands_in(
+    tmp_path: Path, method: str
+) -> None:
+    text = find_file("diff_drive").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(f'{text}\n[localisation]\nmethod = "{method}"\n')
+    line = len(text.splitlines()) + 3
+    with pytest.raises(ConfigError) as caught:
+        load_robot(path)
+    assert str(caught.value) == (
+        f'{path}:{line}: localisation.method: "{method}" needs localisation.map, a world (.toml) '
+        "or a ROS map (.yaml)"
+    )
+    world = find_file("flat", "worlds")
+    options = SimOptions(path, Path("mission"), localisation=(f'localisation.method="{method}"',))
+    assert load_robot(path, options.settings(world)).localisation.map == str(world)
+    load_robot(path, ["localisation.mapping=true", "localisation.method=none"])
+
+
+def described_keys(table: dict[str, Any]) -> set[str]:
+    """Return the keys that the docstring of a table tells the meaning of."""
+    _, _, parameters = table.get("description", "").partition("\nParameters\n----------\n")
+    headings = re.findall(r"^(\w.*?)(?: : .*)?$", parameters, re.MULTILINE)
+    return {key for heading in headings for key in heading.split(", ")}
+
+
+def test_every_key_of_the_schema_has_its_meaning_there() -> None:
+    schema = pydantic.TypeAdapter(RobotConfig).json_schema()
+    tables = schema["$defs"]
+    assert {"OccupancyGridConfig", "LoopConfig", "StreamRates"} < set(tables)
+    assert [name for name, table in tables.items() if "description" not in table] == []
+    for table in (schema, *tables.values()):
+        told = described_keys(table)
+        for key, value in table["properties"].items():
+            is_table = "#/$defs/" in json.dumps(value)  # it has a description of its own
+            assert is_table or key in told or "description" in value, (table["title"], key)
 
 
 def test_a_steering_may_not_miss_its_command_by_as_much_as_it_reaches() -> None:

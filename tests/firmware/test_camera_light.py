@@ -212,7 +212,9 @@ def test_snapshots_come_with_their_truth(tmp_path: Path, capsys: pytest.CaptureF
     assert "cup" in {each["name"] for each in first["things"]}
     picture = cv2.imread(str(tmp_path / "a-000.png"))
     assert picture.shape == (120, 160, 3)
-    labels = cv2.imread(str(tmp_path / "a-000-labels.png"), cv2.IMREAD_UNCHANGED)
+    # Beside the pictures labels would pass for some, where `robotctl camera` is given the folder.
+    assert {each.name for each in tmp_path.glob("*.png")} == {f"a-00{i}.png" for i in range(3)}
+    labels = cv2.imread(str(tmp_path / "labels" / "a-000.png"), cv2.IMREAD_UNCHANGED)
     expected = Camera(robot(SMALL), load_world(Path(world))).look(0.8, 2.5, 0.0).labels
     assert expected.dtype == np.int16
     assert np.array_equal(labels, expected + 2)

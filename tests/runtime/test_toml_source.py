@@ -186,6 +186,15 @@ def test_a_setting_below_a_number_is_refused(below: str) -> None:
     ]
 
 
+def test_all_wrong_settings_are_told_at_once() -> None:
+    assert errors(GOOD, "gains.kpp=2", "shape.9.radius_m=0.1", "gains", "gains.kp=-1") == [
+        "--set shape.9.radius_m=0.1: shape[9]: no such key",
+        "--set gains: not of the form key.subkey=value",
+        '--set gains.kpp=2: gains.kpp: unknown key; did you mean "kp"?',
+        "--set gains.kp=-1: gains.kp: must not be negative, found -1",
+    ]
+
+
 def test_a_setting_that_is_not_utf_8_is_refused() -> None:
     (said,) = errors(GOOD, "gains.kp=caf\udce9")
     assert said == "--set gains.kp=caf\udce9: not UTF-8"
