@@ -43,7 +43,9 @@ class WheelLoop:
         )
         self.reference_rad_s = 0.0
         self.duty = 0.0
-        self._band_rad = max(_REST_COUNTS * 2.0 * math.pi / counts_per_revolution, _REST_RAD)
+        counts_rad = _REST_COUNTS * 2.0 * math.pi / counts_per_revolution
+        self._band_rad = max(counts_rad, _REST_RAD)
+        self._coarse = counts_rad > _REST_RAD
         self._stand_rad = 0.0
         """Middle of the band: where rest began, or where the wheel left the last one."""
         self._still_s = _REST_S
@@ -86,7 +88,7 @@ class WheelLoop:
         # reference of that time belongs to it, else every ramp would wind up the integral.
         age_s = self.estimator.delay_s + _LOOP_DELAY_PERIODS * dt_s
         feedforward = feedforward_v(self._config, reference_rad_s, alpha_rad_s2)
-        if self._holds and self._still_s >= _REST_S:
+        if self._coarse and self._holds and self._still_s >= _REST_S:
             # A count that flickers is a jerk to kp: what stands is held by the integral alone.
             feedforward += self._config.kp * measured_rad_s
         voltage_v = self._pid.step(

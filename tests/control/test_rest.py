@@ -19,9 +19,17 @@ ENCODERS = (90, 400, 2400, 20_000)
 class Wheel:
     """The loop of the robot on the rig, with one period between latch and command."""
 
-    def __init__(self, counts_per_revolution: int, coulomb_v: float = 0.3) -> None:
-        self.motor = MotorRig(coulomb_v=coulomb_v, counts_per_revolution=counts_per_revolution)
-        self.loop = WheelLoop(GAINS, PwmConfig(deadband=0.02), counts_per_revolution, 100.0)
+    def __init__(
+        self,
+        counts_per_revolution: int,
+        coulomb_v: float = 0.3,
+        gains: PidConfig = GAINS,
+        tau_s: float = 0.08,
+    ) -> None:
+        self.motor = MotorRig(
+            tau_s, coulomb_v=coulomb_v, counts_per_revolution=counts_per_revolution
+        )
+        self.loop = WheelLoop(gains, PwmConfig(deadband=0.02), counts_per_revolution, 100.0)
         self.count_rad = 2.0 * np.pi / counts_per_revolution
         self.blocked = False
         self.loop.estimator.reset(0, 0)
@@ -74,6 +82,16 @@ def test_a_wheel_that_would_roll_away_is_held(counts, load_v, friction_v):
     assert np.ptp(later) < max(1.5 * wheel.count_rad, 0.01)
     assert np.mean(duties[-400:]) * load_v < 0.0
     assert np.ptp(duties[-400:]) * BUS_V < 1.5 * GAINS.ki * wheel.count_rad + 0.1
+
+
+@pytest.mark.parametrize("tau_s", [0.3, 0.6])
+def test_a_heavy_robot_with_a_fine_encoder_does_not_rock_where_it_is_held(tau_s):
+    kp = 0.45 * tau_s / 0.056  # as `robotctl tune` makes them
+    wheel = Wheel(2400, 0.0, PidConfig(kp=kp, ki=kp / 0.225, kv=0.45), tau_s)
+    wheel.motor.load_v = 1.0
+    wheel.run(10.0)
+    angles, _ = wheel.run(10.0)
+    assert np.ptp(angles) < 2.0 * wheel.count_rad
 
 
 @pytest.mark.parametrize("counts", ENCODERS)
