@@ -26,6 +26,21 @@ COMMISSION_NS: Final = 3_000_000_000
 _POLL_NS = 5_000_000
 _OFF = WheelCommand(enable=False, brake=True)
 
+_LOAD: Final = "load the firmware that belongs to this robotctl's configs/robot.dbc"
+_FIXES: Final = (
+    ("no answer", "check its power and cable, and that no other node has its number"),
+    ("no such object", _LOAD),
+    ("refused write", "correct the robot's file: the node does not take this value"),
+    ("refused", _LOAD),
+    ("is another device", "give each node its own number: two may be exchanged"),
+    ("vendor", "give each node its own number: a device that is not ours has this one"),
+    ("version", _LOAD),
+    ("revision", _LOAD),
+    ("configuration says", "correct the robot's file, or the node's parameter"),
+)
+"""What to do where a problem contains these words, the first that do: a transfer that fails is told
+with the name of its object."""
+
 
 def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
     """Open the bus and check all nodes; takes up to 4 s."""
@@ -85,12 +100,8 @@ def check_node(node: NodeStatus, wire_version: int) -> Finding:
     check = f"node {node.node_id} {node.name}"
     if not node.problem:
         return ok(check, f"identified, parameters confirmed, wire version 0x{wire_version:08X}")
-    fix = "check its power and cable"
-    if "version" in node.problem or "revision" in node.problem:
-        fix = "load the firmware that belongs to this robotctl's configs/robot.dbc"
-    elif "configuration says" in node.problem:
-        fix = "correct the robot's file, or the node's parameter"
-    return fail(check, node.problem, fix)
+    fixes = (fix for words, fix in _FIXES if words in node.problem)
+    return fail(check, node.problem, next(fixes, "check its power and cable"))
 
 
 def check_traffic(bus: BusStatus) -> Finding:

@@ -26,7 +26,8 @@ def check_files(*files: Path | None, plot: Path | None = None) -> None:
     if plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise ConfigError(
             "--plot needs matplotlib, which is not installed; install it with\n"
-            '  pip install "robotctl[plot]"        (in a checkout: make setup)'
+            "  sudo /opt/robotctl/bin/pip install '/opt/robotctl-source[plot]'\n"
+            "where these are the installation and your copy of robotctl (in a checkout: make setup)"
         )
     if plot is not None and plot.suffix.lower() not in PLOTS:
         raise ConfigError(f"--plot {plot}: the suffix must be one of {', '.join(PLOTS)}")

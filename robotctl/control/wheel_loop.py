@@ -8,7 +8,12 @@ from robotctl.control.pid import Pid, PidConfig, feedforward_v
 from robotctl.control.pwm import PwmConfig, PwmMap
 from robotctl.control.wheel_velocity import WheelVelocityEstimator
 
-_REST_WINDOW_S = 0.03
+_REST_S = 0.2
+"""So long within its band a wheel is at rest: what it coasts from there stays within it."""
+_REST_COUNTS = 1.5
+"""The band of a coarse encoder, whose count may flicker between two,"""
+_REST_RAD = 0.02
+"""and of a fine one: play and tyres move a wheel by themselves once the torque is gone."""
 _LOOP_DELAY_PERIODS = 1.5
 """One period from latch to use, and half a period as the mean age of the command it meets."""
 
@@ -38,8 +43,15 @@ class WheelLoop:
         )
         self.reference_rad_s = 0.0
         self.duty = 0.0
-        # Slower than one count in this time is rest, as far as the encoder can tell.
-        self._rest_rad_s = 2.0 * math.pi / counts_per_revolution / _REST_WINDOW_S
+        counts_rad = _REST_COUNTS * 2.0 * math.pi / counts_per_revolution
+        self._band_rad = max(counts_rad, _REST_RAD)
+        self._coarse = counts_rad > _REST_RAD
+        self._stand_rad = 0.0
+        """Middle of the band: where rest began, or where the wheel left the last one."""
+        self._still_s = _REST_S
+        """For how long it has stayed in the band [s], up to `_REST_S`."""
+        self._holds = False
+        """Whether it rolled away from rest, and needs the integral."""
         self._config = pid
         self._pid = Pid(pid)
         self._pwm = PwmMap(pwm)
@@ -50,18 +62,23 @@ class WheelLoop:
         self.duty = 0.0
         self._pid.reset(self.estimator.velocity_rad_s)
         self._pwm.reset()
+        self._stand_rad = self.estimator.position_rad
+        self._still_s = _REST_S
+        self._holds = False
 
     def step(self, reference_rad_s: float, bus_voltage_v: float, dt_s: float) -> float:
         """Return the duty [-1, 1] for a wheel reference [rad/s] at a supply [V].
 
         At rest with reference zero the output is exactly zero, so that no integral hums against
-        static friction.
+        static friction or pushes against what blocks the wheel. A wheel that then rolls away, as
+        on a slope, is held by the integral until another reference comes; it has rolled by about
+        the voltage that holds it over ki.
         """
         measured_rad_s = self.estimator.velocity_rad_s
         before_rad_s = self.reference_rad_s
         self.reference_rad_s = reference_rad_s
-        at_rest = abs(measured_rad_s) < self._rest_rad_s
-        if at_rest and reference_rad_s == 0.0 and before_rad_s == 0.0:
+        wanted = reference_rad_s != 0.0 or before_rad_s != 0.0
+        if self._rests(dt_s, wanted=wanted):
             self._pid.reset(measured_rad_s)
             self._pwm.reset()
             self.duty = 0.0
@@ -70,12 +87,33 @@ class WheelLoop:
         # The measurement is old by half the estimator's window and by the way over the bus: the
         # reference of that time belongs to it, else every ramp would wind up the integral.
         age_s = self.estimator.delay_s + _LOOP_DELAY_PERIODS * dt_s
+        feedforward = feedforward_v(self._config, reference_rad_s, alpha_rad_s2)
+        if self._coarse and self._holds and self._still_s >= _REST_S:
+            # A count that flickers is a jerk to kp: what stands is held by the integral alone.
+            feedforward += self._config.kp * measured_rad_s
         voltage_v = self._pid.step(
             reference_rad_s - alpha_rad_s2 * age_s,
             measured_rad_s,
             dt_s,
-            feedforward_v(self._config, reference_rad_s, alpha_rad_s2),
+            feedforward,
             self._pwm.voltage_limit_v(bus_voltage_v),
         )
         self.duty = self._pwm.step(voltage_v, bus_voltage_v, dt_s)
         return self.duty
+
+    def _rests(self, dt_s: float, *, wanted: bool) -> bool:
+        """Return whether the wheel is at rest and needs no torque; `wanted`: it shall turn."""
+        position_rad = self.estimator.position_rad
+        left = abs(position_rad - self._stand_rad) > self._band_rad
+        if wanted:
+            self._holds = False
+        elif left and self._still_s >= _REST_S:
+            self._holds = True
+        if wanted or left:
+            self._stand_rad = position_rad
+            self._still_s = 0.0
+        elif self._still_s < _REST_S:
+            self._still_s += dt_s
+            if self._still_s >= _REST_S:
+                self._stand_rad = position_rad
+        return self._still_s >= _REST_S and not self._holds

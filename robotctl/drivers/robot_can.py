@@ -205,6 +205,8 @@ class CanRobot:
         if message.send_type == "OnSync":
             sync = self._codec.dbc.message(SYNC)
             every = transmission_type(message, sync, parameters.rate_hz)
+            if name == DRIVE and parameters.steered:
+                every = 1
             period_ns = every * 1_000_000_000 // parameters.rate_hz
         return E2eReceiver(message, _SILENCE_PERIODS * period_ns, self._counters)
 

@@ -26,6 +26,10 @@ BUS_LOAD_MAX: Final = 0.8
 _UNHEARD_NS: Final = 100_000_000
 """So long behind them, lost commands explain what wheels do: monitors look at 50 ms at once."""
 
+_ENABLE_NS: Final = 100_000_000
+"""So soon behind arming the drive says that it is enabled: it takes three commands and a status,
+50 ms at 100 Hz; the rest is for some that are lost."""
+
 _NEVER_NS: Final = -(1 << 62)
 _LATCHED_DRIVE_STATES: Final = frozenset(
     {DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP}
@@ -51,6 +55,8 @@ class Health:
         self.drive: DriveStatus | None = None
         self._unheard: DriveStatus | None = None
         """The last that said that its newest valid command was old."""
+        self._idle_ns = -_NEVER_NS
+        """When the drive was enabled last, or nobody wanted it to be [ns]."""
         self.battery: BatteryFeedback | None = None
         self._take_nodes(())
         self.bus = BusStatus()
@@ -75,6 +81,8 @@ class Health:
             self._wheels_ns = wheels.stamp_ns
         if feedback.motor is not None:
             self.motor = feedback.motor
+            if feedback.motor.state is DriveState.ENABLED:
+                self._idle_ns = feedback.motor.stamp_ns
         if feedback.drive is not None:
             self.drive = feedback.drive
             if feedback.drive.command_age_ms * 1_000_000 > self._wheels_limit_ns:
@@ -139,7 +147,7 @@ class Health:
         drive = self._unheard
         if drive is None or now_ns - drive.stamp_ns > _UNHEARD_NS:
             return None
-        return f"the motor controller had no valid command for {drive.command_age_ms} ms"
+        return _unheard_words(drive)
 
     def node_problem(self, now_ns: int) -> str | None:
         """Return what keeps a node from service, or None when all are in service."""
@@ -147,14 +155,26 @@ class Health:
         return problems[0] if problems else None
 
     def fault(self, now_ns: int) -> str | None:
-        """Return why a powered robot must stop now, or None."""
+        """Return why a powered robot must stop now, or None.
+
+        It was armed when it was last asked for `refusals`.
+        """
         reasons = self._faults(now_ns)
-        return reasons[0] if reasons else None
+        if reasons:
+            return reasons[0]
+        motor = self.motor
+        if motor is None or motor.stamp_ns - self._idle_ns <= _ENABLE_NS:
+            return None
+        stays = f"the motor controller stays in {_words(motor.state)}, told to drive"
+        return self.unheard(now_ns) or stays
 
     def refusals(self, now_ns: int) -> tuple[str, ...]:
         """Return all reasons against arming at this moment, in the operator's words."""
+        self._idle_ns = now_ns
         reasons = self._faults(now_ns)
-        battery, bus = self.battery, self.bus
+        drive, battery, bus = self.fresh_drive(now_ns), self.battery, self.bus
+        if drive is not None and drive is self._unheard:
+            reasons.append(_unheard_words(drive))
         if battery is not None and battery.low and not battery.critical:
             reasons.append(f"the battery is low ({battery.voltage_v:.1f} V)")
         if bus.state == BusState.ERROR_PASSIVE:
@@ -250,6 +270,11 @@ def fault_words(faults: int) -> str:
     """Return the motor controller's fault bits as `: over current, encoder`, or nothing."""
     names = [_words(fault) for fault in DriveFault if faults & fault]
     return f": {', '.join(names)}" if names else ""
+
+
+def _unheard_words(drive: DriveStatus) -> str:
+    """Say for how long the motor controller had heard nothing."""
+    return f"the motor controller had no valid command for {drive.command_age_ms} ms"
 
 
 def _words(value: DriveState | BusState | DriveFault) -> str:

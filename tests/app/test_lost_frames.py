@@ -189,6 +189,40 @@ def test_wheels_that_were_not_told_to_turn_back_are_not_blamed_on_an_encoder(nam
     assert {reason.rstrip("0123456789 ms") for reason in reasons} == {heard.rstrip()}
 
 
+@pytest.mark.parametrize("rate_hz", [100, 200, 1000])
+@pytest.mark.parametrize("name", ["diff_drive", "tricycle"])
+def test_a_drive_that_hears_no_command_keeps_the_robot_from_arming_until_it_does(name, rate_hz):
+    robot = Robot(name, (f"runtime.rate_hz={rate_hz}",))
+    robot.idle(0.5)
+    assert robot.state == SafetyState.ARMED
+    robot.tick(Arm(robot.now_ns, 1, arm=False))
+    robot.inject("frames_corrupt id=0x201 duration=1.6")
+    robot.idle(0.3)
+    asked = robot.request()
+    robot.tick(asked)
+    robot.idle(1.1)
+    ack = robot.bench.snapshot().acks[-1]
+    said = "the motor controller had no valid command for 255 ms"
+    assert (ack.request_id, ack.accepted, ack.reasons) == (asked.request_id, False, (said,))
+    robot.tick(robot.request())
+    robot.idle(0.8)
+    assert robot.state == SafetyState.ARMED
+    assert robot.drive_state == "ENABLED"
+
+
+def test_a_drive_that_hears_nothing_from_the_moment_of_arming_on_is_found_out():
+    robot = Robot()
+    robot.tick(Arm(robot.now_ns, 1, arm=False))
+    robot.idle(0.1)
+    robot.tick(robot.request())
+    assert robot.state == SafetyState.ARMED
+    robot.inject("frames_lost id=0x201 duration=1")
+    robot.idle(0.1)
+    assert robot.state == SafetyState.ARMED
+    robot.idle(0.03)
+    assert robot.bench.snapshot().reason.startswith("the motor controller had no valid command")
+
+
 def test_an_encoder_is_blamed_where_commands_came_through():
     robot = Robot()
     robot.inject("frames_lost id=0x201 duration=0.07")

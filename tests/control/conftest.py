@@ -24,6 +24,7 @@ class MotorRig:
         self.deadband, self.coulomb_v = deadband, coulomb_v
         self.counts_per_revolution = counts_per_revolution
         self.omega_rad_s = self.angle_rad = self.time_s = 0.0
+        self.load_v = 0.0  # torque of a slope, as the voltage that balances it
 
     def effective_v(self, duty, bus_voltage_v):
         effective = max(0.0, abs(duty) - self.deadband) / (1.0 - self.deadband)
@@ -34,7 +35,8 @@ class MotorRig:
         coulomb = self.coulomb_v * self.k / self.resistance_ohm
         voltage = self.effective_v(duty, bus_voltage_v)
         for _ in range(substeps):
-            torque = self.k * (voltage - self.k * self.omega_rad_s) / self.resistance_ohm
+            driving_v = voltage + self.load_v - self.k * self.omega_rad_s
+            torque = self.k * driving_v / self.resistance_ohm
             before = self.omega_rad_s
             if before == 0.0 and abs(torque) <= coulomb:
                 continue

@@ -1,5 +1,6 @@
 """The robot port: frames made by cantools and autosar-e2e in, messages out, and the way back."""
 
+import dataclasses
 import math
 
 import pytest
@@ -105,6 +106,28 @@ def test_motor_status_is_decoded_with_state_and_faults(wire):
     assert motor.current2_a == pytest.approx(7.5)
     assert (motor.temperature1_c, motor.temperature2_c) == (-40, 121)
     assert motor.faults == DriveFault.OVER_CURRENT | DriveFault.ENCODER | DriveFault.PARAMETER
+
+
+@pytest.mark.parametrize(("steered", "period_ms"), [(True, 5), (False, 20)])
+def test_a_drive_status_whose_counter_may_have_gone_round_unheard_only_starts_it_anew(
+    codec, parameters, oracle, clock, steered, period_ms
+):
+    robot = dataclasses.replace(parameters, steered=steered)
+    wire = Wire(codec, robot, oracle, clock)
+    for lost in (11, 15):
+        wire.put_checked("DriveStatus", BusVoltage=12.0)
+        assert wire.receive().drive is not None
+        for _ in range(lost):
+            wire.frame("DriveStatus", BusVoltage=12.0)
+        clock.sleep_until(clock.now_ns() + (lost + 1) * period_ms * 1_000_000)
+        rejects = wire.receive().bus.counter_rejects
+        wire.put(*wire.frame("DriveStatus", BusVoltage=12.0))
+        feedback = wire.receive()
+        assert feedback.drive is None
+        # Within the time-out the jump is seen; later the counter says nothing.
+        assert feedback.bus.counter_rejects - rejects == (lost == 11)
+        wire.put(*wire.frame("DriveStatus", BusVoltage=12.0))
+        assert wire.receive().drive is not None
 
 
 @pytest.mark.parametrize("fault", list(DriveFault))

@@ -13,6 +13,7 @@ from robotctl.runtime.messages import (
     BatteryFeedback,
     BusState,
     BusStatus,
+    DriveState,
     EmergencyStop,
     EmergencyStopSource,
     SafetyState,
@@ -55,6 +56,10 @@ REFUSED = {
     "bus off": (setting(bus=BusStatus(state=BusState.BUS_OFF)), "the CAN bus is bus off"),
     "bus down": (setting(bus=BusStatus(state=BusState.DOWN)), "the CAN bus is down"),
     "full bus": (setting(bus=BusStatus(load=0.85)), "the CAN bus is 85% full, 80% allowed"),
+    "unheard commands": (
+        setting(command_age_ms=255),
+        "the motor controller had no valid command for 255 ms",
+    ),
     "node": (setting(problem="drive (node 1): wire version 7"), "drive (node 1): wire version 7"),
     "host": (setting(objections=("no rights",)), "no rights"),
 }
@@ -112,6 +117,28 @@ def test_a_cold_loop_does_not_arm_and_says_so_and_a_warm_one_does() -> None:
     ack = answer(cold)
     assert ack.reasons[0].startswith("the control loop is not warm: tick ")
     assert ack.reasons[0].endswith(" of 10000")
+
+
+def test_a_robot_arms_as_soon_as_its_drive_hears_commands() -> None:
+    robot = RobotDouble()
+    robot.command_age_ms = 255
+    robot.ticks(WARM_TICKS)
+    robot.arm(31)
+    robot.ticks(50)
+    assert robot.state == SafetyState.STANDBY
+    robot.command_age_ms = 1
+    robot.tick()
+    assert robot.state == SafetyState.ARMED
+
+
+def test_a_robot_whose_drive_does_not_enable_is_stopped_100_ms_behind_arming() -> None:
+    robot = RobotDouble().armed()
+    robot.drive_says = DriveState.READY
+    robot.ticks(20)
+    assert robot.state == SafetyState.ARMED
+    robot.tick()
+    assert robot.state == SafetyState.FAULT
+    assert robot.snapshot().reason == "the motor controller stays in ready, told to drive"
 
 
 def test_objections_of_an_earlier_request_do_not_refuse_a_later_one() -> None:

@@ -65,6 +65,10 @@ def motor(**values: object) -> Feedback:
     return replace(GOOD, motor=replace(GOOD.motor, **values))
 
 
+def drive(**values: object) -> Feedback:
+    return replace(GOOD, drive=replace(GOOD.drive, **values))
+
+
 def bus(**values: object) -> Feedback:
     return replace(GOOD, bus=BusStatus(**values))
 
@@ -244,6 +248,11 @@ def test_each_reason_to_stop_also_keeps_from_arming_and_stands_once(
         (bus(state=BusState.ERROR_PASSIVE), "the CAN bus is error passive"),
         (bus(load=0.9), "the CAN bus is 90% full, 80% allowed"),
         (bus(load=math.nextafter(0.8, 1.0)), "the CAN bus is 80% full, 80% allowed"),
+        (drive(command_age_ms=16), "the motor controller had no valid command for 16 ms"),
+        (
+            drive(command_age_ms=255, stamp_ns=NOW - 200 * MS),
+            "the motor controller had no valid command for 255 ms",
+        ),
     ],
 )
 def test_what_only_keeps_from_arming_stops_nobody(feedback: Feedback, reason: str) -> None:
@@ -257,6 +266,7 @@ def test_what_only_keeps_from_arming_stops_nobody(feedback: Feedback, reason: st
     [
         bus(load=0.8),
         bus(state=BusState.ERROR_WARNING),
+        drive(command_age_ms=15),
         motor(state=DriveState.ENABLED),
         motor(state=DriveState.BOOT),
     ],
@@ -269,6 +279,47 @@ def test_a_drive_that_reports_a_fault_is_not_trusted_though_it_has_not_stopped()
     kept = health(motor(state=DriveState.READY, faults=int(DriveFault.PARAMETER)))
     assert kept.refusals(NOW) == ("the motor controller reports: parameter",)
     assert kept.fault(NOW) == "the motor controller reports: parameter"
+
+
+def test_what_the_drive_heard_last_counts_for_arming() -> None:
+    assert health(drive(command_age_ms=255), GOOD).refusals(NOW) == ()
+    old = drive(command_age_ms=255, stamp_ns=NOW - 200 * MS - 1)
+    assert health(old).refusals(NOW) == ("drive status is older than 200 ms",)
+
+
+def at(after_ns: int, state: DriveState, age_ms: int = 1) -> Feedback:
+    """Healthy feedback of so long after NOW."""
+    stamp_ns = NOW + after_ns
+    return replace(
+        GOOD,
+        wheels=WheelFeedback(stamp_ns, 77 + after_ns // 1000, 0, 0),
+        motor=replace(GOOD.motor, state=state, stamp_ns=stamp_ns),
+        drive=replace(GOOD.drive, command_age_ms=age_ms, stamp_ns=stamp_ns),
+    )
+
+
+@pytest.mark.parametrize("state", [DriveState.READY, DriveState.BOOT])
+@pytest.mark.parametrize("enabled_ns", [0, 50 * MS])
+def test_a_drive_that_is_not_enabled_100_ms_behind_arming_or_being_so_is_a_fault(
+    state: DriveState, enabled_ns: int
+) -> None:
+    kept = health()
+    assert kept.refusals(NOW) == ()
+    if enabled_ns:
+        kept.update(at(enabled_ns, DriveState.ENABLED))
+    late_ns = enabled_ns + 100 * MS
+    kept.update(at(late_ns, state))
+    assert kept.fault(NOW + late_ns) is None
+    kept.update(at(late_ns + 1, state))
+    words = f"the motor controller stays in {state.name.lower()}, told to drive"
+    assert kept.fault(NOW + late_ns + 1) == words
+    kept.update(at(late_ns + 2, state, age_ms=16))
+    unheard = "the motor controller had no valid command for 16 ms"
+    assert kept.fault(NOW + late_ns + 2) == unheard
+    kept.update(at(late_ns + 3, DriveState.STOPPED))
+    assert kept.fault(NOW + late_ns + 3) == "the motor controller is in stopped"
+    kept.update(at(late_ns + 4, DriveState.ENABLED))
+    assert kept.fault(NOW + late_ns + 4) is None
 
 
 def test_each_node_that_is_out_of_service_is_named() -> None:
