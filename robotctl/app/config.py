@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,6 +35,10 @@ MAX_SUPPLY_V: Final = 65.5
 
 RING_S: Final = 0.05
 """So far apart are two readings of one sonar, of which the second stops the robot [s]."""
+
+
+FOUND_SHARE: Final = 0.5
+"""By this share of what its motor reaches at least, a wheel with a stuck encoder is found out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +185,7 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         )
         yield ("navigation", "guard", "reaction_s"), problem
     yield from _beyond_the_motors(config)
+    yield from _hidden_run_away(config)
     drive, monitor = config.drive, config.plausibility
     if isinstance(drive, DifferentialDrive):
         return
@@ -216,3 +222,21 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             f"{supply_v:.1f} V, but navigation.guard.deceleration_m_s2 is {deceleration_m_s2:g}"
         )
         yield ("control", "pwm", "slew_per_s"), problem
+
+
+def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield a tolerance within which a motor runs away while its encoder is stuck."""
+    drive, monitor = config.drive, config.plausibility
+    # At least this fast is any motor: the limits are driven, and the supply has a floor.
+    motor_rad_s = max(
+        config.limits.v_max_m_s / max(drive.wheel_radii_m),
+        config.control.pwm.min_bus_voltage_v / monitor.back_emf_v_s_rad,
+    )
+    most_rad_s = FOUND_SHARE * motor_rad_s * (1.0 - monitor.speed_tolerance_share)
+    if monitor.speed_tolerance_rad_s > most_rad_s:
+        problem = (
+            f"{monitor.speed_tolerance_rad_s:g} found, at most {math.floor(1e3 * most_rad_s) / 1e3}"
+            f" allowed: a stuck encoder must show at half the {motor_rad_s:.2g} rad/s that the "
+            "motor reaches"
+        )
+        yield ("plausibility", "speed_tolerance_rad_s"), problem

@@ -43,7 +43,7 @@ GAIN_RAD_S: Final = 3.0
 """A push that gains more speed its way than this in its time meets inertia, no wall [rad/s]."""
 
 PAIR_RAD_S: Final = 4.0
-"""Wheels are compared from this speed on [rad/s]."""
+"""Wheels are compared from this speed on at the latest [rad/s], or from twice the tolerance."""
 
 TEMPERATURES_C: Final = (-30.0, 180.0)
 """Outside of this the temperature sensor is broken [degC]; its wire off reads -40."""
@@ -206,8 +206,9 @@ class WheelMonitor:
 
     @property
     def ratio(self) -> float:
-        """Counted over electrical speed; nan below `PAIR_RAD_S`."""
-        if abs(self.electrical_rad_s) < PAIR_RAD_S:
+        """Counted over electrical speed; nan where they are not compared yet."""
+        least_rad_s = min(PAIR_RAD_S, 2.0 * self._config.speed_tolerance_rad_s)
+        if abs(self.electrical_rad_s) < least_rad_s:
             return math.nan
         return self.counted_rad_s / self.electrical_rad_s
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -141,6 +142,59 @@ def test_a_fault_in_motion_stops_the_robot_in_time_and_says_which(name: str) -> 
     took_s = trial.drive(v_m_s, omega_rad_s, longest_s + 2.0)
     assert words in trial.reason
     assert took_s <= longest_s
+
+
+BIG = (
+    *("limits.v_max_m_s=0.5", "limits.omega_max_rad_s=0.5", "limits.a_max_m_s2=1.0"),
+    *("plausibility.back_emf_v_s_rad=12.0", "plausibility.speed_tolerance_rad_s=0.625"),
+    *("simulation.motor.gear_ratio=200.0", "simulation.motor.back_emf_v_s_rad=0.06"),
+    *("simulation.mass_kg=40.0", "simulation.yaw_inertia_kg_m2=3.0", "simulation.battery.cells=7"),
+    *(
+        f"control.{wheel}.{gain}"
+        for wheel in ("left", "right")
+        for gain in ("kp=16.8", "ki=108.0", "kv=12.0", "ks=0.3", "ka=0.6")
+    ),
+)
+"""40 kg, and with wheels of 0.3 m motors that end at 0.73 m/s; the widest tolerance allowed."""
+
+
+def with_wheels(radius_m: float, folder: Path) -> str:
+    """The file of a `diff_drive` on such wheels, 0.6 m apart; the simulated robot has them too."""
+    text = find_file("diff_drive").read_text(encoding="utf-8")
+    for old, new in (("wheel_radius_m = 0.050", radius_m), ("track_width_m = 0.300", 0.6)):
+        assert text.count(old) == 1
+        text = text.replace(old, f"{old.partition(' ')[0]} = {new}")
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("bend", "v_m_s", "longest_s", "words"),
+    [
+        (scaled(0, 0), 0.1, 0.18, f"{LEFT} stuck"),
+        (scaled(0, 1), -0.1, 0.18, f"{LEFT} stuck"),
+        (scaled(0, 0), 0.4, 0.08, f"{LEFT} stuck"),
+        (scaled(0.75, 1), 0.45, 1.2, "left and right wheel contradict"),
+    ],
+)
+def test_a_large_slow_wheel_does_not_run_away_behind_a_wrong_encoder(
+    tmp_path: Path, bend: Bend, v_m_s: float, longest_s: float, words: str
+) -> None:
+    trial = Trial(with_wheels(0.3, tmp_path), overrides=BIG).armed()
+    trial.drive(v_m_s, 0.0, 1.0)
+    trial.port.feedback = bend
+    took_s = trial.drive(v_m_s, 0.0, 3.0)
+    assert words in trial.reason
+    assert took_s <= longest_s
+    assert trial.top_m_s <= abs(v_m_s) + 0.3
+
+
+def test_a_large_slow_wheel_that_is_sound_is_not_stopped(tmp_path: Path) -> None:
+    trial = Trial(with_wheels(0.3, tmp_path), overrides=BIG).armed()
+    for v_m_s, omega_rad_s in ((0.45, 0.0), (-0.45, 0.0), (0.0, 0.5), (0.2, -0.5), (0.02, 0.0)):
+        trial.drive(v_m_s, omega_rad_s, 3.0)
+        assert trial.state == SafetyState.DRIVING, trial.reason
 
 
 @pytest.mark.parametrize(

@@ -98,6 +98,23 @@ def test_a_bridge_too_slow_for_the_guard_is_refused() -> None:
     )
 
 
+def test_a_tolerance_within_which_a_slow_motor_runs_away_is_refused() -> None:
+    slow = ("plausibility.back_emf_v_s_rad=12", "limits.omega_max_rad_s=0.5")
+    wheel = ("limits.v_max_m_s=0.5", "drive.wheel_radius_m=0.3")  # half of 5/3 rad/s, less 25 %
+    words = r"speed_tolerance_rad_s: 2 found, at most 0\.625 allowed: .* half the 1\.7 rad/s"
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("diff_drive"), [*slow, *wheel])
+    tolerance = "plausibility.speed_tolerance_rad_s="
+    load_robot(find_file("diff_drive"), [*slow, *wheel, f"{tolerance}0.625"])
+    with pytest.raises(ConfigError, match=r"0\.626 found, at most 0\.625 allowed"):
+        load_robot(find_file("diff_drive"), [*slow, *wheel, f"{tolerance}0.626"])
+    share = "plausibility.speed_tolerance_share=0.5"
+    with pytest.raises(ConfigError, match=r"0\.5 found, at most 0\.416 allowed"):
+        load_robot(find_file("diff_drive"), [*slow, *wheel, share, f"{tolerance}0.5"])
+    # A limit far below what the supply gives says nothing of the motor: 6 V / 0.45 V s/rad.
+    load_robot(find_file("diff_drive"), ["limits.v_max_m_s=0.05", f"{tolerance}4.99"])
+
+
 def test_an_override_changes_one_value_only() -> None:
     plain = load_robot(find_file("diff_drive"))
     changed = load_robot(find_file("diff_drive"), ["control.left.kp=2"])

@@ -189,6 +189,13 @@ def test_a_ratio_is_given_from_4_rad_s_on() -> None:
     assert math.isnan(wheel(4.0, -below(4.0)).ratio)
 
 
+def test_a_narrow_tolerance_gives_the_ratio_from_twice_as_much_on_and_a_wide_one_no_later() -> None:
+    narrow, wide = (changed(CONFIG, speed_tolerance_rad_s=value) for value in (0.5, 5.0))
+    assert wheel(0.5, 1.0, config=narrow).ratio == 0.5
+    assert math.isnan(wheel(0.5, below(1.0), config=narrow).ratio)
+    assert wheel(2.0, 4.0, config=wide).ratio == 0.5
+
+
 def push(
     counted: float, *, begin: float = 5.0, current_a: float = 1.0, lasts_ns: int = 300 * MS + 1
 ) -> str:
