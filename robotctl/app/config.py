@@ -13,6 +13,7 @@ from pydantic import Field
 from robotctl import toml_source
 from robotctl.app.log_folder import LogConfig
 from robotctl.control.limiter import LimitsConfig
+from robotctl.control.wheel_velocity import STEP_MAX
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
 from robotctl.estimation.camera_config import GroundCameraConfig
@@ -22,7 +23,7 @@ from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDri
 from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
-from robotctl.runtime.core import ControlConfig, fastest_wheel_rad_s
+from robotctl.runtime.core import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
 from robotctl.runtime.plausibility import PlausibilityConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.safety import SafetyConfig
@@ -186,6 +187,7 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         yield ("navigation", "guard", "reaction_s"), problem
     yield from _beyond_the_motors(config)
     yield from _hidden_run_away(config)
+    yield from _unreadable_counts(config)
     drive, monitor = config.drive, config.plausibility
     if isinstance(drive, DifferentialDrive):
         return
@@ -240,3 +242,18 @@ def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str
             "motor reaches"
         )
         yield ("plausibility", "speed_tolerance_rad_s"), problem
+
+
+def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield an encoder so fine that its counts read as backwards where frames are lost."""
+    counts = config.drive.counts_per_revolution
+    gap_s = (config.safety.feedback_timeout_periods + 1) * config.runtime.period_ns * 1e-9
+    way_rad = impossible_wheel_rad_s(config.drive, config.limits) * gap_s
+    most = math.floor(STEP_MAX * math.tau / way_rad)
+    if counts > most:
+        problem = (
+            f"{counts} found, at most {most} allowed: after more than {STEP_MAX} counts within "
+            f"{1e3 * gap_s:g} ms, which safety.feedback_timeout_periods lets pass, a wheel seems to "
+            "turn backwards"
+        )
+        yield ("drive", "counts_per_revolution"), problem

@@ -145,7 +145,7 @@ class ControlCore:
         self.odometer_start_m = 0.0
         """What the robot had driven in its life before this core was made [m]."""
         self._drive = drive
-        impossible_rad_s = _impossible_rad_s(drive, limits)
+        impossible_rad_s = impossible_wheel_rad_s(drive, limits)
         self._wheels = tuple(
             WheelLoop(pid, control.pwm, drive.counts_per_revolution, impossible_rad_s)
             for pid in control.loops(drive.wheel_names)
@@ -521,7 +521,7 @@ def fastest_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
     return max(abs(corner.omega1_rad_s), abs(corner.omega2_rad_s))
 
 
-def _impossible_rad_s(drive: Drive, limits: LimitsConfig) -> float:
+def impossible_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
     """Return a speed that no wheel of this robot has [rad/s]: counts that need it are wrong."""
     pushed_rad_s = _PUSHED_M_S / min(drive.wheel_radii_m)
     return _IMPOSSIBLE_SHARE * fastest_wheel_rad_s(drive, limits) + pushed_rad_s

@@ -115,6 +115,25 @@ def test_a_tolerance_within_which_a_slow_motor_runs_away_is_refused() -> None:
     load_robot(find_file("diff_drive"), ["limits.v_max_m_s=0.05", f"{tolerance}4.99"])
 
 
+@pytest.mark.parametrize(
+    ("override", "most", "gap_ms"),
+    [
+        # 32767 counts at twice (0.8 m/s + 0.15 m x 2.5 rad/s) / 0.05 m, and 1.5 m/s of pushing.
+        ("runtime.rate_hz=200", 133689, 20),
+        ("runtime.rate_hz=100", 66844, 40),
+        ("safety.feedback_timeout_periods=9", 53475, 50),
+    ],
+)
+def test_an_encoder_whose_counts_read_as_backwards_behind_lost_frames_is_refused(
+    override: str, most: int, gap_ms: int
+) -> None:
+    counts = "drive.counts_per_revolution="
+    load_robot(find_file("diff_drive"), [override, f"{counts}{most}"])
+    words = rf"revolution: {most + 1} found, at most {most} allowed: .* within {gap_ms} ms, "
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("diff_drive"), [override, f"{counts}{most + 1}"])
+
+
 def test_an_override_changes_one_value_only() -> None:
     plain = load_robot(find_file("diff_drive"))
     changed = load_robot(find_file("diff_drive"), ["control.left.kp=2"])
