@@ -13,7 +13,7 @@ from pydantic import Field
 from robotctl import toml_source
 from robotctl.app.log_folder import LogConfig
 from robotctl.control.limiter import LimitsConfig
-from robotctl.control.wheel_velocity import STEP_MAX
+from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
 from robotctl.estimation.camera_config import GroundCameraConfig
@@ -245,15 +245,29 @@ def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str
 
 
 def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield an encoder so fine that its counts read as backwards where frames are lost."""
-    counts = config.drive.counts_per_revolution
+    """Yield an encoder too fine for a frame that is lost, or too coarse for its monitor."""
+    monitor, counts = config.plausibility, config.drive.counts_per_revolution
     gap_s = (config.safety.feedback_timeout_periods + 1) * config.runtime.period_ns * 1e-9
     way_rad = impossible_wheel_rad_s(config.drive, config.limits) * gap_s
     most = math.floor(STEP_MAX * math.tau / way_rad)
     if counts > most:
         problem = (
             f"{counts} found, at most {most} allowed: after more than {STEP_MAX} counts within "
-            f"{1e3 * gap_s:g} ms, which safety.feedback_timeout_periods lets pass, a wheel seems to "
-            "turn backwards"
+            f"{1e3 * gap_s:g} ms, which safety.feedback_timeout_periods lets pass, a wheel seems "
+            "to turn backwards"
+        )
+        yield ("drive", "counts_per_revolution"), problem
+    # A count alone in the window reads as so much. At an acceleration a speed is late by what the
+    # wheel gains in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` either is a fault.
+    shown_rad_s = monitor.speed_tolerance_rad_s / (1.0 - monitor.speed_tolerance_share)
+    a_max_rad_s2 = config.limits.a_max_m_s2 / min(config.drive.wheel_radii_m)
+    rad_per_count = min(WINDOW_S * shown_rad_s, shown_rad_s**2 / (2.0 * a_max_rad_s2))
+    least = math.ceil(math.tau / rad_per_count)
+    if counts < least:
+        problem = (
+            f"{counts} found, at least {least} allowed: one count more or less makes a sound wheel "
+            "differ from its motor by more than plausibility.speed_tolerance_rad_s "
+            f"({monitor.speed_tolerance_rad_s:g}) lets pass, at rest or at limits.a_max_m_s2 "
+            f"({config.limits.a_max_m_s2:g})"
         )
         yield ("drive", "counts_per_revolution"), problem

@@ -134,6 +134,28 @@ def test_an_encoder_whose_counts_read_as_backwards_behind_lost_frames_is_refused
         load_robot(find_file("diff_drive"), [override, f"{counts}{most + 1}"])
 
 
+@pytest.mark.parametrize(
+    ("overrides", "least"),
+    [
+        # 2 / 0.75 rad/s at 2.5 m/s^2 / 0.05 m: 2 pi 2 x 50 / 7.11.
+        ((), 89),
+        (("limits.a_max_m_s2=5",), 177),
+        (("plausibility.speed_tolerance_rad_s=4",), 23),
+        # At rest: 2 pi / (0.06 s x 2.67 rad/s).
+        (("limits.a_max_m_s2=0.8",), 40),
+        (("limits.a_max_m_s2=0.8", "plausibility.speed_tolerance_share=0.5"), 27),
+    ],
+)
+def test_an_encoder_too_coarse_for_its_monitor_is_refused(
+    overrides: tuple[str, ...], least: int
+) -> None:
+    counts = "drive.counts_per_revolution="
+    load_robot(find_file("diff_drive"), [*overrides, f"{counts}{least}"])
+    words = f"revolution: {least - 1} found, at least {least} allowed: "
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("diff_drive"), [*overrides, f"{counts}{least - 1}"])
+
+
 def test_an_override_changes_one_value_only() -> None:
     plain = load_robot(find_file("diff_drive"))
     changed = load_robot(find_file("diff_drive"), ["control.left.kp=2"])
