@@ -161,7 +161,11 @@ class ControlCore:
             0.0 if isinstance(drive, DifferentialDrive) else drive.steering_max_rad
         )
         self._plausibility = Plausibility(
-            plausibility, drive.wheel_names, control.pwm.deadband, self._steering_max_rad
+            plausibility,
+            drive.wheel_names,
+            control.pwm.deadband,
+            self._steering_max_rad,
+            limits.a_max_m_s2 / max(drive.wheel_radii_m),
         )
         self._sonar_monitor = SonarMonitor(sonars, plausibility.travel_m)
         self._command_before = self._command

@@ -42,6 +42,9 @@ REST_RAD_S: Final = 0.5
 GAIN_RAD_S: Final = 3.0
 """A push that gains more speed its way than this in its time meets inertia, no wall [rad/s]."""
 
+GAIN_SHARE: Final = 1.0 / 3.0
+"""So much of what the robot gains at its greatest acceleration is enough, where that is less."""
+
 PAIR_RAD_S: Final = 4.0
 """Wheels are compared from this speed on at the latest [rad/s], or from twice the tolerance."""
 
@@ -177,13 +180,18 @@ class WheelMonitor:
         Name of the wheel.
     config
         Tolerances.
+    a_max_rad_s2
+        What the wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
     """
 
-    def __init__(self, name: str, config: PlausibilityConfig) -> None:
+    def __init__(
+        self, name: str, config: PlausibilityConfig, a_max_rad_s2: float = math.inf
+    ) -> None:
         self.name = name
         self._config = config
         self._speed_ns = config.speed_ms * 1_000_000
         self._push_ns = config.push_ms * 1_000_000
+        self._gain_rad_s = min(GAIN_RAD_S, GAIN_SHARE * a_max_rad_s2 * config.push_ms * 1e-3)
         self.reset()
 
     def reset(self) -> None:
@@ -269,7 +277,7 @@ class WheelMonitor:
             self._before_rad_s = counted
         if lasts_ns <= self._push_ns:
             return ""
-        if push * (counted - self._before_rad_s) > GAIN_RAD_S:
+        if push * (counted - self._before_rad_s) > self._gain_rad_s:
             # The current does its work. A wheel that loses speed against it is held.
             self._pushing = Standing()
             return ""
@@ -291,6 +299,8 @@ class Plausibility:
         Of the bridges.
     steering_max_rad
         Bound of the linkage [rad]; 0: no steering.
+    a_max_rad_s2
+        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
     """
 
     def __init__(
@@ -299,11 +309,12 @@ class Plausibility:
         wheel_names: tuple[str, ...],
         deadband: float,
         steering_max_rad: float,
+        a_max_rad_s2: float = math.inf,
     ) -> None:
         self._config = config
         self._deadband = deadband
         self._steering_max_rad = steering_max_rad
-        self._wheels = tuple(WheelMonitor(name, config) for name in wheel_names)
+        self._wheels = tuple(WheelMonitor(name, config, a_max_rad_s2) for name in wheel_names)
         self.reset()
 
     def reset(self) -> None:
