@@ -78,14 +78,16 @@ class PlausibilityConfig:
         the data sheet, times the gear ratio. Not the loop's `kv`, so that tuning cannot blind it.
     speed_tolerance_rad_s, speed_tolerance_share
         The encoder may differ from the speed that duty and current tell by the sum of the first
-        [rad/s] and of the second times the greater of the two, > 0, at most 5 and 0.5.
+        [rad/s] and of the second times the greater of the two, > 0, at most 5 and 0.5. Slow motors
+        need less, coarse encoders more: see docs/safety.md.
     speed_ms
         Longer than this it may not [ms], 5 to 500; half as long if it differs twice as much, since
         a loop whose encoders are exchanged speeds up the more, the faster it is.
     push_v
         Drop `R i` over a winding [V], > 0, at most 10; more than the steepest slope needs.
     push_ms
-        Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000.
+        Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000:
+        without 3 rad/s, or a third of what `limits.a_max_m_s2` gives in this time.
     pair_share
         Two wheels may differ by this in the ratio of counted to electrical speed, > 0, at most 0.5.
     pair_ms
