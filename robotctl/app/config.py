@@ -37,6 +37,8 @@ MAX_SUPPLY_V: Final = 65.5
 RING_S: Final = 0.05
 """So far apart are two readings of one sonar, of which the second stops the robot [s]."""
 
+FINEST_RAD: Final = 1e-9
+"""No encoder of a wheel resolves less [rad]."""
 
 FOUND_SHARE: Final = 0.5
 """By this share of what its motor reaches at least, a wheel with a stuck encoder is found out."""
@@ -249,7 +251,7 @@ def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
     monitor, counts = config.plausibility, config.drive.counts_per_revolution
     gap_s = (config.safety.feedback_timeout_periods + 1) * config.runtime.period_ns * 1e-9
     way_rad = impossible_wheel_rad_s(config.drive, config.limits) * gap_s
-    most = math.floor(STEP_MAX * math.tau / way_rad)
+    most = math.floor(math.tau / max(way_rad / STEP_MAX, FINEST_RAD))
     if counts > most:
         problem = (
             f"{counts} found, at most {most} allowed: after more than {STEP_MAX} counts within "
@@ -260,9 +262,9 @@ def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
     # A count alone in the window reads as so much. At an acceleration a speed is late by what the
     # wheel gains in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` either is a fault.
     shown_rad_s = monitor.speed_tolerance_rad_s / (1.0 - monitor.speed_tolerance_share)
-    a_max_rad_s2 = config.limits.a_max_m_s2 / min(config.drive.wheel_radii_m)
-    rad_per_count = min(WINDOW_S * shown_rad_s, shown_rad_s**2 / (2.0 * a_max_rad_s2))
-    least = math.ceil(math.tau / rad_per_count)
+    gained_rad = shown_rad_s**2 * min(config.drive.wheel_radii_m) / (2.0 * config.limits.a_max_m_s2)
+    rad_per_count = min(WINDOW_S * shown_rad_s, gained_rad)
+    least = math.ceil(math.tau / max(rad_per_count, FINEST_RAD))
     if counts < least:
         problem = (
             f"{counts} found, at least {least} allowed: one count more or less makes a sound wheel "

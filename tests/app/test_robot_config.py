@@ -156,6 +156,19 @@ def test_an_encoder_too_coarse_for_its_monitor_is_refused(
         load_robot(find_file("diff_drive"), [*overrides, f"{counts}{least - 1}"])
 
 
+@pytest.mark.parametrize(
+    "override",
+    [
+        *("limits.a_max_m_s2=1e308", "limits.v_max_m_s=1e308", "drive.wheel_radius_m=1e308"),
+        *("plausibility.speed_tolerance_rad_s=5e-324", "plausibility.back_emf_v_s_rad=1e308"),
+        *("limits.v_max_m_s=5e-324", "drive.wheel_radius_m=5e-324"),
+    ],
+)
+def test_what_no_robot_has_is_refused_and_no_bound_overflows(override: str) -> None:
+    with pytest.raises(ConfigError):
+        load_robot(find_file("diff_drive"), [override, "drive.counts_per_revolution=3"])
+
+
 def test_an_override_changes_one_value_only() -> None:
     plain = load_robot(find_file("diff_drive"))
     changed = load_robot(find_file("diff_drive"), ["control.left.kp=2"])
