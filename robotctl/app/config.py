@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from pydantic import Field
 from robotctl import toml_source
 from robotctl.app.log_folder import LogConfig
 from robotctl.control.limiter import LimitsConfig
+from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError
 from robotctl.estimation.camera_config import GroundCameraConfig
@@ -21,7 +23,7 @@ from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDri
 from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
-from robotctl.runtime.core import ControlConfig, fastest_wheel_rad_s
+from robotctl.runtime.core import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
 from robotctl.runtime.plausibility import PlausibilityConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.safety import SafetyConfig
@@ -34,6 +36,12 @@ MAX_SUPPLY_V: Final = 65.5
 
 RING_S: Final = 0.05
 """So far apart are two readings of one sonar, of which the second stops the robot [s]."""
+
+FINEST_RAD: Final = 1e-9
+"""No encoder of a wheel resolves less [rad]."""
+
+FOUND_SHARE: Final = 0.5
+"""By this share of what its motor reaches at least, a wheel with a stuck encoder is found out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +198,8 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
         )
         yield ("navigation", "guard", "reaction_s"), problem
     yield from _beyond_the_motors(config)
+    yield from _hidden_run_away(config)
+    yield from _unreadable_counts(config)
     drive, monitor = config.drive, config.plausibility
     if isinstance(drive, DifferentialDrive):
         return
@@ -226,3 +236,50 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             f"{supply_v:.1f} V, but navigation.guard.deceleration_m_s2 is {deceleration_m_s2:g}"
         )
         yield ("control", "pwm", "slew_per_s"), problem
+
+
+def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield a tolerance within which a motor runs away while its encoder is stuck."""
+    drive, monitor = config.drive, config.plausibility
+    # At least this fast is any motor: the limits are driven, and the supply has a floor.
+    motor_rad_s = max(
+        config.limits.v_max_m_s / max(drive.wheel_radii_m),
+        config.control.pwm.min_bus_voltage_v / monitor.back_emf_v_s_rad,
+    )
+    most_rad_s = FOUND_SHARE * motor_rad_s * (1.0 - monitor.speed_tolerance_share)
+    if monitor.speed_tolerance_rad_s > most_rad_s:
+        problem = (
+            f"{monitor.speed_tolerance_rad_s:g} found, at most {math.floor(1e3 * most_rad_s) / 1e3}"
+            f" allowed: a stuck encoder must show at half the {motor_rad_s:.2g} rad/s that the "
+            "motor reaches"
+        )
+        yield ("plausibility", "speed_tolerance_rad_s"), problem
+
+
+def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield an encoder too fine for a frame that is lost, or too coarse for its monitor."""
+    monitor, counts = config.plausibility, config.drive.counts_per_revolution
+    gap_s = (config.safety.feedback_timeout_periods + 1) * config.runtime.period_ns * 1e-9
+    way_rad = impossible_wheel_rad_s(config.drive, config.limits) * gap_s
+    most = math.floor(math.tau / max(way_rad / STEP_MAX, FINEST_RAD))
+    if counts > most:
+        problem = (
+            f"{counts} found, at most {most} allowed: after more than {STEP_MAX} counts within "
+            f"{1e3 * gap_s:g} ms, which safety.feedback_timeout_periods lets pass, a wheel seems "
+            "to turn backwards"
+        )
+        yield ("drive", "counts_per_revolution"), problem
+    # A count alone in the window reads as so much. At an acceleration a speed is late by what the
+    # wheel gains in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` either is a fault.
+    shown_rad_s = monitor.speed_tolerance_rad_s / (1.0 - monitor.speed_tolerance_share)
+    gained_rad = shown_rad_s**2 * min(config.drive.wheel_radii_m) / (2.0 * config.limits.a_max_m_s2)
+    rad_per_count = min(WINDOW_S * shown_rad_s, gained_rad)
+    least = math.ceil(math.tau / max(rad_per_count, FINEST_RAD))
+    if counts < least:
+        problem = (
+            f"{counts} found, at least {least} allowed: one count more or less makes a sound wheel "
+            "differ from its motor by more than plausibility.speed_tolerance_rad_s "
+            f"({monitor.speed_tolerance_rad_s:g}) lets pass, at rest or at limits.a_max_m_s2 "
+            f"({config.limits.a_max_m_s2:g})"
+        )
+        yield ("drive", "counts_per_revolution"), problem

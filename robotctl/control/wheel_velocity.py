@@ -19,6 +19,13 @@ a change shows first, instead of everywhere; and a sample once left out of the w
 from __future__ import annotations
 
 import math
+from typing import Final
+
+STEP_MAX: Final = 32767
+"""More counts than this between two samples read as backwards."""
+
+WINDOW_S: Final = 0.06
+"""Longest window where no other is asked for [s]."""
 
 
 class WheelVelocityEstimator:
@@ -70,7 +77,7 @@ class WheelVelocityEstimator:
     def __init__(
         self,
         counts_per_revolution: int,
-        window_s: float = 0.06,
+        window_s: float = WINDOW_S,
         band_counts: float = 1.0,
         speed_max_rad_s: float = 300.0,
     ) -> None:

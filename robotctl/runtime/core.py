@@ -145,7 +145,7 @@ class ControlCore:
         self.odometer_start_m = 0.0
         """What the robot had driven in its life before this core was made [m]."""
         self._drive = drive
-        impossible_rad_s = _impossible_rad_s(drive, limits)
+        impossible_rad_s = impossible_wheel_rad_s(drive, limits)
         self._wheels = tuple(
             WheelLoop(pid, control.pwm, drive.counts_per_revolution, impossible_rad_s)
             for pid in control.loops(drive.wheel_names)
@@ -161,7 +161,11 @@ class ControlCore:
             0.0 if isinstance(drive, DifferentialDrive) else drive.steering_max_rad
         )
         self._plausibility = Plausibility(
-            plausibility, drive.wheel_names, control.pwm.deadband, self._steering_max_rad
+            plausibility,
+            drive.wheel_names,
+            control.pwm.deadband,
+            self._steering_max_rad,
+            limits.a_max_m_s2 / max(drive.wheel_radii_m),
         )
         self._sonar_monitor = SonarMonitor(sonars, plausibility.travel_m)
         self._command_before = self._command
@@ -519,7 +523,7 @@ def fastest_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
     return max(abs(corner.omega1_rad_s), abs(corner.omega2_rad_s))
 
 
-def _impossible_rad_s(drive: Drive, limits: LimitsConfig) -> float:
+def impossible_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
     """Return a speed that no wheel of this robot has [rad/s]: counts that need it are wrong."""
     pushed_rad_s = _PUSHED_M_S / min(drive.wheel_radii_m)
     return _IMPOSSIBLE_SHARE * fastest_wheel_rad_s(drive, limits) + pushed_rad_s

@@ -42,8 +42,11 @@ REST_RAD_S: Final = 0.5
 GAIN_RAD_S: Final = 3.0
 """A push that gains more speed its way than this in its time meets inertia, no wall [rad/s]."""
 
+GAIN_SHARE: Final = 1.0 / 3.0
+"""So much of what the robot gains at its greatest acceleration is enough, where that is less."""
+
 PAIR_RAD_S: Final = 4.0
-"""Wheels are compared from this speed on [rad/s]."""
+"""Wheels are compared from this speed on at the latest [rad/s], or from twice the tolerance."""
 
 TEMPERATURES_C: Final = (-30.0, 180.0)
 """Outside of this the temperature sensor is broken [degC]; its wire off reads -40."""
@@ -75,14 +78,16 @@ class PlausibilityConfig:
         the data sheet, times the gear ratio. Not the loop's `kv`, so that tuning cannot blind it.
     speed_tolerance_rad_s, speed_tolerance_share
         The encoder may differ from the speed that duty and current tell by the sum of the first
-        [rad/s] and of the second times the greater of the two, > 0, at most 5 and 0.5.
+        [rad/s] and of the second times the greater of the two, > 0, at most 5 and 0.5. Slow motors
+        need less, coarse encoders more: see docs/safety.md.
     speed_ms
         Longer than this it may not [ms], 5 to 500; half as long if it differs twice as much, since
         a loop whose encoders are exchanged speeds up the more, the faster it is.
     push_v
         Drop `R i` over a winding [V], > 0, at most 10; more than the steepest slope needs.
     push_ms
-        Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000.
+        Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000:
+        without 3 rad/s, or a third of what `limits.a_max_m_s2` gives in this time.
     pair_share
         Two wheels may differ by this in the ratio of counted to electrical speed, > 0, at most 0.5.
     pair_ms
@@ -177,13 +182,18 @@ class WheelMonitor:
         Name of the wheel.
     config
         Tolerances.
+    a_max_rad_s2
+        What the wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
     """
 
-    def __init__(self, name: str, config: PlausibilityConfig) -> None:
+    def __init__(
+        self, name: str, config: PlausibilityConfig, a_max_rad_s2: float = math.inf
+    ) -> None:
         self.name = name
         self._config = config
         self._speed_ns = config.speed_ms * 1_000_000
         self._push_ns = config.push_ms * 1_000_000
+        self._gain_rad_s = min(GAIN_RAD_S, GAIN_SHARE * a_max_rad_s2 * config.push_ms * 1e-3)
         self.reset()
 
     def reset(self) -> None:
@@ -206,8 +216,9 @@ class WheelMonitor:
 
     @property
     def ratio(self) -> float:
-        """Counted over electrical speed; nan below `PAIR_RAD_S`."""
-        if abs(self.electrical_rad_s) < PAIR_RAD_S:
+        """Counted over electrical speed; nan where they are not compared yet."""
+        least_rad_s = min(PAIR_RAD_S, 2.0 * self._config.speed_tolerance_rad_s)
+        if abs(self.electrical_rad_s) < least_rad_s:
             return math.nan
         return self.counted_rad_s / self.electrical_rad_s
 
@@ -268,7 +279,7 @@ class WheelMonitor:
             self._before_rad_s = counted
         if lasts_ns <= self._push_ns:
             return ""
-        if push * (counted - self._before_rad_s) > GAIN_RAD_S:
+        if push * (counted - self._before_rad_s) > self._gain_rad_s:
             # The current does its work. A wheel that loses speed against it is held.
             self._pushing = Standing()
             return ""
@@ -290,6 +301,8 @@ class Plausibility:
         Of the bridges.
     steering_max_rad
         Bound of the linkage [rad]; 0: no steering.
+    a_max_rad_s2
+        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
     """
 
     def __init__(
@@ -298,11 +311,12 @@ class Plausibility:
         wheel_names: tuple[str, ...],
         deadband: float,
         steering_max_rad: float,
+        a_max_rad_s2: float = math.inf,
     ) -> None:
         self._config = config
         self._deadband = deadband
         self._steering_max_rad = steering_max_rad
-        self._wheels = tuple(WheelMonitor(name, config) for name in wheel_names)
+        self._wheels = tuple(WheelMonitor(name, config, a_max_rad_s2) for name in wheel_names)
         self.reset()
 
     def reset(self) -> None:

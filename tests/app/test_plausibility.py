@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -141,6 +142,80 @@ def test_a_fault_in_motion_stops_the_robot_in_time_and_says_which(name: str) -> 
     took_s = trial.drive(v_m_s, omega_rad_s, longest_s + 2.0)
     assert words in trial.reason
     assert took_s <= longest_s
+
+
+def heavy(gear_ratio: float) -> tuple[str, ...]:
+    """Settings of 40 kg behind such gears."""
+    kv = 0.06 * gear_ratio
+    return (
+        *("limits.omega_max_rad_s=0.5", "limits.a_max_m_s2=1.0"),
+        f"plausibility.back_emf_v_s_rad={kv}",
+        *(f"simulation.motor.gear_ratio={gear_ratio}", "simulation.motor.back_emf_v_s_rad=0.06"),
+        *("simulation.mass_kg=40.0", "simulation.yaw_inertia_kg_m2=3.0"),
+        "simulation.battery.cells=7",
+        *(
+            f"control.{wheel}.{gain}"
+            for wheel in ("left", "right")
+            for gain in (f"kp={1.4 * kv}", f"ki={9.0 * kv}", f"kv={kv}", "ks=0.3", f"ka={kv / 20}")
+        ),
+    )
+
+
+SLOW = (*heavy(200.0), "limits.v_max_m_s=0.5", "plausibility.speed_tolerance_rad_s=0.625")
+"""On wheels of 0.3 m it ends at 0.73 m/s; the widest tolerance allowed."""
+
+
+def with_wheels(radius_m: float, folder: Path) -> str:
+    """The file of a `diff_drive` on such wheels, 0.6 m apart; the simulated robot has them too."""
+    text = find_file("diff_drive").read_text(encoding="utf-8")
+    for old, new in (("wheel_radius_m = 0.050", radius_m), ("track_width_m = 0.300", 0.6)):
+        assert text.count(old) == 1
+        text = text.replace(old, f"{old.partition(' ')[0]} = {new}")
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("bend", "v_m_s", "longest_s", "words"),
+    [
+        (scaled(0, 0), 0.1, 0.18, f"{LEFT} stuck"),
+        (scaled(0, 1), -0.1, 0.18, f"{LEFT} stuck"),
+        (scaled(0, 0), 0.4, 0.08, f"{LEFT} stuck"),
+        (scaled(0.75, 1), 0.45, 1.2, "left and right wheel contradict"),
+    ],
+)
+def test_a_large_slow_wheel_does_not_run_away_behind_a_wrong_encoder(
+    tmp_path: Path, bend: Bend, v_m_s: float, longest_s: float, words: str
+) -> None:
+    trial = Trial(with_wheels(0.3, tmp_path), overrides=SLOW).armed()
+    trial.drive(v_m_s, 0.0, 1.0)
+    trial.port.feedback = bend
+    took_s = trial.drive(v_m_s, 0.0, 3.0)
+    assert words in trial.reason
+    assert took_s <= longest_s
+    assert trial.top_m_s <= abs(v_m_s) + 0.3
+
+
+def test_a_large_slow_wheel_that_is_sound_is_not_stopped(tmp_path: Path) -> None:
+    trial = Trial(with_wheels(0.3, tmp_path), overrides=SLOW).armed()
+    for v_m_s, omega_rad_s in ((0.45, 0.0), (-0.45, 0.0), (0.0, 0.5), (0.2, -0.5), (0.02, 0.0)):
+        trial.drive(v_m_s, omega_rad_s, 3.0)
+        assert trial.state == SafetyState.DRIVING, trial.reason
+
+
+def test_a_heavy_robot_drives_off_as_fast_as_it_may_and_a_blocked_wheel_still_stops_it(
+    tmp_path: Path,
+) -> None:
+    fast = (*heavy(50.0), "limits.v_max_m_s=1.0")
+    trial = Trial(with_wheels(0.17, tmp_path), overrides=fast).armed()
+    for v_m_s in (0.8, -0.8, 0.3):
+        trial.drive(v_m_s, 0.0, 2.0)
+        assert trial.state == SafetyState.DRIVING, trial.reason
+    trial.drive(0.0, 0.0, 2.0)
+    trial.bench.simulation.faults.inject("wheel_blocked wheel=left")
+    assert trial.drive(0.3, 0.0, 2.0) < 0.5
+    assert "left wheel is blocked" in trial.reason
 
 
 @pytest.mark.parametrize(

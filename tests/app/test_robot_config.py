@@ -109,6 +109,77 @@ def test_a_bridge_too_slow_for_the_guard_is_refused() -> None:
     )
 
 
+def test_a_tolerance_within_which_a_slow_motor_runs_away_is_refused() -> None:
+    slow = ("plausibility.back_emf_v_s_rad=12", "limits.omega_max_rad_s=0.5")
+    wheel = ("limits.v_max_m_s=0.5", "drive.wheel_radius_m=0.3")  # half of 5/3 rad/s, less 25 %
+    words = r"speed_tolerance_rad_s: 2 found, at most 0\.625 allowed: .* half the 1\.7 rad/s"
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("diff_drive"), [*slow, *wheel])
+    tolerance = "plausibility.speed_tolerance_rad_s="
+    load_robot(find_file("diff_drive"), [*slow, *wheel, f"{tolerance}0.625"])
+    with pytest.raises(ConfigError, match=r"0\.626 found, at most 0\.625 allowed"):
+        load_robot(find_file("diff_drive"), [*slow, *wheel, f"{tolerance}0.626"])
+    share = "plausibility.speed_tolerance_share=0.5"
+    with pytest.raises(ConfigError, match=r"0\.5 found, at most 0\.416 allowed"):
+        load_robot(find_file("diff_drive"), [*slow, *wheel, share, f"{tolerance}0.5"])
+    # A limit far below what the supply gives says nothing of the motor: 6 V / 0.45 V s/rad.
+    load_robot(find_file("diff_drive"), ["limits.v_max_m_s=0.05", f"{tolerance}4.99"])
+
+
+@pytest.mark.parametrize(
+    ("override", "most", "gap_ms"),
+    [
+        # 32767 counts at twice (0.8 m/s + 0.15 m x 2.5 rad/s) / 0.05 m, and 1.5 m/s of pushing.
+        ("runtime.rate_hz=200", 133689, 20),
+        ("runtime.rate_hz=100", 66844, 40),
+        ("safety.feedback_timeout_periods=9", 53475, 50),
+    ],
+)
+def test_an_encoder_whose_counts_read_as_backwards_behind_lost_frames_is_refused(
+    override: str, most: int, gap_ms: int
+) -> None:
+    counts = "drive.counts_per_revolution="
+    load_robot(find_file("diff_drive"), [override, f"{counts}{most}"])
+    words = rf"revolution: {most + 1} found, at most {most} allowed: .* within {gap_ms} ms, "
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("diff_drive"), [override, f"{counts}{most + 1}"])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "least"),
+    [
+        # 2 / 0.75 rad/s at 2.5 m/s^2 / 0.05 m: 2 pi 2 x 50 / 7.11.
+        ((), 89),
+        (("limits.a_max_m_s2=5",), 177),
+        (("plausibility.speed_tolerance_rad_s=4",), 23),
+        # At rest: 2 pi / (0.06 s x 2.67 rad/s).
+        (("limits.a_max_m_s2=0.8",), 40),
+        (("limits.a_max_m_s2=0.8", "plausibility.speed_tolerance_share=0.5"), 27),
+    ],
+)
+def test_an_encoder_too_coarse_for_its_monitor_is_refused(
+    overrides: tuple[str, ...], least: int
+) -> None:
+    counts = "drive.counts_per_revolution="
+    load_robot(find_file("diff_drive"), [*overrides, f"{counts}{least}"])
+    words = f"revolution: {least - 1} found, at least {least} allowed: "
+    with pytest.raises(ConfigError, match=words):
+        load_robot(find_file("diff_drive"), [*overrides, f"{counts}{least - 1}"])
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        *("limits.a_max_m_s2=1e308", "limits.v_max_m_s=1e308", "drive.wheel_radius_m=1e308"),
+        *("plausibility.speed_tolerance_rad_s=5e-324", "plausibility.back_emf_v_s_rad=1e308"),
+        *("limits.v_max_m_s=5e-324", "drive.wheel_radius_m=5e-324"),
+    ],
+)
+def test_what_no_robot_has_is_refused_and_no_bound_overflows(override: str) -> None:
+    with pytest.raises(ConfigError):
+        load_robot(find_file("diff_drive"), [override, "drive.counts_per_revolution=3"])
+
+
 def test_an_override_changes_one_value_only() -> None:
     plain = load_robot(find_file("diff_drive"))
     changed = load_robot(find_file("diff_drive"), ["control.left.kp=2"])

@@ -189,11 +189,23 @@ def test_a_ratio_is_given_from_4_rad_s_on() -> None:
     assert math.isnan(wheel(4.0, -below(4.0)).ratio)
 
 
+def test_a_narrow_tolerance_gives_the_ratio_from_twice_as_much_on_and_a_wide_one_no_later() -> None:
+    narrow, wide = (changed(CONFIG, speed_tolerance_rad_s=value) for value in (0.5, 5.0))
+    assert wheel(0.5, 1.0, config=narrow).ratio == 0.5
+    assert math.isnan(wheel(0.5, below(1.0), config=narrow).ratio)
+    assert wheel(2.0, 4.0, config=wide).ratio == 0.5
+
+
 def push(
-    counted: float, *, begin: float = 5.0, current_a: float = 1.0, lasts_ns: int = 300 * MS + 1
+    counted: float,
+    *,
+    begin: float = 5.0,
+    current_a: float = 1.0,
+    lasts_ns: int = 300 * MS + 1,
+    a_max_rad_s2: float = math.inf,
 ) -> str:
     """What is said of a wheel that turned at `begin` when the current came."""
-    monitor = WheelMonitor("left", CONFIG)
+    monitor = WheelMonitor("left", CONFIG, a_max_rad_s2)
     for speed, now_ns in ((begin, T0), (counted, T0 + lasts_ns)):
         monitor.update(speed, 0.5 * speed + 2.0 * current_a, current_a, 25.0, now_ns)
         said = monitor.push_fault(now_ns)
@@ -225,6 +237,19 @@ def test_a_gain_of_more_than_3_rad_s_along_the_push_meets_inertia(
     for gain, held in ((0.0, True), (3.0, True), (3.001, False)):
         said = push(sign * (begin + gain), begin=sign * begin, current_a=sign)
         assert ("left wheel" in said) is held
+
+
+@pytest.mark.parametrize(
+    ("a_max_rad_s2", "enough"),
+    # A third of what 0.3 s give, up to 3 rad/s.
+    [(6.0, 0.6), (20.0, 2.0), (29.0, 2.9), (31.0, 3.0), (50.0, 3.0)],
+)
+def test_where_the_robot_may_not_get_faster_a_third_of_what_it_may_gain_meets_inertia(
+    a_max_rad_s2: float, enough: float
+) -> None:
+    for gain, held in ((0.0, True), (0.999 * enough, True), (1.001 * enough, False)):
+        assert bool(push(5.0 + gain, a_max_rad_s2=a_max_rad_s2)) is held
+        assert bool(push(gain, begin=0.0, a_max_rad_s2=a_max_rad_s2)) is held
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
