@@ -31,8 +31,8 @@ class GuardConfig:
     reaction_s
         Time from an echo to the brakes, with the median filter and the ring's refresh [s], > 0.
     nose_m
-        How far the robot reaches from `base` in the direction of travel [m], > 0: from there the
-        gap to what the camera sees is counted.
+        How far the robot reaches ahead of `base` [m], > 0: from there the gap to what the camera
+        sees is counted; as far behind `base`, driving backwards.
     half_width_m
         Half of the robot's width with a little room [m], > 0: so far aside are its corners.
     cone_deg
@@ -100,13 +100,13 @@ class ObstacleGuard:
     which makes 8 % of way, and less than `margin_m` at the corners. The sonars ahead alone would
     not do: a wall met at less than 45 degrees gives them no echo at all.
 
-    The body is the rectangle from the rearmost to the foremost sonar, `half_width_m` to each side.
-    The median of the last three readings of each sonar keeps single outliers and lost echoes out.
-    A sonar ahead without reading (nan) makes the robot stand: it would drive blind. Without a
-    sonar in the direction of travel there is nothing to guard, and the speed is free; `looks` tells
-    who must know. Turning on the spot is free, too, or a robot in a corner would never leave it.
-    Points on the floor, which a camera sees, count where the robot driving straight on would meet
-    them.
+    The body is the rectangle from the rearmost to the foremost sonar, `half_width_m` to each side
+    and at least to its outermost sonar. The median of the last three readings of each sonar keeps
+    single outliers and lost echoes out. A sonar ahead without reading (nan) makes the robot stand:
+    it would drive blind. Without a sonar in the direction of travel there is nothing to guard, and
+    the speed is free; `looks` tells who must know. Turning on the spot is free, too, or a robot in
+    a corner would never leave it. Points on the floor, which a camera sees, count where the robot
+    driving straight on would meet them.
 
     Parameters
     ----------
@@ -221,7 +221,8 @@ class ObstacleGuard:
 def _corners(mounts: Sequence[SonarMount], half_width_m: float) -> list[Point]:
     """Return the corners of the body, as far as its sonars tell how long that is."""
     ends = {min((m.x_m for m in mounts), default=0.0), max((m.x_m for m in mounts), default=0.0)}
-    return [(x_m, side * half_width_m) for x_m in sorted(ends) for side in (1.0, -1.0)]
+    half_m = max(half_width_m, *(abs(m.y_m) for m in mounts)) if mounts else half_width_m
+    return [(x_m, side * half_m) for x_m in sorted(ends) for side in (1.0, -1.0)]
 
 
 def _view(index: int, mount: SonarMount, corners: Sequence[Point]) -> _View:

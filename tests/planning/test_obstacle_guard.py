@@ -176,6 +176,15 @@ def test_without_a_sonar_in_the_direction_of_travel_there_is_nothing_to_guard():
     assert ObstacleGuard(CONFIG, ()).step(1.0).v_max_m_s == math.inf
 
 
+def test_the_body_reaches_at_least_to_its_outermost_sonar():
+    ways = []
+    for y_m in (0.10, CONFIG.half_width_m, 0.30):
+        guard = ObstacleGuard(CONFIG, (SonarMount("front_left", 0.15, y_m, 45.0),))
+        guard.observe((0.30,), NEW[:1])
+        ways.append(way_for(guard.step(1.0).v_max_m_s))
+    assert ways[0] < ways[1] == pytest.approx(ways[2])
+
+
 def test_it_says_whether_a_sonar_looks_the_way_asked_for():
     assert ObstacleGuard(CONFIG, MOUNTS).looks(1.0)
     assert ObstacleGuard(CONFIG, MOUNTS).looks(-1.0)
