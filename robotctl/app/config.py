@@ -159,6 +159,7 @@ def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
         yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
     yield from _beyond_the_limits(config)
+    yield from _beyond_the_nose(config)
     names = [mount.name for mount in config.sonar]
     for name in sorted({name for name in names if names.count(name) > 1}):
         second = names.index(name, names.index(name) + 1)
@@ -212,6 +213,20 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
     if monitor.steering_ms < least_ms:
         problem = f"the steering needs {least_ms:.0f} ms from one end to near the other"
         yield ("plausibility", "steering_ms"), f"{monitor.steering_ms} found, but {problem}"
+
+
+def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield a nose that a sonar stands out from: what a camera sees would be met too early."""
+    if config.camera is None or not config.sonar:
+        return
+    nose_m = config.navigation.guard.nose_m
+    foremost = max(config.sonar, key=lambda mount: mount.x_m)
+    if nose_m < foremost.x_m:
+        problem = (
+            f"{nose_m:g} found, but sonar {foremost.name} sits {foremost.x_m:g} m ahead of base, "
+            "and from nose_m the gap to what the camera sees is counted"
+        )
+        yield ("navigation", "guard", "nose_m"), problem
 
 
 def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:

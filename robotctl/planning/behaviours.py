@@ -7,6 +7,7 @@ import math
 from robotctl.model.angles import wrap_angle
 from robotctl.model.drives import Drive
 from robotctl.model.se2 import SE2
+from robotctl.planning.obstacle_guard import ObstacleGuard
 from robotctl.planning.path import Path
 from robotctl.planning.pursuit import (
     Pursuit,
@@ -81,7 +82,8 @@ class GoTo:
     """Drives straight to a point: a differential drive turns to face it first (notes, 1.5).
 
     A drive-and-steer robot drives an arc. A point inside of its smallest turning circles is out
-    of reach of any single arc: it backs up straight until the point is within reach.
+    of reach of any single arc: it backs up straight until the point is within reach. Nobody told
+    it to, so it fails instead where no sonar looks back.
 
     Parameters
     ----------
@@ -89,16 +91,25 @@ class GoTo:
         The point in `world` [m].
     config, drive, speed_m_s
         As for `Pursuit`.
+    guard
+        Tells whether a sonar looks back.
     """
 
     def __init__(
-        self, x_m: float, y_m: float, config: PursuitConfig, drive: Drive, speed_m_s: float
+        self,
+        x_m: float,
+        y_m: float,
+        config: PursuitConfig,
+        drive: Drive,
+        speed_m_s: float,
+        guard: ObstacleGuard,
     ) -> None:
         self._goal = (x_m, y_m)
         self._config = config
         self._radius = drive.min_turning_radius_m
         self._curvature_max = 1.0 / self._radius if self._radius > 0.0 else math.inf
         self._steered = drive.steered
+        self._sees_back = guard.looks(-1.0)
         self._speed = speed_m_s
         self.reset()
 
@@ -122,6 +133,8 @@ class GoTo:
         bearing = heading_error_rad(pose, x, y)
         v = min(self._speed, math.sqrt(2.0 * config.acceleration_m_s2 * distance))
         if self._steered and self._must_back(pose):
+            if not self._sees_back:
+                return failed(f"{text}, too close beside: no sonar looks back for backing up")
             return Step(-0.5 * self._speed, 0.0, text=f"{text}, backing up")
         if not self._steered and self._must_turn(bearing):
             return Step(0.0, turn_rate(bearing, config), text=f"{text}, turning")

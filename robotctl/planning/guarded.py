@@ -12,7 +12,7 @@ _STANDSTILL_M_S = 0.03
 
 def limited(step: Step, guard: ObstacleGuard) -> tuple[Step, GuardStep]:
     """Return `step` slowed to what the guard allows, on the same arc, and what the guard said."""
-    allowed = guard.step(step.v_m_s)
+    allowed = guard.step(step.v_m_s, step.omega_rad_s)
     speed = abs(step.v_m_s)
     if speed <= allowed.v_max_m_s:
         return step, allowed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from robotctl.model.angles import wrap_angle
 from robotctl.model.drives import Drive
@@ -33,12 +33,23 @@ class _Doing(enum.Enum):
     BACK = "backing up"
 
 
+class _Way(NamedTuple):
+    """How it may drive."""
+
+    v_max_m_s: float
+    """At most [m/s], >= 0."""
+    turn_rad_m: float
+    """To the left > 0, per way."""
+
+
 class LookAround:
     """Turns once round, then drives on wherever there is room; it never ends by itself.
 
     A drive-and-steer robot cannot turn on the spot: it begins by driving, and where the way is
-    blocked it backs up with the wheels turned, so that it faces the freer side. Only relative
-    poses are used. A robot without sonars turns on the spot or stands.
+    blocked it backs up with the wheels turned, so that it faces the freer side, or straight where
+    its nose has no room to swing out. Only relative poses are used. Nobody told it to move, so it
+    does not back up where no sonar looks back, and where none looks ahead it turns once round, if
+    it can, and stands.
 
     Parameters
     ----------
@@ -76,18 +87,24 @@ class LookAround:
     def step(self, situation: Situation) -> Step:
         """Return the next velocity."""
         self._measure(situation.pose)
-        ahead = self._guard.step(1.0).v_max_m_s
+        ahead = self._way(1.0)
         if self._doing is _Doing.ROUND and abs(self._turned_rad) >= math.tau:
             self._begin(_Doing.FORWARD)
-        if self._doing is _Doing.FORWARD and ahead < _BLOCKED_M_S:
+        blocked = ahead.v_max_m_s < _BLOCKED_M_S and self._guard.looks(1.0)
+        if self._doing is _Doing.FORWARD and blocked:
             self._begin(_Doing.BACK if self._drive.steered else _Doing.TURN)
             self._direction = self._freer_side(situation.ranges_m)
-        if self._doing is _Doing.TURN and self._has_turned(ahead):
+        if self._doing is _Doing.TURN and self._has_turned(ahead.v_max_m_s):
             self._begin(_Doing.FORWARD)
-        if self._doing is _Doing.BACK and self._has_backed():
+        behind = self._way(-1.0)
+        if self._doing is _Doing.BACK and self._has_backed(behind.v_max_m_s):
             self._begin(_Doing.FORWARD)
-        v, omega = self._velocity(ahead)
-        return Step(v, omega, text=self._doing.value)
+        if self._doing in {_Doing.ROUND, _Doing.TURN}:
+            return Step(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
+        sign, way = (1.0, ahead) if self._doing is _Doing.FORWARD else (-1.0, behind)
+        speed = min(self._speed, way.v_max_m_s)
+        text = self._blind(blocked=blocked) or self._doing.value
+        return Step(sign * speed, speed * way.turn_rad_m, text=text)
 
     def _begin(self, doing: _Doing) -> None:
         """Go over to something else."""
@@ -106,23 +123,31 @@ class LookAround:
         turned = abs(self._turned_rad)
         return turned >= _MOST_TURN_RAD or (turned >= _LEAST_TURN_RAD and ahead_m_s >= self._speed)
 
-    def _has_backed(self) -> bool:
+    def _has_backed(self, behind_m_s: float) -> bool:
         """Say whether there is room ahead now, or none behind."""
-        return self._moved_m >= _BACK_M or self._guard.step(-1.0).v_max_m_s < _BLOCKED_M_S
+        return self._moved_m >= _BACK_M or behind_m_s < _BLOCKED_M_S
 
-    def _velocity(self, ahead_m_s: float) -> tuple[float, float]:
-        """Return the velocity [m/s, rad/s] of what it is at."""
-        if self._doing in {_Doing.ROUND, _Doing.TURN}:
-            return 0.0, self._direction * _TURN_RAD_S
-        if not self._sides:
-            return 0.0, 0.0
-        if self._doing is _Doing.FORWARD:
-            v = min(self._speed, ahead_m_s)
-            # A stuck steered robot has no other way than forwards: in small bends.
-            bend = self._direction / self._drive.min_turning_radius_m if self._drive.steered else 0
-            return v, 0.5 * v * bend
-        v = -min(self._speed, self._guard.step(-1.0).v_max_m_s)
-        return v, -self._direction * v / self._drive.min_turning_radius_m
+    def _way(self, direction: float) -> _Way:
+        """Return how fast it may drive forwards (1) or backwards (-1), and on which arc."""
+        if not self._guard.looks(direction):
+            return _Way(0.0, 0.0)
+        turn = 0.0
+        if self._drive.steered:
+            # Ahead in a small bend, or it would come back to where it was stuck.
+            turn = self._direction / self._drive.min_turning_radius_m
+            turn *= 0.5 if direction > 0.0 else 1.0
+        bent = self._guard.step(direction, turn).v_max_m_s
+        if bent >= _BLOCKED_M_S:
+            return _Way(bent, turn)
+        return _Way(self._guard.step(direction).v_max_m_s, 0.0)
+
+    def _blind(self, *, blocked: bool) -> str:
+        """Return what keeps it from driving where no sonar looks; empty if nothing does."""
+        if not self._guard.looks(1.0):
+            return "no sonar looks ahead"
+        if self._drive.steered and blocked and not self._guard.looks(-1.0):
+            return "the way is blocked, and no sonar looks back"
+        return ""
 
     def _freer_side(self, ranges_m: Sequence[float]) -> float:
         """Return 1 where there is more room to the left, else -1."""

@@ -57,7 +57,9 @@ class MissionRunner:
         check_mission(mission, drive, sonar_directions(mounts), config.guard.margin_m)
         self.mission = mission
         self._behaviours = [
-            Guarded(_behaviour(item, config, drive, mounts), guard, config.guard, _time_out(item))
+            Guarded(
+                _behaviour(item, config, drive, mounts, guard), guard, config.guard, _time_out(item)
+            )
             for item in mission.item
         ]
         self.index = 0
@@ -135,7 +137,11 @@ class MissionRunner:
 
 
 def _behaviour(
-    item: Item, config: NavigationConfig, drive: Drive, mounts: Sequence[SonarMount]
+    item: Item,
+    config: NavigationConfig,
+    drive: Drive,
+    mounts: Sequence[SonarMount],
+    guard: ObstacleGuard,
 ) -> Behaviour:
     """Return the behaviour of an item."""
     match item:
@@ -144,7 +150,7 @@ def _behaviour(
         case FollowWallItem():
             return FollowWall(item, config.wall, mounts)
         case GoToItem():
-            return GoTo(item.x_m, item.y_m, config.pursuit, drive, item.speed_m_s)
+            return GoTo(item.x_m, item.y_m, config.pursuit, drive, item.speed_m_s, guard)
         case TurnToItem():
             return TurnTo(math.radians(item.heading_deg), config.pursuit)
         case WaitItem():

@@ -271,7 +271,7 @@ class Navigator:
             case PositionRequest(x, y):
                 if enabled and self._mode is Mode.GUIDED and _on_earth(x, y):
                     speed = self._config.guided_speed_m_s
-                    goal = GoTo(x, y, self._config.pursuit, self._drive, speed)
+                    goal = GoTo(x, y, self._config.pursuit, self._drive, speed, self._guard)
                     self._velocity, self._ended = None, ""
                     self._behaviour = Guarded(goal, self._guard, self._config.guard)
             case StickRequest():

@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,28 @@ def test_a_guard_with_less_time_than_its_readings_take_is_refused() -> None:
     fast = "navigation.rate_hz=100"
     with pytest.raises(ConfigError, match=r"reaction_s: 0\.07 found, .* 0\.073 s and more \("):
         load_robot(find_file("diff_drive"), [fast, "navigation.guard.reaction_s=0.07"])
+
+
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
+def test_a_robot_that_looks_knows_where_its_nose_is(path: Path) -> None:
+    body = tomllib.loads(path.read_text())["simulation"]["body"]
+    nose_m = load_robot(path).navigation.guard.nose_m
+    assert max(x for x, _ in body) <= nose_m <= max(x for x, _ in body) + 0.02
+
+
+def test_a_nose_behind_the_foremost_sonar_is_refused_where_a_camera_looks(tmp_path: Path) -> None:
+    load_robot(find_file("diff_drive"), ["navigation.guard.nose_m=0.18"])
+    match = r"nose_m: 0\.17 found, but sonar front sits 0\.18 m ahead of base"
+    with pytest.raises(ConfigError, match=match):
+        load_robot(find_file("diff_drive"), ["navigation.guard.nose_m=0.17"])
+    load_robot(find_file("tricycle"), ["navigation.guard.nose_m=0.2"])  # it has no camera
+    text = find_file("diff_drive").read_text()
+    camera = text[text.index("[camera]") : text.index("[can]")]
+    seeing = tmp_path / "seeing.toml"
+    seeing.write_text(find_file("tricycle").read_text() + camera)
+    load_robot(seeing)
+    with pytest.raises(ConfigError, match=r"nose_m: 0\.2 found, but sonar front sits 0\.42 m"):
+        load_robot(seeing, ["navigation.guard.nose_m=0.2"])
 
 
 @pytest.mark.parametrize(

