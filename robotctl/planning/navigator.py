@@ -84,7 +84,7 @@ class NavigationOutputs(NamedTuple):
     mission_failed: bool
     message: str
     item_s_m: float
-    """The way along an item that is a path [m]."""
+    """The way along an item that is a path or a wall [m]."""
 
 
 class Navigator:

@@ -353,7 +353,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     """What the navigation process publishes after each of its steps.
 
     `item` counts mission items from 0 and equals `items` when the mission is completed;
-    `item_s_m` is the way along an item that is a path (m).
+    `item_s_m` is the way along an item that is a path or a wall (m).
     """
 
     stamp_ns: int
