@@ -110,6 +110,11 @@ class Pilot:
         self._station_ns: int | None = None
         """When a ground station was there last."""
 
+    @property
+    def mission_completed(self) -> bool:
+        """AUTO would begin the mission anew."""
+        return self._navigator.mission_completed
+
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
         self._navigator.resume(item, item_s_m)
@@ -263,7 +268,7 @@ def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl)
     """Translate a message for the planning layer, which knows none."""
     match message:
         case SetMode():
-            return ModeRequest(message.mode)
+            return ModeRequest(message.mode, message.stamp_ns)
         case VelocityTarget():
             return VelocityRequest(message.expires_ns, message.v_m_s, message.omega_rad_s)
         case PositionTarget():

@@ -61,7 +61,7 @@ class Guarded:
         return behaviour.s_m if isinstance(behaviour, FollowPath | FollowWall) else 0.0
 
     def resume(self, s_m: float) -> None:
-        """Go on at the way `s_m` along the path or wall [m]; a behaviour without one begins anew."""
+        """Go on at the way `s_m` along the path or wall [m]; without one it begins anew."""
         self.reset()
         if isinstance(self._behaviour, FollowPath | FollowWall):
             self._behaviour.resume(s_m)

@@ -160,6 +160,8 @@ class Navigator:
         self._refused = ""
         self._enabled = False
         """As of the last step that heard of control."""
+        self._stopped_ns = -1
+        """When it was last heard that the robot was stopped [ns]."""
         self._last_ns: int | None = None
         """Time of the last step, None where that did not drive."""
 
@@ -167,6 +169,11 @@ class Navigator:
     def mode(self) -> Mode:
         """The present mode."""
         return self._mode
+
+    @property
+    def mission_completed(self) -> bool:
+        """AUTO would begin the mission anew."""
+        return self._runner is not None and self._runner.completed
 
     def resume(self, item: int, s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at an item and the way along it [m]."""
@@ -189,12 +196,14 @@ class Navigator:
         stopped = self._enabled and inputs.heard and not inputs.enabled
         if inputs.heard:
             self._enabled = inputs.enabled
+        if stopped:
+            self._stopped_ns = now_ns
         self._fall_back(inputs, now_ns, stopped=stopped)
         known = _finite(inputs)
         if known and inputs.localised:
             self._note_way(inputs.pose)
         for request in inputs.requests:
-            self._take(request, inputs.enabled, stopped=stopped)
+            self._take(request, inputs.enabled, now_ns)
         if not known:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
@@ -255,13 +264,13 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended = f"hold: {reason}"
 
-    def _take(self, request: Request, enabled: bool, *, stopped: bool) -> None:
-        """Take one request; of what came until a stop was heard of nothing that drives."""
+    def _take(self, request: Request, enabled: bool, now_ns: int) -> None:
+        """Take one request; of what was asked for until a stop was heard of nothing that drives."""
         match request:
-            case ModeRequest(mode) if stopped and mode not in _BY_HAND:
-                self._refused = _STOPPED
-            case ModeRequest(mode):
-                self._refused = self.refusal(mode)
+            case ModeRequest(mode, stamp_ns):
+                asked_ns = now_ns if stamp_ns is None else stamp_ns
+                old = asked_ns <= self._stopped_ns and mode not in _BY_HAND
+                self._refused = _STOPPED if old else self.refusal(mode)
                 if not self._refused:
                     self._change_mode(mode)
             case VelocityRequest():

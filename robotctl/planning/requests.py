@@ -17,6 +17,8 @@ class ModeRequest(NamedTuple):
     """Change who steers."""
 
     mode: Mode
+    stamp_ns: int | None = None
+    """When it was asked for, monotonic [ns]; None: in the step that takes it."""
 
 
 class VelocityRequest(NamedTuple):
