@@ -54,7 +54,7 @@ class MissionRunner:
         mounts: Sequence[SonarMount],
         guard: ObstacleGuard,
     ) -> None:
-        check_mission(mission, drive, sonar_directions(mounts), config.guard.margin_m)
+        check_mission(mission, drive, sonar_directions(mounts), config.guard)
         self.mission = mission
         self._behaviours = [
             Guarded(_behaviour(item, config, drive, mounts), guard, config.guard, _time_out(item))
