@@ -270,7 +270,9 @@ def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl)
         case SetMode():
             return ModeRequest(message.mode, message.stamp_ns)
         case VelocityTarget():
-            return VelocityRequest(message.expires_ns, message.v_m_s, message.omega_rad_s)
+            return VelocityRequest(
+                message.expires_ns, message.v_m_s, message.omega_rad_s, message.heading_rad
+            )
         case PositionTarget():
             return PositionRequest(message.x_m, message.y_m)
         case ManualControl():

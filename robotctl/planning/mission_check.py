@@ -76,7 +76,8 @@ def _problems(item: Item, drive: Drive, sides: frozenset[str], guard: GuardConfi
         if front_m is not None and front_m <= guard.margin_m:
             yield (
                 f"until.front_below_m = {front_m:g} is never reached, since this robot stops "
-                f"{guard.margin_m:g} m before an obstacle; above navigation.guard.margin_m is allowed"
+                f"{guard.margin_m:g} m "
+                "before an obstacle; above navigation.guard.margin_m is allowed"
             )
 
 

@@ -30,6 +30,7 @@ from robotctl.planning.requests import (
 )
 from robotctl.planning.return_home import ReturnHome
 from robotctl.planning.situation import Situation, Status, Step
+from robotctl.planning.towards import towards
 
 __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
@@ -101,7 +102,7 @@ class Navigator:
     - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
 
     While `localised` is false, AUTO, RTL and positions of GUIDED look around, see `LookAround`: a
-    way through the world needs a place in it.
+    way through the world needs a place in it. A velocity along a direction of the world is void.
 
     While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
     whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
@@ -204,6 +205,8 @@ class Navigator:
             self._note_way(inputs.pose)
         for request in inputs.requests:
             self._take(request, inputs.enabled, now_ns)
+        if not inputs.localised and self._velocity and self._velocity.heading_rad is not None:
+            self._velocity = None
         if not known:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
@@ -325,7 +328,7 @@ class Navigator:
             self._behaviour = None
             self._ended = step.text or "arrived"
         if self._mode is Mode.GUIDED and self._velocity is not None:
-            return self._guided_velocity(self._velocity, now_ns)
+            return self._guided_velocity(self._velocity, situation.pose, now_ns)
         return Step(0.0, 0.0, text=self._ended)
 
     def _manual(self, now_ns: int) -> Step:
@@ -339,11 +342,15 @@ class Navigator:
             return Step(v, turn * v / self._drive.min_turning_radius_m)
         return Step(v, turn * self._limits.omega_max_rad_s)
 
-    def _guided_velocity(self, target: VelocityRequest, now_ns: int) -> Step:
+    def _guided_velocity(self, target: VelocityRequest, pose: SE2, now_ns: int) -> Step:
         """Return the velocity of the ground station, as far as the guard allows."""
-        if now_ns >= target.expires_ns or not math.isfinite(target.v_m_s + target.omega_rad_s):
-            return Step(0.0, 0.0, text="no valid velocity")
         wanted = Step(target.v_m_s, target.omega_rad_s)
+        if target.heading_rad is not None:
+            steered = self._drive.steered
+            twist = towards(target.heading_rad, target.v_m_s, pose.theta_rad, steered=steered)
+            wanted = Step(twist.v_m_s, twist.omega_rad_s)
+        if now_ns >= target.expires_ns or not math.isfinite(wanted.v_m_s + wanted.omega_rad_s):
+            return Step(0.0, 0.0, text="no valid velocity")
         if self._drive.steered:
             if wanted.v_m_s == 0.0 and wanted.omega_rad_s != 0.0:
                 return Step(0.0, 0.0, text="this robot cannot turn on the spot")

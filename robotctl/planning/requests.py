@@ -27,6 +27,8 @@ class VelocityRequest(NamedTuple):
     expires_ns: int
     v_m_s: float
     omega_rad_s: float
+    heading_rad: float | None = None
+    """Direction of `world` to turn to and drive along [rad], in place of `omega_rad_s`."""
 
 
 class PositionRequest(NamedTuple):

@@ -227,12 +227,17 @@ class SetMode(msgspec.Struct, frozen=True, tag=True):
 
 
 class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
-    """GUIDED: a body velocity from the ground station; void after `expires_ns`."""
+    """GUIDED: a body velocity from the ground station; void after `expires_ns`.
+
+    With `heading_rad`, a direction of `world` (rad), the robot turns to that and drives along it,
+    and `omega_rad_s` does not matter.
+    """
 
     stamp_ns: int
     expires_ns: int
     v_m_s: float
     omega_rad_s: float
+    heading_rad: float | None = None
 
 
 class PositionTarget(msgspec.Struct, frozen=True, tag=True):
