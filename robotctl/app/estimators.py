@@ -49,10 +49,13 @@ from robotctl.runtime.sonar_news import SonarNews
 
 Picture: TypeAlias = ParticleCloud | LiveMap
 T = TypeVar("T")
+Stamped = TypeVar("Stamped", bound=LidarScan | CameraView | ExternalPose)
 
 _PICTURE_NS: Final = 500_000_000
 _SHOWN: Final = 300
 """Particles in a picture."""
+_OLDEST_NS: Final = 2_000_000_000
+"""Where the robot was before is not known any more [ns]."""
 
 _WORDS: Final = {
     LocalisationStatus.SEARCHING: "the robot does not know where it is; it looks around",
@@ -68,6 +71,8 @@ class Estimators:
     ----------
     rejected
         Scans that were no scans.
+    untimely
+        Scans, views and poses from after now, or too old.
 
     Parameters
     ----------
@@ -89,12 +94,15 @@ class Estimators:
         self.localiser = localiser
         self.mapper = mapper
         self.rejected = 0
+        self.untimely = 0
         self._history = history
         self._sonar_news = SonarNews(sonar_range_m)
         self._state: LocalisationState | None = None
         self._pictured_ns = 0
         self._status: LocalisationStatus | None = None
         self._said_rejected = False
+        self._said_untimely = False
+        self._news: list[str] = []
 
     def step(
         self,
@@ -105,6 +113,7 @@ class Estimators:
     ) -> LocalisationState | None:
         """Take in all that came since the last step; return what the localiser believes."""
         self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+        scans, poses = self._timely(scans, now_ns), self._timely(poses, now_ns)
         seen = Seen(
             self._good(lidar_scan, [each for each in scans if isinstance(each, LidarScan)]),
             self._good(
@@ -120,6 +129,25 @@ class Estimators:
             self.mapper.step(self._state, seen)
         return self._state
 
+    def _timely(self, messages: Sequence[Stamped], now_ns: int) -> list[Stamped]:
+        """Return messages that may be of now; the others are left out, counted, and said once.
+
+        Who stamps by another clock than CLOCK_MONOTONIC would move the robot to a time that has
+        not come, where all that comes in time counts as late.
+        """
+        timely = [each for each in messages if 0 <= now_ns - each.stamp_ns <= _OLDEST_NS]
+        self.untimely += len(messages) - len(timely)
+        if len(timely) < len(messages) and not self._said_untimely:
+            self._said_untimely = True
+            wrong = next(each for each in messages if each not in timely)
+            late_s = (now_ns - wrong.stamp_ns) / 1e9
+            when = f"{late_s:.1f} s old" if late_s > 0.0 else f"{-late_s:.3f} s ahead of its time"
+            self._news.append(
+                f"a {type(wrong).__name__} is {when} and is left out, as those like it will be: "
+                "by which clock does its sender stamp?"
+            )
+        return timely
+
     def _good(self, scan_of: Callable[[T], RangeScan], messages: Sequence[T]) -> list[RangeScan]:
         """Return messages as scans; those that are none are left out and counted."""
         good = []
@@ -132,7 +160,8 @@ class Estimators:
 
     def news(self) -> list[str]:
         """Return sentences on what has changed since the last call."""
-        said = [] if self.localiser is None else self.localiser.news()
+        said, self._news = self._news, []
+        said += [] if self.localiser is None else self.localiser.news()
         if self._state is not None and self._state.status is not self._status:
             self._status = self._state.status
             said.append(_WORDS[self._status])

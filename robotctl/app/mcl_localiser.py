@@ -109,11 +109,13 @@ class MclLocaliser:
         """Move the particles to a time; False where that is too long ago.
 
         What comes a little late counts where they stand: between two steps a robot moves by
-        centimetres.
+        centimetres. What is newer than the odometry counts at the last pose of that, from which
+        the next way begins.
         """
-        odometry = self._history.at(stamp_ns)
-        if odometry is None or self._at is None:
+        odometry, newest_ns = self._history.at(stamp_ns), self._history.newest_ns
+        if odometry is None or newest_ns is None or self._at is None:
             return False
+        stamp_ns = min(stamp_ns, newest_ns)
         if stamp_ns > self._at[0]:
             self._mcl.move(self._at[1].inverse() @ odometry)
             self._at = (stamp_ns, odometry)

@@ -89,6 +89,8 @@ def resume(pilot: Pilot, options: StackOptions, saved: Progress | None) -> tuple
         pilot.resume(saved.item, saved.item_s_m)
     except ValueError as error:
         return (f"{options.state}: {error}; mode AUTO begins the mission anew",)
+    if pilot.mission_completed:
+        return ("the mission is completed; mode AUTO repeats it",)
     if not saved.item:
         return ()
     return (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)

@@ -23,6 +23,11 @@ class OdometryHistory:
         if not self._poses or stamp_ns > self._poses[-1][0]:
             self._poses.append((stamp_ns, pose))
 
+    @property
+    def newest_ns(self) -> int | None:
+        """Time of the last pose [ns]; None before the first."""
+        return self._poses[-1][0] if self._poses else None
+
     def at(self, stamp_ns: int) -> SE2 | None:
         """Return the pose at a time, interpolated; the last where it is newer than all.
 

@@ -13,6 +13,7 @@ from robotctl import toml_source
 from robotctl.app.config import RobotConfig
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.app.options import StackOptions
+from robotctl.drivers.robot_can import DRIVE_NODE
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
@@ -54,6 +55,11 @@ STATE_MAX_AGE_NS: Final = 200_000_000
 PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
 """A ground station that telemetry has not told of for longer is not there [ns]."""
 
+_UNSEEN: Final = (
+    "what was seen of the floor is forgotten: the robot does not drive forwards by itself until "
+    "the camera has seen what lies right before it; back it up a little by hand"
+)
+
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 """Before the first control state; the navigator then stands and drops no breadcrumb."""
 
@@ -93,12 +99,21 @@ class Pilot:
         self.period_ns = round(1e9 / config.navigation.rate_hz)
         self._odometry = OdometryHistory()
         self._floor = FloorMemory()
+        self._looks = config.camera is not None and config.camera.enabled
+        self._guard = config.navigation.guard
+        self._way: tuple[int, float] | None = None
+        """Boots of the drive and distance [m] of the last state: odometry goes on from there."""
         self._news: list[str] = []
         self._armings: int | None = None
         """The count in the last state, None where that was not enabled."""
         self._needs_station = config.mavlink.hold_without_gcs
         self._station_ns: int | None = None
         """When a ground station was there last."""
+
+    @property
+    def mission_completed(self) -> bool:
+        """AUTO would begin the mission anew."""
+        return self._navigator.mission_completed
 
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
@@ -205,16 +220,33 @@ class Pilot:
         return taken
 
     def _look(self, control: ControlState, views: Sequence[CameraView]) -> list[Point]:
-        """Return what lies on the floor around, by all that the camera saw since arming."""
+        """Return what lies on the floor around, by all that the camera saw while armed.
+
+        It is kept over stops, since odometry goes on, and a thing that the robot has stopped for
+        is often below the picture.
+        """
         odometry = SE2(control.x_m, control.y_m, control.theta_rad)
+        if not self._goes_on(control):
+            self._forget(control, odometry)
         self._odometry.add(control.stamp_ns, odometry)
-        if control.state not in POWERED:
-            self._floor.reset()
-        for view in views:
+        for view in views if control.state in POWERED else ():
             seen_from = self._odometry.at(view.stamp_ns)
             if seen_from is not None:
                 self._floor.see(seen_from, _floor_view(view))
         return self._floor.around(odometry)
+
+    def _goes_on(self, control: ControlState) -> bool:
+        """Say whether odometry has not lost its way since the last state."""
+        drive = [node.boots for node in control.nodes if node.node_id == DRIVE_NODE]
+        before, self._way = self._way, (sum(drive), control.distance_m)
+        return before is not None and before[0] == self._way[0] and before[1] <= self._way[1]
+
+    def _forget(self, control: ControlState, odometry: SE2) -> None:
+        """Forget the floor; what lies below the picture of a robot under way is not known then."""
+        self._odometry, self._floor = OdometryHistory(), FloorMemory()
+        if self._looks and control.armings:
+            self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
+            self._news.append(_UNSEEN)
 
 
 def _floor_view(view: CameraView) -> FloorView:
@@ -236,9 +268,11 @@ def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl)
     """Translate a message for the planning layer, which knows none."""
     match message:
         case SetMode():
-            return ModeRequest(message.mode)
+            return ModeRequest(message.mode, message.stamp_ns)
         case VelocityTarget():
-            return VelocityRequest(message.expires_ns, message.v_m_s, message.omega_rad_s)
+            return VelocityRequest(
+                message.expires_ns, message.v_m_s, message.omega_rad_s, message.heading_rad
+            )
         case PositionTarget():
             return PositionRequest(message.x_m, message.y_m)
         case ManualControl():

@@ -90,9 +90,8 @@ def service_files(
             '"socketcan"'
         )
     if mission is not None:
-        margin_m = config.navigation.guard.margin_m
         sides = sonar_directions(config.sonar)
-        check_mission(load_mission(mission), config.drive, sides, margin_m)
+        check_mission(load_mission(mission), config.drive, sides, config.navigation.guard)
     beside = {ROBOT.parent / name: data for name, data in files_beside(config, robot).items()}
     if taken := beside.keys() & {ROBOT, MISSION}:
         raise ConfigError(f"{robot}: the name {min(taken).name} is taken in /{ROBOT.parent}")

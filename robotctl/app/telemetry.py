@@ -42,7 +42,6 @@ def described(config: RobotConfig) -> TelemetryRobot:
         sonars=config.sonar,
         sonar=config.localisation.sonar,
         has_localiser=config.localisation.method != "none",
-        steered=config.drive.steered,
         arm_timeout_s=config.safety.arm_timeout_ms / 1e3,
     )
 

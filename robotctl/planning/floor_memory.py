@@ -2,7 +2,8 @@
 
 A camera that looks ahead loses what is close: a thing that the robot stops for is often just below
 the picture. So points are kept in the frame of the odometry until the camera sees floor there, or
-the robot is far away. One picture may err: a point counts when two in a row have it.
+the robot is far away. One picture may err: a point counts when two in a row have it. Where the
+points are lost, what lies below the picture is not known, and is doubted until it is seen.
 """
 
 from __future__ import annotations
@@ -69,6 +70,22 @@ class FloorMemory:
         kept = kept[np.hypot(*(kept - [camera.x_m, camera.y_m]).T) <= _REACH_M]
         self._points = _once(np.concatenate([kept, new[_near(new, self._last)]]))
         self._last = new
+
+    def doubt(self, T_odom_base: SE2, nose_m: float, half_width_m: float) -> None:
+        """Take the floor right before the robot for not free until the camera has seen it.
+
+        Parameters
+        ----------
+        T_odom_base
+            Where the robot is in the frame of the odometry.
+        nose_m
+            How far it reaches forwards from `base` [m].
+        half_width_m
+            Half of its width [m].
+        """
+        across = np.linspace(-half_width_m, half_width_m, round(2.0 * half_width_m / _CELL_M) + 1)
+        line = [T_odom_base.apply(nose_m, y_m) for y_m in across.tolist()]
+        self._points = np.concatenate([self._points, line])
 
     def around(self, T_odom_base: SE2) -> list[Point]:
         """Return the points in `base` [m]."""

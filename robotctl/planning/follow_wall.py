@@ -11,11 +11,15 @@ from robotctl.control.wall_following import (
     WallFollower,
     critically_damped,
 )
+from robotctl.model.angles import wrap_angle
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.mission import FollowWallItem
 from robotctl.planning.situation import Situation, Step, done, failed
 from robotctl.planning.sonars import sonar_towards
+
+_TURNED_MAX_RAD = math.radians(30.0)
+"""Turned by more while somebody else steered, the robot would follow another wall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,8 @@ class WallConfig:
 class FollowWall:
     """Drives along a wall until one of the item's conditions is met.
 
+    After an interruption it goes on if the robot still is where it was left, and faces there.
+
     Parameters
     ----------
     item
@@ -63,6 +69,8 @@ class FollowWall:
         See there.
     mounts
         The sonars, in the order of the ranges.
+    off_max_m
+        Farther from where it was left the robot does not go on [m].
 
     Raises
     ------
@@ -71,9 +79,14 @@ class FollowWall:
     """
 
     def __init__(
-        self, item: FollowWallItem, config: WallConfig, mounts: Sequence[SonarMount]
+        self,
+        item: FollowWallItem,
+        config: WallConfig,
+        mounts: Sequence[SonarMount],
+        off_max_m: float,
     ) -> None:
         self._item = item
+        self._off_max_m = off_max_m
         self._config = config
         self._side = _required(mounts, item.side)
         self._front = _required(mounts, "front") if item.until.front_below_m is not None else None
@@ -92,17 +105,34 @@ class FollowWall:
         )
         self.reset()
 
+    @property
+    def s_m(self) -> float:
+        """The way along the wall so far [m]."""
+        return self._travelled
+
+    def resume(self, s_m: float) -> None:
+        """Go on from wherever the robot is, with the way `s_m` behind it [m]."""
+        self.reset()
+        self._travelled = self._lost_since = s_m
+
     def reset(self) -> None:
         """Start anew: nothing travelled, no wall known."""
         self._follower.reset()
         self._last: tuple[SE2, int] | None = None
+        self._left: SE2 | None = None
         self._travelled = 0.0
         self._lost_since = 0.0
         self._near = 0
 
     def step(self, situation: Situation, now_ns: int) -> Step:
-        """Return the next velocity; fails when there has been no wall for too long a way."""
+        """Return the next velocity; fails when there has been no wall for too long a way.
+
+        It fails, too, where the robot is not any more where it was left.
+        """
         pose, speed = situation.pose, self._item.speed_m_s
+        if self._left is not None and (elsewhere := self._elsewhere(self._left, pose)):
+            return failed(elsewhere)
+        self._left = None
         dt = 0.0
         if self._last is not None:
             before, before_ns = self._last
@@ -121,10 +151,23 @@ class FollowWall:
         return Step(speed, omega, text=f"{self._travelled:.1f} m along the wall")
 
     def pause(self) -> None:
-        """Forget pose and wall, which change while somebody else drives."""
-        self._last = None
+        """Forget the wall, which changes while somebody else drives, but not where that was."""
+        if self._last is not None:
+            self._left, self._last = self._last[0], None
         self._lost_since = self._travelled
         self._follower.reset()
+
+    def _elsewhere(self, left: SE2, pose: SE2) -> str:
+        """Return how the robot is not where it was left; empty where it is."""
+        off_m = math.hypot(pose.x_m - left.x_m, pose.y_m - left.y_m)
+        turned_rad = abs(wrap_angle(pose.theta_rad - left.theta_rad))
+        if off_m <= self._off_max_m and turned_rad <= _TURNED_MAX_RAD:
+            return ""
+        return (
+            f"not where it was left: {off_m:.2f} m away and turned by "
+            f"{math.degrees(turned_rad):.0f} deg, {self._off_max_m:g} m and "
+            f"{math.degrees(_TURNED_MAX_RAD):.0f} deg are allowed"
+        )
 
     def _met(self, situation: Situation) -> bool:
         """Say whether a condition to end is met; the front sonar has to say so twice running."""

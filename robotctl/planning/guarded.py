@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robotctl.planning.behaviours import FollowPath
+from robotctl.planning.follow_wall import FollowWall
 from robotctl.planning.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
 from robotctl.planning.situation import Behaviour, Situation, Status, Step, Stopwatch, failed
 
@@ -55,13 +56,14 @@ class Guarded:
 
     @property
     def s_m(self) -> float:
-        """The way along the path [m]; 0 for a behaviour without one."""
-        return self._behaviour.s_m if isinstance(self._behaviour, FollowPath) else 0.0
+        """The way along the path or wall [m]; 0 for a behaviour without one."""
+        behaviour = self._behaviour
+        return behaviour.s_m if isinstance(behaviour, FollowPath | FollowWall) else 0.0
 
     def resume(self, s_m: float) -> None:
-        """Go on at the way `s_m` along the path [m]; a behaviour without one begins anew."""
+        """Go on at the way `s_m` along the path or wall [m]; without one it begins anew."""
         self.reset()
-        if isinstance(self._behaviour, FollowPath):
+        if isinstance(self._behaviour, FollowPath | FollowWall):
             self._behaviour.resume(s_m)
 
     def reset(self) -> None:

@@ -115,7 +115,8 @@ class FollowWallItem:
     side
         Where the wall is: "left" or "right".
     distance_m
-        Wanted reading of the sonar on that side [m], > 0.
+        Wanted distance of `base`, the middle of the robot, from the wall [m], > 0: what the sonar
+        on that side reads, and how far aside it sits.
     until
         When it is done.
     speed_m_s

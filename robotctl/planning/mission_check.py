@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from robotctl.errors import MissionError
 from robotctl.model.drives import Drive
 from robotctl.planning.mission import DriveItem, FollowWallItem, Item, Mission, TurnToItem
+from robotctl.planning.obstacle_guard import GuardConfig
 from robotctl.planning.path import Path
 
 
@@ -18,7 +19,9 @@ def item_title(mission: Mission, index: int) -> str:
     return f"item {index + 1}{name} ({item.kind})"
 
 
-def check_mission(mission: Mission, drive: Drive, sides: frozenset[str], margin_m: float) -> None:
+def check_mission(
+    mission: Mission, drive: Drive, sides: frozenset[str], guard: GuardConfig
+) -> None:
     """Check that a robot can drive a mission.
 
     Parameters
@@ -29,8 +32,9 @@ def check_mission(mission: Mission, drive: Drive, sides: frozenset[str], margin_
         Its drive model.
     sides
         Directions in which it has a sonar: any of "left", "right", "front".
-    margin_m
-        Gap that the obstacle guard keeps [m], `guard.margin_m`: nothing ahead comes nearer.
+    guard
+        Of the obstacle guard: nothing ahead comes nearer than its margin, and no wall beside than
+        half of the robot's width.
 
     Raises
     ------
@@ -40,13 +44,13 @@ def check_mission(mission: Mission, drive: Drive, sides: frozenset[str], margin_
     problems = [
         f"{mission.name}: {item_title(mission, index)}: {problem}"
         for index, item in enumerate(mission.item)
-        for problem in _problems(item, drive, sides, margin_m)
+        for problem in _problems(item, drive, sides, guard)
     ]
     if problems:
         raise MissionError("\n".join(problems))
 
 
-def _problems(item: Item, drive: Drive, sides: frozenset[str], margin_m: float) -> Iterator[str]:
+def _problems(item: Item, drive: Drive, sides: frozenset[str], guard: GuardConfig) -> Iterator[str]:
     """Yield why a robot cannot do an item."""
     if isinstance(item, TurnToItem) and drive.steered:
         yield f"a robot with {drive.kind} drive cannot turn on the spot; use drive with an arc"
@@ -62,11 +66,18 @@ def _problems(item: Item, drive: Drive, sides: frozenset[str], margin_m: float) 
         for side in needed:
             if side not in sides:
                 yield f"this robot has no sonar that looks to the {side}"
+        if item.distance_m < guard.half_width_m:
+            yield (
+                f"distance_m = {item.distance_m:g} is from the robot's middle to the wall, which "
+                f"half of its width would touch; {guard.half_width_m:g} at least "
+                "(navigation.guard.half_width_m) is allowed"
+            )
         front_m = item.until.front_below_m
-        if front_m is not None and front_m <= margin_m:
+        if front_m is not None and front_m <= guard.margin_m:
             yield (
                 f"until.front_below_m = {front_m:g} is never reached, since this robot stops "
-                f"{margin_m:g} m before an obstacle; above navigation.guard.margin_m is allowed"
+                f"{guard.margin_m:g} m "
+                "before an obstacle; above navigation.guard.margin_m is allowed"
             )
 
 

@@ -54,7 +54,7 @@ class MissionRunner:
         mounts: Sequence[SonarMount],
         guard: ObstacleGuard,
     ) -> None:
-        check_mission(mission, drive, sonar_directions(mounts), config.guard.margin_m)
+        check_mission(mission, drive, sonar_directions(mounts), config.guard)
         self.mission = mission
         self._behaviours = [
             Guarded(
@@ -80,7 +80,7 @@ class MissionRunner:
 
     @property
     def item_s_m(self) -> float:
-        """The way along the present item [m]; 0 where it is no path."""
+        """The way along the present item [m]; 0 where it is neither path nor wall."""
         return 0.0 if self.completed else self._behaviours[self.index].s_m
 
     def resume(self, item: int, s_m: float) -> None:
@@ -148,7 +148,7 @@ def _behaviour(
         case DriveItem():
             return FollowPath(item.path(), config.pursuit, drive, item.speed_m_s)
         case FollowWallItem():
-            return FollowWall(item, config.wall, mounts)
+            return FollowWall(item, config.wall, mounts, config.pursuit.off_path_max_m)
         case GoToItem():
             return GoTo(item.x_m, item.y_m, config.pursuit, drive, item.speed_m_s, guard)
         case TurnToItem():

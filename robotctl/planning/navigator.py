@@ -30,6 +30,7 @@ from robotctl.planning.requests import (
 )
 from robotctl.planning.return_home import ReturnHome
 from robotctl.planning.situation import Situation, Status, Step
+from robotctl.planning.towards import towards
 
 __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
@@ -84,7 +85,7 @@ class NavigationOutputs(NamedTuple):
     mission_failed: bool
     message: str
     item_s_m: float
-    """The way along an item that is a path [m]."""
+    """The way along an item that is a path or a wall [m]."""
 
 
 class Navigator:
@@ -101,7 +102,7 @@ class Navigator:
     - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
 
     While `localised` is false, AUTO, RTL and positions of GUIDED look around, see `LookAround`: a
-    way through the world needs a place in it.
+    way through the world needs a place in it. A velocity along a direction of the world is void.
 
     While `enabled` is false the output is zero. A robot that was enabled and is not any more, or
     whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
@@ -160,6 +161,8 @@ class Navigator:
         self._refused = ""
         self._enabled = False
         """As of the last step that heard of control."""
+        self._stopped_ns = -1
+        """When it was last heard that the robot was stopped [ns]."""
         self._last_ns: int | None = None
         """Time of the last step, None where that did not drive."""
 
@@ -167,6 +170,11 @@ class Navigator:
     def mode(self) -> Mode:
         """The present mode."""
         return self._mode
+
+    @property
+    def mission_completed(self) -> bool:
+        """AUTO would begin the mission anew."""
+        return self._runner is not None and self._runner.completed
 
     def resume(self, item: int, s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at an item and the way along it [m]."""
@@ -189,12 +197,16 @@ class Navigator:
         stopped = self._enabled and inputs.heard and not inputs.enabled
         if inputs.heard:
             self._enabled = inputs.enabled
+        if stopped:
+            self._stopped_ns = now_ns
         self._fall_back(inputs, now_ns, stopped=stopped)
         known = _finite(inputs)
         if known and inputs.localised:
             self._note_way(inputs.pose)
         for request in inputs.requests:
-            self._take(request, inputs.enabled, stopped=stopped)
+            self._take(request, inputs.enabled, now_ns)
+        if not inputs.localised and self._velocity and self._velocity.heading_rad is not None:
+            self._velocity = None
         if not known:
             self._pause()
             return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
@@ -255,13 +267,13 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended = f"hold: {reason}"
 
-    def _take(self, request: Request, enabled: bool, *, stopped: bool) -> None:
-        """Take one request; of what came until a stop was heard of nothing that drives."""
+    def _take(self, request: Request, enabled: bool, now_ns: int) -> None:
+        """Take one request; of what was asked for until a stop was heard of nothing that drives."""
         match request:
-            case ModeRequest(mode) if stopped and mode not in _BY_HAND:
-                self._refused = _STOPPED
-            case ModeRequest(mode):
-                self._refused = self.refusal(mode)
+            case ModeRequest(mode, stamp_ns):
+                asked_ns = now_ns if stamp_ns is None else stamp_ns
+                old = asked_ns <= self._stopped_ns and mode not in _BY_HAND
+                self._refused = _STOPPED if old else self.refusal(mode)
                 if not self._refused:
                     self._change_mode(mode)
             case VelocityRequest():
@@ -316,7 +328,7 @@ class Navigator:
             self._behaviour = None
             self._ended = step.text or "arrived"
         if self._mode is Mode.GUIDED and self._velocity is not None:
-            return self._guided_velocity(self._velocity, now_ns)
+            return self._guided_velocity(self._velocity, situation.pose, now_ns)
         return Step(0.0, 0.0, text=self._ended)
 
     def _manual(self, now_ns: int) -> Step:
@@ -330,11 +342,15 @@ class Navigator:
             return Step(v, turn * v / self._drive.min_turning_radius_m)
         return Step(v, turn * self._limits.omega_max_rad_s)
 
-    def _guided_velocity(self, target: VelocityRequest, now_ns: int) -> Step:
+    def _guided_velocity(self, target: VelocityRequest, pose: SE2, now_ns: int) -> Step:
         """Return the velocity of the ground station, as far as the guard allows."""
-        if now_ns >= target.expires_ns or not math.isfinite(target.v_m_s + target.omega_rad_s):
-            return Step(0.0, 0.0, text="no valid velocity")
         wanted = Step(target.v_m_s, target.omega_rad_s)
+        if target.heading_rad is not None:
+            steered = self._drive.steered
+            twist = towards(target.heading_rad, target.v_m_s, pose.theta_rad, steered=steered)
+            wanted = Step(twist.v_m_s, twist.omega_rad_s)
+        if now_ns >= target.expires_ns or not math.isfinite(wanted.v_m_s + wanted.omega_rad_s):
+            return Step(0.0, 0.0, text="no valid velocity")
         if self._drive.steered:
             if wanted.v_m_s == 0.0 and wanted.omega_rad_s != 0.0:
                 return Step(0.0, 0.0, text="this robot cannot turn on the spot")

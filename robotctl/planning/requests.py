@@ -17,6 +17,8 @@ class ModeRequest(NamedTuple):
     """Change who steers."""
 
     mode: Mode
+    stamp_ns: int | None = None
+    """When it was asked for, monotonic [ns]; None: in the step that takes it."""
 
 
 class VelocityRequest(NamedTuple):
@@ -25,6 +27,8 @@ class VelocityRequest(NamedTuple):
     expires_ns: int
     v_m_s: float
     omega_rad_s: float
+    heading_rad: float | None = None
+    """Direction of `world` to turn to and drive along [rad], in place of `omega_rad_s`."""
 
 
 class PositionRequest(NamedTuple):

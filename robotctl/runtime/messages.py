@@ -228,12 +228,17 @@ class SetMode(msgspec.Struct, frozen=True, tag=True):
 
 
 class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
-    """GUIDED: a body velocity from the ground station; void after `expires_ns`."""
+    """GUIDED: a body velocity from the ground station; void after `expires_ns`.
+
+    With `heading_rad`, a direction of `world` (rad), the robot turns to that and drives along it,
+    and `omega_rad_s` does not matter.
+    """
 
     stamp_ns: int
     expires_ns: int
     v_m_s: float
     omega_rad_s: float
+    heading_rad: float | None = None
 
 
 class PositionTarget(msgspec.Struct, frozen=True, tag=True):
@@ -354,7 +359,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     """What the navigation process publishes after each of its steps.
 
     `item` counts mission items from 0 and equals `items` when the mission is completed;
-    `item_s_m` is the way along an item that is a path (m).
+    `item_s_m` is the way along an item that is a path or a wall (m).
     """
 
     stamp_ns: int

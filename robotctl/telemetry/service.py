@@ -51,8 +51,6 @@ class TelemetryRobot:
         What each of them hears, the robot's `[localisation.sonar]`: its range and its beam.
     has_localiser : bool
         Its navigation has a localiser, which must be ready before the robot is armed.
-    steered : bool
-        It is of the drive-and-steer kind, which cannot turn on the spot.
     arm_timeout_s : float
         How long the control process tries to arm before it refuses [s].
     """
@@ -62,7 +60,6 @@ class TelemetryRobot:
     sonars: tuple[SonarMount, ...] = ()
     sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
     has_localiser: bool = False
-    steered: bool = False
     arm_timeout_s: float = 1.0
 
 

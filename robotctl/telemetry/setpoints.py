@@ -30,8 +30,6 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.model.angles import wrap_angle
-from robotctl.model.twist import Twist
 from robotctl.planning.requests import FARTHEST_M, REQUEST_LIFE_NS
 from robotctl.runtime.mavlink_port import Message, Peer
 from robotctl.runtime.messages import PositionTarget, VelocityTarget
@@ -42,12 +40,6 @@ from robotctl.telemetry.service import Context, source
 FOLLOWED: int = common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
 BODY_FRAMES = frozenset({common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_FRD})
 LOCAL_NED: int = common.MAV_FRAME_LOCAL_NED
-
-HEADING_GAIN_1_S = 2.0
-"""Turning rate for each radian of heading error [1/s], where a direction is commanded."""
-
-BEND_SHARE = 0.3
-"""Share of the speed with which a robot that cannot turn on the spot turns to a direction."""
 
 SAY_AGAIN_NS = 30_000_000_000
 
@@ -60,6 +52,15 @@ class Used(NamedTuple):
     acceleration: bool
     yaw: bool
     yaw_rate: bool
+
+
+class Wanted(NamedTuple):
+    """A velocity of `base` [m/s, rad/s], or one along a direction of `world` [rad]."""
+
+    v_m_s: float
+    omega_rad_s: float = 0.0
+    heading_rad: float | None = None
+    """Turned to by the navigator, which knows at each step how far that still is."""
 
 
 class Refused(ValueError):  # noqa: N818 - says what happened to the set-point
@@ -116,11 +117,9 @@ class Setpoints:
             return
         context = self._context
         heading_rad = context.heading_rad(now_ns)
-        twist = velocity_twist(message, used, heading_rad, steered=context.robot.steered)
+        wanted = wanted_velocity(message, used, heading_rad)
         expires_ns = sent_ns + self._timeout_ns
-        self._context.requests.append(
-            VelocityTarget(sent_ns, expires_ns, twist.v_m_s, twist.omega_rad_s)
-        )
+        self._context.requests.append(VelocityTarget(sent_ns, expires_ns, *wanted))
 
 
 def used_parts(mask: int) -> Used:
@@ -166,10 +165,8 @@ def position_target(message: Message, used: Used, sent_ns: int) -> PositionTarge
     return PositionTarget(sent_ns, point.x, point.y)
 
 
-def velocity_twist(
-    message: Message, used: Used, theta_rad: float | None, *, steered: bool = False
-) -> Twist:
-    """Return the velocity of `base` that a velocity set-point asks for.
+def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wanted:
+    """Return what a velocity set-point asks for.
 
     Parameters
     ----------
@@ -179,8 +176,6 @@ def velocity_twist(
         Its type_mask.
     theta_rad : float or None
         Present heading in `world` [rad]; only a velocity in LOCAL_NED other than zero needs it.
-    steered : bool
-        The robot cannot turn on the spot.
 
     Raises
     ------
@@ -192,13 +187,13 @@ def velocity_twist(
     if used.yaw_rate:
         _check_finite(message.yaw_rate)
     if message.coordinate_frame in BODY_FRAMES:
-        return _body_twist(message, used)
+        return _body_velocity(message, used)
     if message.coordinate_frame != LOCAL_NED:
         raise Refused(f"velocity frame {message.coordinate_frame} is not body or local")
-    return _local_twist(message, used, theta_rad, BEND_SHARE if steered else 0.0)
+    return _local_velocity(message, used, theta_rad)
 
 
-def _body_twist(message: Message, used: Used) -> Twist:
+def _body_velocity(message: Message, used: Used) -> Wanted:
     if used.yaw:
         raise Refused("yaw with a velocity of the body")
     if message.type_mask & common.POSITION_TARGET_TYPEMASK_VX_IGNORE:
@@ -209,36 +204,30 @@ def _body_twist(message: Message, used: Used) -> Twist:
         if message.vy != 0.0:
             raise Refused("sideways velocity")
     omega_rad_s = frames.omega_from_yaw_rate_frd(message.yaw_rate) if used.yaw_rate else 0.0
-    return Twist(message.vx, omega_rad_s)
+    return Wanted(message.vx, omega_rad_s)
 
 
-def _local_twist(
-    message: Message, used: Used, theta_rad: float | None, least_share: float
-) -> Twist:
+def _local_velocity(message: Message, used: Used, theta_rad: float | None) -> Wanted:
     if used.velocity != 2:
         raise Refused("half a velocity")
     _check_finite(message.vx, message.vy)
     velocity = frames.enu_from_ned(message.vx, message.vy)
     if velocity == (0.0, 0.0) and not used.yaw:
-        return Twist(
+        return Wanted(
             0.0, frames.omega_from_yaw_rate_frd(message.yaw_rate) if used.yaw_rate else 0.0
         )
     if theta_rad is None:
         raise Refused("local velocity, but heading not known")
     if used.yaw_rate:
         along = velocity.x * math.cos(theta_rad) + velocity.y * math.sin(theta_rad)
-        return Twist(along, frames.omega_from_yaw_rate_frd(message.yaw_rate))
+        return Wanted(along, frames.omega_from_yaw_rate_frd(message.yaw_rate))
     if used.yaw:
         _check_finite(message.yaw)
         direction_rad = frames.theta_from_yaw_ned(message.yaw)
     else:
         direction_rad = math.atan2(velocity.y, velocity.x)
     along = velocity.x * math.cos(direction_rad) + velocity.y * math.sin(direction_rad)
-    error_rad = wrap_angle(direction_rad - theta_rad)
-    # Facing away it turns on the spot first instead of driving off in the wrong direction, or in
-    # a bend, as slowly as it may.
-    share = max(least_share, math.cos(error_rad))
-    return Twist(along * share, HEADING_GAIN_1_S * error_rad)
+    return Wanted(along, heading_rad=direction_rad)
 
 
 def _check_finite(*values: float) -> None:

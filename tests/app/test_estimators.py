@@ -172,6 +172,47 @@ def test_scans_from_before_the_odometry_is_known_are_left_out(world: Path) -> No
     assert (found.x_m, found.y_m) == pytest.approx((0.0, 0.0), abs=0.02)
 
 
+@pytest.mark.parametrize("off_s", [3600.0, 0.001, -2.1, -3600.0])
+@pytest.mark.parametrize("sensor", ["lidar", "camera", "outside"])
+def test_what_is_stamped_by_another_clock_is_left_out_and_said_once(
+    world: Path, sensor: str, off_s: float
+) -> None:
+    several = estimators(world, 'localisation.method="mcl"')
+    news = []
+    for step in range(80):
+        now_ns = 10_000 * MS + 50 * MS * step
+        where, stamp_ns = way(50 * MS * step), now_ns + round(off_s * 1e9)
+        wrong: list[LidarScan | CameraView] = []
+        poses: list[ExternalPose] = []
+        if step % 20 == 10 and sensor == "lidar":
+            wrong = [scan(stamp_ns, SE2(3.0, 2.0, 1.0))]
+        elif step % 20 == 10 and sensor == "camera":
+            wrong = [view(stamp_ns, 0.5, 0.01)]
+        elif step % 20 == 10:
+            poses = [ExternalPose(stamp_ns, 3.0, 2.0, 1.0)]
+        found = several.step(control(now_ns, where), [scan(now_ns, where), *wrong], poses, now_ns)
+        news += several.news()
+    assert found.status is LocalisationStatus.LOCALISED
+    assert distance(pose_in_world(control(now_ns, where), found), where) < 0.05
+    assert several.untimely == 4
+    (said,) = [line for line in news if "is left out" in line]
+    assert ("ahead of its time" in said) == (off_s > 0.0)
+
+
+def test_particles_never_stand_at_a_time_that_the_odometry_has_not_reached(world: Path) -> None:
+    several = estimators(world, 'localisation.method="mcl"')
+    assert several.localiser is not None
+    state = control(10**9, way(0))
+    several.step(state, (), (), 10**9)
+    ahead = Seen(scans=[lidar_scan(scan(3600 * 10**9, way(0)))])
+    several.localiser.step(state, ahead, 10**9)
+    for step in range(1, 40):
+        now_ns = 10**9 + 50 * MS * step
+        where = way(50 * MS * step)
+        found = several.step(control(now_ns, where), [scan(now_ns, where)], (), now_ns)
+    assert distance(pose_in_world(control(now_ns, where), found), where) < 0.05
+
+
 def test_news_are_told_once(world: Path) -> None:
     several = estimators(world, 'localisation.method="mcl"')
     said = []

@@ -153,6 +153,36 @@ def test_a_mode_that_was_asked_for_before_a_stop_is_not_taken_behind_it(
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+@pytest.mark.parametrize("armed_again", [False, True])
+def test_a_mode_of_before_a_stop_that_arrives_later_than_the_stop_is_not_taken(
+    armed: Armed, mode: Mode, armed_again: bool
+) -> None:
+    asked_ns = armed.next_ns()
+    armed.step()
+    armed.enabled = False
+    armed.step()
+    if armed_again:
+        armed.enabled, armed.armings = True, armed.armings + 1
+        armed.step()
+    command, state = armed.step(SetMode(asked_ns, mode))
+    assert (state.mode, state.message) == (Mode.HOLD, "refused: the robot was stopped")
+    assert (command.v_m_s, command.omega_rad_s) == (0.0, 0.0)
+    _, state = armed.step(SetMode(armed.now_ns, mode))
+    assert state.mode is mode
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.MANUAL])
+def test_modes_in_which_the_operator_drives_are_taken_however_old_the_stop(
+    armed: Armed, mode: Mode
+) -> None:
+    asked_ns = armed.next_ns()
+    armed.enabled = False
+    armed.step()
+    _, state = armed.step(SetMode(asked_ns, mode))
+    assert state.mode is mode
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
 def test_a_mode_asked_for_between_a_stop_and_an_arming_that_showed_in_no_state_is_not_taken(
     armed: Armed, mode: Mode
 ) -> None:

@@ -412,6 +412,16 @@ def test_an_item_beyond_the_mission_resumes_nothing_and_navigation_begins_anew(
     assert pilot.step(None, None, [], 0)[1].item == 0
 
 
+def test_a_completed_mission_is_said_to_be_completed_behind_a_restart(
+    options: StackOptions,
+) -> None:
+    write_progress(options, item=3)
+    pilot = Pilot(CONFIG, options)
+    (note,) = resume(pilot, options, load_progress(options)[0])
+    assert note == "the mission is completed; mode AUTO repeats it"
+    assert pilot.step(None, None, [], 0)[1].mission_completed
+
+
 @pytest.mark.parametrize(
     ("environment", "expected"),
     [

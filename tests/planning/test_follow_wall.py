@@ -45,7 +45,7 @@ def test_it_ends_ahead_of_a_wall_in_front(robot, make_run):
 
 def test_one_stray_reading_of_the_front_sonar_does_not_end_it(differential):
     item = FollowWallItem("follow_wall", "right", 0.8, Until(front_below_m=0.5))
-    follower = FollowWall(item, WallConfig(), differential.mounts)
+    follower = FollowWall(item, WallConfig(), differential.mounts, 0.5)
 
     def status(front, new, step):
         ranges = (front, *(math.inf,) * 5, 0.65, math.inf)
@@ -81,7 +81,57 @@ def test_without_a_wall_it_gives_up_after_a_while(robot, make_run):
     assert run.world.distance_m == pytest.approx(0.8, abs=0.15)
 
 
+def moved(pose, x_m, turned_deg):
+    there = pose @ SE2(x_m, 0.0, math.radians(turned_deg))
+    return SE2(there.x_m, there.y_m, there.theta_rad)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "turned_deg", "goes_on"),
+    [(0.0, 0.0, True), (-0.4, 25.0, True), (0.0, 35.0, False), (0.0, 180.0, False),
+     (-0.6, 0.0, False)],
+)  # fmt: skip
+def test_after_an_interruption_it_goes_on_only_where_it_was_left_and_in_that_direction(
+    robot, make_run, x_m, turned_deg, goes_on
+):
+    item = FollowWallItem("follow_wall", "right", 0.8, Until(length_m=2.6))
+    second = FollowWallItem("follow_wall", "right", 0.8, Until(position=(4.5, 0.8)))
+    plan = Mission("wall", "flat", StartPose(1.0, 0.8), (item, second))
+    run = make_run(robot, mission=plan)
+    run.step(ModeRequest(Mode.AUTO))
+    for _ in range(80):
+        run.step()
+    left = run.world.pose
+    run.step(ModeRequest(Mode.GUIDED))
+    run.world.pose = run.world.odometry = moved(left, x_m, turned_deg)
+    run.step()
+    for _ in range(2):  # asked for again, it fails again
+        out = run.step(ModeRequest(Mode.AUTO))
+        assert out.mission_failed != goes_on
+        assert ("not where it was left" in out.message) != goes_on
+        assert (out.v_m_s > 0.0) == goes_on
+        assert out.item == 0
+    run.world.pose = run.world.odometry = left  # and goes on once it is put back
+    out = run.step(ModeRequest(Mode.AUTO))
+    assert out.v_m_s > 0.0
+
+
+def test_the_way_along_a_wall_is_kept_over_a_restart(robot, make_run):
+    item = FollowWallItem("follow_wall", "right", 0.8, Until(length_m=2.6))
+    plan = Mission("wall", "flat", StartPose(1.0, 0.8), (item,))
+    first = make_run(robot, mission=plan)
+    first.step(ModeRequest(Mode.AUTO))
+    for _ in range(100):
+        out = first.step()
+    assert 1.0 < out.item_s_m < 2.0
+    second = make_run(robot, mission=plan, start=first.world.pose)
+    second.navigator.resume(out.item, out.item_s_m)
+    second.step(ModeRequest(Mode.AUTO))
+    second.until(lambda out: out.mission_completed, 60.0)
+    assert second.world.pose.x_m == pytest.approx(1.0 + 2.6, abs=0.1)
+
+
 def test_a_side_without_sonar_is_refused(differential):
     item = FollowWallItem("follow_wall", "left", 0.8, Until(length_m=1.0))
     with pytest.raises(ValueError, match="to the left"):
-        FollowWall(item, WallConfig(), differential.mounts[:1])
+        FollowWall(item, WallConfig(), differential.mounts[:1], 0.5)

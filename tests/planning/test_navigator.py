@@ -161,6 +161,53 @@ def test_a_robot_that_cannot_turn_on_the_spot_says_so(steered, make_run):
     assert out.message == "this robot cannot turn on the spot"
 
 
+@pytest.mark.parametrize("direction_deg", [0.0, 45.0, 90.0, -135.0, 179.0])
+def test_a_robot_told_once_to_drive_in_a_direction_turns_to_it_and_drives_along_it(
+    robot, make_run, direction_deg
+):
+    speed = 0.3
+    run = make_run(robot, flat=False, start=SE2(0.0, 0.0, 0.0))
+    direction = math.radians(direction_deg)
+    wish = VelocityRequest(30_000_000_000, speed, 0.0, direction)
+    out = run.step(GUIDED, wish)
+    turned = [0.0]
+    while run.now_ns < 29_000_000_000:
+        before = run.world.pose.theta_rad
+        out = run.step()
+        step_rad = math.remainder(run.world.pose.theta_rad - before, math.tau)
+        turned.append(turned[-1] + step_rad)
+    assert math.remainder(run.world.pose.theta_rad - direction, math.tau) == pytest.approx(
+        0.0, abs=0.02
+    )
+    assert max(map(abs, turned)) < abs(direction) + 0.2  # the short way, and not round again
+    assert out.v_m_s == pytest.approx(speed, rel=0.01)
+    run.until(lambda out: out.v_m_s == 0.0, 2.0)  # void at its time
+
+
+def test_facing_away_it_turns_on_the_spot_and_a_drive_and_steer_robot_in_a_slow_bend(
+    robot, make_run
+):
+    out = make_run(robot, flat=False).step(GUIDED, VelocityRequest(LATER, 0.5, 0.0, 2.5))
+    assert out.v_m_s == pytest.approx(0.15 if robot.drive.steered else 0.0)
+    assert out.omega_rad_s > 0.0
+
+
+def test_a_direction_means_nothing_once_the_place_is_lost(differential, make_run):
+    run = make_run(differential, flat=False)
+    assert run.step(GUIDED, VelocityRequest(LATER, 0.3, 0.0, 0.0)).v_m_s > 0.0
+    for localised in (False, True):  # nor does one of before when it is found
+        inputs = NavigationInputs(
+            run.world.odometry,
+            run.world.twist,
+            run.world.ranges(),
+            (run.now_ns,) * len(differential.mounts),
+            enabled=True,
+            localised=localised,
+        )
+        out = run.navigator.step(inputs, run.now_ns)
+        assert (out.v_m_s, out.omega_rad_s) == (0.0, 0.0)
+
+
 def test_auto_without_a_mission_is_refused_with_the_reason(robot, make_run):
     run = make_run(robot)
     out = run.step(AUTO)
