@@ -20,7 +20,6 @@ from robotctl.app.config import (
 )
 from robotctl.app.control import PUBLISH_HZ
 from robotctl.app.sim_options import SimOptions, SimulatorError, simulated_robot
-from robotctl.app.telemetry import described
 from robotctl.errors import ConfigError
 
 ROBOTS = sorted(config_directory().glob("*.toml"))
@@ -30,13 +29,6 @@ ROBOTS = sorted(config_directory().glob("*.toml"))
 def test_every_robot_that_comes_along_is_right(path: Path) -> None:
     config = load_robot(path)
     assert config.robot.name == path.stem
-
-
-@pytest.mark.parametrize(
-    ("robot", "steered"), [("diff_drive", False), ("tricycle", True), ("ackermann", True)]
-)
-def test_telemetry_knows_which_robots_cannot_turn_on_the_spot(robot: str, steered: bool) -> None:
-    assert described(load_robot(find_file(robot))).steered is steered
 
 
 @pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
