@@ -20,8 +20,13 @@ MOTOR = MotorStatus(T0, DriveState.ENABLED, 0.0, 0.0, 25.0, 25.0, 0)
 class Robot:
     """A pair of wheels; speeds by the motor are what the duties say, without any current."""
 
-    def __init__(self, names: tuple[str, ...] = ("left", "right"), steering: float = 0.0) -> None:
-        self.monitors = Plausibility(CONFIG, names, DEADBAND, steering)
+    def __init__(
+        self,
+        names: tuple[str, ...] = ("left", "right"),
+        steering: float = 0.0,
+        a_max_rad_s2: float = math.inf,
+    ) -> None:
+        self.monitors = Plausibility(CONFIG, names, DEADBAND, steering, a_max_rad_s2)
         self.now_ns = T0
 
     def sees(
@@ -216,6 +221,14 @@ def test_a_wheel_that_pushes_is_named(index: int) -> None:
     name = ("left", "right")[index - 1]
     said = f"{name} wheel pushes against something: 1.0 A, no faster"
     assert robot.sees(counted, lasts_ns=1, **current) == said
+
+
+@pytest.mark.parametrize(("a_max_rad_s2", "pushes"), [(6.0, False), (math.inf, True)])
+def test_a_robot_that_may_gain_little_need_not_gain_more(a_max_rad_s2: float, pushes: bool) -> None:
+    robot = Robot(a_max_rad_s2=a_max_rad_s2)
+    robot.sees((4.0, 8.0), current1_a=1.0)
+    said = robot.sees((5.0, 8.0), lasts_ns=300 * MS + 1, current1_a=1.0)
+    assert ("pushes against something" in said) is pushes
 
 
 def test_three_jumps_within_a_second_are_a_fault_and_two_are_none() -> None:
