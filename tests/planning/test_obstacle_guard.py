@@ -51,6 +51,10 @@ def test_within_the_margin_the_robot_stands(reading):
     assert "front sees" in step.obstacle
 
 
+def test_a_robot_that_does_not_drive_is_not_limited():
+    assert limit(front=0.05, direction=0.0) == (math.inf, "")
+
+
 def test_only_the_direction_of_travel_counts():
     assert limit(front=0.05, direction=-1.0).v_max_m_s == math.inf
     assert limit(rear=0.05, direction=1.0).v_max_m_s == math.inf
@@ -82,6 +86,13 @@ def test_a_wall_beside_counts_where_a_bend_brings_a_corner_near_and_not_straight
     assert step.obstacle == "left sees 0.10 m"
     # To the right the rear corner swings out, which reaches less far.
     assert step.v_max_m_s < turning(-1.0, left=0.1).v_max_m_s < math.inf
+
+
+def test_in_a_bend_the_outer_corner_reaches_the_wall_ahead_first():
+    # Per way of base the front right corner goes (1 + 0.18, 0.18).
+    step = turning(1.0, front=0.5)
+    assert way_for(step.v_max_m_s) == pytest.approx(0.5 / 1.18 - 0.12 / math.hypot(1.18, 0.18))
+    assert turning(-1.0, front=0.5).v_max_m_s == pytest.approx(step.v_max_m_s)
 
 
 def test_backwards_with_the_wheels_turned_the_front_swings_out():
@@ -141,6 +152,15 @@ def test_a_single_outlier_and_a_single_lost_echo_change_nothing():
     assert guard.step(1.0).v_max_m_s == 0.0
 
 
+def test_an_obstacle_that_two_of_three_readings_do_not_see_any_more_is_gone():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for reading in (0.1, 0.1, 2.0):
+        guard.observe((reading,), NEW[:1])
+    assert guard.step(1.0).v_max_m_s == 0.0
+    guard.observe((2.0,), NEW[:1])
+    assert guard.step(1.0).v_max_m_s > 1.0
+
+
 def test_a_reading_counts_once_however_often_it_is_looked_at():
     guard = ObstacleGuard(CONFIG, MOUNTS[:1])
     for _ in range(3):
@@ -159,6 +179,17 @@ def test_a_sonar_that_falls_silent_stops_the_robot_within_two_steps():
     for _ in range(2):
         guard.observe((math.nan,), (False,))
     assert guard.step(1.0).v_max_m_s == 0.0
+
+
+def test_half_of_the_readings_is_not_enough():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    guard.observe((2.0,), (True,))
+    guard.observe((math.nan,), (False,))
+    assert guard.step(1.0) == (0.0, "sonar front gives no reading")
+
+
+def test_a_sonar_aside_without_reading_hides_no_other():
+    assert limit(front_left=math.nan, rear=0.05, direction=-1.0).v_max_m_s == 0.0
 
 
 def test_a_sonar_ahead_without_reading_stops_the_robot_and_is_named():
@@ -195,10 +226,23 @@ def test_it_says_whether_a_sonar_looks_the_way_asked_for():
     assert not ObstacleGuard(CONFIG, ()).looks(1.0)
 
 
+def test_a_sonar_at_the_edge_of_the_cone_looks_ahead():
+    for heading_deg, looks in ((30.0, True), (30.1, False), (-30.0, True), (-30.1, False)):
+        guard = ObstacleGuard(CONFIG, (SonarMount("aside", 0.1, 0.1, heading_deg),))
+        assert guard.looks(1.0) is looks
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
 @pytest.mark.parametrize("key", ["margin_m", "reaction_s", "blocked_max_s"])
-def test_a_setting_that_is_not_positive_is_refused_by_name(key):
+def test_a_setting_that_is_not_positive_and_finite_is_refused_by_name(key, value):
     with pytest.raises(ValueError, match=key):
-        GuardConfig(**{key: 0.0})
+        GuardConfig(**{key: value})
+
+
+def test_a_robot_may_be_blocked_for_days_and_not_for_ever():
+    GuardConfig(blocked_max_s=1e6)
+    with pytest.raises(ValueError, match="blocked_max_s: 1000001 found, at most 1000000 allowed"):
+        GuardConfig(blocked_max_s=1_000_001)
 
 
 def on_floor(*points, direction=1.0):
@@ -217,7 +261,8 @@ def test_braking_for_a_thing_on_the_floor_ends_before_the_margin_from_the_nose(g
 def test_things_on_the_floor_count_in_the_way_and_in_the_direction_of_travel():
     assert on_floor((0.3, 0.17)).v_max_m_s == 0.0
     assert on_floor((0.3, -0.17)).v_max_m_s == 0.0
-    assert on_floor((0.3, 0.19)).v_max_m_s == math.inf
+    assert on_floor((0.3, CONFIG.half_width_m)).v_max_m_s == math.inf
+    assert on_floor((0.0, 0.0)).v_max_m_s == math.inf  # below it
     assert on_floor((-0.3, 0.0)).v_max_m_s == math.inf
     assert on_floor((-0.3, 0.0), direction=-1.0).v_max_m_s == 0.0
     assert on_floor().v_max_m_s == math.inf
