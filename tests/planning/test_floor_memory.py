@@ -16,14 +16,16 @@ ANGLES = np.linspace(0.5, -0.5, 101)
 CAMERA_X = 0.2
 
 
-def sees(*things: tuple[float, float, float], sigma_m=0.01, nearest_m=0.3, trusted=True):
+def sees(
+    *things: tuple[float, float, float], sigma_m=0.01, nearest_m=0.3, trusted=True, camera_y=0.0
+):
     """A view of things at (bearing, range from the camera, half width in rad)."""
     ranges = np.full(len(ANGLES), math.inf)
     for bearing, range_m, half in things:
         ranges[np.abs(ANGLES - bearing) <= half] = range_m
     return FloorView(
         CAMERA_X,
-        0.0,
+        camera_y,
         ANGLES,
         ranges,
         np.full(len(ANGLES), sigma_m),
@@ -47,6 +49,63 @@ def test_a_thing_counts_when_two_pictures_in_a_row_show_it():
     points = around(memory, SE2())
     assert points[:, 0] == pytest.approx(CAMERA_X + 0.8, abs=0.01)
     assert np.abs(points[:, 1]).max() == pytest.approx(0.8 * math.sin(0.05), abs=0.01)
+
+
+def test_two_pictures_of_two_things_one_behind_the_other_show_neither():
+    memory = FloorMemory()
+    memory.see(SE2(), sees(CUP))
+    memory.see(SE2(), sees((0.0, 1.1, 0.05)))
+    assert len(around(memory, SE2())) == 0
+
+
+@given(
+    theta=st.floats(-3.1, 3.1),
+    bearing=st.floats(-0.4, 0.4),
+    range_m=st.floats(0.4, 1.4),
+    camera_y=st.floats(-0.3, 0.3),
+)
+def test_a_thing_is_where_the_camera_sees_it_however_the_robot_is_turned(
+    theta, bearing, range_m, camera_y
+):
+    memory, here = FloorMemory(), SE2(2.0, -1.0, theta)
+    for _ in range(2):
+        memory.see(here, sees((bearing, range_m, 0.02), camera_y=camera_y))
+    points = around(memory, here)
+    at = CAMERA_X + range_m * math.cos(bearing), camera_y + range_m * math.sin(bearing)
+    assert len(points) > 0
+    assert np.hypot(*(points - at).T).max() < 0.021 * range_m + 1e-6
+
+
+@given(theta=st.floats(-3.1, 3.1), turn=st.floats(-0.3, 0.3), bearing=st.floats(-0.15, 0.15))
+def test_floor_frees_what_was_there_however_the_robot_has_turned(theta, turn, bearing):
+    memory, here = FloorMemory(), SE2(2.0, -1.0, theta)
+    for _ in range(2):
+        memory.see(here, sees((bearing, 1.0, 0.02)))
+    turned = here @ SE2(CAMERA_X, 0.0, 0.0) @ SE2(0.0, 0.0, turn) @ SE2(-CAMERA_X, 0.0, 0.0)
+    elsewhere = bearing - turn + (0.3 if bearing < turn else -0.3)
+    memory.see(turned, sees((bearing - turn, 1.0, 0.05), (elsewhere, 0.5, 0.02)))
+    assert len(around(memory, turned)) > 0
+    memory.see(turned, sees())
+    assert len(around(memory, turned)) == 0
+
+
+@pytest.mark.parametrize(("beyond_rad", "is_kept"), [(0.03, False), (0.05, True)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_lies_5_cm_beside_the_beams_is_not_seen(side, beyond_rad, is_kept):
+    memory = FloorMemory()
+    for _ in range(2):
+        memory.see(SE2(), sees((0.0, 1.3, 0.001)))
+    turn = -side * (ANGLES[0] + beyond_rad)
+    turned = SE2(CAMERA_X, 0.0, 0.0) @ SE2(0.0, 0.0, turn) @ SE2(-CAMERA_X, 0.0, 0.0)
+    memory.see(turned, sees())
+    assert (len(around(memory, turned)) > 0) is is_kept
+
+
+def test_a_range_that_is_a_little_longer_frees_nothing():
+    memory = FloorMemory()
+    for range_m in (0.8, 0.8, 0.85):
+        memory.see(SE2(), sees((0.0, range_m, 0.05)))
+    assert around(memory, SE2())[:, 0].min() == pytest.approx(CAMERA_X + 0.8, abs=0.01)
 
 
 def test_it_is_kept_while_the_robot_drives_so_near_that_the_camera_loses_it():
