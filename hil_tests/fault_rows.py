@@ -21,6 +21,8 @@ class Row:
     omega_rad_s: float = 0.8
     rests_within_m: float = BRAKED_M
     """The way from then on, from 0.4 m/s."""
+    last_true: int | None = None
+    """Of which identifier one more frame is true: with that, which is repeated then, it begins."""
     cut_off: bool = False
     """Whether host and drive do not hear each other, so that each must stop by itself."""
 
@@ -90,9 +92,8 @@ ROWS = (
     Row("frames_destroyed duration=0.5", BUS_GONE, 100, cut_off=True),
     Row("frames_lost id=0x181 duration=0.5", SILENT, 80),
     Row("frames_lost id=0x201 duration=0.5", STOPPED, 100),
-    # What is repeated is the first frame that comes: a period later, on a slow machine two or more.
-    Row("frames_stale id=0x181 duration=0.5", SILENT, 90),
-    Row("frames_stale id=0x201 duration=0.5", STOPPED, 125),
+    Row("frames_stale id=0x181 duration=0.5", SILENT, 80, last_true=0x181),
+    Row("frames_stale id=0x201 duration=0.5", STOPPED, 100, last_true=0x201),
     Row("frames_corrupt id=0x181 duration=0.5", SILENT, 80),
     Row("frames_corrupt id=0x201 duration=0.5", STOPPED, 100),
     Row("frames_late id=0x181 delay=0.2 duration=0.5", SILENT, 80),

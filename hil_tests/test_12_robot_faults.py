@@ -41,21 +41,30 @@ def one_flood_at_a_time(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
-def sees_walls(rig: Rig) -> bool:
-    """Return whether the sonars along the way hear an echo: what sticks is a range then."""
+ALONG = ("front", "rear")
+"""The sonars along the way."""
+
+
+def turn_to_walls(rig: Rig) -> None:
+    """Turn on the spot until the sonars along the way hear an echo: what sticks is a range then."""
+    slots = [index for index, mount in enumerate(rig.config.sonar) if mount.name in ALONG]
+    deadline_s = time.monotonic() + 20.0
     rig.listen()
-    ranges_m = dict(
-        zip((mount.name for mount in rig.config.sonar), rig.control.sonar_m, strict=True)
-    )
-    return all(math.isfinite(ranges_m[name]) for name in ("front", "rear"))
+    while not all(math.isfinite(rig.control.sonar_m[slot]) for slot in slots):
+        assert time.monotonic() < deadline_s, f"no echo: {rig.control.sonar_m}"
+        rig.drive(0.0, 0.8, 0.3)
+
+
+def monotonic_ns(wall_s: float) -> int:
+    """Return the time of the truths at a time of the bus."""
+    return round((wall_s - time.time() + time.monotonic()) * 1e9)
 
 
 def power_off_s(rig: Rig, since_s: float) -> float:
     """Return when the true wheels lost their power: what a dead bus cannot tell."""
-    offset_s = time.time() - time.monotonic()
-    since_ns = round((since_s - offset_s) * 1e9)
+    since_ns = monotonic_ns(since_s)
     rig.wait(lambda: rig.truth.power_off_ns > since_ns, 2.0, "the wheels lose their power")
-    return rig.truth.power_off_ns / 1e9 + offset_s
+    return rig.truth.power_off_ns / 1e9 + time.time() - time.monotonic()
 
 
 def without_power_s(messages: list[can.Message], since_s: float) -> float | None:
@@ -105,8 +114,7 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
         pytest.skip("more frames than a guest's processor takes in real time")
     if not row.omega_rad_s:
         lasting.drive_to_the_middle(radius_m=0.0)
-        while not sees_walls(lasting):
-            lasting.drive(0.0, 0.8, 0.3)
+        turn_to_walls(lasting)
     lasting.drive(0.4, row.omega_rad_s, 0.8)
     messages = lasting.heard(0.05)
     lasting.listen()
@@ -120,6 +128,12 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
         messages += lasting.heard(0.05, before=True)
         lasting.listen()
     messages += lasting.heard(0.2, before=True)
+    if row.last_true is not None:
+        began_s = next(
+            each.timestamp
+            for each in messages
+            if each.arbitration_id == row.last_true and each.timestamp >= began_s
+        )
     heard_s = None if row.cut_off else without_power_s(messages, began_s)
     stopped_s = heard_s or power_off_s(lasting, began_s)
     taken_ms = 1000 * (stopped_s - began_s)
@@ -128,7 +142,7 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     assert row.explains(lasting.control.reason), lasting.control.reason
     assert lasting.control.state == SafetyState.FAULT
     assert any(lasting.control.reason in notice for notice in lasting.notices)
-    stop = lasting.truth_at(round((stopped_s - time.time() + time.monotonic()) * 1e9))
+    stop = lasting.truth_at(monotonic_ns(stopped_s))
     lasting.at_rest()
     assert lasting.truth.distance_m - stop.distance_m < row.rests_within_m
     lasting.wait(

@@ -88,6 +88,7 @@ class OpenLoop:
             bench.open_loop_tick(self._wait)
             refusals = self._health.refusals(bench.clock.now_ns())
             if not refusals:
+                self._health.armed(bench.clock.now_ns())
                 break
         else:
             raise ExperimentError(f"the robot is not ready: {'; '.join(refusals)}")

@@ -41,20 +41,13 @@ class WheelLoop:
         self.estimator = WheelVelocityEstimator(
             counts_per_revolution, speed_max_rad_s=impossible_rad_s
         )
-        self.reference_rad_s = 0.0
-        self.duty = 0.0
         counts_rad = _REST_COUNTS * 2.0 * math.pi / counts_per_revolution
         self._band_rad = max(counts_rad, _REST_RAD)
         self._coarse = counts_rad > _REST_RAD
-        self._stand_rad = 0.0
-        """Middle of the band: where rest began, or where the wheel left the last one."""
-        self._still_s = _REST_S
-        """For how long it has stayed in the band [s], up to `_REST_S`."""
-        self._holds = False
-        """Whether it rolled away from rest, and needs the integral."""
         self._config = pid
         self._pid = Pid(pid)
         self._pwm = PwmMap(pwm)
+        self.reset()
 
     def reset(self) -> None:
         """Forget integral and slew; the next reference is taken as continuing the present speed."""
@@ -63,8 +56,11 @@ class WheelLoop:
         self._pid.reset(self.estimator.velocity_rad_s)
         self._pwm.reset()
         self._stand_rad = self.estimator.position_rad
+        """Middle of the band: where rest began, or where the wheel left the last one."""
         self._still_s = _REST_S
+        """For how long it has stayed in the band [s], up to `_REST_S`."""
         self._holds = False
+        """Whether it rolled away from rest, and needs the integral."""
 
     def step(self, reference_rad_s: float, bus_voltage_v: float, dt_s: float) -> float:
         """Return the duty [-1, 1] for a wheel reference [rad/s] at a supply [V].

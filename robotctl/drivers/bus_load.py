@@ -55,13 +55,14 @@ def nominal_bits(length: int) -> int:
     return 47 + 8 * length
 
 
-def transmission_type(message: Message, sync: Message, rate_hz: float) -> int:
+def transmission_type(message: Message, sync: Message, rate_hz: float, *, steered: bool) -> int:
     """Return n such that a PDO sent on every n-th SYNC keeps its cycle time at another rate.
 
-    A message that the DBC gives the cycle of SYNC itself comes on every SYNC at any rate.
+    A message that the DBC gives the cycle of SYNC itself comes on every SYNC at any rate, and so
+    does the steering angle of a robot that is `steered`.
     Source: CiA 301, transmission types 1 to 240.
     """
-    if message.cycle_ms <= sync.cycle_ms:
+    if message.cycle_ms <= sync.cycle_ms or (steered and message.name == STEERING_STATUS):
         return 1
     return min(max(round(message.cycle_ms * rate_hz / 1000), 1), _TRANSMISSION_TYPE_MAX)
 
@@ -105,8 +106,8 @@ def budget(
 def _period_ms(message: Message, sync: Message, rate_hz: float, *, steered: bool) -> float:
     """Return the time between two frames of a cyclic message [ms]."""
     loop_period_ms = 1000 / rate_hz
-    if message.name in (SYNC, COMMAND) or (steered and message.name == STEERING_STATUS):
+    if message.name in (SYNC, COMMAND):
         return loop_period_ms
     if message.send_type == "OnSync":
-        return loop_period_ms * transmission_type(message, sync, rate_hz)
+        return loop_period_ms * transmission_type(message, sync, rate_hz, steered=steered)
     return message.cycle_ms

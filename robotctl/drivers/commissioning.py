@@ -57,11 +57,10 @@ def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
     status frames come.
     """
     sync = dbc.message(SYNC)
-    rate_hz = parameters.rate_hz
-    motor_every = transmission_type(dbc.message("MotorStatus"), sync, rate_hz)
-    drive_every = transmission_type(dbc.message(STEERING_STATUS), sync, rate_hz)
-    if parameters.steered:
-        drive_every = 1
+    motor_every, drive_every = (
+        transmission_type(dbc.message(name), sync, parameters.rate_hz, steered=parameters.steered)
+        for name in ("MotorStatus", STEERING_STATUS)
+    )
     settings = (
         Setting(0x2000, 0, "command time-out", parameters.command_timeout_ms, 2, " ms"),
         Setting(0x1801, 2, "period of MotorStatus", motor_every, 1, " SYNC"),

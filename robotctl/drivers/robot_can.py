@@ -203,10 +203,8 @@ class CanRobot:
         message = self._codec.dbc.message(name)
         period_ns = message.cycle_ms * 1_000_000
         if message.send_type == "OnSync":
-            sync = self._codec.dbc.message(SYNC)
-            every = transmission_type(message, sync, parameters.rate_hz)
-            if name == DRIVE and parameters.steered:
-                every = 1
+            sync, rate_hz = self._codec.dbc.message(SYNC), parameters.rate_hz
+            every = transmission_type(message, sync, rate_hz, steered=parameters.steered)
             period_ns = every * 1_000_000_000 // parameters.rate_hz
         return E2eReceiver(message, _SILENCE_PERIODS * period_ns, self._counters)
 

@@ -363,6 +363,7 @@ class ControlCore:
         refusals = self._refusals(now_ns)
         if not refusals and self._on(Event.ARM, "", now_ns):
             arming.answer_waiting()
+            self._health.armed(now_ns)
             self._take_over(now_ns)
             return False
         if now_ns - arming.since_ns > self._safety.arm_timeout_ms * 1_000_000:

@@ -155,10 +155,7 @@ class Health:
         return problems[0] if problems else None
 
     def fault(self, now_ns: int) -> str | None:
-        """Return why a powered robot must stop now, or None.
-
-        It was armed when it was last asked for `refusals`.
-        """
+        """Return why a powered robot must stop now, or None."""
         reasons = self._faults(now_ns)
         if reasons:
             return reasons[0]
@@ -168,9 +165,12 @@ class Health:
         stays = f"the motor controller stays in {_words(motor.state)}, told to drive"
         return self.unheard(now_ns) or stays
 
+    def armed(self, now_ns: int) -> None:
+        """Take note that the robot is armed: from now on the drive is to be enabled."""
+        self._idle_ns = now_ns
+
     def refusals(self, now_ns: int) -> tuple[str, ...]:
         """Return all reasons against arming at this moment, in the operator's words."""
-        self._idle_ns = now_ns
         reasons = self._faults(now_ns)
         drive, battery, bus = self.fresh_drive(now_ns), self.battery, self.bus
         if drive is not None and drive is self._unheard:

@@ -80,5 +80,8 @@ def test_a_steered_robot_hears_of_its_steering_on_every_sync(dbc):
 )
 def test_status_frames_keep_their_20_ms_at_any_rate(dbc, rate_hz, every):
     sync = dbc.message("Sync")
-    assert transmission_type(dbc.message("MotorStatus"), sync, rate_hz) == every
-    assert transmission_type(dbc.message("WheelFeedback"), sync, rate_hz) == 1
+    for steered in (False, True):
+        for name, wanted in (("MotorStatus", every), ("WheelFeedback", 1)):
+            found = transmission_type(dbc.message(name), sync, rate_hz, steered=steered)
+            assert found == wanted
+    assert transmission_type(dbc.message("DriveStatus"), sync, rate_hz, steered=True) == 1
