@@ -186,9 +186,7 @@ class WheelMonitor:
         What the wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
     """
 
-    def __init__(
-        self, name: str, config: PlausibilityConfig, a_max_rad_s2: float = math.inf
-    ) -> None:
+    def __init__(self, name: str, config: PlausibilityConfig, a_max_rad_s2: float) -> None:
         self.name = name
         self._config = config
         self._speed_ns = config.speed_ms * 1_000_000
@@ -311,7 +309,7 @@ class Plausibility:
         wheel_names: tuple[str, ...],
         deadband: float,
         steering_max_rad: float,
-        a_max_rad_s2: float = math.inf,
+        a_max_rad_s2: float,
     ) -> None:
         self._config = config
         self._deadband = deadband

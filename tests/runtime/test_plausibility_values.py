@@ -31,7 +31,7 @@ def steer(
     enable: bool = True,
     steering_max_rad: float = 0.5,
 ) -> str:
-    monitors = Plausibility(CONFIG, ("drive",), DEADBAND, steering_max_rad)
+    monitors = Plausibility(CONFIG, ("drive",), DEADBAND, steering_max_rad, math.inf)
     for stamp_ns in (T0, T0 + lasts_ns):
         status = DriveStatus(stamp_ns, 0, stands, 12.0, 1, 0)
         monitors.take_drive(status, WheelCommand(enable, False, 0.0, 0.0, told))
@@ -60,7 +60,7 @@ def test_steering_is_not_judged_while_the_bridges_are_off_nor_where_there_is_non
 
 
 def test_after_a_reset_the_steering_has_its_whole_time_again() -> None:
-    monitors = Plausibility(CONFIG, ("drive",), DEADBAND, 0.5)
+    monitors = Plausibility(CONFIG, ("drive",), DEADBAND, 0.5, math.inf)
     command = WheelCommand(True, False, 0.0, 0.0, 0.4)
 
     def at(time_ns: int) -> str:
@@ -79,7 +79,7 @@ class Clocks:
 
     def __init__(self, first_us: int = 1_048_000, share: float = 0.03, at_ns: int = T0) -> None:
         config = changed(CONFIG, clock_share=share)
-        self.monitors = Plausibility(config, ("drive",), DEADBAND, 0.0)
+        self.monitors = Plausibility(config, ("drive",), DEADBAND, 0.0, math.inf)
         self.latch_us, self.stamp_ns = first_us, at_ns
         self.monitors.take_wheels(WheelFeedback(at_ns, first_us, 0, 0))
 
@@ -160,7 +160,7 @@ def values(
     battery_v: float = 12.0,
     steering: float = 0.5,
 ) -> tuple[str, ...]:
-    monitors = Plausibility(CONFIG, ("left", "right")[: len(speeds)], DEADBAND, steering)
+    monitors = Plausibility(CONFIG, ("left", "right")[: len(speeds)], DEADBAND, steering, math.inf)
     return monitors.value_faults(
         replace(MOTOR, **(motor or {})),
         replace(DRIVE, **(drive or {})),

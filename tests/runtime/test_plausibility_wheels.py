@@ -107,7 +107,7 @@ def test_currents_and_temperatures_are_those_of_the_wheel() -> None:
 
 
 def test_duties_within_the_dead_band_turn_nothing() -> None:
-    monitors = Plausibility(CONFIG, ("left", "right"), DEADBAND, 0.0)
+    monitors = Plausibility(CONFIG, ("left", "right"), DEADBAND, 0.0, math.inf)
     command = WheelCommand(True, False, DEADBAND, -DEADBAND, 0.0)
     for number in range(100):
         motor = replace(MOTOR, stamp_ns=T0 + number * 5 * MS)
