@@ -20,7 +20,7 @@ from robotctl.app.localisation_map import (
 )
 from robotctl.app.localiser import Localiser, Seen
 from robotctl.app.map_sensors import MapSensors
-from robotctl.app.mapper import Mapper
+from robotctl.app.mapper import Mapper, live_map
 from robotctl.app.mcl_localiser import MclLocaliser
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.app.place_watch import load_place_watch
@@ -33,12 +33,14 @@ from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.occupancy_grid import OccupancyGrid
+from robotctl.model.grid_map import GridMap
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.runtime.estimation_messages import (
     CameraView,
+    GivenMap,
     LidarScan,
     LiveMap,
     LocalisationState,
@@ -47,11 +49,13 @@ from robotctl.runtime.estimation_messages import (
 from robotctl.runtime.messages import ControlState, ExternalPose
 from robotctl.runtime.sonar_news import SonarNews
 
-Picture: TypeAlias = ParticleCloud | LiveMap
+Picture: TypeAlias = ParticleCloud | LiveMap | GivenMap
 T = TypeVar("T")
 Stamped = TypeVar("Stamped", bound=LidarScan | CameraView | ExternalPose)
 
 _PICTURE_NS: Final = 500_000_000
+_GIVEN_NS: Final = 10_000_000_000
+"""The map that does not change is told so often, for who begins to listen later [ns]."""
 _SHOWN: Final = 300
 """Particles in a picture."""
 _OLDEST_NS: Final = 2_000_000_000
@@ -82,6 +86,8 @@ class Estimators:
         Of the odometry.
     sonar_range_m
         For so far the sonars listen [m].
+    given
+        The map that the robot localises itself in; None: there is none.
     """
 
     def __init__(
@@ -90,6 +96,7 @@ class Estimators:
         mapper: Mapper | None,
         history: OdometryHistory,
         sonar_range_m: float,
+        given: GridMap | None = None,
     ) -> None:
         self.localiser = localiser
         self.mapper = mapper
@@ -98,6 +105,8 @@ class Estimators:
         self._history = history
         self._sonar_news = SonarNews(sonar_range_m)
         self._state: LocalisationState | None = None
+        self._given = None if given is None else live_map(given, 0)
+        self._given_ns = -_GIVEN_NS
         self._pictured_ns = 0
         self._status: LocalisationStatus | None = None
         self._said_rejected = False
@@ -184,6 +193,9 @@ class Estimators:
             grid = self.mapper.live_map(now_ns)
             if grid is not None:
                 found.append(grid)
+        if self._given is not None and now_ns - self._given_ns >= _GIVEN_NS:
+            self._given_ns = now_ns
+            found.append(GivenMap(now_ns, self._given))
         return found
 
 
@@ -200,15 +212,17 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     settings = config.localisation
     history = OdometryHistory()
     localiser: Localiser | None = None
-    mapper = None
-    if settings.method == "ekf":
-        localiser = _ekf(config, load_localisation_map(settings.map, beside), start)
-    elif settings.method == "mcl":
+    mapper = given = None
+    if settings.method != "none":
         chart = load_localisation_map(settings.map, beside)
-        localiser = _mcl(config, chart, start, history, beside)
+        given = chart.grid
+        if settings.method == "ekf":
+            localiser = _ekf(config, chart, start)
+        else:
+            localiser = _mcl(config, chart, start, history, beside)
     if settings.mapping:
         mapper = _mapper(config, history)
-    return Estimators(localiser, mapper, history, settings.sonar.max_range_m)
+    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, given)
 
 
 def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocaliser:

@@ -55,6 +55,7 @@ from robotctl.runtime.messages import (
     WheelCommand,
 )
 from robotctl.runtime.safety import POWERED
+from robotctl.telemetry.log_entries import Published
 
 if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
@@ -252,28 +253,28 @@ class LockstepRun:
             self.bench.simulation.bus,
             record_header(self.config, self._stack),
             self.bench.core,
-            self.config.robot.name,
+            self.config,
         )
 
-    def _see(self, control: ControlState) -> list[LidarScan | CameraView | LocalisationState]:
+    def _see(self, control: ControlState) -> list[Published]:
         """Let the estimators work, and score them; return what they saw and believe."""
         now_ns, simulation = control.stamp_ns, self.bench.simulation
         self._score.truth(StampedPose(now_ns, *simulation.pose()))
         self._score.control(control)
-        seen: list[LidarScan | CameraView | LocalisationState] = []
+        scans: list[LidarScan | CameraView] = []
         if self._camera is not None:
             for view in self._camera.step(simulation, control):
                 self._score.view(view)
-                seen.append(view)
+                scans.append(view)
         if self._estimators is None:
-            return seen
+            return [*scans]
         lidar = simulation.config.simulation.lidar
         if lidar is not None and now_ns - self._scanned_ns >= 1e9 / lidar.rate_hz:
             self._scanned_ns = now_ns
             scan = simulation.scan()
-            seen += [] if scan is None else [LidarScan(**msgspec.structs.asdict(scan))]
+            scans += [] if scan is None else [LidarScan(**msgspec.structs.asdict(scan))]
+        seen: list[Published] = [*scans]
         begin_ns = time.perf_counter_ns()
-        scans = [each for each in seen if not isinstance(each, LocalisationState)]
         state = self._estimators.step(control, scans, (), now_ns)
         if state is not None:
             step_us = (time.perf_counter_ns() - begin_ns) / 1000
@@ -281,6 +282,7 @@ class LockstepRun:
             self._score.localisation(self._localisation)
             seen.append(state)
         for picture in self._estimators.pictures(now_ns):
+            seen.append(picture)
             if isinstance(picture, LiveMap):
                 self._score.map(picture)
         return seen

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from firmware_sim.bus.log import LogWriter
+from robotctl.app.config import RobotConfig
 from robotctl.app.log_folder import LogFolder
-from robotctl.app.logs import StateLog
+from robotctl.app.logs import StateLog, scene_of
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
 from robotctl.runtime.recorder import Checkpoint, Recorder, RecordHeader
-from robotctl.telemetry.mcap_log import Published
+from robotctl.telemetry.log_entries import Published
 
 if TYPE_CHECKING:
     from firmware_sim.bus.core import Bus
@@ -72,7 +73,7 @@ class LockstepLogs:
         Of the records of ticks.
     core
         Whose ticks are recorded.
-    name
+    config
         Of the robot.
 
     Raises
@@ -82,7 +83,12 @@ class LockstepLogs:
     """
 
     def __init__(
-        self, folder: LogFolder, bus: Bus, header: RecordHeader, core: ControlCore, name: str
+        self,
+        folder: LogFolder,
+        bus: Bus,
+        header: RecordHeader,
+        core: ControlCore,
+        config: RobotConfig,
     ) -> None:
         self.directory = folder.directory
         self.run = folder.begin_run()
@@ -91,7 +97,7 @@ class LockstepLogs:
             return folder.new("can", "log")
 
         self._ticks = TickLog(folder, header, core)
-        self._states = StateLog(folder, 0, name)
+        self._states = StateLog(folder, 0, config.robot.name, scene_of(config))
         self._files = ExitStack()
         self._files.enter_context(
             LogWriter(

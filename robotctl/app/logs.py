@@ -9,15 +9,17 @@ from typing import BinaryIO, Final
 
 import can
 
+from robotctl.app.config import RobotConfig
 from robotctl.app.log_folder import LogFolder, close_log, is_gone
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.candump import CandumpReader
 from robotctl.runtime.part_file import remove_parts
+from robotctl.telemetry.log_entries import Published
+from robotctl.telemetry.log_scene import Scene
 from robotctl.telemetry.mcap_log import (
     LogInUseError,
     McapLog,
     McapLogError,
-    Published,
     is_complete,
     recover,
 )
@@ -39,12 +41,17 @@ class StateLog:
         Added to CLOCK_MONOTONIC to get wall time [ns].
     name
         Of the robot.
+    scene
+        What is known of the robot that viewers show; None: nothing.
     """
 
-    def __init__(self, folder: LogFolder, epoch_ns: int, name: str) -> None:
+    def __init__(
+        self, folder: LogFolder, epoch_ns: int, name: str, scene: Scene | None = None
+    ) -> None:
         self._folder = folder
         self._epoch_ns = epoch_ns
         self._name = name
+        self._scene = scene or Scene()
         self._file: BinaryIO | None = None
         self._log: McapLog | None = None
         self._flushed_ns = 0
@@ -55,7 +62,7 @@ class StateLog:
             return
         if self._log is None or self._file is None:
             self._file = self._folder.open("robot", "mcap")
-            self._log = McapLog(self._file, self._epoch_ns, self._name)
+            self._log = McapLog(self._file, self._epoch_ns, self._name, self._scene)
         for message in messages:
             self._log.add(message)
         if now_ns - self._flushed_ns >= FLUSH_NS:
@@ -146,6 +153,16 @@ class BusLog:
         file, self._file = self._file, None
         if file is not None:
             close_log(file)
+
+
+def scene_of(config: RobotConfig) -> Scene:
+    """Return what is known of a robot before it runs."""
+    camera = config.camera
+    return Scene(
+        config.sonar,
+        camera.mount if camera is not None and camera.enabled else None,
+        has_localiser=config.localisation.method != "none",
+    )
 
 
 def recover_all(folder: LogFolder) -> tuple[str, ...]:

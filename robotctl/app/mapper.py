@@ -108,6 +108,7 @@ def live_map(grid: GridMap, now_ns: int) -> LiveMap:
         x_m=grid.origin.x_m,
         y_m=grid.origin.y_m,
         cells=grid.cells.tobytes(),
+        theta_rad=grid.origin.theta_rad,
     )
 
 

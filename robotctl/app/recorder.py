@@ -15,7 +15,7 @@ import zmq
 from robotctl.app.config import RobotConfig
 from robotctl.app.flight import FlightDumps, RecordCopy
 from robotctl.app.log_folder import LogFolder
-from robotctl.app.logs import BusLog, StateLog, recover_all
+from robotctl.app.logs import BusLog, StateLog, recover_all, scene_of
 from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.signals import StopFlag
@@ -32,7 +32,7 @@ from robotctl.runtime.topics import (
     endpoint_directory,
     ring_path,
 )
-from robotctl.telemetry.mcap_log import Published
+from robotctl.telemetry.log_entries import Published
 
 PERIOD_NS: Final = 100_000_000
 LISTEN_PERIODS: Final = 20
@@ -143,7 +143,7 @@ class Logs:
     def __init__(self, ring: Path, folder: LogFolder, config: RobotConfig) -> None:
         epoch_ns = time.time_ns() - time.monotonic_ns()
         self._copy = RecordCopy(ring, folder)
-        self._states = StateLog(folder, epoch_ns, config.robot.name)
+        self._states = StateLog(folder, epoch_ns, config.robot.name, scene_of(config))
         self._bus = BusLog(folder, config.can, epoch_ns)
         self._retry_ns = 0
 

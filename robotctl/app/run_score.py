@@ -132,7 +132,7 @@ class RunScore:
 def grid_of(message: LiveMap) -> GridMap:
     """Return a message as a map."""
     cells = np.frombuffer(message.cells, np.int8).reshape(message.rows, message.columns)
-    return GridMap(cells, message.resolution_m, SE2(message.x_m, message.y_m, 0.0))
+    return GridMap(cells, message.resolution_m, SE2(message.x_m, message.y_m, message.theta_rad))
 
 
 def _stamped(control: ControlState) -> StampedPose:

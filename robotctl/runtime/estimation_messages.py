@@ -98,3 +98,11 @@ class LiveMap(msgspec.Struct, frozen=True, tag=True):
     x_m: float
     y_m: float
     cells: bytes
+    theta_rad: float = 0.0
+
+
+class GivenMap(msgspec.Struct, frozen=True, tag=True):
+    """The map that the robot localises itself in, told again and again for who comes late."""
+
+    stamp_ns: int
+    map: LiveMap

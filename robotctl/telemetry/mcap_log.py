@@ -1,8 +1,7 @@
 """The continuous log: what the processes publish, as MCAP with JSON messages.
 
-Topics are `control`, `navigation`, `localisation`, `lidar`, `camera` and `notice`; see
-docs/logs.md. A chunk ends at each `flush`, so that a file cut anywhere holds all that came before
-its last flush. Such a file has no index: strict readers want it recovered first.
+docs/logs.md lists its topics. A chunk ends at each `flush`, so that a file cut anywhere holds all
+that came before its last flush. Such a file has no index: strict readers want it recovered first.
 """
 
 from __future__ import annotations
@@ -10,11 +9,11 @@ from __future__ import annotations
 import io
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Final, TypeAlias
+from typing import BinaryIO, Final
 
 import msgspec
 from mcap.records import Channel, Header, McapRecord, Message, Schema
@@ -23,24 +22,14 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 import robotctl
 from robotctl.errors import RobotctlError
-from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
-from robotctl.runtime.messages import ControlState, NavigationState, Notice
+from robotctl.runtime.messages import Notice
 from robotctl.runtime.part_file import part_file
 from robotctl.runtime.ring_file import hold
 from robotctl.runtime.state_file import damaged_name
-from robotctl.telemetry.log_schema import (
-    LASER_SCHEMA,
-    LOG_SCHEMA,
-    laser_scan,
-    log_entry,
-    plain,
-    schema_of,
-)
+from robotctl.telemetry.log_entries import TOPICS, Entry, LogEntries, Published
+from robotctl.telemetry.log_scene import Scene
+from robotctl.telemetry.log_schema import JsonSchema
 from robotctl.telemetry.mcap_records import Gap, whole_records
-
-Published: TypeAlias = (
-    ControlState | NavigationState | LocalisationState | LidarScan | CameraView | Notice
-)
 
 _LIBRARY: Final = f"robotctl {robotctl.__version__}"
 
@@ -54,7 +43,7 @@ class LogInUseError(McapLogError):
 
 
 class McapLog:
-    """Writes published messages to an MCAP file.
+    """Writes published messages to an MCAP file, and what a viewer needs to show them in space.
 
     Parameters
     ----------
@@ -64,29 +53,21 @@ class McapLog:
         Added to the stamps of messages to get wall time [ns].
     name
         Of the robot.
+    scene
+        What all files of a run share; None: a robot of which nothing is known.
     """
 
-    def __init__(self, file: BinaryIO, epoch_ns: int, name: str) -> None:
+    def __init__(
+        self, file: BinaryIO, epoch_ns: int, name: str, scene: Scene | None = None
+    ) -> None:
         self._writer = Writer(file)
         self._writer.start(library=_LIBRARY)
-        self._epoch_ns = epoch_ns
-        self._name = name
         self._encode = msgspec.json.Encoder().encode
-        self._channels: dict[type, int] = {
-            ControlState: self._channel("control", "ControlState", schema_of(ControlState)),
-            NavigationState: self._channel(
-                "navigation", "NavigationState", schema_of(NavigationState)
-            ),
-            LocalisationState: self._channel(
-                "localisation", "LocalisationState", schema_of(LocalisationState)
-            ),
-            CameraView: self._channel("camera", "CameraView", schema_of(CameraView)),
-            LidarScan: self._channel("lidar", "foxglove.LaserScan", LASER_SCHEMA),
-            Notice: self._channel("notice", "foxglove.Log", LOG_SCHEMA),
-        }
+        self._entries = LogEntries(epoch_ns, name, scene or Scene())
+        self._channels = {topic: self._channel(topic, *known) for topic, known in TOPICS.items()}
 
-    def _channel(self, topic: str, name: str, schema: dict[str, object]) -> int:
-        """Register a topic."""
+    def _channel(self, topic: str, name: str, schema: JsonSchema) -> int:
+        """Register a topic with the name of its schema."""
         schema_id = self._writer.register_schema(
             name, SchemaEncoding.JSONSchema, self._encode({"title": name, **schema})
         )
@@ -94,23 +75,20 @@ class McapLog:
 
     def add(self, message: Published) -> None:
         """Add a message at its stamp."""
-        time_ns = message.stamp_ns + self._epoch_ns
-        if isinstance(message, Notice):
-            content = log_entry(time_ns, message.severity, message.text, self._name)
-        elif isinstance(message, LidarScan):
-            content = laser_scan(time_ns, message)
-        else:
-            content = plain(message)
-        self._writer.add_message(
-            self._channels[type(message)], time_ns, self._encode(content), time_ns
-        )
+        self._write(self._entries.of(message))
+
+    def _write(self, entries: Iterable[Entry]) -> None:
+        """Write entries."""
+        for topic, wall_ns, content in entries:
+            self._writer.add_message(self._channels[topic], wall_ns, self._encode(content), wall_ns)
 
     def flush(self) -> None:
         """Hand all that was added to the kernel, where a kill does not reach it."""
         self._writer.flush()
 
     def close(self) -> None:
-        """Write the index; the file is complete then."""
+        """Write the newest maps and the index; the file is complete then."""
+        self._write(self._entries.newest_maps())
         self._writer.finish()
 
 

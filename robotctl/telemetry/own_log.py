@@ -5,14 +5,13 @@ its place from `localisation`. Where the sonars sit and what they heard is in `c
 beside it; without that their ranges come from `control` too (`own_sonars`). The reference is
 `truth-0001.tum` in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is
 one (its times are those of the log); older versions called it `truth.tum`. All of a folder is taken
-for one robot. JSON knows no infinity: a beam of the lidar without a range is inf there; a
-sonar without one has heard no echo if its time is new, since the time of one that failed or is not
+for one robot. Logs of older versions do not tell a missing echo from a sonar that failed: there one
+without a range has heard no echo if its time is new, since the time of one that failed or is not
 there stays. See docs/logs.md.
 """
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +24,6 @@ import numpy as np
 from mcap.records import Channel, Message
 from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC
-from numpy.typing import NDArray
 
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.range_scan import RangeScan
@@ -36,7 +34,15 @@ from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.log_text import LogFormatError, in_order
 from robotctl.telemetry.mcap_log import log_records
 from robotctl.telemetry.mcap_records import Gap
-from robotctl.telemetry.own_sonars import LoggedState, OwnSonars, own_sonars
+from robotctl.telemetry.own_messages import (
+    LoggedBelief,
+    LoggedScan,
+    LoggedState,
+    logged_belief,
+    logged_scan,
+    logged_state,
+)
+from robotctl.telemetry.own_sonars import OwnSonars, own_sonars
 from robotctl.telemetry.tum import read_tum
 
 TRUTH: Final = "truth.tum"
@@ -46,41 +52,13 @@ _NUMBER: Final = re.compile(r"(?:robot|truth)-(\d+)\.(?:mcap|tum)")
 _LATE_NS: Final = 500_000_000
 
 
-class _Believed(msgspec.Struct):
-    """What is needed of a `LocalisationState`: where the frame of the odometry lies in `world`."""
-
-    status: int
-    x_m: float
-    y_m: float
-    theta_rad: float
-
-
-class _Position(msgspec.Struct):
-    x: float
-    y: float
-
-
-class _Pose(msgspec.Struct):
-    position: _Position
-
-
-class _Lidar(msgspec.Struct):
-    """What is needed of a `foxglove.LaserScan`; ranges [m], None where nothing came back."""
-
-    pose: _Pose
-    start_angle: float
-    end_angle: float
-    max_range: float
-    ranges: list[float | None]
-
-
 @dataclass(slots=True)
 class _Content:
     """What the messages of the files hold, with the times of the log [ns]."""
 
     control: list[tuple[int, LoggedState]] = field(default_factory=list)
-    believed: list[tuple[int, _Believed]] = field(default_factory=list)
-    lidar: list[tuple[int, _Lidar]] = field(default_factory=list)
+    believed: list[tuple[int, LoggedBelief]] = field(default_factory=list)
+    lidar: list[tuple[int, LoggedScan]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -176,16 +154,14 @@ def _take_in(file: Path, content: _Content) -> None:
     """Take in the messages of one file."""
     if not is_mcap(file):
         raise LogFormatError(f"{file}: not an MCAP file")
-    control, lidar = msgspec.json.Decoder(LoggedState), msgspec.json.Decoder(_Lidar)
-    believed = msgspec.json.Decoder(_Believed)
     for topic, message in _messages(file, content.notes):
         try:
             if topic == "control":
-                content.control.append((message.log_time, control.decode(message.data)))
+                content.control.append((message.log_time, logged_state(message.data)))
             elif topic == "localisation":
-                content.believed.append((message.log_time, believed.decode(message.data)))
+                content.believed.append((message.log_time, logged_belief(message.data)))
             elif topic == "lidar":
-                content.lidar.append((message.log_time, lidar.decode(message.data)))
+                content.lidar.append((message.log_time, logged_scan(message.data)))
         except msgspec.DecodeError as error:
             raise LogFormatError(
                 f"{file}: topic {topic}, message at {message.log_time} ns: {error}"
@@ -217,12 +193,13 @@ def _odometry(content: _Content) -> tuple[Trajectory, list[tuple[int, LoggedStat
             f"the times of {moved} of {len(stamps_ns)} control states go back, held: a clock was "
             "set, or the folder has several runs; what their sonars heard is left out"
         )
-    rows = [(state.x_m, state.y_m, state.theta_rad) for _, state in content.control]
+    poses = [state.T_odom_base for _, state in content.control]
     in_time = [
         each for each, stamp_ns in zip(content.control, stamps_ns, strict=True)
         if each[0] == stamp_ns
     ]  # fmt: skip
-    return Trajectory(stamps_ns, np.array(rows)), in_time
+    rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses])
+    return Trajectory(stamps_ns, rows), in_time
 
 
 def _of_one_robot(
@@ -238,10 +215,12 @@ def _of_one_robot(
     return states
 
 
-def _believed(states: Sequence[tuple[int, _Believed]], odometry: Trajectory) -> Trajectory | None:
+def _believed(
+    states: Sequence[tuple[int, LoggedBelief]], odometry: Trajectory
+) -> Trajectory | None:
     """Return where the robot believed to be while it was localised; None where it never was."""
     poses = {
-        stamp_ns: SE2(state.x_m, state.y_m, state.theta_rad) @ at
+        stamp_ns: state.T_world_odom @ at
         for stamp_ns, state in sorted(states, key=itemgetter(0))
         if state.status == LocalisationStatus.LOCALISED
         and (at := odometry.at(stamp_ns)) is not None
@@ -260,23 +239,18 @@ def _while_logged(
             yield RecordedSonar(SonarReading(stamp_ns, heard), odometry.at(stamp_ns) or SE2())
 
 
-def _ranges(values: Sequence[float | None], missing: float) -> NDArray[np.float64]:
-    """Return ranges [m], with `missing` where the log has none."""
-    return np.array([missing if value is None else value for value in values], dtype=np.float64)
-
-
 def _scan(
-    stamp_ns: int, lidar: _Lidar, odometry: Trajectory, reference: Trajectory | None, path: Path
+    stamp_ns: int, lidar: LoggedScan, odometry: Trajectory, reference: Trajectory | None, path: Path
 ) -> RecordedScan:
     """Return a scan with the poses at its time; before and after the odometry, its ends."""
     try:
         scan = RangeScan(
             stamp_ns,
-            np.linspace(lidar.start_angle, lidar.end_angle, len(lidar.ranges)),
-            _ranges(lidar.ranges, math.inf),
-            lidar.max_range,
-            lidar.pose.position.x,
-            lidar.pose.position.y,
+            np.linspace(lidar.first_rad, lidar.last_rad, len(lidar.ranges_m)),
+            np.array(lidar.ranges_m, dtype=np.float64),
+            lidar.max_range_m,
+            lidar.x_m,
+            lidar.y_m,
         )
     except ValueError as error:
         raise LogFormatError(f"{path}: topic lidar, scan at {stamp_ns} ns: {error}") from error

@@ -26,6 +26,7 @@ from robotctl.model.sonar import SonarMount, SonarReading, listening_ns
 from robotctl.runtime.messages import SonarFeedback
 from robotctl.runtime.recorder import RecordError, Tick, read_record
 from robotctl.runtime.sonar_news import SonarNews
+from robotctl.telemetry.own_messages import LoggedState
 
 _REACH_M: Final = 4.0
 """So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
@@ -35,17 +36,6 @@ _IN_FRAME: Final = 4
 
 _Frames: TypeAlias = dict[tuple[int, int], SonarFeedback]
 """By the time when they came [ns] and the index of their first sonar."""
-
-
-class LoggedState(msgspec.Struct):
-    """What is needed of a `ControlState`."""
-
-    stamp_ns: int
-    x_m: float
-    y_m: float
-    theta_rad: float
-    sonar_m: list[float | None] = []
-    sonar_stamp_ns: list[int] = []
 
 
 class _Robot(msgspec.Struct):
@@ -163,12 +153,12 @@ def _contradicts(frames: _Frames, states: Sequence[tuple[int, LoggedState]]) -> 
     begin_ns, end_ns = min(frames)[0], max(frames)[0]
     first = bisect_left(states, begin_ns, key=_stamp_ns)
     same = [
-        _heard(frames, stamp_ns, index) == (math.inf if range_m is None else range_m)
+        _heard(frames, stamp_ns, index) == range_m
         for _, state in states[first : bisect_right(states, end_ns, key=_stamp_ns)]
         for index, (stamp_ns, range_m) in enumerate(
             zip(state.sonar_stamp_ns, state.sonar_m, strict=True)
         )
-        if stamp_ns >= begin_ns
+        if stamp_ns >= begin_ns and not math.isnan(range_m)
     ]
     return 2 * sum(same) < len(same)
 
@@ -188,12 +178,11 @@ def _of_states(epoch: Sequence[tuple[int, LoggedState]], frames: _Frames) -> Ite
     """Yield what is new in each state and in no record."""
     news = SonarNews(_REACH_M)
     for log_ns, state in epoch:
-        ranges_m = [math.inf if range_m is None else range_m for range_m in state.sonar_m]
         stamps_ns = [
             stamp_ns if _heard(frames, stamp_ns, index) is None else 0
             for index, stamp_ns in enumerate(state.sonar_stamp_ns)
         ]
-        for sent_ns, heard in news.take(state.stamp_ns, stamps_ns, ranges_m):
+        for sent_ns, heard in news.take(state.stamp_ns, stamps_ns, state.sonar_m):
             yield SonarReading(sent_ns + log_ns - state.stamp_ns, heard)
 
 
