@@ -1,7 +1,7 @@
 """What is read back of the messages in our own logs, in the form of now and in that of before.
 
-In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are lists,
-and null stands for infinity and nan alike: it is taken for infinity, see `own_log`.
+In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are
+lists, and null stands for infinity and nan alike: it is taken for infinity, see `own_log`.
 """
 
 from __future__ import annotations
