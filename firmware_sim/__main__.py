@@ -64,6 +64,13 @@ def parser() -> argparse.ArgumentParser:
         metavar="MB",
         help="go on in the next number after so much, FILE-0002 after FILE or FILE-0001 (never)",
     )
+    add(
+        "--epoch-ns",
+        type=int,
+        default=time.time_ns() - time.monotonic_ns(),
+        metavar="NS",
+        help="added to CLOCK_MONOTONIC to get the times of --log (the wall clock's)",
+    )
     add("--faults", type=Path, metavar="FILE", help="TOML of the faults that befall the robot")
     add("--duration", type=_seconds, default=math.inf, metavar="S", help="end after this time")
     add("--priority", type=_priority, default=0, help="of SCHED_FIFO, 1..99, where permitted (off)")
@@ -146,7 +153,8 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
         if options.camera is not None:
             loop.take_pictures(stack.enter_context(CameraProcess(_camera_arguments(options))))
         if options.log:
-            stack.enter_context(_open_log(simulation, options, channel))
+            log = stack.enter_context(_open_log(simulation, options, channel))
+            loop.write_log(log, options.epoch_ns)
         play(scenario, simulation.faults, _announce_fault)
         _announce_when_booted(simulation, options)
         loop.run(lambda: _finished(simulation, signals, options.duration), options.priority)
@@ -180,12 +188,9 @@ def _camera_arguments(options: argparse.Namespace) -> list[str]:
 
 
 def _open_log(simulation: Simulation, options: argparse.Namespace, channel: str) -> LogWriter:
-    epoch_ns = time.time_ns() - simulation.now_ns
     file_bytes = options.log_mb * 1e6
     try:
-        return LogWriter(
-            simulation.bus, options.log, channel, epoch_ns=epoch_ns, file_bytes=file_bytes
-        )
+        return LogWriter(simulation.bus, options.log, channel, file_bytes=file_bytes)
     except OSError as error:
         raise SimulationError(f"--log: {error}") from error
 

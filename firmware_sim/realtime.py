@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from firmware_sim.bus.hub import Hub
+from firmware_sim.bus.log import LogWriter
 from firmware_sim.bus.serve import Service, sharpen_timers
 from firmware_sim.camera_process import CameraProcess
 from firmware_sim.simulation import Simulation
@@ -54,6 +55,8 @@ class RealTime:
         self.late = 0
         self.origin_ns = 0
         self._services = services
+        self._log: LogWriter | None = None
+        self._epoch_ns = 0
         self._set_origin(time.monotonic_ns() - simulation.now_ns)
 
     def run(self, stop: Callable[[], bool], priority: int = 0) -> None:
@@ -84,6 +87,11 @@ class RealTime:
             self.simulation.advance(max(wall_ns - self.origin_ns, bus.now_ns))
             for service in services:
                 service.service(wall_ns)
+
+    def write_log(self, log: LogWriter, epoch_ns: int) -> None:
+        """Give a log the times of CLOCK_MONOTONIC plus an epoch [ns], also when time is let go."""
+        self._log, self._epoch_ns = log, epoch_ns
+        self._set_origin(self.origin_ns)
 
     def publish_truth(self, publisher: Publisher, period_ns: int = TRUTH_PERIOD_NS) -> None:
         """Publish the ground truth every `period_ns` [ns] of the simulation."""
@@ -145,6 +153,8 @@ class RealTime:
         for service in self._services:
             if isinstance(service, Hub):
                 service.origin_ns = origin_ns
+        if self._log is not None:
+            self._log.epoch_ns = self._epoch_ns + origin_ns
 
 
 def _raise_priority(priority: int) -> None:

@@ -1,8 +1,8 @@
 """Writes what happens on a bus as a candump log (`candump -L`), readable by python-can.
 
-One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus. The same
-run writes the same bytes. There are no comment lines: readers of the format do not know them.
-Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
+One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus and an epoch.
+The same run writes the same bytes. There are no comment lines: readers of the format do not know
+them. Errors on the wire stand in it as SocketCAN error messages of class BUSERROR.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class LogWriter:
     channel
         Name of the bus in the log.
     epoch_ns
-        Added to the time of the bus (ns).
+        Added to the time of the bus (ns); may be set anew when its clock has stood still.
     file_bytes
         A file given by its path that has become larger is followed by another.
     next_file
@@ -126,7 +126,7 @@ class LogWriter:
         self._owned = isinstance(file, Path)
         self._file = _opened(file) if isinstance(file, Path) else file
         self._channel = channel
-        self._epoch_ns = epoch_ns
+        self.epoch_ns = epoch_ns
         self._file_bytes = file_bytes if self._owned else math.inf
         self._next_file = next_file
         self._bytes = 0
@@ -134,7 +134,7 @@ class LogWriter:
 
     def _write(self, frame: Frame) -> None:
         if not self._file.closed:
-            line = log_line(frame, self._channel, self._epoch_ns)
+            line = log_line(frame, self._channel, self.epoch_ns)
             try:
                 if self._bytes > self._file_bytes:
                     self._turn()

@@ -185,6 +185,7 @@ class LockstepRun:
             x_m=start.x_m,
             y_m=start.y_m,
             theta_rad=start.theta_rad,
+            epoch_ns=0,
         )
         self.config = stack.load()
         self._stack = stack

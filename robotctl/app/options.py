@@ -9,6 +9,7 @@ import msgspec
 
 from robotctl.app.config import RobotConfig, load_robot
 from robotctl.errors import ConfigError
+from robotctl.runtime.clock import wall_offset_ns
 from robotctl.toml_source import is_utf_8
 
 
@@ -35,6 +36,9 @@ class StackOptions(msgspec.Struct, frozen=True):
         Directory of what survives restarts; empty: nothing does.
     run
         Name of this run. A process that starts again within it takes over pose and mission item.
+    epoch_ns
+        Added to CLOCK_MONOTONIC to get the times of all logs [ns]: read once for all processes, so
+        that their logs agree, and none jumps when the wall clock is set; 0 in virtual time.
     """
 
     instance: str
@@ -48,6 +52,7 @@ class StackOptions(msgspec.Struct, frozen=True):
     flights: str = ""
     state: str = ""
     run: str = ""
+    epoch_ns: int = msgspec.field(default_factory=wall_offset_ns)
 
     def load(self) -> RobotConfig:
         """Read the configuration with its overrides."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -77,7 +76,7 @@ class Recording:
         if options.record:
             folder = LogFolder(Path(options.record), config.log)
             self._left = recover_all(folder)
-            self._logs = Logs(ring, folder, config)
+            self._logs = Logs(ring, folder, config, options.epoch_ns)
 
     @property
     def period_ns(self) -> int:
@@ -138,10 +137,11 @@ class Logs:
         Where to.
     config
         Of the robot.
+    epoch_ns
+        Added to CLOCK_MONOTONIC to get wall time [ns].
     """
 
-    def __init__(self, ring: Path, folder: LogFolder, config: RobotConfig) -> None:
-        epoch_ns = time.time_ns() - time.monotonic_ns()
+    def __init__(self, ring: Path, folder: LogFolder, config: RobotConfig, epoch_ns: int) -> None:
         self._copy = RecordCopy(ring, folder)
         self._states = StateLog(folder, epoch_ns, config.robot.name, scene_of(config))
         self._bus = BusLog(folder, config.can, epoch_ns)

@@ -74,4 +74,5 @@ def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:
         y_m=options.y_m,
         theta_rad=options.theta_rad,
         fields=fields_of(make_core(config, options)),
+        epoch_ns=options.epoch_ns,
     )

@@ -169,7 +169,6 @@ class SimRun:
         self._is_ready = False
         self._faults: list[str] = []
         self._run = 0
-        self._epoch_ns = time.time_ns() - time.monotonic_ns()
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
@@ -246,6 +245,7 @@ class SimRun:
             self._run = folder.begin_run()
             command += ["--log", str(folder.new("simulator", "log"))]
             command += ["--log-mb", str(self.config.log.file_mb)]
+            command += ["--epoch-ns", str(self._stack_options.epoch_ns)]
         if options.faults is not None:
             command += ["--faults", str(options.faults)]
         self._firmware = start_child(command, stdout=subprocess.PIPE, text=True)
@@ -367,7 +367,7 @@ class SimRun:
     def report(self) -> Report:
         """Return the score of the run so far; with a record, write truth and map beside it."""
         if self._options.record is not None:
-            self._score.save(self._options.record, self._run, self._epoch_ns)
+            self._score.save(self._options.record, self._run, self._stack_options.epoch_ns)
         progress = self.progress
         control, navigation, truth = progress.control, progress.navigation, progress.truth
         if control is None or navigation is None or truth is None:

@@ -15,6 +15,7 @@ import can
 
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.can_port import Descriptor
+from robotctl.runtime.clock import wall_offset_ns
 
 _FRAME: Final = struct.Struct("=IB3x8s")
 _STAMP: Final = struct.Struct("=q")
@@ -122,7 +123,7 @@ class CandumpReader:
 
     def _drain_kernel(self, lines: list[str]) -> None:
         """Take frames of SocketCAN, stamped by CLOCK_REALTIME, which may be set meanwhile."""
-        offset_ns = time.time_ns() - time.monotonic_ns()
+        offset_ns = wall_offset_ns()
         receive = self._descriptor.socket.recvmsg
         for _ in range(_MOST_FRAMES):
             message, ancillary, _flags, _address = receive(64, _ANCILLARY_SIZE)

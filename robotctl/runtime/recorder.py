@@ -32,7 +32,8 @@ class RecordHeader(msgspec.Struct, frozen=True):
     """What a replay needs besides the ticks.
 
     `robot_json` is the whole configuration as JSON; the pose is where odometry started; `fields`
-    are `fields_of` the core, without which checkpoints are taken as they come.
+    are `fields_of` the core, without which checkpoints are taken as they come. `epoch_ns`, added to
+    the times of ticks, gives those of the logs; 0 in virtual time and in records of older versions.
     """
 
     version: str
@@ -41,6 +42,7 @@ class RecordHeader(msgspec.Struct, frozen=True):
     y_m: float
     theta_rad: float
     fields: dict[str, tuple[str, ...]] = {}
+    epoch_ns: int = 0
 
 
 class Checkpoint(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=0):
