@@ -53,7 +53,7 @@ def replay_file(path: Path) -> Replay:
     try:
         with path.open("rb") as file:
             header, entries = read_record(file, str(path))
-            config, options = _robot_of(header, path)
+            config, options = robot_of(header, path)
             result = replay(lambda: make_core(config, options), entries, str(path), header.fields)
             cut = is_cut(file)
     except OSError as error:
@@ -75,8 +75,14 @@ def differences(difference: Difference) -> list[tuple[str, str, str]]:
     ]
 
 
-def _robot_of(header: RecordHeader, path: Path) -> tuple[RobotConfig, StackOptions]:
-    """Return the robot of a record and where it started."""
+def robot_of(header: RecordHeader, path: Path) -> tuple[RobotConfig, StackOptions]:
+    """Return the robot of a record and where it started.
+
+    Raises
+    ------
+    RecordError
+        If its configuration cannot be read here.
+    """
     try:
         config = pydantic.TypeAdapter(RobotConfig).validate_json(header.robot_json)
     except pydantic.ValidationError as error:

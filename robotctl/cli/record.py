@@ -1,4 +1,4 @@
-"""`robotctl record`: the flight recorder on request."""
+"""`robotctl record`: the flight recorder on request, logs completed, recordings as tables."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from typing import Annotated
 
 import typer
 
+from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files
-from robotctl.errors import LinkError
+from robotctl.cli.progress import progress_bar
+from robotctl.errors import ConfigError, LinkError
 from robotctl.runtime.flight_ring import dump as dump_ring
 from robotctl.runtime.recorder import RecordError, read_record
 from robotctl.runtime.ring_file import is_written
@@ -64,6 +66,30 @@ def recover(
     except OSError as error:
         raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
     print(f"{file}: complete, {recovered.messages} messages{recovered.loss()}")
+
+
+@app.command()
+def export(
+    run: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of --record, a robot-*.mcap of it, or a record: fault-*.rec, a dump."
+        ),
+    ],
+    csv: Annotated[Path, typer.Option(help="Folder for the files, one for each topic.")],
+) -> None:
+    """Write a recording as tables: CSV for spreadsheets and pandas, the units in the headings."""
+    if csv.exists() and not csv.is_dir():
+        raise ConfigError(f"--csv {csv}: is a file, a folder is needed")
+    console = plain_console(stderr=True)
+    with progress_bar(console, run.name, "writing") as tell:
+        from robotctl.app.log_export import export_csv  # noqa: PLC0415 - loads zstd
+
+        exported = export_csv(run, csv, tell)
+    for note in exported.notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    for each in exported.files:
+        print(f"{each.path}: {each.rows} rows, {each.columns} columns")
 
 
 def _check_target(file: Path) -> None:

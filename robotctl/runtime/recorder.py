@@ -170,13 +170,64 @@ def is_cut(file: BinaryIO) -> bool:
     return place > size
 
 
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A recorded tick, done again.
+
+    Parameters
+    ----------
+    number
+        Which step of the run, from 1.
+    tick
+        As recorded.
+    core
+        After the step.
+    outputs
+        As computed.
+    gaps
+        Places so far where ticks are missing and the replay went on from a checkpoint.
+    """
+
+    number: int
+    tick: Tick
+    core: ControlCore
+    outputs: Outputs
+    gaps: int
+
+
 def replay(
     make_core: Callable[[], ControlCore],
     entries: Iterable[Entry],
     name: str,
     fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> Replayed:
-    """Step a core through recorded inputs until an output differs.
+    """Step a core through recorded inputs until an output differs; as `replay_steps`.
+
+    Raises
+    ------
+    RecordError
+        As `replay_steps`, and where the record has no tick.
+    """
+    encode = msgspec.msgpack.Encoder().encode
+    agreed = gaps = 0
+    for step in replay_steps(make_core, entries, name, fields):
+        gaps = step.gaps
+        # Encoded, nan equals nan and 0.0 differs from -0.0, as it should.
+        if encode(step.outputs) != encode(step.tick.outputs):
+            return Replayed(agreed, gaps, Difference(step.number, step.tick, step.outputs))
+        agreed += 1
+    if not agreed:
+        raise RecordError(f"{name}: no tick is in it; there is nothing to replay")
+    return Replayed(agreed, gaps, None)
+
+
+def replay_steps(
+    make_core: Callable[[], ControlCore],
+    entries: Iterable[Entry],
+    name: str,
+    fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+) -> Iterator[Step]:
+    """Step a core through recorded inputs, whatever comes of it.
 
     Parameters
     ----------
@@ -193,12 +244,11 @@ def replay(
     ------
     RecordError
         Where a checkpoint cannot be read or does not fit the classes that are here, or the record
-        has nothing to begin with or no tick.
+        has nothing to begin with.
     """
-    encode = msgspec.msgpack.Encoder().encode
     core: ControlCore | None = None
     is_made = False
-    ticks = agreed = gaps = 0
+    ticks = gaps = 0
     for entry in entries:
         if isinstance(entry, Checkpoint):
             if core is None or entry.ticks != ticks:
@@ -216,13 +266,7 @@ def replay(
             if is_made:
                 raise
             raise RecordError(f"{name}: its checkpoint is of another robotctl: {error}") from error
-        # Encoded, nan equals nan and 0.0 differs from -0.0, as it should.
-        if encode(outputs) != encode(entry.outputs):
-            return Replayed(agreed, gaps, Difference(ticks, entry, outputs))
-        agreed += 1
-    if not agreed:
-        raise RecordError(f"{name}: no tick is in it; there is nothing to replay")
-    return Replayed(agreed, gaps, None)
+        yield Step(ticks, entry, core, outputs, gaps)
 
 
 def framed(payload: bytes) -> bytes:

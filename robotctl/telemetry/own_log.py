@@ -152,9 +152,7 @@ def _reference(path: Path, odometry: Trajectory) -> Trajectory | None:
 
 def _take_in(file: Path, content: _Content) -> None:
     """Take in the messages of one file."""
-    if not is_mcap(file):
-        raise LogFormatError(f"{file}: not an MCAP file")
-    for topic, message in _messages(file, content.notes):
+    for topic, message in json_messages(file, content.notes):
         try:
             if topic == "control":
                 content.control.append((message.log_time, logged_state(message.data)))
@@ -168,8 +166,18 @@ def _take_in(file: Path, content: _Content) -> None:
             ) from error
 
 
-def _messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
-    """Yield topics and messages up to the end of a file, past places that are damaged."""
+def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
+    """Yield topics and messages up to the end of a file, past places that are damaged.
+
+    What is left out is noted, a sentence for each place.
+
+    Raises
+    ------
+    LogFormatError
+        If it is no MCAP file.
+    """
+    if not is_mcap(file):
+        raise LogFormatError(f"{file}: not an MCAP file")
     topics: dict[int, str] = {}
     with file.open("rb") as source:
         for record in log_records(source):

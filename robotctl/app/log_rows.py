@@ -1,0 +1,97 @@
+"""Everything that a recording holds, as rows of tables.
+
+A recording is a folder of `--record`, one `robot-*.mcap` of it, or a record of the control loop: a
+dump of the flight recorder or a `control-*.rec`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.app.record_rows import TopicRow, record_rows
+from robotctl.errors import RobotctlError
+from robotctl.runtime.recorder import RecordError
+from robotctl.telemetry.log_table import rows_of
+from robotctl.telemetry.own_log import is_mcap, json_messages, mcap_files
+
+KINDS: Final = (
+    "a folder of --record, a robot-*.mcap, or a record of the control loop (fault-*.rec, "
+    "crash-*.rec, control-*.rec, or what `robotctl record dump` wrote)"
+)
+"""What is read, for messages."""
+
+
+class RecordingError(RobotctlError):
+    """A recording cannot be read, or has not what is wanted of it."""
+
+
+def log_files(run: Path) -> list[Path]:
+    """Return the files of a recording, in their order.
+
+    Raises
+    ------
+    RecordingError
+        If it is none.
+    """
+    if not run.exists():
+        raise RecordingError(f"{run}: no such file or folder; needed is {KINDS}")
+    if not run.is_dir():
+        return [run]
+    files = mcap_files(run)
+    if not files:
+        records = sorted(run.glob("*.rec"))
+        there = f"; give one of its records, such as {records[0]}" if records else ""
+        raise RecordingError(f"{run}: no robot-*.mcap in it{there}. Needed is {KINDS}")
+    return files
+
+
+def log_rows(
+    file: Path, notes: list[str], topics: Collection[str] | None = None
+) -> Iterator[TopicRow]:
+    """Yield what a file holds, of some topics or of all.
+
+    Parameters
+    ----------
+    file
+        One of `log_files`.
+    notes
+        Sentences on what could not be read are added here.
+    topics
+        Others are passed over; None: all are wanted.
+
+    Raises
+    ------
+    RecordingError
+        If it is no recording, or a message of it cannot be read.
+    OSError
+        If it cannot be read.
+    """
+    if is_mcap(file):
+        yield from _of_states(file, notes, topics)
+        return
+    try:
+        yield from record_rows(file, notes, topics)
+    except RecordError as error:
+        raise RecordingError(
+            f"{file}: neither an MCAP log nor a record of the control loop; needed is {KINDS}"
+        ) from error
+
+
+def _of_states(file: Path, notes: list[str], topics: Collection[str] | None) -> Iterator[TopicRow]:
+    """Yield the messages of a log of states."""
+    for topic, message in json_messages(file, notes):
+        if topics is not None and topic not in topics:
+            continue
+        try:
+            content = msgspec.json.decode(message.data)
+            rows = list(rows_of(content))
+        except (msgspec.DecodeError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise RecordingError(
+                f"{file}: topic {topic}, message at {message.log_time} ns: {error}"
+            ) from error
+        for row in rows:
+            yield topic, message.log_time, row
