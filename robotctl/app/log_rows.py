@@ -6,7 +6,8 @@ dump of the flight recorder or a `control-*.rec`.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +16,7 @@ import msgspec
 from robotctl.app.record_rows import TopicRow, record_rows
 from robotctl.errors import RobotctlError
 from robotctl.runtime.recorder import RecordError
-from robotctl.telemetry.log_table import rows_of
+from robotctl.telemetry.log_table import Row, rows_of
 from robotctl.telemetry.own_log import is_mcap, json_messages, mcap_files
 
 KINDS: Final = (
@@ -25,8 +26,77 @@ KINDS: Final = (
 """What is read, for messages."""
 
 
+TOLD: Final = 5_000
+"""After so many entries progress is told."""
+
+
 class RecordingError(RobotctlError):
     """A recording cannot be read, or has not what is wanted of it."""
+
+
+@dataclass(slots=True)
+class Topic:
+    """What is known of a topic: its columns in order, which are texts, and how many rows it has."""
+
+    columns: list[str] = field(default_factory=list)
+    texts: set[str] = field(default_factory=set)
+    rows: int = 0
+    _known: set[str] = field(default_factory=set)
+
+    def add(self, row: Row) -> None:
+        """Learn the columns of a row; one that is new comes behind the one before it there."""
+        self.rows += 1
+        if self._known.issuperset(row):
+            return
+        place = 0
+        for column in row:
+            if column in self._known:
+                place = self.columns.index(column) + 1
+            else:
+                self.columns.insert(place, column)
+                self._known.add(column)
+                if isinstance(row[column], str):
+                    self.texts.add(column)
+                place += 1
+
+
+@dataclass(slots=True)
+class Survey:
+    """What a recording holds.
+
+    Parameters
+    ----------
+    topics
+        By name.
+    first_ns
+        Time of the first entry [ns].
+    count
+        Entries.
+    notes
+        Sentences on what cannot be read.
+    """
+
+    topics: dict[str, Topic] = field(default_factory=dict)
+    first_ns: int = 0
+    count: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    @staticmethod
+    def of(
+        files: Sequence[Path],
+        tell: Callable[[int], None],
+        topics: Collection[str] | None = None,
+    ) -> Survey:
+        """Read files once; see `log_rows`. `tell` is called with the entries so far."""
+        found = Survey()
+        for file in files:
+            for topic, time_ns, row in log_rows(file, found.notes, topics):
+                found.topics.setdefault(topic, Topic()).add(row)
+                found.first_ns = min(found.first_ns, time_ns) if found.count else time_ns
+                found.count += 1
+                if found.count % TOLD == 0:
+                    tell(found.count)
+        return found
 
 
 def log_files(run: Path) -> list[Path]:

@@ -15,6 +15,7 @@ from robotctl.cli import (
     install,
     localize,
     places,
+    plot,
     record,
     replay,
     run,
@@ -43,6 +44,7 @@ app.command("doctor")(doctor.doctor)
 app.command("install")(install.install)
 app.command("uninstall")(install.uninstall)
 app.command("replay")(replay.replay)
+app.command("plot")(plot.plot)
 app.command("localize")(localize.localize)
 app.command("map")(map_command.map_log)
 app.command("characterise")(characterise.characterise)

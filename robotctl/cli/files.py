@@ -14,8 +14,10 @@ from robotctl.errors import ConfigError
 PLOTS: Final = (".png", ".svg", ".pdf")
 
 
-def check_files(*files: Path | None, plot: Path | None = None) -> None:
+def check_files(*files: Path | None, plot: Path | None = None, option: str = "--plot") -> None:
     """Refuse what could not be written, before anything is measured; None is not asked for.
+
+    The picture `plot` is asked for by `option`.
 
     Raises
     ------
@@ -25,12 +27,12 @@ def check_files(*files: Path | None, plot: Path | None = None) -> None:
     """
     if plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise ConfigError(
-            "--plot needs matplotlib, which is not installed; install it with\n"
+            f"{option} needs matplotlib, which is not installed; install it with\n"
             "  sudo /opt/robotctl/bin/pip install '/opt/robotctl-source[plot]'\n"
             "where these are the installation and your copy of robotctl (in a checkout: make setup)"
         )
     if plot is not None and plot.suffix.lower() not in PLOTS:
-        raise ConfigError(f"--plot {plot}: the suffix must be one of {', '.join(PLOTS)}")
+        raise ConfigError(f"{option} {plot}: the suffix must be one of {', '.join(PLOTS)}")
     for file in (*files, plot):
         if file is not None and not file.parent.is_dir():
             raise ConfigError(f"{file}: the folder {file.parent} does not exist")
