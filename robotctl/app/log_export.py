@@ -1,6 +1,6 @@
 """A recording as CSV, one file a topic, for spreadsheets and pandas.
 
-Commas between the columns, points in the numbers, UTF-8. An empty cell is a value that is missing,
+As RFC 4180 has it: commas between the columns, UTF-8; points in the numbers. An empty cell is a value that is missing,
 `inf` one that is infinite, 1 and 0 are true and false.
 """
 
@@ -95,7 +95,7 @@ def export_csv(run: Path, folder: Path, tell: Callable[[int, int], None]) -> Exp
 def _writer(stack: ExitStack, path: Path, topic: Topic) -> Callable[[Any], Any]:
     """Return what writes a row of a new file, whose heading is written."""
     file = stack.enter_context(path.open("w", encoding="utf-8", newline=""))
-    write: Callable[[Any], Any] = csv.writer(file, lineterminator="\n").writerow
+    write: Callable[[Any], Any] = csv.writer(file).writerow
     write((*TIMES, *map(header_of, topic.columns)))
     return write
 

@@ -28,7 +28,7 @@ def save_plot(selection: Selection, title: str, file: Path) -> None:
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
 
     figure = Figure(figsize=_size(selection), dpi=120, layout="constrained")
-    _draw(figure, selection, title)
+    draw(figure, selection, title)
     figure.savefig(file)
 
 
@@ -39,7 +39,7 @@ def show(selection: Selection, title: str) -> bool:
     figure = plt.figure(figsize=_size(selection), layout="constrained")
     if plt.get_backend().lower() in _WITHOUT_WINDOWS:
         return False
-    _draw(figure, selection, title)
+    draw(figure, selection, title)
     plt.show()
     return True
 
@@ -57,7 +57,7 @@ def _size(selection: Selection) -> tuple[float, float]:
     return 11.0, 1.5 + 2.5 * len(_panels(selection))
 
 
-def _draw(figure: Any, selection: Selection, title: str) -> None:
+def draw(figure: Any, selection: Selection, title: str) -> None:
     """Draw all panels, one below the other."""
     panels = _panels(selection)
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
