@@ -1,7 +1,7 @@
 """A recording as CSV, one file a topic, for spreadsheets and pandas.
 
-As RFC 4180 has it: commas between the columns, UTF-8; points in the numbers. An empty cell is a value that is missing,
-`inf` one that is infinite, 1 and 0 are true and false.
+As RFC 4180 has it, in UTF-8: commas between the columns, points in the numbers. An empty cell is a
+value that is missing, `inf` one that is infinite; 1 and 0 are true and false.
 """
 
 from __future__ import annotations
