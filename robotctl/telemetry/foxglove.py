@@ -233,12 +233,14 @@ def scan_ranges(ranges_m: Iterable[float]) -> list[float]:
 
     `OUT_OF_RANGE_M` stands for infinity, its negative for nan: no valid reading.
     """
-    ranges = [round(range_m, 4) for range_m in ranges_m]
-    if math.isfinite(sum(ranges)):
-        return ranges
+    # A third of the time of `round`, which would be as much as all the rest of a log of states.
     return [
-        each if math.isfinite(each) else -OUT_OF_RANGE_M if math.isnan(each) else OUT_OF_RANGE_M
-        for each in ranges
+        int(range_m * 1e4 + 0.5) / 1e4
+        if -OUT_OF_RANGE_M < range_m < OUT_OF_RANGE_M
+        else OUT_OF_RANGE_M
+        if range_m > 0.0
+        else -OUT_OF_RANGE_M
+        for range_m in ranges_m
     ]
 
 

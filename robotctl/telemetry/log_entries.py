@@ -58,6 +58,9 @@ Entry: TypeAlias = tuple[str, int, object]
 MAP_NS: Final = 5_000_000_000
 """A map that grows is logged so often [ns]: a large one is much to encode."""
 
+FRAMES_NS: Final = 30_000_000
+"""So far apart are two entries of frames [ns]: each second state of the control process has one."""
+
 
 def _well_known(kind: type[msgspec.Struct]) -> tuple[str, JsonSchema]:
     """Return name and schema of messages that viewers know."""
@@ -100,6 +103,7 @@ class LogEntries:
         self._name = name
         self._scene = scene
         self._is_begun = False
+        self._framed_ns = -FRAMES_NS
         self._maps: dict[str, LiveMap] = {}
         """Those that are in the file."""
 
@@ -143,6 +147,9 @@ class LogEntries:
     def _of_control(self, wall_ns: int, state: ControlState) -> Iterator[Entry]:
         """Yield a state of the control process, and where the robot is by it."""
         yield "control", wall_ns, control_content(state, self._scene.sonar_names)
+        if 0 <= state.stamp_ns - self._framed_ns < FRAMES_NS:
+            return
+        self._framed_ns = state.stamp_ns
         frames, pose = self._scene.frames(wall_ns, state)
         yield "frames", wall_ns, frames
         if pose is not None:

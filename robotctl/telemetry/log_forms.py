@@ -41,21 +41,14 @@ def control_schema() -> JsonSchema:
 
 
 def control_content(state: ControlState, sonar_names: Sequence[str]) -> dict[str, Any]:
-    """Return a state of the control process, its sonars by name as far as there are names."""
+    """Return a state of the control process, its sonars by name; without names by number."""
     content: dict[str, Any] = plain(state)
     content.pop("sonar_m", None)
     content.pop("sonar_stamp_ns", None)
     content["T_odom_base"] = {key: content.pop(key) for key in _POSE}
-    content["sonars"] = [
-        {
-            "name": sonar_names[index] if index < len(sonar_names) else str(index),
-            "stamp_ns": stamp_ns,
-            **_range(range_m),
-        }
-        for index, (range_m, stamp_ns) in enumerate(
-            zip(state.sonar_m, state.sonar_stamp_ns, strict=True)
-        )
-    ]
+    count = len(state.sonar_m)
+    names = sonar_names if len(sonar_names) == count else map(str, range(count))
+    content["sonars"] = list(map(_sonar, names, state.sonar_stamp_ns, state.sonar_m))
     return content
 
 
@@ -73,7 +66,12 @@ def localisation_content(state: LocalisationState) -> dict[str, Any]:
 
 def camera_schema() -> JsonSchema:
     """Return the schema of `camera_content`."""
-    beam = {"angle_rad": _NUMBER, **_RANGE, "sigma_m": _NUMBER, "nearest_m": _NUMBER}
+    beam = {
+        "angle_rad": _NUMBER,
+        **_RANGE,
+        "sigma_m": _NUMBER,
+        "nearest_m": _NUMBER,
+    }
     return _replaced(
         schema_of(CameraView), _BEAMS, beams=_list_of(beam, "angle_rad", "out_of_range")
     )
@@ -84,30 +82,34 @@ def camera_content(view: CameraView) -> dict[str, Any]:
     content: dict[str, Any] = plain(view)
     for key in _BEAMS:
         content.pop(key, None)
-    content["beams"] = [
-        {
-            "angle_rad": angle_rad,
-            **_range(range_m),
-            **_finite("sigma_m", sigma_m),
-            **_finite("nearest_m", nearest_m),
-        }
-        for angle_rad, range_m, sigma_m, nearest_m in zip(
-            view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m, strict=True
-        )
-    ]
+    content["beams"] = list(
+        map(_beam, view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m)
+    )
     return content
 
 
-def _range(range_m: float) -> dict[str, object]:
-    """Return how a range is written [m]; inf: out of range, nan: no valid reading."""
+def _sonar(name: str, stamp_ns: int, range_m: float) -> dict[str, object]:
+    """Return what one sonar heard [m]; inf: out of range, nan: no valid reading."""
+    sonar: dict[str, object] = {
+        "name": name,
+        "stamp_ns": stamp_ns,
+        "out_of_range": range_m == math.inf,
+    }
     if math.isfinite(range_m):
-        return {"range_m": range_m, "out_of_range": False}
-    return {"out_of_range": range_m == math.inf}
+        sonar["range_m"] = range_m
+    return sonar
 
 
-def _finite(name: str, value: float) -> dict[str, object]:
-    """Return a number by its name; nothing where it is not finite."""
-    return {name: value} if math.isfinite(value) else {}
+def _beam(angle_rad: float, range_m: float, sigma_m: float, nearest_m: float) -> dict[str, object]:
+    """Return one beam of the camera, the range as in `_sonar`."""
+    beam: dict[str, object] = {"angle_rad": angle_rad, "out_of_range": range_m == math.inf}
+    if math.isfinite(range_m):
+        beam["range_m"] = range_m
+    if math.isfinite(sigma_m):
+        beam["sigma_m"] = sigma_m
+    if math.isfinite(nearest_m):
+        beam["nearest_m"] = nearest_m
+    return beam
 
 
 def _list_of(properties: dict[str, JsonSchema], *required: str) -> JsonSchema:
