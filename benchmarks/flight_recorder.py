@@ -1,24 +1,36 @@
-"""The flight recorder: what each tick of a simulated mission costs, timed alone, and a dump."""
+"""What recording costs: each tick in the flight recorder, a dump, and the log of states."""
 
 from __future__ import annotations
 
 import functools
+import io
 import tempfile
 import time
 from pathlib import Path
 
+import msgspec
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
 from benchmarks import machine
-from robotctl.app.config import find_file
+from robotctl.app.config import find_file, load_robot
 from robotctl.app.lockstep import LockstepRun
+from robotctl.app.logs import FLUSH_NS, scene_of
 from robotctl.app.options import StackOptions
 from robotctl.app.replay import replay_file
 from robotctl.app.robot import record_header
 from robotctl.app.sim_options import SimOptions
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.flight_ring import FlightRing, dump
+from robotctl.telemetry.log_entries import Published
+from robotctl.telemetry.mcap_log import McapLog
 
 RATES_HZ = (200, 1000)
 TARGET_SHARE = 0.01
+EVERYTHING = {
+    "localisation": ('localisation.method="mcl"', "localisation.mapping=true"),
+    "overrides": ("camera.enabled=true",),
+}
 _MEMORY = Path("/dev/shm")
 
 
@@ -48,6 +60,7 @@ def run(rounds: int, seconds: float) -> None:
     heads = ("loop", "mean us", "p99 us", "max us (checkpoint)", "CPU", "of the 1 % allowed")
     machine.table("Flight recorder: one tick", heads, rows)
     machine.note(f"a dump takes {machine.median(dumps_ms):.1f} ms, in another process")
+    _log_of_states(rounds, seconds)
 
 
 def _one_round(folder: Path, seconds: float) -> tuple[list[int], float]:
@@ -78,3 +91,71 @@ def _one_round(folder: Path, seconds: float) -> tuple[list[int], float]:
         raise AssertionError(f"the dump does not replay: {result.difference}")
     ring.close()
     return times_ns, dump_ms
+
+
+def _log_of_states(rounds: int, seconds: float) -> None:
+    """Measure the log of states, in turn with an MCAP writer that is given ready-made JSON."""
+    rows = []
+    for name, options in (("odometry alone", {}), ("everything on", EVERYTHING)):
+        messages = _published(seconds, **options)
+        logged_ms, written_ms, sizes = [], [], []
+        for _ in range(rounds):
+            content = io.BytesIO()
+            logged_ms.append(_logged_ms(messages, content) / seconds)
+            sizes.append(len(content.getvalue()) / seconds / 1e3)
+            written_ms.append(_written_ms(content) / seconds)
+        mean_ms, bare_ms = machine.median(logged_ms), machine.median(written_ms)
+        share = f"{mean_ms / 10.0:.3f} %"
+        rows.append((name, share, f"{bare_ms / 10.0:.3f} %", f"{machine.median(sizes):.1f}"))
+    heads = ("run", "CPU", "of that the bare MCAP writer", "kB/s")
+    machine.table("Log of states: control at 50 Hz, navigation at 20 Hz", heads, rows)
+
+
+def _published(seconds: float, **options: object) -> list[Published]:
+    """Return what the processes publish in a patrol; in lockstep control speaks at 20 Hz only."""
+    robot, mission = find_file("diff_drive"), find_file("patrol", "missions")
+    run = LockstepRun(SimOptions(robot, mission, max_seconds=seconds, **options))
+    see, messages = run._see, []
+    run._see = lambda control: messages.extend(seen := see(control)) or seen
+    for control, navigation in run.steps():
+        messages.append(navigation)
+        times_ns = (0, 20_000_000, 40_000_000)[: 2 + len(messages) % 2]
+        messages += [
+            msgspec.structs.replace(control, stamp_ns=control.stamp_ns + later_ns)
+            for later_ns in times_ns
+        ]
+    return messages
+
+
+def _logged_ms(messages: list[Published], file: io.BytesIO) -> float:
+    """Return the processor time that a log of messages takes [ms]."""
+    config = load_robot(find_file("diff_drive"), ("camera.enabled=true",))
+    begin_ns, flushed_ns = time.process_time_ns(), 0
+    log = McapLog(file, 0, "rover", scene_of(config))
+    for message in messages:
+        log.add(message)
+        if message.stamp_ns - flushed_ns >= FLUSH_NS:
+            flushed_ns = message.stamp_ns
+            log.flush()
+    log.close()
+    return (time.process_time_ns() - begin_ns) / 1e6
+
+
+def _written_ms(log: io.BytesIO) -> float:
+    """Return the processor time that the messages of a log take without making them [ms]."""
+    log.seek(0)
+    entries = [
+        (channel.topic, message.log_time, message.data)
+        for _, channel, message in make_reader(log).iter_messages(log_time_order=False)
+    ]
+    begin_ns, flushed_ns = time.process_time_ns(), 0
+    writer = Writer(io.BytesIO())
+    writer.start()
+    channels = {topic: writer.register_channel(topic, "json", 0) for topic, *_ in entries}
+    for topic, time_ns, data in entries:
+        writer.add_message(channels[topic], time_ns, data, time_ns)
+        if time_ns - flushed_ns >= FLUSH_NS:
+            flushed_ns = time_ns
+            writer.flush()
+    writer.finish()
+    return (time.process_time_ns() - begin_ns) / 1e6
