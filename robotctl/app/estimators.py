@@ -49,7 +49,7 @@ from robotctl.runtime.estimation_messages import (
 from robotctl.runtime.messages import ControlState, ExternalPose
 from robotctl.runtime.sonar_news import SonarNews
 
-Picture: TypeAlias = ParticleCloud | LiveMap | GivenMap
+Picture: TypeAlias = ParticleCloud | LiveMap
 T = TypeVar("T")
 Stamped = TypeVar("Stamped", bound=LidarScan | CameraView | ExternalPose)
 
@@ -193,10 +193,14 @@ class Estimators:
             grid = self.mapper.live_map(now_ns)
             if grid is not None:
                 found.append(grid)
-        if self._given is not None and now_ns - self._given_ns >= _GIVEN_NS:
-            self._given_ns = now_ns
-            found.append(GivenMap(now_ns, self._given))
         return found
+
+    def given_map(self, now_ns: int) -> list[GivenMap]:
+        """Return the map that the robot localises itself in, if it is time to tell it again."""
+        if self._given is None or now_ns - self._given_ns < _GIVEN_NS:
+            return []
+        self._given_ns = now_ns
+        return [GivenMap(now_ns, self._given)]
 
 
 def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators:

@@ -282,6 +282,7 @@ class LockstepRun:
             self._localisation = msgspec.structs.replace(state, step_us=step_us)
             self._score.localisation(self._localisation)
             seen.append(state)
+        seen += self._estimators.given_map(now_ns)
         for picture in self._estimators.pictures(now_ns):
             seen.append(picture)
             if isinstance(picture, LiveMap):

@@ -74,7 +74,7 @@ class Place:
         if state is not None:
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))
-        for picture in estimators.pictures(begin_ns):
+        for picture in (*estimators.pictures(begin_ns), *estimators.given_map(begin_ns)):
             publisher.send(picture)
         for news in estimators.news():
             publisher.send(Notice(begin_ns, Severity.NOTICE, news))

@@ -24,6 +24,7 @@ from robotctl.errors import ConfigError
 from robotctl.estimation.ekf import checked_covariance
 from robotctl.estimation.occupancy_grid import OccupancyGrid
 from robotctl.model.angles import wrap_angle
+from robotctl.model.grid_map import FREE, OCCUPIED
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import upper_triangle
 from robotctl.model.se2 import SE2
@@ -231,6 +232,17 @@ def test_particles_are_shown_twice_a_second_and_not_too_many(world: Path) -> Non
     poses = np.frombuffer(clouds[-1].poses, "<f4").reshape(-1, 3)
     assert 100 < len(poses) <= 300
     assert np.median(poses[:, :2], axis=0) == pytest.approx((1.0, 1.0), abs=0.1)
+
+
+def test_the_map_that_is_given_is_told_every_ten_seconds(world: Path) -> None:
+    several = estimators(world, 'localisation.method="mcl"')
+    told = [(s, given) for s in range(25) for given in several.given_map(s * 1000 * MS)]
+    assert [second for second, _ in told] == [0, 10, 20]
+    chart = told[-1][1].map
+    cells = np.frombuffer(chart.cells, np.int8).reshape(chart.rows, chart.columns)
+    assert {FREE, OCCUPIED} <= set(np.unique(cells))
+    drawing = estimators(world, "localisation.mapping=true")
+    assert drawing.given_map(0) == []
 
 
 def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:

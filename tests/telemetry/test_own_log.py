@@ -6,6 +6,7 @@ from array import array
 import msgspec
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.sonar import SonarMount
@@ -175,3 +176,58 @@ def test_a_log_without_states_is_refused(tmp_path):
     write(tmp_path / "robot-0001.mcap", NAVIGATION)
     with pytest.raises(LogFormatError, match="no message of the topic `control`"):
         read_recording(tmp_path)
+
+
+def write_old(path, **topics):
+    """Write a log as older versions did: poses and ranges in the message, null for what is not."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(library="robotctl 0.0.1")
+        for topic, messages in topics.items():
+            channel = writer.register_channel(topic, "json", 0)
+            for time_s, message in messages:
+                time_ns = EPOCH_NS + round(time_s * 1e9)
+                writer.add_message(channel, time_ns, msgspec.json.encode(message), time_ns)
+        writer.finish()
+
+
+def test_a_log_of_an_older_version_is_read_as_before(tmp_path):
+    path = tmp_path / "robot-0001.mcap"
+    heard = {"sonar_m": [1.5, None, None], "sonar_stamp_ns": [1_900_000_000, 1_800_000_000, 0]}
+    write_old(
+        path,
+        control=[(2, {"stamp_ns": 2 * 10**9, "x_m": 1.0, "y_m": 0.0, "theta_rad": 0.0} | heard)],
+        localisation=[(2, {"status": 1, "x_m": 10.0, "y_m": 20.0, "theta_rad": 0.0, "nis": None})],
+        lidar=[
+            (
+                2,
+                {
+                    "pose": {"position": {"x": 0.1, "y": 0.05, "z": 0.0}},
+                    "start_angle": -0.5,
+                    "end_angle": 0.0,
+                    "ranges": [1.0, None, 2.5],
+                    "max_range": 12.0,
+                },
+            )
+        ],
+    )
+    recording = read_recording(path)
+    assert recording.odometry.poses.tolist() == [[1.0, 0.0, 0.0]]
+    assert recording.believed.poses.tolist() == [[11.0, 20.0, 0.0]]
+    np.testing.assert_array_equal(recording.scans[0].scan.ranges_m, [1.0, math.inf, 2.5])
+    assert (recording.scans[0].scan.x_m, recording.scans[0].scan.max_range_m) == (0.1, 12.0)
+    # Null with a new time is an echo that is missing; with that of long ago it says nothing.
+    silent, echo = [entry.reading.ranges_m for entry in recording.sonars]
+    np.testing.assert_array_equal(silent, [math.nan, math.inf, math.nan])
+    np.testing.assert_array_equal(echo, [1.5, math.nan, math.nan])
+
+
+def test_a_sonar_that_fails_is_not_taken_for_one_that_hears_nothing(tmp_path):
+    write(
+        tmp_path / "robot-0001.mcap",
+        state(1, 0.0, (1.0, 1.0), (0.9, 0.9)),
+        state(2, 1.0, (math.nan, math.inf), (1.8, 1.8)),
+    )
+    first, second = [entry.reading.ranges_m for entry in read_recording(tmp_path).sonars]
+    np.testing.assert_array_equal(first, [1.0, 1.0])
+    np.testing.assert_array_equal(second, [math.nan, math.inf])
