@@ -20,7 +20,6 @@ from robotctl.app.log_rows import (
     Survey,
     Topic,
     log_files,
-    log_rows,
 )
 from robotctl.telemetry.log_table import Cell, header_of
 
@@ -75,14 +74,11 @@ def export_csv(run: Path, folder: Path, tell: Callable[[int, int], None]) -> Exp
             topic: _writer(stack, folder / f"{topic}.csv", known)
             for topic, known in survey.topics.items()
         }
-        count = done = survey.count
-        for file in files:
-            for topic, time_ns, row in log_rows(file, []):
-                values = map(_text, map(row.get, survey.topics[topic].columns))
-                writers[topic]((_seconds(time_ns), _seconds(time_ns - survey.first_ns), *values))
-                done += 1
-                if done % TOLD == 0:
-                    tell(done, 2 * count)
+        for done, (topic, time_ns, row) in enumerate(survey.rows_again(files), survey.count):
+            values = map(_text, map(row.get, survey.topics[topic].columns))
+            writers[topic]((_seconds(time_ns), _seconds(time_ns - survey.first_ns), *values))
+            if done % TOLD == 0:
+                tell(done, 2 * survey.count)
     return Exported(
         tuple(
             TopicFile(folder / f"{topic}.csv", known.rows, len(TIMES) + len(known.columns))

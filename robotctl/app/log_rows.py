@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, islice
 from pathlib import Path
 from typing import Final
 
@@ -97,6 +98,13 @@ class Survey:
                 if found.count % TOLD == 0:
                     tell(found.count)
         return found
+
+    def rows_again(
+        self, files: Sequence[Path], topics: Collection[str] | None = None
+    ) -> Iterator[TopicRow]:
+        """Yield the same rows once more; what came meanwhile of a run that goes on is left out."""
+        rows = chain.from_iterable(log_rows(file, [], topics) for file in files)
+        return islice(rows, self.count)
 
 
 def log_files(run: Path) -> list[Path]:

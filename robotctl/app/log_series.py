@@ -17,7 +17,6 @@ from robotctl.app.log_rows import (
     RecordingError,
     Survey,
     log_files,
-    log_rows,
 )
 from robotctl.runtime.messages import SafetyState
 from robotctl.telemetry.log_table import Cell, unit_of
@@ -127,15 +126,12 @@ def select(run: Path, fields: Sequence[str], tell: Callable[[int, int], None]) -
         found[topic].cells[column] = []
     if _CONTROL in found:
         found[_CONTROL].cells |= {each: [] for each in (_STATE, _TICKS, _DISTANCE)}
-    done = survey.count
-    for file in files:
-        for topic, time_ns, row in log_rows(file, [], topics):
-            found[topic].times_ns.append(time_ns)
-            for column, cells in found[topic].cells.items():
-                cells.append(row.get(column))
-            done += 1
-            if done % TOLD == 0:
-                tell(done, 2 * survey.count)
+    for done, (topic, time_ns, row) in enumerate(survey.rows_again(files, topics), survey.count):
+        found[topic].times_ns.append(time_ns)
+        for column, cells in found[topic].cells.items():
+            cells.append(row.get(column))
+        if done % TOLD == 0:
+            tell(done, 2 * survey.count)
     times_s: dict[str, NDArray[np.float64]] = {
         topic: np.array([1e-9 * (each - survey.first_ns) for each in columns.times_ns])
         for topic, columns in found.items()

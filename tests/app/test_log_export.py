@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.log_export import Exported, export_csv
-from robotctl.app.log_rows import RecordingError
+from robotctl.app.log_rows import RecordingError, Survey
 from robotctl.app.sim_options import SimOptions
 from robotctl.runtime.messages import Notice
 from robotctl.telemetry.log_entries import Published
@@ -253,6 +253,18 @@ def test_a_log_that_a_kill_cut_is_read_up_to_its_last_flush(run: Path, tmp_path:
     result = exported(path, tmp_path)
     assert any("was cut" in note for note in result.notes)
     assert {"control", "frames"} <= {each.path.stem for each in result.files}
+
+
+def test_what_comes_while_a_run_goes_on_is_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "robot-0001.mcap"
+    write_log(path, Notice(0, 4, "first"))
+    short = path.read_bytes()
+    write_log(path, Notice(0, 4, "first"), CONTROL)
+    grown = path.read_bytes()
+    path.write_bytes(short)
+    survey = Survey.of([path], lambda done: None)
+    path.write_bytes(grown)
+    assert [topic for topic, _, _ in survey.rows_again([path])] == ["notice"]
 
 
 def refusal(run: Path, folder: Path) -> str:
