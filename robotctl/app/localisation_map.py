@@ -15,6 +15,8 @@ from robotctl.model.wall_map import WallMap
 
 CELLS = (".yaml", ".yml")
 _IMAGES = (".pgm", ".png", ".bmp", ".jpg")
+_FEWEST = 2
+"""Rows and columns: the direction of a wall shows in two."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,9 +58,32 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     """
     path = find_map(name, beside)
     if name.endswith(CELLS):
-        return LocalisationMap(load_map(path), None)
+        grid = load_map(path)
+        _check_cells(grid, path)
+        return LocalisationMap(grid, None)
     walls = load_walls(path)
     return LocalisationMap(grid_of_walls(walls), walls)
+
+
+def _check_cells(grid: GridMap, path: Path) -> None:
+    """Refuse a map in which no robot can find itself.
+
+    Raises
+    ------
+    ConfigError
+        If it is; says why.
+    """
+    rows, columns = grid.cells.shape
+    hint = "are negate and the thresholds right?"
+    if min(rows, columns) < _FEWEST:
+        reason = f"has {columns} x {rows} cells, and a robot finds itself in two by two at least"
+    elif not grid.free().any():
+        reason = f"the map has no free cell: a robot can be nowhere; {hint}"
+    elif not grid.occupied().any():
+        reason = f"the map has no obstacle, a cell of 50 % or more: all places look alike; {hint}"
+    else:
+        return
+    raise ConfigError(f"{path}: {reason}")
 
 
 def walls_for_ekf(chart: LocalisationMap, name: str) -> WallMap:
