@@ -102,14 +102,14 @@ class Cells:
         return x_m, y_m, heading, max(int(steps[best]) - 1, 0) * self.side_m
 
     def _to_world(self, points: np.ndarray) -> np.ndarray:
-        """Points in cells (column, row), (n, 2), as x, y in world [m]."""
+        """Return points in cells (column, row), (n, 2), as x, y in world [m]."""
         x, y, theta = self.origin
         c, s = math.cos(theta), math.sin(theta)
         placed: np.ndarray = (points * self.side_m) @ np.array([[c, s], [-s, c]]) + (x, y)
         return placed
 
     def _at(self, cells: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """What cells hold at points in world, (n,); False outside."""
+        """Return what cells hold at points in world, (n,); False outside."""
         x, y, theta = self.origin
         c, s = math.cos(theta), math.sin(theta)
         along = (points - (x, y)) @ np.array([[c, -s], [s, c]]) / self.side_m
@@ -119,7 +119,7 @@ class Cells:
 
 
 def _runs(steps: np.ndarray) -> np.ndarray:
-    """Runs of equal steps, not 0, along the rows, (n, 4): from column, row to column, row."""
+    """Return runs of equal steps, not 0, in the rows, (n, 4): from column, row to column, row."""
     padded = np.pad(steps, ((0, 0), (1, 1)))
     changes = padded[:, 1:] != padded[:, :-1]
     rows, first = np.nonzero(changes & (padded[:, 1:] != 0))
@@ -128,6 +128,6 @@ def _runs(steps: np.ndarray) -> np.ndarray:
 
 
 def _quarter(padded: np.ndarray, *, right: bool, up: bool) -> np.ndarray:
-    """One of the four cells about each corner of cells, (rows + 1, columns + 1)."""
+    """Return one of the four cells about each corner of cells, (rows + 1, columns + 1)."""
     rows, columns = padded.shape
     return padded[int(up) : rows - 1 + up, int(right) : columns - 1 + right]

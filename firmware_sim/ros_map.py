@@ -83,7 +83,7 @@ def _number(path: Path, key: str, text: object) -> float:
 
 
 def _image(path: Path, name: str) -> tuple[np.ndarray, bool]:
-    """Return the channels of each pixel, (rows, columns, n) of 0 to 1; whether the last is alpha."""
+    """Return the channels, (rows, columns, n) of 0 to 1, and whether the last of them is alpha."""
     file = path.parent / name
     try:
         with Image.open(file, formats=_FORMATS) as image:

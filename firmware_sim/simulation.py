@@ -21,7 +21,6 @@ from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
 from firmware_sim.config import RobotConfig, load_robot
-from firmware_sim.errors import SimulationError
 from firmware_sim.faults import Faults
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.lidar import Lidar

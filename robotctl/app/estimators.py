@@ -16,6 +16,7 @@ from robotctl.app.ekf_localiser import EkfLocaliser
 from robotctl.app.localisation_map import (
     LocalisationMap,
     load_localisation_map,
+    off_map,
     walls_for_ekf,
 )
 from robotctl.app.localiser import Localiser, Seen
@@ -82,6 +83,8 @@ class Estimators:
         Of the odometry.
     sonar_range_m
         For so far the sonars listen [m].
+    news
+        What is to be said at once.
     """
 
     def __init__(
@@ -90,6 +93,7 @@ class Estimators:
         mapper: Mapper | None,
         history: OdometryHistory,
         sonar_range_m: float,
+        news: Sequence[str] = (),
     ) -> None:
         self.localiser = localiser
         self.mapper = mapper
@@ -102,7 +106,7 @@ class Estimators:
         self._status: LocalisationStatus | None = None
         self._said_rejected = False
         self._said_untimely = False
-        self._news: list[str] = []
+        self._news = list(news)
 
     def step(
         self,
@@ -200,15 +204,18 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     settings = config.localisation
     history = OdometryHistory()
     localiser: Localiser | None = None
-    mapper = None
-    if settings.method == "ekf":
-        localiser = _ekf(config, load_localisation_map(settings.map, beside), start)
-    elif settings.method == "mcl":
+    mapper, news = None, []
+    if settings.method != "none":
         chart = load_localisation_map(settings.map, beside)
-        localiser = _mcl(config, chart, start, history, beside)
+        if settings.method == "ekf":
+            localiser = _ekf(config, chart, start)
+        else:
+            localiser = _mcl(config, chart, start, history, beside)
+        if settings.start == "known" and (said := off_map(chart, start)):
+            news = [said]
     if settings.mapping:
         mapper = _mapper(config, history)
-    return Estimators(localiser, mapper, history, settings.sonar.max_range_m)
+    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, news)
 
 
 def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocaliser:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from robotctl.app.config import find_file
-from robotctl.app.map_file import load_map
+from robotctl.app.map_file import load_map, refuse_image
 from robotctl.app.world import load_walls
 from robotctl.errors import ConfigError
 from robotctl.estimation.wall_raster import grid_of_walls
-from robotctl.model.grid_map import GridMap
+from robotctl.model.grid_map import UNKNOWN, GridMap
+from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
 
 CELLS = (".yaml", ".yml")
-_IMAGES = (".pgm", ".png", ".bmp", ".jpg")
 _FEWEST = 2
 """Rows and columns: the direction of a wall shows in two."""
 
@@ -40,8 +42,7 @@ def find_map(name: str, beside: Path) -> Path:
     """
     if not name:
         raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
-    if name.endswith(_IMAGES):
-        raise ConfigError(f"{name}: an image; needed is the map's .yaml that names it")
+    refuse_image(name)
     here = beside / name
     if here.is_file():
         return here
@@ -63,6 +64,27 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
         return LocalisationMap(grid, None)
     walls = load_walls(path)
     return LocalisationMap(grid_of_walls(walls), walls)
+
+
+def off_map(chart: LocalisationMap, start: SE2) -> str:
+    """Say that a robot cannot start where it shall, by its map; "" where it can."""
+    grid = chart.grid
+    row, column = grid.cell_of(np.array([[start.x_m, start.y_m]]))[0].tolist()
+    rows, columns = grid.cells.shape
+    place = f"the start at x {start.x_m:g} m, y {start.y_m:g} m lies"
+    if not (0 <= row < rows and 0 <= column < columns):
+        ends = grid.centre_of(
+            np.array([[0, 0], [0, columns - 1], [rows - 1, 0], [rows - 1, columns - 1]])
+        )
+        (low_x, low_y), (high_x, high_y) = ends.min(axis=0), ends.max(axis=0)
+        return (
+            f"{place} off the map, which has x {low_x:.1f} to {high_x:.1f} m and "
+            f"y {low_y:.1f} to {high_y:.1f} m: is it the map of this place?"
+        )
+    cell = int(grid.cells[row, column])
+    if cell == UNKNOWN:
+        return f"{place} where the map knows nothing: is it the map of this place?"
+    return f"{place} in a wall of the map" if grid.occupied()[row, column] else ""
 
 
 def _check_cells(grid: GridMap, path: Path) -> None:

@@ -35,6 +35,7 @@ from robotctl.errors import ConfigError
 from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.se2 import SE2
 
+_IMAGES: Final = (".pgm", ".png", ".bmp", ".jpg")
 MODES: Final = ("trinary", "scale", "raw")
 OCCUPIED_THRESH: Final = 0.65
 FREE_THRESH: Final = 0.25
@@ -86,6 +87,12 @@ def load_map(path: Path) -> GridMap:
     else:
         cells = _cells(pixels / float(white), header, has_alpha=has_alpha)
     return GridMap(cells[::-1].copy(), header.resolution_m, header.origin)
+
+
+def refuse_image(name: str) -> None:
+    """Raise ConfigError where the image of a map is given for the map."""
+    if name.lower().endswith(_IMAGES):
+        raise ConfigError(f"{name}: an image; needed is the map's .yaml that names it")
 
 
 def image_of(path: Path) -> Path:

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from robotctl.errors import ConfigError
 
@@ -49,7 +49,7 @@ def read_map_image(file: Path) -> tuple[NDArray[np.integer], int, bool]:
             with Image.open(data, formats=_FORMATS) as image:
                 size = f" within its {image.width} x {image.height} pixels"
                 return _pixels(image)
-    except Image.UnidentifiedImageError:
+    except UnidentifiedImageError:
         pass
     except Image.DecompressionBombError as error:
         raise ConfigError(f"{file}: too large for a map: {error}") from error
