@@ -30,7 +30,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from robotctl.app.map_image import read_map_image
+from robotctl.app.image_file import read_image
 from robotctl.errors import ConfigError
 from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.se2 import SE2
@@ -79,13 +79,14 @@ def load_map(path: Path) -> GridMap:
     header = _header(path)
     if not header.image.is_file():
         raise ConfigError(f"{path}: image: {header.image} does not exist")
-    pixels, white, has_alpha = read_map_image(header.image)
+    pixels = read_image(header.image)
+    white = np.iinfo(pixels.dtype).max
     if pixels.ndim == 2:
         # Each shade is looked up: a large map takes a byte for a cell.
-        shades = np.arange(white + 1.0)[:, None] / white
+        shades = np.arange(white + 1)[:, None] / white
         cells = _cells(shades, header, has_alpha=False)[pixels]
     else:
-        cells = _cells(pixels / float(white), header, has_alpha=has_alpha)
+        cells = _cells(pixels / white, header, has_alpha=pixels.shape[2] in {2, 4})
     return GridMap(cells[::-1].copy(), header.resolution_m, header.origin)
 
 

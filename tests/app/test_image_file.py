@@ -1,17 +1,20 @@
-"""Images of maps, against netpbm's definition of PGM and PPM read word by word."""
+"""Images against netpbm's definition of PGM and PPM, read word by word, and against OpenCV."""
 
 from __future__ import annotations
 
 import re
+import struct
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
+from robotctl.app.camera_pictures import read_picture
+from robotctl.app.image_file import orientation, read_image
 from robotctl.app.map_file import load_map
-from robotctl.app.map_image import read_map_image
 from robotctl.errors import ConfigError
 
 GAPS = (b" ", b"\n", b"\t", b"\r\n", b" # a comment\n", b"\n#\n# another: 7 8\n")
@@ -50,11 +53,10 @@ def test_pgm_and_ppm_of_any_greatest_value_are_scaled_to_white(tmp_path_factory,
     magic, width, height, maxval, samples, values, gaps, has_last_newline = drawn
     file = tmp_path_factory.mktemp("pnm") / "room.pnm"
     file.write_bytes(written(magic, width, height, maxval, values, gaps, has_last_newline))
-    pixels, white, has_alpha = read_map_image(file)
-    assert not has_alpha
+    pixels = read_image(file)
     assert pixels.shape == ((height, width) if samples == 1 else (height, width, 3))
     expected = shades_by_the_book(values, maxval, samples)
-    np.testing.assert_allclose(pixels.ravel() / white, expected, atol=1e-9)
+    np.testing.assert_allclose(pixels.ravel() / np.iinfo(pixels.dtype).max, expected, atol=1e-9)
 
 
 def in_a_map(folder, data, name="room.pgm", **keys):
@@ -142,18 +144,121 @@ def test_a_file_that_ends_too_soon_is_cut_short_and_nothing_else_is_printed(tmp_
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "no image with 8 or 16 bits"),
-        (b"P5\n0 3\n255\n", "no image with 8 or 16 bits"),
+        (b"", "no image that can be read"),
+        (b"P5\n0 3\n255\n", "no image that can be read"),
         (b"P5\n2 1\n0\n..", "damaged: maxval must be greater than 0"),
         (b"P5\n2 1\n70000\n....", "damaged: maxval must be greater than 0 and less than 65536"),
         (b"P2\n2 1\n255\n0 white", "damaged: invalid literal"),
         (b"P2\n2 1\n100\n0 101", "damaged: .*101"),
-        (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "no image with 8 or 16 bits"),
+        (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "no image that can be read"),
         (PNG.tobytes()[:60] + b"x" + PNG.tobytes()[61:], "damaged: "),
-        (b"P5\n40000 40000\n255\n", "too large for a map"),
+        (b"P5\n40000 40000\n255\n", "too large: "),
     ],
 )
 def test_what_is_no_sound_image_is_said(tmp_path, capfd, data, message):
     with pytest.raises(ConfigError, match=re.escape("room.pgm: ") + message):
         load_map(in_a_map(tmp_path, data))
     assert capfd.readouterr() == ("", "")
+
+
+def with_orientation(data, tag, order="<"):
+    """Return a JPEG whose EXIF block (application segment 1) has a tag of orientation, as bytes."""
+    mark = b"II" if order == "<" else b"MM"
+    tiff = mark + struct.pack(order + "HIHHHIHHI", 42, 8, 1, 0x0112, 3, 1, tag, 0, 0)
+    segment = b"Exif\0\0" + tiff
+    return data[:2] + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + data[2:]
+
+
+def scene():
+    """Draw a picture, blue, green and red, in which no turn or mirror looks like another."""
+    picture = np.full((48, 64, 3), 200, np.uint8)
+    picture[4:12, 4:40] = (20, 90, 160)
+    picture[12:40, 4:10] = (150, 40, 60)
+    return picture
+
+
+@pytest.mark.parametrize("tag", range(1, 9))
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_picture_is_read_as_the_sensor_has_it_whatever_its_orientation(tmp_path, tag, order):
+    data = cv2.imencode(".jpg", scene())[1].tobytes()
+    (tmp_path / "plain.jpg").write_bytes(data)
+    (tmp_path / "tagged.jpg").write_bytes(with_orientation(data, tag, order))
+    assert orientation(tmp_path / "plain.jpg") == 1
+    assert orientation(tmp_path / "tagged.jpg") == tag
+    found = read_picture(tmp_path / "tagged.jpg")
+    np.testing.assert_array_equal(found, read_picture(tmp_path / "plain.jpg"))
+    # OpenCV, told to follow the tag, turns it: so the tag is one.
+    turned = cv2.imread(str(tmp_path / "tagged.jpg"))
+    assert (turned.shape == found.shape and np.array_equal(turned, found)) == (tag == 1)
+
+
+@pytest.mark.parametrize("tag", range(1, 9))
+@pytest.mark.parametrize("suffix", ["png", "webp", "tiff"])
+def test_so_is_one_of_another_format(tmp_path, tag, suffix):
+    file = tmp_path / f"tagged.{suffix}"
+    tags = Image.Exif()
+    tags[0x0112] = tag
+    Image.fromarray(scene()[..., ::-1]).save(file, exif=tags, lossless=True)
+    np.testing.assert_array_equal(read_picture(file), scene())
+    assert orientation(file) == tag
+
+
+def picture_files(folder):
+    """Write a picture in all kinds of files; return their paths."""
+    picture, grey = Image.fromarray(scene()[..., ::-1]), Image.fromarray(scene()[..., 0])
+    mask = Image.fromarray(np.tile(np.arange(64, dtype=np.uint8) * 4, (48, 1)))
+    kinds = {
+        "colour.jpg": (picture, {}),
+        "progressive.jpg": (picture, {"progressive": True}),
+        "grey.jpg": (grey, {}),
+        "palette.png": (picture.quantize(16), {}),
+        "bits.png": (grey.point(lambda value: 255 * (value > 100), "1"), {}),
+        "alpha.png": (Image.merge("RGBA", (*picture.split(), mask)), {}),
+        "grey_alpha.png": (Image.merge("LA", (grey, mask)), {}),
+        "colour.bmp": (picture, {}),
+        "colour.webp": (picture, {"lossless": True}),
+        "colour.tif": (picture, {"compression": "tiff_lzw"}),
+        "colour.gif": (picture, {}),
+    }
+    for name, (image, options) in kinds.items():
+        image.save(folder / name, **options)
+    deep = scene().astype(np.uint16) * 257
+    for name, pixels in {
+        "deep.png": deep[..., 0],
+        "deep_colour.png": deep,
+        "deep.tif": deep,
+    }.items():
+        assert cv2.imwrite(str(folder / name), pixels)
+        kinds[name] = None
+    return [folder / name for name in kinds]
+
+
+def test_each_kind_of_picture_has_the_pixels_that_opencv_finds(tmp_path):
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    for file in picture_files(tmp_path):
+        found = read_picture(file)
+        assert (found.dtype, found.flags.c_contiguous) == (np.uint8, True), file.name
+        np.testing.assert_array_equal(found, cv2.imread(str(file), flags), file.name)
+
+
+def test_the_ink_of_a_printer_becomes_light(tmp_path):
+    Image.fromarray(scene()[..., ::-1]).convert("CMYK").save(tmp_path / "ink.jpg", quality=98)
+    apart = np.abs(read_picture(tmp_path / "ink.jpg").astype(int) - scene())
+    assert np.median(apart) <= 2
+
+
+def test_a_picture_cut_anywhere_is_said_to_be_or_has_all_of_its_pixels(tmp_path, capfd):
+    rng = np.random.default_rng(3)
+    for whole in picture_files(tmp_path):
+        data = whole.read_bytes()
+        lengths = rng.integers(0, len(data), 25).tolist()
+        for length in {0, 1, 8, len(data) // 2, len(data) - 1, *lengths}:
+            cut = tmp_path / f"cut{whole.suffix}"
+            cut.write_bytes(data[:length])
+            try:
+                np.testing.assert_array_equal(read_picture(cut), read_picture(whole))
+                assert length > len(data) - 25  # what is behind the pixels
+            except ConfigError as error:
+                assert re.search(r"cut\.\w+: (cut short|damaged|no image)", str(error))  # noqa: PT017
+        # libtiff has its own words for a directory that is cut.
+        assert capfd.readouterr() == ("", "") or whole.suffix == ".tif"
