@@ -51,11 +51,6 @@ def load_cells(path: Path) -> Cells:
     percent = _percent(channels, low, high, mode, has_alpha=has_alpha, negate=negate in _TRUE)
     lowest_first = percent[::-1]
     occupied, free = lowest_first >= 50.0, (lowest_first >= 0.0) & (lowest_first < 50.0)
-    if not free.any():
-        raise SimulationError(
-            f"{path}: no cell is free, so a robot can be nowhere: are negate, free_thresh and "
-            "occupied_thresh right?"
-        )
     return Cells(occupied, free, side_m, (x, y, theta))
 
 

@@ -267,6 +267,11 @@ def load_world(path: Path) -> World:
 
 def _world_of(cells: Cells, path: Path) -> World:
     """Return the world that a map's cells are."""
+    if not cells.free.any():
+        raise SimulationError(
+            f"{path}: no cell is free, so a robot can be nowhere: are negate, free_thresh and "
+            "occupied_thresh right?"
+        )
     segments = cells.walls()
     ends = segments.reshape(-1, 2)
     if len(ends):
