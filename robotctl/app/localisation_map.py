@@ -73,13 +73,12 @@ def off_map(chart: LocalisationMap, start: SE2) -> str:
     rows, columns = grid.cells.shape
     place = f"the start at x {start.x_m:g} m, y {start.y_m:g} m lies"
     if not (0 <= row < rows and 0 <= column < columns):
-        ends = grid.centre_of(
-            np.array([[0, 0], [0, columns - 1], [rows - 1, 0], [rows - 1, columns - 1]])
-        )
-        (low_x, low_y), (high_x, high_y) = ends.min(axis=0), ends.max(axis=0)
+        width_m, height_m = columns * grid.resolution_m, rows * grid.resolution_m
+        ends = [grid.origin.apply(x, y) for x in (0.0, width_m) for y in (0.0, height_m)]
+        (low_x, low_y), (high_x, high_y) = np.min(ends, axis=0), np.max(ends, axis=0)
         return (
-            f"{place} off the map, which has x {low_x:.1f} to {high_x:.1f} m and "
-            f"y {low_y:.1f} to {high_y:.1f} m: is it the map of this place?"
+            f"{place} off the map, which has x {low_x:.2f} to {high_x:.2f} m and "
+            f"y {low_y:.2f} to {high_y:.2f} m: is it the map of this place?"
         )
     cell = int(grid.cells[row, column])
     if cell == UNKNOWN:

@@ -37,12 +37,17 @@ def room_map(
     folder: Path,
     drawing: str = ROOM,
     side_m: float = 0.25,
+    times: int = 1,
     origin: tuple[float, float, float] | str = (-1.0, 2.0, 0.0),
     **keys: object,
 ) -> Path:
-    """Write a map whose upper left corner is that of a drawing; return its yaml file."""
+    """Write a map whose upper left corner is that of a drawing; return its yaml file.
+
+    Each letter is `times` by `times` cells.
+    """
     lines = drawing.strip("\n").splitlines()
     pixels = np.array([[SHADES[each] for each in line] for line in lines], np.uint8)
+    pixels = np.kron(pixels, np.ones((times, times), np.uint8))
     header = f"P5\n{pixels.shape[1]} {pixels.shape[0]}\n255\n"
     (folder / "room.pgm").write_bytes(header.encode() + pixels.tobytes())
     corner = origin if isinstance(origin, str) else list(origin)
