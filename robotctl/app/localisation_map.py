@@ -71,7 +71,7 @@ def off_map(chart: LocalisationMap, start: SE2) -> str:
     grid = chart.grid
     row, column = grid.cell_of(np.array([[start.x_m, start.y_m]]))[0].tolist()
     rows, columns = grid.cells.shape
-    place = f"the start at x {start.x_m:g} m, y {start.y_m:g} m lies"
+    place = f"the start at x {round(start.x_m, 2):g} m, y {round(start.y_m, 2):g} m lies"
     if not (0 <= row < rows and 0 <= column < columns):
         width_m, height_m = columns * grid.resolution_m, rows * grid.resolution_m
         ends = [grid.origin.apply(x, y) for x in (0.0, width_m) for y in (0.0, height_m)]
