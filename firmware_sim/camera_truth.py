@@ -87,7 +87,7 @@ def _first_met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.nda
     order = np.argsort(apart)
     for begin in range(0, len(order), _TOGETHER):
         chosen = order[begin : begin + _TOGETHER]
-        if apart[chosen[0]] > nearest.max():
+        if apart[chosen[0]] > nearest.max(initial=0.0):
             break
         nearest = np.minimum(nearest, _met(sides[chosen], x, y, ray).min(axis=0))
     return nearest
