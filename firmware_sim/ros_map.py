@@ -87,7 +87,7 @@ def _image(path: Path, name: str) -> tuple[np.ndarray, bool]:
                 return np.asarray(image)[..., None] / 65535.0, False
             is_grey = image.mode in {"1", "L", "LA"}
             pixels = np.asarray(image.convert(_MODES[is_grey, has_alpha])) / 255.0
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise SimulationError(f"{path}: image: {file}: {error}") from error
     return np.atleast_3d(pixels), has_alpha
 
