@@ -144,6 +144,7 @@ class SimRun:
         self.config: RobotConfig = load_robot(robot, overrides)
         room = load_room(self.world)
         self.walls = WallMap(room.segments)
+        unfit = misfit(self.config, robot, self.world, self.walls)
         self._scenario = load_faults(options)
         start = self.mission.start
         instance = f"sim-{os.getpid()}"
@@ -185,8 +186,8 @@ class SimRun:
             is_recorded=options.record is not None,
         )
         self.progress = Progress()
-        if said := misfit(self.config, robot, self.world, self.walls):
-            self.progress.lines.append(said)
+        if unfit:
+            self.progress.lines.append(unfit)
 
     def __enter__(self) -> SimRun:
         """Start firmware_sim, then the stack.
