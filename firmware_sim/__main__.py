@@ -41,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     )
     add = result.add_argument
     add("--robot", type=Path, required=True, help="TOML of the robot")
-    add("--world", type=Path, required=True, help="TOML of the room")
+    add("--world", type=Path, required=True, help="TOML of the room, or a ROS map.yaml")
     add(
         "--set",
         action="append",

@@ -122,7 +122,7 @@ class Camera:
         mount, scene, fan = self.mount, self._scene, self._fan
         x, y, heading = self.turn(x_m, y_m, theta_rad)
         shape = self._pixels.shape
-        labels = np.empty(shape, dtype=np.int16)
+        labels = np.empty(shape, dtype=np.int32)
         distances = np.empty(shape, dtype=np.float32)
         picture = np.empty((*shape, 3), dtype=np.uint8)
         draw(

@@ -19,6 +19,7 @@ RADIUS_M = 0.12
 """Of a lamp: what makes its shadows soft."""
 POINTS = 6
 """A lamp is that many points."""
+EVEN = 0.95
 CELL_M = 0.02
 MAX_CELLS = 4_000_000
 MARGIN_M = 0.5
@@ -45,8 +46,13 @@ class Light:
 
 
 def floor_light(world: World, scene: Scene, ambient: float) -> Light:
-    """Return how bright the floor of a world is; `ambient` is the share without shadows."""
+    """Return how bright the floor of a world is; `ambient` is the share without shadows.
+
+    A map says nothing of lamps: its floor is lit evenly.
+    """
     low_x, low_y, high_x, high_y = world.bounds
+    if world.cells is not None:
+        return Light(np.full((2, 2), EVEN, dtype=np.float32), low_x, low_y, CELL_M)
     width, depth = high_x - low_x + 2 * MARGIN_M, high_y - low_y + 2 * MARGIN_M
     cell = max(CELL_M, math.sqrt(width * depth / MAX_CELLS))
     shape = (max(2, math.ceil(depth / cell)), max(2, math.ceil(width / cell)))

@@ -57,11 +57,13 @@ def make_scene(world: World) -> Scene:
     """Return the things of a world, ready to be seen."""
     sides: list[np.ndarray] = []
     first, count, height, colours, numbers = [], [], [], [], []
+    number_of_sides = 0
     for number, thing in enumerate(world.things):
         rows = _sides(thing)
         colour = _colour(thing, world.floor.seed, number)
         for part in [rows] if thing.solid else np.split(rows, len(rows)):
-            first.append(sum(map(len, sides)))
+            first.append(number_of_sides)
+            number_of_sides += len(part)
             count.append(len(part))
             sides.append(part)
             height.append(thing.height_m)

@@ -41,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     )
     add = result.add_argument
     add("--robot", type=Path, required=True, help="TOML of the robot")
-    add("--world", type=Path, required=True, help="TOML of the room")
+    add("--world", type=Path, required=True, help="TOML of the room, or a ROS map.yaml")
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one value")
     add("--pose", action="append", type=parse_pose, default=[], metavar=POSE, help="of base")
     add("--random", type=parse_natural, default=0, metavar="N", help="more, where there is room")
@@ -136,6 +136,8 @@ def _free_poses(
                 float(rng.uniform(low_y, high_y)),
                 float(rng.uniform(-math.pi, math.pi)),
             )
+            if not world.is_known(*pose[:2]):
+                continue
             try:
                 plant.place(*pose)
             except SimulationError:

@@ -17,6 +17,8 @@ from firmware_sim.world import World
 
 _SAMPLES = 24
 """Points on each side of a foot that are looked for in the picture."""
+_TOGETHER = 256
+"""Sides that rays are cut with at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +83,31 @@ def true_ranges(
 def _first_met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.ndarray:
     """Return the distance from a point to the first of the sides along each ray, (n,) [m]."""
     nearest = np.full(len(ray), np.inf)
-    for side in sides:
-        nearest = np.minimum(nearest, _met(side, x, y, ray))
+    apart = _distances(sides, x, y)
+    order = np.argsort(apart)
+    for begin in range(0, len(order), _TOGETHER):
+        chosen = order[begin : begin + _TOGETHER]
+        if apart[chosen[0]] > nearest.max(initial=0.0):
+            break
+        nearest = np.minimum(nearest, _met(sides[chosen], x, y, ray).min(axis=0))
     return nearest
 
 
-def _met(side: np.ndarray, x: float, y: float, way: np.ndarray) -> np.ndarray:
-    """Return at how many of its lengths each way from a point meets a side, (n,); inf: never."""
-    ax, ay, bx, by = side
+def _distances(sides: np.ndarray, x: float, y: float) -> np.ndarray:
+    """Return how far each side, (n, 4), is from a point, (n,) [m]."""
+    along = sides[:, 2:] - sides[:, :2]
+    offset = (x, y) - sides[:, :2]
+    share = np.clip(np.sum(offset * along, axis=1) / np.sum(along * along, axis=1), 0.0, 1.0)
+    apart: np.ndarray = np.hypot(*(offset - share[:, None] * along).T)
+    return apart
+
+
+def _met(sides: np.ndarray, x: float, y: float, way: np.ndarray) -> np.ndarray:
+    """Return at how many of its lengths each way from a point meets a side; inf: never.
+
+    For sides (k, 4) and ways (n, 2) it is (k, n).
+    """
+    ax, ay, bx, by = sides.T[..., None]
     ex, ey = bx - ax, by - ay
     across = way[:, 0] * ey - way[:, 1] * ex
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -239,8 +258,8 @@ def _hidden(
     for other in world.things:
         if other is thing:
             continue
-        for side in other.sides():
-            t = _met(side, *place, way)
-            # The line of sight has come down to z_m (1 - t) where it meets the side.
-            hidden |= (t < 1.0 - 1.0e-6) & (mount.z_m * (1.0 - t) <= other.height_m)
+        t = _met(other.sides(), *place, way)
+        # The line of sight has come down to z_m (1 - t) where it meets a side.
+        hides = (t < 1.0 - 1.0e-6) & (mount.z_m * (1.0 - t) <= other.height_m)
+        hidden |= hides.any(axis=0)
     return hidden

@@ -148,6 +148,8 @@ def carry(faults: Faults, _: Arguments) -> None:
     low_x, low_y, high_x, high_y = simulation.world.bounds
     for _attempt in range(PLACES_TRIED):
         x_m, y_m = faults.rng.uniform((low_x, low_y), (high_x, high_y))
+        if not simulation.world.is_known(x_m, y_m):
+            continue
         try:
             simulation.plant.place(x_m, y_m, faults.rng.uniform(-math.pi, math.pi))
         except SimulationError:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from firmware_sim.compiled import compiled, noise_state, normal, uniform
+from firmware_sim.near import Near
 from firmware_sim.parameters import LidarParameters
 from firmware_sim.rays import cast_fan, fan_angles
 from firmware_sim.world import World
@@ -27,7 +28,8 @@ class Lidar:
 
     def __init__(self, parameters: LidarParameters, world: World, rng: np.random.Generator) -> None:
         self.parameters = parameters
-        self._segments = world.segments
+        offset_m = math.hypot(parameters.x_m, parameters.y_m)
+        self._near = Near(world.segments, parameters.max_range_m + offset_m)
         self._noise = noise_state(rng)
         self._angles = fan_angles(parameters.beams, math.radians(parameters.fov_deg))
         self._hits = np.empty(parameters.beams, dtype=np.int32)
@@ -54,7 +56,7 @@ class Lidar:
             theta_rad + math.radians(p.heading_deg),
             self._angles,
             p.max_range_m,
-            self._segments,
+            self._near.at(x_m, y_m),
             ranges,
             self._hits,
         )

@@ -23,6 +23,7 @@ from firmware_sim.world import World
 
 STEP_NS = round(DT_S * 1e9)
 """Length of one step of the plant [ns]."""
+_PLACES_TRIED = 3000
 
 
 def _places(record: np.dtype, *names: str) -> Iterator[int]:
@@ -98,7 +99,7 @@ class Plant:
         self._com_x_m = float(self._p["com_x"][0])
         self._com_y_m = float(self._p["com_y"][0])
         self._start(config)
-        self.place(*world.start)
+        self._begin_at(*world.start)
 
     def _start(self, config: RobotConfig) -> None:
         """Set what is not zero at power-on."""
@@ -174,6 +175,19 @@ class Plant:
             self._noise,
         )
 
+    def _begin_at(self, x_m: float, y_m: float, theta_rad: float) -> None:
+        """Put the robot at its start; raises SimulationError, with the nearest place for it."""
+        low_x, low_y, high_x, high_y = self._world.bounds
+        try:
+            if not (low_x <= x_m <= high_x and low_y <= y_m <= high_y):
+                raise SimulationError(
+                    f"the start at x {x_m} m, y {y_m} m lies outside {self._world.name}: allowed "
+                    f"are x {low_x:g}..{high_x:g} m, y {low_y:g}..{high_y:g} m"
+                )
+            self.place(x_m, y_m, theta_rad)
+        except SimulationError as error:
+            raise SimulationError(f"{error}; {self._nearest_place(x_m, y_m, theta_rad)}") from error
+
     def place(self, x_m: float, y_m: float, theta_rad: float) -> None:
         """Put the robot somewhere else, at rest; counts and distance go on.
 
@@ -182,17 +196,31 @@ class Plant:
         SimulationError
             A wall is in the way.
         """
-        inside = self._world.solid_at(x_m, y_m)
-        if inside or _overlaps(self._outline, self._segments, x_m, y_m, theta_rad):
+        if obstacle := self._obstacle(x_m, y_m, theta_rad):
             raise SimulationError(
                 f"the robot cannot stand at x {x_m} m, y {y_m} m, heading {theta_rad} rad: "
-                f"{inside or 'a wall'} is in the way"
+                f"{obstacle} is in the way"
             )
         b = self._b
         b["x"], b["y"], b["theta"] = x_m, y_m, theta_rad
         b["vx"] = b["vy"] = b["omega"] = b["touch_s"] = b["contacts"] = 0.0
         for wheel in self._w:
             wheel["omega"] = 0.0
+
+    def _obstacle(self, x_m: float, y_m: float, theta_rad: float) -> str:
+        """Name of what is in the way of a robot that is put somewhere; "" if nothing is."""
+        if inside := self._world.solid_at(x_m, y_m):
+            return inside
+        touches = _overlaps(self._outline, self._segments, x_m, y_m, theta_rad)
+        return "a wall" if touches else ""
+
+    def _nearest_place(self, x_m: float, y_m: float, theta_rad: float) -> str:
+        """Say where the robot can stand, with the same heading."""
+        for place in self._world.places(x_m, y_m)[:_PLACES_TRIED].tolist():
+            x, y = (round(each, 2) for each in place)
+            if not self._obstacle(x, y, theta_rad):
+                return f"the nearest place for it with this heading is x {x} m, y {y} m"
+        return "there is no place for it near by either"
 
     def block(self, channel: int, blocked: bool = True) -> None:
         """Hold the wheel of channel 1 or 2, or let it go: a fault, under which the motor stalls."""

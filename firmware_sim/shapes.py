@@ -39,6 +39,8 @@ class Thing:
         Of its foot, (k, 2) [m], in the order of its sides.
     solid
         Whether the last corner is joined to the first and it has an inside; else a bare polyline.
+    chained
+        Whether each corner is joined to the next; else they are the ends of single sides, by twos.
     height_m
         From the floor to its top.
     colour
@@ -51,9 +53,12 @@ class Thing:
     solid: bool
     height_m: float
     colour: str = ""
+    chained: bool = True
 
     def sides(self) -> np.ndarray:
         """Its sides, (n, 4): from x, y to x, y [m]."""
+        if not self.chained:
+            return self.corners.reshape(-1, 4)
         following = np.roll(self.corners, -1, axis=0)
         rows = np.hstack([self.corners, following])
         return rows if self.solid else rows[:-1]

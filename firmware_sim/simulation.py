@@ -21,7 +21,6 @@ from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
 from firmware_sim.config import RobotConfig, load_robot
-from firmware_sim.errors import SimulationError
 from firmware_sim.faults import Faults
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.lidar import Lidar
@@ -101,7 +100,7 @@ class Simulation:
         config = load_robot(robot) if isinstance(robot, Path) else robot
         room = load_world(world) if isinstance(world, Path) else world
         if start is not None:
-            room = _with_start(room, start)
+            room = dataclasses.replace(room, start=start)
         streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(5)]
         self.config = config
         self.world = room
@@ -377,17 +376,6 @@ def _current_limit_ma(config: RobotConfig) -> int:
     stall_a = config.simulation.battery.cells * CELL_V / motor.resistance_ohm
     limit_ma = CONTINUOUS_SHARE * min(stall_a, motor.current_limit_a) * 1e3
     return max(round(limit_ma / CURRENT_STEP_MA), 1) * CURRENT_STEP_MA
-
-
-def _with_start(room: World, start: tuple[float, float, float]) -> World:
-    low_x, low_y, high_x, high_y = room.bounds
-    x_m, y_m, _ = start
-    if not (low_x <= x_m <= high_x and low_y <= y_m <= high_y):
-        raise SimulationError(
-            f"the start at x {x_m} m, y {y_m} m lies outside {room.name}: "
-            f"allowed are x {low_x}..{high_x} m, y {low_y}..{high_y} m"
-        )
-    return dataclasses.replace(room, start=start)
 
 
 def _memory(directory: Path | None) -> Memory:

@@ -13,6 +13,7 @@ import numpy as np
 
 from firmware_sim.compiled import compiled, noise_state, normal, uniform
 from firmware_sim.config import RobotConfig
+from firmware_sim.near import Near
 from firmware_sim.parameters import SonarParameters
 from firmware_sim.rays import blocked, cast_fan, fan_angles
 from firmware_sim.world import World
@@ -75,8 +76,11 @@ class SonarRing:
         p = config.simulation.sonar
         mounts = [(m.x_m, m.y_m, m.heading_rad) for m in config.sonar]
         self._mounts = np.array(mounts, dtype=np.float64).reshape(-1, 3)
-        self._segments = world.segments
-        self._corners = world.corners if p.corner_echo else world.corners[:0]
+        # Where another's sound is mirrored may be farther by half of the way between both sonars.
+        offset_m = max(np.hypot(*self._mounts[:, :2].T), default=0.0)
+        reach_m = p.max_range_m + 2.0 * offset_m
+        self._walls = Near(world.segments, reach_m)
+        self._corners = Near(world.corners if p.corner_echo else world.corners[:0], reach_m)
         self._sensor = sensor_record(p)
         self._angles = fan_angles(p.rays, math.radians(p.beam_deg))
         self._ranges = np.empty(p.rays)
@@ -112,8 +116,8 @@ class SonarRing:
             y_m,
             theta_rad,
             self._sensor,
-            self._segments,
-            self._corners,
+            self._walls.at(x_m, y_m),
+            self._corners.at(x_m, y_m),
             self._angles,
             self._ranges,
             self._hits,

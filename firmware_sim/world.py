@@ -15,6 +15,9 @@ Each may have a `height_m` (default 2.5 m for walls, 0.8 m for boxes and furnitu
 (`#rrggbb`, default drawn from the floor's seed). The robot touches all of them and the camera sees
 all of them; a sonar or a lidar sees what is higher than it is mounted. The map that robotctl makes
 of a world has walls, boxes and furniture, not the obstacles. All stands within 500 m of the origin.
+
+A map as ROS has it, `.yaml`, is a world too: its occupied cells are walls of 2.5 m, on an evenly
+lit floor of tiles; the robot starts where there is the most room.
 """
 
 from __future__ import annotations
@@ -29,15 +32,20 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter
 
+from firmware_sim.cells import Cells
 from firmware_sim.config import read_toml, validate
 from firmware_sim.errors import SimulationError
 from firmware_sim.quantities import Positive, Real, closed
+from firmware_sim.ros_map import SUFFIXES, load_cells
 from firmware_sim.shapes import WALL_M, Board, Box, Obstacle, Pillar, Thing, Wall
 
 OBSTACLE = "obstacle"
 FARTHEST_M = 500.0
 """Of anything from the origin: collisions are found in a grid over all that stands there."""
 _TOUCHING_M = 1.0e-6
+_PLACES_M = 0.1
+_MOST_PLACES = 250_000
+_CELLS_COLOUR = "#d6d2ca"
 
 
 @closed
@@ -135,6 +143,8 @@ class World:
         What lights it; none: lamps under the ceiling, some 3.6 m apart.
     boards
         Printed chessboards on it.
+    cells
+        Of a world that is a map; else None.
     """
 
     name: str
@@ -146,6 +156,7 @@ class World:
     floor: Floor = Floor()
     lamps: tuple[Lamp, ...] = ()
     boards: tuple[Board, ...] = ()
+    cells: Cells | None = None
 
     @property
     def solids(self) -> tuple[tuple[str, np.ndarray], ...]:
@@ -169,6 +180,8 @@ class World:
 
     def solid_at(self, x_m: float, y_m: float) -> str:
         """Name of the box, furniture or thick wall that a point is inside of; "" if none."""
+        if self.cells is not None and self.cells.is_occupied(np.array([[x_m, y_m]]))[0]:
+            return "a wall"
         for name, ring in self.solids:
             following = np.roll(ring, -1, axis=0)
             crosses = (ring[:, 1] > y_m) != (following[:, 1] > y_m)
@@ -177,6 +190,25 @@ class World:
             if np.count_nonzero(at > x_m) % 2:
                 return name
         return ""
+
+    def is_known(self, x_m: float, y_m: float) -> bool:
+        """Whether a point is in the room: in a map, in a free cell."""
+        return self.cells is None or bool(self.cells.is_free(np.array([[x_m, y_m]]))[0])
+
+    def places(self, x_m: float, y_m: float) -> np.ndarray:
+        """Points where a robot might be put, the nearest to x, y [m] first, (n, 2) [m].
+
+        They lie 0.1 m apart, or more in a large world, and may have a wall near by.
+        """
+        low_x, low_y, high_x, high_y = self.bounds
+        step_m = max(_PLACES_M, math.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_PLACES))
+        x, y = np.arange(low_x, high_x, step_m), np.arange(low_y, high_y, step_m)
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        if self.cells is not None:
+            points = points[self.cells.is_free(points)]
+        order = np.argsort(np.hypot(*(points - (x_m, y_m)).T), kind="stable")
+        chosen: np.ndarray = points[order]
+        return chosen
 
     @staticmethod
     def from_segments(
@@ -198,13 +230,15 @@ class World:
 
 
 def load_world(path: Path) -> World:
-    """Read and validate a world's file.
+    """Read and validate a world's file, or a map.
 
     Raises
     ------
     SimulationError
         The file cannot be read or is wrong; one line for each error.
     """
+    if path.suffix.lower() in SUFFIXES:
+        return _world_of(load_cells(path), path)
     file = validate(_FILE, read_toml(path))
     things = tuple(_things(file, path))
     for thing in things:
@@ -228,6 +262,30 @@ def load_world(path: Path) -> World:
         floor=file.floor,
         lamps=file.lamp,
         boards=file.board,
+    )
+
+
+def _world_of(cells: Cells, path: Path) -> World:
+    """Return the world that a map's cells are."""
+    if not cells.free.any():
+        raise SimulationError(
+            f"{path}: no cell is free, so a robot can be nowhere: are negate, free_thresh and "
+            "occupied_thresh right?"
+        )
+    segments = cells.walls()
+    ends = segments.reshape(-1, 2)
+    if len(ends):
+        _check_near(ends, "origin and size", path)
+    walls = Thing("walls", "wall", ends, False, WALL_M, _CELLS_COLOUR, chained=False)
+    *start, _ = cells.clear_way()
+    return World(
+        name=path.stem,
+        segments=segments,
+        corners=cells.corners(),
+        bounds=cells.bounds(),
+        start=(start[0], start[1], start[2]),
+        things=(walls,) if len(ends) else (),
+        cells=cells,
     )
 
 

@@ -21,6 +21,7 @@ from robotctl.app.sim_options import SimOptions
 from robotctl.app.stack import NAVIGATION
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.runtime.messages import Mode, SafetyState
+from tests.firmware.cell_rooms import room_map
 
 PATIENT_S = 60.0
 QUIET_S = 2.0
@@ -191,3 +192,32 @@ def test_a_localiser_that_is_killed_under_way_knows_the_place_again_and_nothing_
         assert navigation.mode is Mode.HOLD
         assert error_m(progress) < ERROR_M
         assert truth.distance_m - distance_m < 0.5
+
+
+@pytest.mark.timeout(240)
+def test_processes_drive_and_look_and_localise_in_a_ros_map(bus: str, tmp_path: Path) -> None:
+    room_map(tmp_path, side_m=0.05, times=5)
+    mission = tmp_path / "round.toml"
+    mission.write_text(
+        'name = "round"\nworld = "room.yaml"\nstart = { x_m = 0.6, y_m = 3.9 }\n[[item]]\n'
+        'kind = "drive"\nwaypoints = [[0.6, 3.9], [1.4, 3.9], [1.4, 4.8]]\ncorner_radius_m = 0.3\n'
+    )
+    options = SimOptions(
+        find_file("diff_drive"),
+        mission,
+        bus=own(bus, "map"),
+        max_seconds=200.0,
+        overrides=("mavlink.link=[]", "camera.enabled=true"),
+        localisation=('localisation.method="mcl"',),
+    )
+    with SimRun(options) as run:
+        for progress in run.steps():
+            assert progress.control is None or progress.control.state != SafetyState.FAULT
+        report = run.report()
+    assert report.mission_completed, report.message
+    assert (report.world, report.collisions, report.unsafe_motions) == ("room", 0, 0)
+    assert report.localisation is not None
+    assert report.localisation.error.max_m < ERROR_M
+    assert report.camera is not None
+    assert report.camera.pictures > 10
+    assert report.camera.false == 0

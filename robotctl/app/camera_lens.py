@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from robotctl.app.camera_pictures import read_picture
+from robotctl.app.camera_pictures import read_picture, tagged_to_turn, turned_hint
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.camera_intrinsics import LensFit, calibrate_lens
 from robotctl.estimation.camera_pattern import Board, find_corners
@@ -41,7 +41,9 @@ def lens_of_pictures(
         sizes.setdefault(picture.shape[:2], path)
         if len(sizes) > 1:
             (first, other) = (f"{file}: {w} x {h}" for (h, w), file in sizes.items())
-            raise ConfigError(f"pictures of one lens have one size, not {first} and {other}")
+            raise ConfigError(
+                f"pictures of one lens have one size, not {first} and {other}{turned_hint(*sizes)}"
+            )
         corners = find_corners(picture, board)
         if corners is None:
             without.append(path.name)
@@ -52,6 +54,11 @@ def lens_of_pictures(
     if without:
         notes.append(
             f"no board of {board.columns} x {board.rows} inner corners in {', '.join(without)}"
+        )
+    if tagged := tagged_to_turn(paths):
+        notes.append(
+            f"the EXIF orientation of {', '.join(path.name for path in tagged)} is not followed: "
+            "pictures count as the sensor took them, not as a viewer turns them"
         )
     progress("fitting the lens")
     ((height, width),) = sizes

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.app.image_file import orientation, read_image
 from robotctl.app.running_robot import running
 from robotctl.drivers.simulated_camera import SimulatedCamera
 from robotctl.errors import ConfigError, LinkError
@@ -34,17 +36,18 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
     Parameters
     ----------
     path
-        The file, in any format that OpenCV reads, or `live:NAME`.
+        The file, or `live:NAME`.
 
     Returns
     -------
     ndarray
-        (height, width, 3), blue, green, red.
+        (height, width, 3), blue, green, red, in the sensor's rows: a tag that asks for the picture
+        to be turned is not followed, and alpha not looked at.
 
     Raises
     ------
     ConfigError
-        If the file is no picture.
+        If the file is no picture, damaged or cut short.
     OSError
         If it cannot be read.
     LinkError
@@ -52,11 +55,11 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
     """
     if str(path).startswith(LIVE):
         return live_picture(str(path).removeprefix(LIVE), RealClock())
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if picture is None:
-        raise ConfigError(f"{path}: not a picture that can be read ({', '.join(SUFFIXES)})")
-    return picture.astype(np.uint8, copy=False)
+    pixels = read_image(path)
+    bytes_ = (pixels >> 8 if pixels.dtype == np.uint16 else pixels).astype(np.uint8)
+    if bytes_.ndim == 2 or bytes_.shape[2] == 2:
+        return np.repeat(np.atleast_3d(bytes_)[..., :1], 3, axis=2)
+    return np.ascontiguousarray(bytes_[..., 2::-1])
 
 
 def read_picture_of(path: Path, intrinsics: CameraIntrinsics) -> NDArray[np.uint8]:
@@ -82,11 +85,33 @@ def check_size(picture: NDArray[np.uint8], path: Path, intrinsics: CameraIntrins
     """
     height, width = picture.shape[:2]
     if (width, height) != (intrinsics.width_px, intrinsics.height_px):
+        wanted = intrinsics.height_px, intrinsics.width_px
         raise ConfigError(
             f"{path}: {width} x {height} pixels, but the lens is for "
             f"{intrinsics.width_px} x {intrinsics.height_px}; take pictures of that size: one "
-            "that is cut or scaled has another lens"
+            f"that is cut or scaled has another lens{turned_hint((height, width), wanted)}"
         )
+
+
+def turned_hint(one: tuple[int, ...], other: tuple[int, ...]) -> str:
+    """Return what to do where of two sizes (height, width) one is the other turned; else ""."""
+    if one != other[::-1]:
+        return ""
+    return (
+        "; one has been turned: give pictures as the camera saved them, whose tag of orientation "
+        "is not followed"
+    )
+
+
+def tagged_to_turn(paths: Sequence[Path]) -> list[Path]:
+    """Return the files, of pictures that were read, which viewers turn by their EXIF orientation.
+
+    Raises
+    ------
+    OSError
+        If one cannot be read.
+    """
+    return [path for path in paths if not str(path).startswith(LIVE) and orientation(path) != 1]
 
 
 def live_picture(instance: str, clock: Clock) -> NDArray[np.uint8]:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from firmware_sim.camera_parameters import CameraMount, Intrinsics
 from firmware_sim.camera_truth import Sighting, sightings, true_ranges
-from firmware_sim.errors import SimulationError
-from firmware_sim.world import World, load_world
+from firmware_sim.world import World
 from robotctl.app.config import RobotConfig
 from robotctl.app.score import CameraReport, StampedPose, TruthMatcher
-from robotctl.app.sim_options import SimOptions, SimulatorError, simulated_robot
+from robotctl.app.sim_options import SimOptions, simulated_robot
 from robotctl.runtime.estimation_messages import CameraView
 
 _REACH_M: Final = 2.0
@@ -125,7 +123,7 @@ class CameraScore:
         )
 
 
-def camera_score(config: RobotConfig, options: SimOptions, world: Path) -> CameraScore | None:
+def camera_score(config: RobotConfig, options: SimOptions, world: World) -> CameraScore | None:
     """Return the score of a simulated robot's camera in a world; None where it does not look.
 
     Raises
@@ -138,13 +136,9 @@ def camera_score(config: RobotConfig, options: SimOptions, world: Path) -> Camer
     simulated = simulated_robot(options.robot, options.overrides)
     if simulated.camera is None:
         return None
-    try:
-        walls = load_world(world)
-    except SimulationError as error:
-        raise SimulatorError(str(error)) from error
     true = simulated.simulation.camera
     return CameraScore(
-        walls,
+        world,
         true.true_intrinsics(simulated.camera.intrinsics),
         true.true_mount(simulated.camera.mount),
     )

@@ -16,7 +16,6 @@ from robotctl.app.lockstep import LockstepRun
 from robotctl.app.log_poses import best_poses
 from robotctl.app.map_sensors import LIDAR, SONAR
 from robotctl.app.mapping import choose_scans
-from robotctl.app.pilot import load_mission
 from robotctl.app.sensor_kinds import SENSOR_KINDS, motion_between
 from robotctl.app.sim_options import SimOptions
 from robotctl.errors import CalibrationError, ConfigError
@@ -208,7 +207,7 @@ def simulated_drive(
         if control.stamp_ns >= told_ns:
             told_ns += _TELL_EVERY_NS
             progress(f"the simulated robot drives: {control.stamp_ns * 1e-9:.0f} s")
-    return str(find_file(world or load_mission(mission).world, "worlds").resolve())
+    return str(run.world)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

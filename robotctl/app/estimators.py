@@ -16,6 +16,7 @@ from robotctl.app.ekf_localiser import EkfLocaliser
 from robotctl.app.localisation_map import (
     LocalisationMap,
     load_localisation_map,
+    off_map,
     walls_for_ekf,
 )
 from robotctl.app.localiser import Localiser, Seen
@@ -86,6 +87,8 @@ class Estimators:
         Of the odometry.
     sonar_range_m
         For so far the sonars listen [m].
+    news
+        What is to be said at once.
     given
         The map that the robot localises itself in; None: there is none.
     """
@@ -96,6 +99,7 @@ class Estimators:
         mapper: Mapper | None,
         history: OdometryHistory,
         sonar_range_m: float,
+        news: Sequence[str] = (),
         given: GridMap | None = None,
     ) -> None:
         self.localiser = localiser
@@ -111,7 +115,7 @@ class Estimators:
         self._status: LocalisationStatus | None = None
         self._said_rejected = False
         self._said_untimely = False
-        self._news: list[str] = []
+        self._news = list(news)
 
     def step(
         self,
@@ -216,7 +220,7 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     settings = config.localisation
     history = OdometryHistory()
     localiser: Localiser | None = None
-    mapper = given = None
+    mapper, given, news = None, None, []
     if settings.method != "none":
         chart = load_localisation_map(settings.map, beside)
         given = chart.grid
@@ -224,9 +228,11 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
             localiser = _ekf(config, chart, start)
         else:
             localiser = _mcl(config, chart, start, history, beside)
+        if settings.start == "known" and (said := off_map(chart, start)):
+            news = [said]
     if settings.mapping:
         mapper = _mapper(config, history)
-    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, given)
+    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, news, given)
 
 
 def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocaliser:

@@ -10,7 +10,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from robotctl.app.localisation_map import LocalisationMap
+from robotctl.app.localisation_map import LocalisationMap, off_map
 from robotctl.app.localize_options import (
     START_SIGMA_M,
     START_SIGMA_RAD,
@@ -71,6 +71,8 @@ def run_mcl(
         localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
+    if not options.search and (said := off_map(chart, start.pose)):
+        run.notes.append(said)
     for done, (moment, delta) in enumerate(
         zip(moments, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
     ):

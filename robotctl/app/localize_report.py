@@ -35,6 +35,8 @@ class Run:
         Whether the references have a heading.
     starts_known
         Whether the place was known at the start, so that errors count from there.
+    notes
+        What the user should know of it.
     update_ms
         Processor time of each update [ms].
     particles
@@ -45,6 +47,7 @@ class Run:
     references: list[SE2 | None] = field(default_factory=list)
     has_heading: bool = True
     starts_known: bool = True
+    notes: list[str] = field(default_factory=list)
     update_ms: list[float] = field(default_factory=list)
     particles: list[int] = field(default_factory=list)
 

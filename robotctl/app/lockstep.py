@@ -16,13 +16,14 @@ import msgspec
 
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import not_begun, play
-from firmware_sim.world import load_world
+from firmware_sim.world import World
 from robotctl.app.camera_score import camera_score
-from robotctl.app.config import RobotConfig, find_file
+from robotctl.app.config import RobotConfig
 from robotctl.app.load_estimators import load_estimators
 from robotctl.app.lockstep_camera import LockstepCamera
 from robotctl.app.lockstep_logs import LockstepLogs
 from robotctl.app.log_folder import LogFolder
+from robotctl.app.map_fit import misfit
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import Pilot, load_mission
 from robotctl.app.robot import make_codec, make_core, node_parameters, record_header
@@ -36,9 +37,10 @@ from robotctl.app.score import (
     run_message,
 )
 from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, simulated_robot
-from robotctl.app.world import load_walls
+from robotctl.app.world import load_room
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
+from robotctl.model.wall_map import WallMap
 from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
 from robotctl.runtime.estimation_messages import CameraView, LidarScan, LiveMap, LocalisationState
@@ -139,7 +141,7 @@ class Bench:
 
 def make_simulation(
     robot: Path,
-    world: Path,
+    world: Path | World,
     seed: int,
     start: tuple[float, float, float],
     overrides: Sequence[str] = (),
@@ -156,7 +158,7 @@ def make_simulation(
         # It loads numba, for which those who only type `robotctl --help` need not wait.
         from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
-        simulation = Simulation(simulated, load_world(world), seed, start)
+        simulation = Simulation(simulated, world, seed, start)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
     simulation.warm()
@@ -170,17 +172,25 @@ class LockstepRun:
     ----------
     options
         What to run; the bus is always the one in this process.
+
+    Attributes
+    ----------
+    world
+        File of the world.
+    notices
+        What is to be said before it begins.
     """
 
     def __init__(self, options: SimOptions) -> None:
         self._options = options
         self._mission = load_mission(options.mission)
-        self._world = find_file(options.world or self._mission.world, "worlds").resolve()
+        self.world = options.find_world(self._mission)
+        room = load_room(self.world)
         start = self._mission.start.pose
         stack = StackOptions(
             instance="lockstep",
             robot=str(options.robot),
-            overrides=options.settings(self._world),
+            overrides=options.settings(self.world),
             mission=str(options.mission),
             x_m=start.x_m,
             y_m=start.y_m,
@@ -192,10 +202,12 @@ class LockstepRun:
         self._pilot = Pilot(self.config, stack)
         self._estimators = load_estimators(self.config, stack)
         self._camera = LockstepCamera.load(self.config)
-        seen = camera_score(self.config, options, self._world)
-        self._score = RunScore(
-            load_walls(self._world), seen, is_recorded=options.record is not None
-        )
+        walls = WallMap(room.segments)
+        seen = camera_score(self.config, options, room)
+        self._score = RunScore(walls, seen, is_recorded=options.record is not None)
+        self.notices = [] if self._estimators is None else self._estimators.news()
+        if said := misfit(self.config, options.robot, self.world, walls):
+            self.notices.append(said)
         self._faults: list[str] = []
         self._scenario = load_faults(options)
         self._navigation: NavigationState | None = None
@@ -205,7 +217,7 @@ class LockstepRun:
         self._request_id = 0
         simulation = make_simulation(
             options.robot,
-            self._world,
+            room,
             options.seed,
             (start.x_m, start.y_m, start.theta_rad),
             options.overrides,
@@ -321,7 +333,7 @@ class LockstepRun:
         duration_s = self.bench.clock.now_ns() * 1e-9
         return Report(
             robot=self.config.robot.name,
-            world=self._world.stem,
+            world=self.world.stem,
             mission=self._mission.name,
             seed=self._options.seed,
             bus_kind="lockstep",
@@ -345,12 +357,15 @@ class LockstepRun:
         )
 
 
-def run_lockstep(options: SimOptions) -> Report:
-    """Drive a mission in lockstep and score it.
+def run_lockstep(options: SimOptions, say: Callable[[str], None] = lambda _: None) -> Report:
+    """Drive a mission in lockstep and score it; `say` is given what the user should know before.
 
     Raises
     ------
     ConfigError, MissionError, SimulatorError
         If a file is wrong or robot, mission and world do not fit.
     """
-    return LockstepRun(options).run()
+    run = LockstepRun(options)
+    for notice in run.notices:
+        say(notice)
+    return run.run()

@@ -20,24 +20,28 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from robotctl.app.image_file import read_image
 from robotctl.errors import ConfigError
 from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.se2 import SE2
 
+_IMAGES: Final = (".pgm", ".png", ".bmp", ".jpg")
 MODES: Final = ("trinary", "scale", "raw")
 OCCUPIED_THRESH: Final = 0.65
 FREE_THRESH: Final = 0.25
 """What nav2 takes where a file says nothing."""
+
+_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 _PIXELS: Final = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 _SAVED_FREE_THRESH: Final = 0.196
@@ -73,8 +77,23 @@ def load_map(path: Path) -> GridMap:
         If a file cannot be read.
     """
     header = _header(path)
-    pixels = _read_image(header.image, path)
-    return GridMap(_cells(pixels, header)[::-1].copy(), header.resolution_m, header.origin)
+    if not header.image.is_file():
+        raise ConfigError(f"{path}: image: {header.image} does not exist")
+    pixels = read_image(header.image)
+    white = np.iinfo(pixels.dtype).max
+    if pixels.ndim == 2:
+        # Each shade is looked up: a large map takes a byte for a cell.
+        shades = np.arange(white + 1)[:, None] / white
+        cells = _cells(shades, header, has_alpha=False)[pixels]
+    else:
+        cells = _cells(pixels / white, header, has_alpha=pixels.shape[2] in {2, 4})
+    return GridMap(cells[::-1].copy(), header.resolution_m, header.origin)
+
+
+def refuse_image(name: str) -> None:
+    """Raise ConfigError where the image of a map is given for the map."""
+    if name.lower().endswith(_IMAGES):
+        raise ConfigError(f"{name}: an image; needed is the map's .yaml that names it")
 
 
 def image_of(path: Path) -> Path:
@@ -177,7 +196,13 @@ def _near(key: str, data: dict[Any, Any]) -> str:
 
 
 def _number(value: object) -> float:
-    """Return a finite number."""
+    """Return a finite number.
+
+    Text counts where it is one as C++ and Python print it, `1e-05` or in quotes, which YAML 1.1
+    takes for text and `map_server` for a number.
+    """
+    if isinstance(value, str) and _NUMBER.fullmatch(value.strip()):
+        value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ValueError("must be a finite number")
     return float(value)
@@ -229,6 +254,8 @@ def _mode(value: object) -> str:
 
 def _negate(value: object) -> bool:
     """Return whether white is occupied."""
+    if isinstance(value, str):
+        value = {"0": 0, "1": 1, "false": 0, "true": 1}.get(value.strip().lower())
     if not isinstance(value, bool | int) or value not in {0, 1}:
         raise ValueError("must be 0, 1, true or false")
     return bool(value)
@@ -251,24 +278,11 @@ _DEFAULTS: Final = {
 }
 
 
-def _read_image(file: Path, named_in: Path) -> NDArray[np.float64]:
-    """Return the image's channels as shades of 0 to 1, (rows, columns, channels)."""
-    if not file.is_file():
-        raise ConfigError(f"{named_in}: image: {file} does not exist")
-    data = np.frombuffer(file.read_bytes(), np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
-    white = {"uint8": 255.0, "uint16": 65535.0}.get("" if image is None else image.dtype.name)
-    if image is None or white is None:
-        raise ConfigError(f"{file}: no image with 8 or 16 bits that can be read: pgm, png, bmp")
-    pixels = np.asarray(image, np.float64) / white
-    return np.atleast_3d(pixels)
-
-
-def _cells(pixels: NDArray[np.float64], header: _Header) -> NDArray[np.int8]:
-    """Return the cells that the pixels mean, in the order of the image."""
-    alpha = pixels[:, :, -1] if pixels.shape[2] in {2, 4} else None
-    opaque = pixels if alpha is None else pixels[:, :, :-1]
-    shade = (pixels if header.mode == "trinary" else opaque).mean(axis=2)
+def _cells(pixels: NDArray[np.float64], header: _Header, *, has_alpha: bool) -> NDArray[np.int8]:
+    """Return the cells that pixels of 0 to 1, (..., channels), mean, (...)."""
+    alpha = pixels[..., -1] if has_alpha else None
+    opaque = pixels if alpha is None else pixels[..., :-1]
+    shade = (pixels if header.mode == "trinary" else opaque).mean(axis=-1)
     if header.mode == "raw":
         value = np.rint(255.0 * shade)
         return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)

@@ -14,6 +14,7 @@ from robotctl.app.place_file import load_book, save_book
 from robotctl.app.place_live import live_turn
 from robotctl.app.place_sim import simulated_turn
 from robotctl.app.place_turns import Progress, Visited, recorded_turns
+from robotctl.app.world import find_world
 from robotctl.errors import ConfigError, PlaceError
 from robotctl.estimation.known_places import Recognition
 from robotctl.estimation.place_book import PlaceBook
@@ -167,7 +168,7 @@ def _turns(
         if source.log is not None:
             return recorded_turns(source.log, robot.sonar, signatures, began)
         return [live_turn(source.live, robot, signatures, began, progress, RealClock())]
-    world = find_file(source.world, "worlds").resolve()
+    world = find_world(source.world)
     at = source.at or name
     start = _pose(at) if "," in at else marked(world, at)
     path = find_file(source.robot)

@@ -20,8 +20,9 @@ import zmq
 from firmware_sim.scenario import not_begun
 from robotctl.app.camera_score import camera_score
 from robotctl.app.children import lines_of, start_child
-from robotctl.app.config import RobotConfig, find_file, load_robot
+from robotctl.app.config import RobotConfig, load_robot
 from robotctl.app.log_folder import LogFolder
+from robotctl.app.map_fit import misfit
 from robotctl.app.options import StackOptions
 from robotctl.app.pilot import load_mission
 from robotctl.app.run_score import RunScore
@@ -41,8 +42,9 @@ from robotctl.app.sim_options import (
     simulation_overrides,
 )
 from robotctl.app.stack import CONTROL, Stack
-from robotctl.app.world import load_walls
+from robotctl.app.world import load_room
 from robotctl.model.camera import SIMULATED
+from robotctl.model.wall_map import WallMap
 from robotctl.runtime.estimation_messages import (
     CameraView,
     LiveMap,
@@ -131,7 +133,7 @@ class SimRun:
         self._options = options
         self._stopped = stopped
         self.mission = load_mission(options.mission)
-        self.world = find_file(options.world or self.mission.world, "worlds").resolve()
+        self.world = options.find_world(self.mission)
         overrides = (
             PATIENCE,
             BEST_EFFORT,
@@ -140,7 +142,9 @@ class SimRun:
         )
         robot = options.robot.resolve()
         self.config: RobotConfig = load_robot(robot, overrides)
-        self.walls = load_walls(self.world)
+        room = load_room(self.world)
+        self.walls = WallMap(room.segments)
+        unfit = misfit(self.config, robot, self.world, self.walls)
         self._scenario = load_faults(options)
         start = self.mission.start
         instance = f"sim-{os.getpid()}"
@@ -177,10 +181,12 @@ class SimRun:
         """From the first time on it is for the operator to arm, and to choose who steers."""
         self._score = RunScore(
             self.walls,
-            camera_score(self.config, options, self.world),
+            camera_score(self.config, options, room),
             is_recorded=options.record is not None,
         )
         self.progress = Progress()
+        if unfit:
+            self.progress.lines.append(unfit)
 
     def __enter__(self) -> SimRun:
         """Start firmware_sim, then the stack.

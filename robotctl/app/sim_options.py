@@ -12,8 +12,10 @@ from firmware_sim.config import RobotConfig as SimulatedRobot
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import Scenario, load_scenario
+from robotctl.app.world import find_world
 from robotctl.drivers.can_config import CanConfig
 from robotctl.errors import ConfigError, RobotctlError
+from robotctl.planning.mission import Mission
 
 
 class SimulatorError(RobotctlError):
@@ -27,7 +29,7 @@ class SimOptions:
     Parameters
     ----------
     robot, mission, world
-        Files; an empty world means the mission's own.
+        Files; an empty world means the mission's own, one may be a ROS map's yaml file.
     bus
         `simcan[:CHANNEL]`, or the name of a SocketCAN interface.
     seed
@@ -67,6 +69,18 @@ class SimOptions:
             CanConfig(interface, channel)
         except ValueError as error:
             raise ConfigError(f"--bus {self.bus}: {error}") from error
+
+    def find_world(self, mission: Mission) -> Path:
+        """Return the file of the world: the one asked for, else the mission's own.
+
+        Raises
+        ------
+        ConfigError
+            If there is none.
+        """
+        if self.world:
+            return find_world(self.world)
+        return find_world(mission.world, self.mission.parent)
 
     def settings(self, world: Path) -> tuple[str, ...]:
         """Return all settings of the robot in a world, the user's own last."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable
 
@@ -27,6 +28,13 @@ class Canvas:
         self._x_min, self._y_min = x_min, y_min
         self._cells = [[0] * columns for _ in range(rows)]
         self._marks: dict[tuple[int, int], str] = {}
+
+    def copy(self) -> Canvas:
+        """Return what is drawn so far, to go on with."""
+        other = copy.copy(self)
+        other._cells = [list(row) for row in self._cells]
+        other._marks = dict(self._marks)
+        return other
 
     def point(self, x_m: float, y_m: float) -> None:
         """Set the dot at a point; outside nothing happens."""

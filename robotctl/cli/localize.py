@@ -84,7 +84,7 @@ def localize(
         if method == "mcl" and cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
         result = run(options, tell)
-    for note in result.recording.notes:
+    for note in (*result.recording.notes, *result.run.notes):
         console.print(f"note: {note}", soft_wrap=True)
     write_file(out, lambda file: write_tum(file, result.trajectory))
     if report is not None:

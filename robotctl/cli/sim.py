@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
 import signal
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from robotctl.app.config import find_file
+from robotctl.app.localisation_map import CELLS
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.log_folder import LogError, make_folder, refusal
 from robotctl.app.score import Report
 from robotctl.app.signals import StopFlag
 from robotctl.app.sim import SimRun
 from robotctl.app.sim_options import SimOptions
+from robotctl.app.world import find_world, straight_mission
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
@@ -25,6 +30,8 @@ from robotctl.cli.view import make_view
 from robotctl.errors import ConfigError
 
 NOT_COMPLETED = 3
+PATROL = "patrol"
+"""The mission of a run that is told of none, unless it drives in a map."""
 OWN_BUS = "simcan"
 """The bus of a run that is told of none."""
 
@@ -32,9 +39,15 @@ OWN_BUS = "simcan"
 def sim(
     robot: RobotName = "diff_drive",
     world: Annotated[
-        str, typer.Option(help="World file or name; default: the mission's own.")
+        str,
+        typer.Option(help="World file or name, or a ROS map.yaml; default: the mission's own."),
     ] = "",
-    mission: Annotated[str, typer.Option(help="Mission file or name.")] = "patrol",
+    mission: Annotated[
+        str,
+        typer.Option(
+            help="Mission file or name; default: patrol, in a ROS map the longest straight way."
+        ),
+    ] = "",
     bus: Annotated[
         str,
         typer.Option(help="simcan, simcan:CHANNEL, or a SocketCAN interface such as vcan0."),
@@ -113,7 +126,7 @@ def sim(
         )
     options = SimOptions(
         robot=find_file(robot),
-        mission=find_file(mission, "missions"),
+        mission=_mission(mission, world),
         world=world,
         bus=bus,
         seed=seed,
@@ -124,13 +137,24 @@ def sim(
         localisation=_localisation(localiser, start, chart, sensors, mapping=mapping),
     )
     if lockstep:
-        result = run_lockstep(options)
+        result = run_lockstep(options, lambda said: print(said, file=sys.stderr))
     else:
         result = _run(options, headless=headless, until_done=until_done)
     plain_console().print(score_table(result))
     if report is not None:
         write_file(report, lambda path: path.write_bytes(result.json()))
     sys.exit(0 if result.passed else NOT_COMPLETED)
+
+
+def _mission(name: str, world: str) -> Path:
+    """Return the mission's file; where none is asked for, one that fits into the world."""
+    if name or not world.endswith(CELLS):
+        return find_file(name or PATROL, "missions")
+    folder = tempfile.mkdtemp(prefix="robotctl-mission-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    mission = Path(folder) / "straight.toml"
+    mission.write_text(straight_mission(find_world(world)), encoding="utf-8")
+    return mission
 
 
 def _localisation(

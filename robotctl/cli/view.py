@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -152,6 +153,14 @@ class LiveView:
         """Give the terminal back; the last screen stays."""
         self._live.stop()
 
+    @cached_property
+    def _drawn_walls(self) -> Canvas:
+        """The walls, drawn once: a map has thousands."""
+        canvas = Canvas(_MAP_COLUMNS, _MAP_ROWS, self._walls.bounds)
+        for x1_m, y1_m, x2_m, y2_m in self._walls.segments:
+            canvas.line(x1_m, y1_m, x2_m, y2_m)
+        return canvas
+
     def update(self, progress: Progress) -> None:
         """Redraw, five times a second at most."""
         self._notices += [f"{progress.elapsed_s:6.1f} s  {line}" for line in progress.lines]
@@ -191,11 +200,10 @@ class LiveView:
 
     def _map(self, progress: Progress) -> Panel:
         """Walls or the growing map, trail, particles, things that the camera sees, truth."""
-        canvas = Canvas(_MAP_COLUMNS, _MAP_ROWS, self._walls.bounds)
         if progress.map is None:
-            for x1_m, y1_m, x2_m, y2_m in self._walls.segments:
-                canvas.line(x1_m, y1_m, x2_m, y2_m)
+            canvas = self._drawn_walls.copy()
         else:
+            canvas = Canvas(_MAP_COLUMNS, _MAP_ROWS, self._walls.bounds)
             grid = grid_of(progress.map)
             for x_m, y_m in grid.centre_of(np.argwhere(grid.occupied())):
                 canvas.point(x_m, y_m)

@@ -186,6 +186,9 @@ def _opened(source: str) -> cv2.VideoCapture:
     finally:
         cv2.utils.logging.setLogLevel(loud)
     if capture.isOpened():
+        if not _is_device(source):
+            # A video that is to be shown turned is taken as the sensor has it, as calibrated.
+            capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
         return capture
     if not _is_device(source):
         raise LinkError(f"camera: {source}: cannot be opened as a video or stream")

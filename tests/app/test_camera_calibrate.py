@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import tomllib
 from pathlib import Path
 
@@ -236,6 +237,53 @@ def test_a_real_lens_is_found_as_opencv_published_it(recordings: Path) -> None:
     assert lens.intrinsics.distortion[0] == pytest.approx(published[0], abs=0.03)
 
 
+def tagged(picture: Path, folder: Path, orientation: int) -> Path:
+    """Write a JPEG with a tag of orientation in its EXIF block, the pixels as they are."""
+    tiff = b"MM" + struct.pack(">HIHHHIHHI", 42, 8, 1, 0x0112, 3, 1, orientation, 0, 0)
+    segment = b"Exif\0\0" + tiff
+    data = picture.read_bytes()
+    block = b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment
+    file = folder / picture.name
+    file.write_bytes(data[:2] + block + data[2:])
+    return file
+
+
+@pytest.mark.recordings("camera")
+def test_tags_that_ask_to_turn_the_pictures_do_not_change_the_lens(
+    recordings: Path, tmp_path: Path
+) -> None:
+    pictures = tuple(sorted((recordings / "camera").glob("left*.jpg")))
+    turned = tuple(
+        tagged(picture, tmp_path, 1 + number % 8) for number, picture in enumerate(pictures)
+    )
+    assert len(turned) == 13
+    board = Board(9, 6, 0.025)
+    plain, other = calibrated(lens=pictures, board=board), calibrated(lens=turned, board=board)
+    assert plain.lens is not None
+    assert other.lens is not None
+    # Two fits of the same pixels differ by the order in which OpenCV's threads add them up.
+    np.testing.assert_allclose(other.lens.values, plain.lens.values, rtol=1e-6)
+    np.testing.assert_allclose(other.lens.half_width, plain.lens.half_width, rtol=1e-4)
+    assert not any("EXIF" in note for note in plain.notes)
+    (note,) = (note for note in other.notes if "EXIF" in note)
+    assert "left02.jpg" in note
+    assert "left01.jpg" not in note
+
+
+@pytest.mark.recordings("camera")
+def test_a_picture_that_a_program_has_turned_is_told_from_one_that_is_only_tagged(
+    recordings: Path, tmp_path: Path
+) -> None:
+    upright, other = (recordings / "camera" / name for name in ("left01.jpg", "left02.jpg"))
+    turned = tmp_path / "turned.png"
+    write_picture(turned, np.ascontiguousarray(np.rot90(read_picture(other))))
+    said = "left01.jpg: 640 x 480 and .*turned.png: 480 x 640; one has been turned"
+    with pytest.raises(ConfigError, match=said):
+        calibrated(lens=(upright, turned), board=Board(9, 6, 0.025))
+    with pytest.raises(ConfigError, match=r"480 x 640 pixels, but .* one has been turned"):
+        calibrated(floor=turned, board=BOARD, at=AT)
+
+
 @pytest.mark.recordings("camera")
 def test_the_mount_from_a_real_picture_is_the_pose_of_opencv(recordings: Path) -> None:
     pictures = tuple(sorted((recordings / "camera").glob("left*.jpg")))
@@ -276,5 +324,7 @@ def test_a_part_of_a_board_is_pointed_out(recordings: Path) -> None:
 def test_a_picture_of_another_size_is_refused(folder: Path, tmp_path: Path) -> None:
     small = cv2.resize(read_picture(folder / "board.png"), (320, 240))
     write_picture(tmp_path / "small.png", small.astype(np.uint8))
-    with pytest.raises(ConfigError, match="320 x 240 pixels, but the lens is for 640 x 480"):
+    with pytest.raises(
+        ConfigError, match=r"320 x 240 pixels, but the lens is for 640 x 480; .* has another lens$"
+    ):
         calibrated(floor=tmp_path / "small.png", board=BOARD, at=AT)

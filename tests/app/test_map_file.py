@@ -5,6 +5,8 @@ import math
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robotctl.app.map_file import load_map, save_map
 from robotctl.errors import ConfigError
@@ -172,3 +174,58 @@ def test_maps_of_nav2_are_read_cell_for_cell(recordings, name, free_thresh):
     assert np.count_nonzero(grid.free()) == np.count_nonzero(p < free_thresh) > 0
     assert np.count_nonzero(grid.cells == UNKNOWN) > 0
     np.testing.assert_array_equal(grid.occupied()[::-1], p > 0.65)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-05", 1e-5),
+        ("5e-2", 0.05),
+        ("-1.2e1", -12.0),
+        ("-.5", -0.5),
+        ("+.5E+1", 5.0),
+        ("-0", 0.0),
+        ("3.", 3.0),
+        ('"0.25"', 0.25),
+        ("'-1e-3'", -0.001),
+        ('" 2 "', 2.0),
+        ("-10.000000", -10.0),
+        ("0.1000000015", 0.1000000015),
+        ("1e+30", 1e30),
+    ],
+)
+def test_numbers_are_read_as_c_and_python_print_them(tmp_path, text, value):
+    path = write_map(tmp_path, np.zeros((2, 2), np.uint8), origin=f"[{text}, 0, {text}]")
+    assert load_map(path).origin == SE2(value, 0.0, value)
+
+
+def test_every_number_may_be_quoted_or_have_an_exponent(tmp_path):
+    keys = {
+        "resolution": "5e-2",
+        "negate": '"1"',
+        "occupied_thresh": "6e-1",
+        "free_thresh": '"0.4"',
+        "mode": '"Trinary"',
+    }
+    grid = load_map(write_map(tmp_path, np.array([[160, 140, 90]], np.uint8), **keys))
+    assert grid.resolution_m == 0.05
+    assert grid.cells.tolist() == [[100, -1, 0]]
+
+
+@pytest.mark.parametrize("text", ["1e", "1_0e3", "0x1p3", "e5", "--1", "1e400", "nan", "inf", '""'])
+def test_what_is_no_finite_number_is_refused(tmp_path, text):
+    path = write_map(tmp_path, np.zeros((2, 2), np.uint8), origin=f"[{text}, 0, 0]")
+    with pytest.raises(ConfigError, match=r"origin: must be .*three finite numbers"):
+        load_map(path)
+
+
+@given(
+    st.floats(-1e9, 1e9),
+    st.floats(-1e-4, 1e-4),
+    st.floats(1e-9, 1e3),
+)
+def test_whatever_is_saved_can_be_loaded(tmp_path_factory, x_m, theta_rad, resolution_m):
+    grid = GridMap(np.array([[FREE, OCCUPIED]], np.int8), resolution_m, SE2(x_m, -x_m, theta_rad))
+    yaml_file, _ = save_map(tmp_path_factory.mktemp("map") / "room", grid)
+    again = load_map(yaml_file)
+    assert (again.resolution_m, again.origin) == (grid.resolution_m, grid.origin)

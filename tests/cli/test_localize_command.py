@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 
 import msgspec
 import numpy as np
@@ -308,3 +309,19 @@ def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys):
 
 def test_config_errors_are_known_to_main():
     assert issubclass(ConfigError, RobotctlError)
+
+
+def test_a_start_off_the_map_is_said_and_not_only_that_the_robot_is_lost(room, tmp_path):
+    folder, _ = room
+    write_map(tmp_path)
+    elsewhere = tmp_path / "room.yaml"
+    moved = re.sub(r"origin: \[[^,]*", "origin: [5e+1", elsewhere.read_text())
+    elsewhere.write_text(moved)
+    for path, said in ((elsewhere, True), (folder / "room.yaml", False)):
+        result, report, _ = run(folder, "--map", str(path))
+        assert report["lost"] == said
+        # Drawn with 0.25 m around the log's first pose.
+        pattern = r"note: the start at x [-.\d]+ m, y [-.\d]+ m lies off the map, which has x 50\."
+        assert bool(re.search(pattern, result.output)) == said
+    searched, _, _ = run(folder, "--map", str(elsewhere), "--global", "--particles", "2000")
+    assert "lies off the map" not in searched.output

@@ -85,3 +85,20 @@ def test_what_nobody_measures_is_a_dash(show: object) -> None:
 
 def test_a_screen_without_control_says_for_whom_it_waits() -> None:
     assert "waiting for the control process" in screen(None)
+
+
+def test_the_walls_stay_and_what_moved_does_not() -> None:
+    console = Console(file=io.StringIO(), width=140)
+    view = LiveView(console, CONFIG, WallMap(ROOM), ())
+    shown = []
+    for x_m in (1.25, 2.5):
+        control = msgspec.structs.replace(MOVING, x_m=x_m)
+        console.print(view.screen(Progress(6.0, control)))
+        shown.append(console.file.getvalue())  # type: ignore[attr-defined]
+    first, second = shown[0], shown[1].removeprefix(shown[0])
+    assert [text.count("↑") for text in (first, second)] == [1, 1]
+    corners = [
+        line.index("⣇") for text in (first, second) for line in text.splitlines() if "⣇" in line
+    ]
+    assert len(corners) == 2
+    assert corners[0] == corners[1]

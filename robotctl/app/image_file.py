@@ -1,0 +1,106 @@
+"""Images as they lie in their files: pixels in rows, whatever a tag says of how to turn them.
+
+Pillow reads them. It scales PGM and PPM of any greatest value (1 to 65535) to white, as ROS's
+`map_server` has them from GraphicsMagick, reads plain ones without a newline at their end, says
+when a file is cut short, and does not turn a picture by its EXIF orientation: what a camera's lens
+did, it did to the sensor's rows.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from robotctl.errors import ConfigError
+
+_FORMATS: Final = ("PNG", "JPEG", "PPM", "BMP", "WEBP", "TIFF", "GIF", "TGA", "JPEG2000", "AVIF")
+"""Of all that Pillow knows, those that hold pixels: some others start programs (Ghostscript)."""
+_CUT_SHORT: Final = ("truncated", "Truncated", "EOF", "not enough", "requires a buffer of")
+"""How Pillow and struct say that a file ends too soon."""
+_ORIENTATION: Final = 0x0112
+"""The tag of EXIF and TIFF (TIFF 6.0, section 8); 1 is upright, the others turn and mirror."""
+
+
+def read_image(file: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Read an image.
+
+    Returns
+    -------
+    NDArray
+        (rows, columns) where it is grey, of 8 or 16 bits; else (rows, columns, channels) of 8 bits:
+        2 for grey and alpha, 3 for red, green and blue, 4 for these and alpha.
+
+    Raises
+    ------
+    ConfigError
+        If the file is no image, damaged or cut short.
+    OSError
+        If it cannot be read.
+    """
+    with _opened(file) as image:
+        if image.mode.startswith("I"):
+            return np.asarray(image).astype(np.uint16)
+        if image.mode == "F":
+            raise ValueError("its pixels are floating point numbers; needed are 8 or 16 bits")
+        colours = "L" if image.mode in {"1", "L", "LA"} else "RGB"
+        alpha = "A" if image.has_transparency_data else ""
+        return np.asarray(image.convert(colours + alpha))
+
+
+def orientation(file: Path) -> int:
+    """Return how a file asks to be turned, 1 (not at all) to 8 of EXIF; raises as `read_image`."""
+    with _opened(file, as_tagged=True) as image:
+        found = image.getexif().get(_ORIENTATION, 1)
+    return found if found in range(1, 9) else 1
+
+
+@contextmanager
+def _opened(file: Path, *, as_tagged: bool = False) -> Iterator[Image.Image]:
+    """Open an image; what goes wrong with it becomes an error in plain words."""
+    data = file.read_bytes()
+    size = " within its header"
+    try:
+        with warnings.catch_warnings():
+            # Of size (a map may be large, and is the user's own) and of odd metadata.
+            warnings.simplefilter("ignore")
+            with Image.open(BytesIO(data if as_tagged else _upright(data)), "r", _FORMATS) as image:
+                size = f" within its {image.width} x {image.height} pixels"
+                yield image
+    except UnidentifiedImageError:
+        kinds = ", ".join(_FORMATS[:6]).lower()
+        raise ConfigError(
+            f"{file}: no image that can be read, so not a picture or map; allowed are {kinds} of "
+            "8 or 16 bits"
+        ) from None
+    except Image.DecompressionBombError as error:
+        raise ConfigError(f"{file}: too large: {error}") from error
+    except (OSError, SyntaxError, ValueError, struct.error) as error:
+        if any(word in str(error) for word in _CUT_SHORT):
+            raise ConfigError(f"{file}: cut short{size}") from error
+        raise ConfigError(f"{file}: damaged: {error}") from error
+
+
+def _upright(data: bytes) -> bytes:
+    """Return a TIFF without its tag of orientation, which Pillow would follow; others as they are.
+
+    The tag is an entry of 12 bytes in the first directory: number, kind, count, value.
+    """
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+    if order is None:
+        return data
+    changed = bytearray(data)
+    (first,) = struct.unpack_from(order + "I", data, 4)
+    (entries,) = struct.unpack_from(order + "H", data, first)
+    for at in range(first + 2, first + 2 + 12 * entries, 12):
+        if struct.unpack_from(order + "H", data, at) == (_ORIENTATION,):
+            struct.pack_into(order + "H", changed, at + 8, 1)
+    return bytes(changed)
