@@ -84,6 +84,12 @@ def told(output: bytes) -> tuple[str, ...]:
     return tuple(line for line in lines if line.startswith(TOLD))
 
 
+def last_line(output: bytes) -> str:
+    """Return the last line of an output that has something in it."""
+    lines = output.decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "no output")
+
+
 def read_from(output: IO[bytes], begin: int) -> bytes:
     """Return what commands have written to a file since `begin`."""
     return os.pread(output.fileno(), os.fstat(output.fileno()).st_size - begin, begin)
@@ -116,8 +122,12 @@ def stage(name: str, *commands: tuple[str, ...]) -> Outcome:
             process.wait()
         heard = [read_from(output, 0) for output in outputs]
     print(b"\n".join((heard[0][passed_on:], *heard[1:])).decode(errors="replace"), flush=True)
-    failed = [str(process.returncode) for process in running if process.returncode]
-    note = "ended: it took too long" if late else f"exit {', '.join(failed)}" if failed else ""
+    failed = [
+        f"exit {process.returncode}: {last_line(output)}"  # where a program says its reason
+        for process, output in zip(running, heard, strict=True)
+        if process.returncode
+    ]
+    note = "ended: it took too long" if late else ", ".join(failed)
     tests = tuple(test for output in heard for test in told(output))
     return Outcome(name, FAILED if failed else PASSED, time.monotonic() - begin_s, note, tests)
 

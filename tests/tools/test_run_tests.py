@@ -97,7 +97,7 @@ def test_a_failed_test_fails_the_run_with_vcan_left_out_too() -> None:
 def test_the_status_of_a_stage_is_its_commands(capfd: pytest.CaptureFixture[str]) -> None:
     bad = run_tests.stage("bad", (sys.executable, "-c", "print('seen'); raise SystemExit(5)"))
     good = run_tests.stage("good", (sys.executable, "-c", ""))
-    assert (bad.result, bad.note) == (FAILED, "exit 5")
+    assert (bad.result, bad.note) == (FAILED, "exit 5: seen")
     assert good.result == PASSED
     assert "seen" in capfd.readouterr().out
 
@@ -154,7 +154,7 @@ def test_commands_of_a_stage_run_side_by_side_and_each_must_pass(
     both = run_tests.stage(
         "both", (sys.executable, "-c", meet, a, b, "0"), (sys.executable, "-c", meet, b, a, "3")
     )
-    assert (both.result, both.note) == (FAILED, "exit 3")
+    assert (both.result, both.note) == (FAILED, "exit 3: met at b")
     seen = capfd.readouterr().out
     assert "met at a" in seen
     assert "met at b" in seen
