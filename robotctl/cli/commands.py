@@ -1,53 +1,106 @@
-"""The subcommands of `robotctl`."""
+"""The subcommands of `robotctl`, each imported when it is called: help need not wait for all."""
 
 from __future__ import annotations
 
+import importlib
+from typing import Any, Final
+
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
 import robotctl
-from robotctl.cli import (
-    calibrate,
-    camera,
-    can,
-    characterise,
-    config,
-    doctor,
-    install,
-    localize,
-    places,
-    plot,
-    record,
-    replay,
-    run,
-    sim,
-    tune,
-)
-from robotctl.cli import map as map_command
+
+COMMANDS: Final = {
+    "sim": ("sim:sim", "Drive a mission in simulation and score it."),
+    "run": (
+        "run:run",
+        "Run control, navigation and telemetry until Ctrl-C; arm from a ground station.",
+    ),
+    "tune": (
+        "tune:tune",
+        "Measure the simulated robot's wheels, compute gains, show the responses before and after.",
+    ),
+    "doctor": (
+        "doctor:doctor",
+        "Check whether this computer and the robot on it are fit to drive; moves nothing.",
+    ),
+    "install": (
+        "install:install",
+        "Write the systemd service, the CAN link's set-up and the rights for one robot.",
+    ),
+    "uninstall": (
+        "install:uninstall",
+        "Stop the service and remove what `install` wrote; logs and state stay.",
+    ),
+    "replay": (
+        "replay:replay",
+        "Compute every output of a record anew; status 1 and the first tick where they differ.",
+    ),
+    "plot": (
+        "plot:plot",
+        "Show fields of a recording over time, with the robot's states, restarts and gaps.",
+    ),
+    "localize": (
+        "localize:localize",
+        "Run a filter of the live robot on a recorded log, and compare with the log's reference.",
+    ),
+    "map": (
+        "map:map_log",
+        "Map the lidar scans of a recorded log, at its reference poses or else at its odometry.",
+    ),
+    "characterise": (
+        "characterise:characterise",
+        "Find noise, outliers and limits of sonars or lidar, with 95 % intervals.",
+    ),
+    "config": ("config:app", "Check and show robot configurations."),
+    "can": ("can:app", "The CAN bus."),
+    "record": ("record:app", "The flight recorder and the logs."),
+    "calibrate": ("calibrate:app", "Find out how the robot really is."),
+    "places": ("places:app", "Places that the robot knows by its sonars."),
+    "camera": ("camera:app", "Measure on the floor with a camera."),
+}
+"""Of each subcommand, module and function (or group) below `robotctl.cli`, and how its help begins.
+
+A test holds the second to the docstring.
+"""
+
+
+class _LazyGroup(TyperGroup):
+    """Subcommands that are only names until one is called or completed."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the subcommand of the arguments, imported now, with its name and the rest."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, load(name) if name in COMMANDS else command, rest
+
+
+def load(name: str) -> Any:
+    """Import a subcommand of the table and return it as typer runs it."""
+    module, _, attribute = COMMANDS[name][0].partition(":")
+    target = getattr(importlib.import_module(f"robotctl.cli.{module}"), attribute)
+    holder = typer.Typer(callback=_nothing, add_completion=False)
+    if isinstance(target, typer.Typer):
+        holder.add_typer(target, name=name)
+    else:
+        holder.command(name)(target)
+    group: Any = get_command(holder)
+    return group.commands[name]
+
+
+def _nothing() -> None:
+    """Stand for a subcommand that is not imported."""
+
 
 app = typer.Typer(
+    cls=_LazyGroup,
     name="robotctl",
     help="Real-time controller for wheeled robots.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
 )
-app.add_typer(config.app, name="config")
-app.add_typer(can.app, name="can")
-app.add_typer(record.app, name="record")
-app.add_typer(calibrate.app, name="calibrate")
-app.add_typer(places.app, name="places")
-app.add_typer(camera.app, name="camera")
-app.command("sim")(sim.sim)
-app.command("run")(run.run)
-app.command("tune")(tune.tune)
-app.command("doctor")(doctor.doctor)
-app.command("install")(install.install)
-app.command("uninstall")(install.uninstall)
-app.command("replay")(replay.replay)
-app.command("plot")(plot.plot)
-app.command("localize")(localize.localize)
-app.command("map")(map_command.map_log)
-app.command("characterise")(characterise.characterise)
+for _name, (_, _summary) in COMMANDS.items():
+    app.command(_name, help=_summary)(_nothing)
 
 
 @app.command()
