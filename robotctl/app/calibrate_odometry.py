@@ -51,6 +51,8 @@ class CalibrateOptions:
         Which robot of a MRCLAM folder.
     runs
         A file of runs measured by tape. Without this and `log` the simulated robot drives.
+    time_unit
+        Of the log's times, see `read_recording`.
     """
 
     robot: Path
@@ -59,6 +61,7 @@ class CalibrateOptions:
     log: Path | None = None
     mrclam_robot: int | None = None
     runs: Path | None = None
+    time_unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +185,9 @@ def _from_log(
     """Fit a log; prove on its second half what its first half says."""
     progress(f"reading {log}")
     model = OdometryModel(config.drive)
-    recording = read_recording(log, options.mrclam_robot, with_sonars=False)
+    recording = read_recording(
+        log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit
+    )
     full, run = run_of_recording(recording, model)
     check_way(run, model)
     reference = Reference()

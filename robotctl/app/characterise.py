@@ -63,6 +63,8 @@ class CharacteriseOptions:
         `sonar` or `lidar`; empty: sonar where the source has some.
     seed
         Of the simulated drive.
+    max_range_m, time_unit
+        See `read_recording`.
     """
 
     robot: Path
@@ -71,6 +73,8 @@ class CharacteriseOptions:
     map: str = ""
     sensor: str = ""
     seed: int = 1
+    max_range_m: float | None = None
+    time_unit: str | None = None
 
     def __post_init__(self) -> None:
         if self.sensor not in ("", *SENSORS):
@@ -161,7 +165,14 @@ def _source(options: CharacteriseOptions, config: RobotConfig, progress: Progres
     """Read the log, or record a simulated drive and read that."""
     if options.log is not None:
         progress(f"reading {options.log}")
-        return source_of_log(options.log, options.map, options.sensor, config)
+        return source_of_log(
+            options.log,
+            options.map,
+            options.sensor,
+            config,
+            max_range_m=options.max_range_m,
+            time_unit=options.time_unit,
+        )
     with TemporaryDirectory() as folder:
         world = simulated_drive(
             options.robot,

@@ -93,8 +93,18 @@ class Source:
         return begin @ moved.motion if np.all(sigmas <= _SURE) else None
 
 
-def source_of_log(log: Path, map_name: str, sensor: str, config: RobotConfig) -> Source:
+def source_of_log(
+    log: Path,
+    map_name: str,
+    sensor: str,
+    config: RobotConfig,
+    *,
+    max_range_m: float | None = None,
+    time_unit: str | None = None,
+) -> Source:
     """Read a log, and the map or make it of the log's own even scans.
+
+    For `max_range_m` and `time_unit` see `read_recording`.
 
     Raises
     ------
@@ -105,7 +115,7 @@ def source_of_log(log: Path, map_name: str, sensor: str, config: RobotConfig) ->
     CalibrationError
         If the log has no such readings or no poses.
     """
-    recording = read_recording(log)
+    recording = read_recording(log, max_range_m=max_range_m, time_unit=time_unit)
     sensor = sensor or (SONAR if recording.sonars else LIDAR)
     if sensor == SONAR and not recording.sonars:
         raise CalibrationError(f"{log}: no sonar readings in it{_has(recording)}")

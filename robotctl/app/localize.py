@@ -61,7 +61,12 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
         If a file cannot be read.
     """
     chart = load_localisation_map(options.map, Path()) if options.map else None
-    recording = read_recording(options.log, options.mrclam_robot)
+    recording = read_recording(
+        options.log,
+        options.mrclam_robot,
+        time_unit=options.time_unit,
+        max_range_m=options.max_range_m,
+    )
     rng = np.random.default_rng(options.seed)
     if options.method == "mcl" and chart is not None:
         run = run_mcl(recording, options, chart, rng, progress)

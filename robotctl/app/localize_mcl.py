@@ -67,7 +67,8 @@ def run_mcl(
     if not options.search:
         known_ns = known_from_ns(recording)
         moments = [each for each in moments if each.stamp_ns >= known_ns] or moments
-        start = known_start(recording, moments[0].stamp_ns, start_rng)
+        first = moments[0]
+        start = known_start(recording, first.stamp_ns, start_rng, first.reference)
         localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)

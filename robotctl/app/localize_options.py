@@ -64,6 +64,8 @@ class LocalizeOptions:
         Which robot of a MRCLAM folder.
     sensors
         What particles know of lidar and sonars; None: the defaults.
+    max_range_m, time_unit
+        See `read_recording`.
 
     Raises
     ------
@@ -82,6 +84,8 @@ class LocalizeOptions:
     seed: int = 1
     mrclam_robot: int | None = None
     sensors: LocalisationConfig | None = None
+    max_range_m: float | None = None
+    time_unit: str | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -108,15 +112,31 @@ class LocalizeOptions:
         return SEARCHING_PARTICLES if self.search else TRACKING_PARTICLES
 
 
-def known_start(recording: Recording, stamp_ns: int, rng: np.random.Generator) -> PoseEstimate:
+def known_start(
+    recording: Recording,
+    stamp_ns: int,
+    rng: np.random.Generator,
+    reference: SE2 | None = None,
+) -> PoseEstimate:
     """Return where the drive begins, as wrong as a known start may be, and how well it is known.
+
+    Parameters
+    ----------
+    recording, stamp_ns
+        The drive, and when it begins.
+    rng
+        Draws how wrong.
+    reference
+        Where the log says that its first measurement was taken; None: as the reference has it at
+        that time, which several measurements may share.
 
     Raises
     ------
     LocalizeError
         If no reference says where.
     """
-    pose = start_pose(recording, stamp_ns)
+    pose = reference if recording.reference_has_heading else None
+    pose = pose or start_pose(recording, stamp_ns)
     if pose is None:
         raise LocalizeError(
             f"{recording.name}: no reference says where the drive begins; --method mcl can "

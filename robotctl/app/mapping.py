@@ -36,12 +36,16 @@ class MapOptions:
         `all`, or only those of `even` or `odd` place in the log, counted from 0.
     resolution_m
         Side of a cell [m], > 0.
+    max_range_m, time_unit
+        See `read_recording`.
     """
 
     log: Path
     prefix: Path
     scans: str = "all"
     resolution_m: float = 0.05
+    max_range_m: float | None = None
+    time_unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +119,12 @@ def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = 
         If a file cannot be read or written.
     """
     grid = _empty_grid(options)
-    recording = read_recording(options.log, with_sonars=False)
+    recording = read_recording(
+        options.log,
+        with_sonars=False,
+        time_unit=options.time_unit,
+        max_range_m=options.max_range_m,
+    )
     scans = choose_scans(recording, options.scans)
     references = [scan.reference for scan in scans if scan.reference is not None]
     from_reference = len(references) == len(scans)

@@ -11,7 +11,7 @@ import typer
 from robotctl.app.calibrate_odometry import CalibrateOptions, CalibrateResult, calibrate_odometry
 from robotctl.app.calibrate_patch import patch_text, patch_values
 from robotctl.app.config import find_file
-from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.arguments import Overrides, RobotName, TimeUnit
 from robotctl.cli.calibrate_plot import save_plot
 from robotctl.cli.calibrate_view import check_table, drive_table, reference_lines
 from robotctl.cli.console import plain_console
@@ -50,6 +50,7 @@ def odometry(
         Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
     ] = None,
     overrides: Overrides = None,
+    time_unit: TimeUnit = None,
 ) -> None:
     """Find wheel sizes, track width or wheelbase, and noise of odometry, with 95 % intervals.
 
@@ -58,7 +59,7 @@ def odometry(
     no patch. 2: bad input.
     """
     options = CalibrateOptions(
-        find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs
+        find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs, time_unit
     )
     check_files(out, plot=plot)
     progress = plain_console(stderr=True)

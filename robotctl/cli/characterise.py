@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.arguments import MaxRange, Overrides, RobotName, TimeUnit
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
@@ -45,6 +45,8 @@ def characterise(
         Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
     ] = None,
     overrides: Overrides = None,
+    max_range: MaxRange = None,
+    time_unit: TimeUnit = None,
 ) -> None:
     """Find noise, outliers and limits of sonars or lidar, with 95 % intervals.
 
@@ -60,7 +62,7 @@ def characterise(
     from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
 
     options = CharacteriseOptions(
-        find_file(robot), tuple(overrides or ()), log, map_file, sensor, seed
+        find_file(robot), tuple(overrides or ()), log, map_file, sensor, seed, max_range, time_unit
     )
     progress = plain_console(stderr=True)
     if cache_is_cold():

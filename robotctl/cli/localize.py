@@ -10,7 +10,7 @@ import typer
 
 from robotctl.app.config import find_file, load_robot
 from robotctl.app.localize_options import LocalizeOptions
-from robotctl.cli.arguments import Overrides
+from robotctl.cli.arguments import MaxRange, Overrides, TimeUnit
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
@@ -64,6 +64,8 @@ def localize(
         str, typer.Option(help="Robot whose file describes lidar and sonars, else the defaults.")
     ] = "",
     overrides: Overrides = None,
+    max_range: MaxRange = None,
+    time_unit: TimeUnit = None,
 ) -> None:
     """Run a filter of the live robot on a recorded log, and compare with the log's reference.
 
@@ -71,7 +73,7 @@ def localize(
     """
     options = LocalizeOptions(
         log, map_file, method, search, particles, beams, scans, _sigmas(odometry_noise), seed,
-        mrclam_robot, _sensors(robot, overrides),
+        mrclam_robot, _sensors(robot, overrides), max_range, time_unit,
     )  # fmt: skip
     check_files(out, report, plot=plot)
     console = plain_console(stderr=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from robotctl.cli.arguments import MaxRange, TimeUnit
 from robotctl.cli.console import plain_console
 from robotctl.cli.progress import progress_bar
 
@@ -23,14 +24,17 @@ def map_log(
         str, typer.Option(help="all, or every second one: even or odd, counted from 0.")
     ] = "all",
     resolution: Annotated[float, typer.Option(metavar="M", help="Side of a cell.")] = 0.05,
+    max_range: MaxRange = None,
+    time_unit: TimeUnit = None,
 ) -> None:
     """Map the lidar scans of a recorded log, at its reference poses or else at its odometry."""
     # It loads numba and OpenCV, which other subcommands can do without.
     from robotctl.app.mapping import MapOptions, make_map  # noqa: PLC0415
 
+    options = MapOptions(log, out, scans, resolution, max_range, time_unit)
     console = plain_console(stderr=True)
     with progress_bar(console, log.name, "mapping") as tell:
-        result = make_map(MapOptions(log, out, scans, resolution), tell)
+        result = make_map(options, tell)
     for note in result.notes:
         console.print(f"{log.name}: {note}", soft_wrap=True)
     print("\n".join(_lines(result)))

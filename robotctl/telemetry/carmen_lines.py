@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.telemetry.log_text import LogFormatError, LogText, integer, numbers
+from robotctl.telemetry.log_times import unwrapped, wraps
 
 READ: Final = ("PARAM", "ODOM", "FLASER", "RLASER", "ROBOTLASER1", "ROBOTLASER2")
 """Kinds of lines that are read."""
@@ -29,22 +30,22 @@ KNOWN: Final = frozenset(
 
 
 class OdometryLine(NamedTuple):
-    """ODOM: line number, time [s] and pose [m, m, rad]."""
+    """ODOM: line number, time [its unit] and pose [m, m, rad]."""
 
     number: int
-    time_s: float
+    time: float
     pose: tuple[float, float, float]
 
 
 class LaserLine(NamedTuple):
-    """A scan: line number, time [s], ranges [m], poses of laser and robot (3,) [m, m, rad].
+    """A scan: line number, time [its unit], ranges [m], poses of laser and robot (3,) [m, m, rad].
 
     `fan` holds the direction of the first beam, the step [rad] and the reach [m] where the line
     tells them.
     """
 
     number: int
-    time_s: float
+    time: float
     ranges_m: NDArray[np.float64]
     laser: NDArray[np.float64]
     robot: NDArray[np.float64]
@@ -100,9 +101,31 @@ def sorted_lines(text: LogText) -> CarmenLines:
             if not text.is_open_end(number):
                 raise
             lines.notes.append(f"{text.path}:{number}: the last line is cut short, left out")
+    _go_on(lines)
     for word, count in strangers.items():
         lines.notes.append(f"{text.path}: {count} lines of unknown kind {word} passed over")
     return lines
+
+
+def _go_on(lines: CarmenLines) -> None:
+    """Let a clock of 32 bits go on where it wraps, that of all lines together.
+
+    Programs that correct logs put in ODOM lines at the time 0; those have none.
+    """
+    kinds: list[list[Any]] = [lines.odometry, *lines.lasers.values()]
+    timed = sorted(
+        (line.number, kind, at, line.time)
+        for kind, entries in enumerate(kinds)
+        for at, line in enumerate(entries)
+        if kind or line.time != 0.0
+    )
+    times = np.array([time for *_, time in timed])
+    going_on = unwrapped(times)
+    if not np.any(going_on != times):
+        return
+    lines.notes.append(wraps("lines", "s"))
+    for (_, kind, at, _), time in zip(timed, going_on.tolist(), strict=True):
+        kinds[kind][at] = kinds[kind][at]._replace(time=time)
 
 
 def _allowed() -> str:
@@ -129,8 +152,8 @@ def _odometry(text: LogText, number: int, words: list[str]) -> OdometryLine:
         raise text.error(
             number, f"ODOM: found {len(words) - 1} values, x y theta tv rv accel time are needed"
         )
-    x, y, theta, time_s = _finite(text, number, "ODOM", [*words[1:4], words[7]]).tolist()
-    return OdometryLine(number, time_s, (x, y, theta))
+    x, y, theta, time = _finite(text, number, "ODOM", [*words[1:4], words[7]]).tolist()
+    return OdometryLine(number, time, (x, y, theta))
 
 
 def _flaser(text: LogText, number: int, words: list[str]) -> LaserLine:

@@ -15,10 +15,9 @@ a degree; 100, 200 and 400 (101, 201, 401) begin at -50 deg: the fields of view 
 numbers are spread over -90 ... 90 deg. The first reading is the rightmost.
 
 Reach: readings at or above the maximum are inf, those of 0 or less no readings (nan). The maximum
-is the least that is known: PARAM `robot_front_laser_max`, the field of ROBOTLASER, the first error
-code of a SICK where the longest reading is such a code (81.83 to 81.91 m; 8.183 to 8.191 m in
-millimetre mode), and the longest reading where it is far more frequent than others, since a sensor
-or a program cuts there. Where nothing is known it is 81.83 m.
+is the shortest length that stands for no echo (`no_echo`), or less where PARAM
+`robot_front_laser_max` or the field of ROBOTLASER says so and hardly an echo lies beyond it: the
+readings are believed more than what is written above them. Where nothing is known it is 81.83 m.
 """
 
 from __future__ import annotations
@@ -36,26 +35,34 @@ from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.carmen_lines import CarmenLines, LaserLine, sorted_lines
-from robotctl.telemetry.log_text import LogFormatError, in_order, read_text, stamps
+from robotctl.telemetry.carmen_lines import CarmenLines, LaserLine, OdometryLine, sorted_lines
+from robotctl.telemetry.log_text import LogFormatError, read_text
+from robotctl.telemetry.log_times import note_pairs, ordered_stamps
+from robotctl.telemetry.no_echo import no_echo_codes
 
-_SICK_CODES_M: Final = ((81.83, 81.91), (8.183, 8.191))
 _UNKNOWN_REACH_M: Final = 81.83
 _TOLERANCE_M: Final = 1e-6
-_CUT_SHARE: Final = 0.01
-_CUT_FACTOR: Final = 10.0
-"""A reach is where a sensor cuts if so large a share of the readings, and so many times more than
-of the average value, are exactly there."""
+_DENIED, _FEW = 0.01, 5
+"""A reach that is told is wrong where a larger share, and more, of the echoes lie beyond it."""
 
 _SAME: Final = 1e-5
 _STEADY_M, _STEADY_RAD = 0.005, 0.005
 _MAX_MOUNT_M: Final = 1.5
 
 
-def read_carmen(path: Path) -> Recording:
+def read_carmen(path: Path, unit: str = "s", max_range_m: float | None = None) -> Recording:
     """Read a log.
 
-    Times are those of the messages; a clock that goes back is held, see `in_order`.
+    Times are those of the messages; a clock that goes back is held, see `log_times`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    unit
+        Of its times, one of `TIME_UNITS`.
+    max_range_m
+        Readings from here on are no echoes [m]; None: found out as above.
 
     Raises
     ------
@@ -70,7 +77,7 @@ def read_carmen(path: Path) -> Recording:
             f"{path}: no scan and no odometry in it; needed are lines with FLASER, RLASER, "
             "ROBOTLASER1 or ODOM"
         )
-    scans = _all_scans(lines)
+    scans = _all_scans(lines, unit, max_range_m)
     reference = None
     if scans:
         reference = Trajectory.of(
@@ -80,23 +87,23 @@ def read_carmen(path: Path) -> Recording:
     return Recording(
         name=path.name,
         scans=tuple(scans),
-        odometry=_odometry(lines, scans),
+        odometry=_odometry(lines, scans, unit),
         reference=reference,
         notes=tuple(lines.notes),
     )
 
 
-def _all_scans(lines: CarmenLines) -> list[RecordedScan]:
+def _all_scans(lines: CarmenLines, unit: str, max_range_m: float | None) -> list[RecordedScan]:
     """Return the scans of all lasers in the order of the log."""
     found = [
         (line, *poses)
         for word, laser_lines in lines.lasers.items()
-        for line, poses in zip(laser_lines, _placed(lines, word, laser_lines), strict=True)
+        for line, poses in zip(
+            laser_lines, _placed(lines, word, laser_lines, max_range_m), strict=True
+        )
     ]
     found.sort(key=lambda entry: entry[0].number)
-    stamps_ns, held = in_order(stamps(np.array([entry[0].time_s for entry in found])))
-    if held:
-        lines.notes.append(f"{held} of {len(found)} scans: their clock goes back, time held")
+    stamps_ns = _stamps(lines, [entry[0] for entry in found], unit, "scans")
     return [
         RecordedScan(
             RangeScan(stamp_ns, angles, ranges, reach_m, mount.x_m, mount.y_m), odometry, reference
@@ -110,8 +117,11 @@ def _all_scans(lines: CarmenLines) -> list[RecordedScan]:
 _Placed = tuple[NDArray[np.float64], NDArray[np.float64], float, SE2, SE2, SE2]
 
 
-def _placed(lines: CarmenLines, word: str, scans: Sequence[LaserLine]) -> list[_Placed]:
+def _placed(
+    lines: CarmenLines, word: str, scans: Sequence[LaserLine], max_range_m: float | None
+) -> list[_Placed]:
     """Return angles, ranges, reach, mounting, odometry and reference of each scan of one laser."""
+    note_pairs(np.array([scan.time for scan in scans]), f"{word} scans", lines.notes)
     laser = [SE2(*scan.laser.tolist()) for scan in scans]
     robot = [SE2(*scan.robot.tolist()) for scan in scans]
     rear = word in {"RLASER", "ROBOTLASER2"}
@@ -125,17 +135,18 @@ def _placed(lines: CarmenLines, word: str, scans: Sequence[LaserLine]) -> list[_
             "odometry of its own, an uncorrected one no reference"
         )
         robot = reference
-    least_m = _least_reach(scans)
+    beams = [scan.fan or _fan(lines, rear, len(scan.ranges_m)) for scan in scans]
+    told_m = [told if told > 0.0 else math.inf for _, _, told in beams]
+    reaches_m = _reaches(lines, word, scans, told_m, max_range_m)
     fans: dict[tuple[int, float, float], NDArray[np.float64]] = {}
     placed = []
-    for scan, odometry, world in zip(scans, robot, reference, strict=True):
-        first, step, reach_m = scan.fan or _fan(lines, rear, len(scan.ranges_m))
+    for scan, (first, step, _), reach_m, odometry, world in zip(
+        scans, beams, reaches_m, robot, reference, strict=True
+    ):
         key = len(scan.ranges_m), first, step
         angles = fans.setdefault(
             key, mount.theta_rad + first + step * np.arange(key[0], dtype=np.float64)
         )
-        reach_m = min(least_m, reach_m if reach_m > 0.0 else math.inf)
-        reach_m = reach_m if math.isfinite(reach_m) else _UNKNOWN_REACH_M
         placed.append((angles, _valid(scan.ranges_m, reach_m), reach_m, mount, odometry, world))
     return placed
 
@@ -168,18 +179,41 @@ def _fan(lines: CarmenLines, rear: bool, count: int) -> tuple[float, float, floa
     return -0.5 * math.pi, math.pi / max(count - 1, 1), reach_m
 
 
-def _least_reach(scans: Sequence[LaserLine]) -> float:
-    """Return the reach that the readings themselves tell [m]; inf where they tell none."""
-    readings = np.concatenate([scan.ranges_m for scan in scans])
-    values, counts = np.unique(readings[np.isfinite(readings)], return_counts=True)
-    if len(values) == 0:
-        return math.inf
-    longest = float(values[-1])
-    for low, high in _SICK_CODES_M:
-        if low - _TOLERANCE_M <= longest <= high + _TOLERANCE_M:
-            return low
-    often = counts[-1] > _CUT_SHARE * counts.sum() and counts[-1] > _CUT_FACTOR * counts.mean()
-    return longest if often else math.inf
+def _reaches(
+    lines: CarmenLines,
+    word: str,
+    scans: Sequence[LaserLine],
+    told_m: Sequence[float],
+    max_range_m: float | None,
+) -> list[float]:
+    """Return the reach of each scan [m]; `told_m` is what the log says of it, inf where nothing."""
+    if max_range_m is not None:
+        return [max_range_m] * len(scans)
+    readings = [scan.ranges_m for scan in scans]
+    codes = no_echo_codes(readings, np.array([scan.robot[:2] for scan in scans]))
+    total = sum(map(len, readings))
+    for code in codes:
+        low, high = f"{code.low_m:.6g}", f"{code.high_m:.6g}"
+        lines.notes.append(
+            f"{word}: {code.count} of {total} readings ({code.count / total:.1%}) are "
+            f"{low if low == high else f'{low} to {high}'} m: taken for no echo"
+        )
+    least_m = min((code.reach_m for code in codes), default=math.inf)
+    echoes = beyond = 0
+    for ranges, reach_m in zip(readings, told_m, strict=True):
+        echo = ranges[(ranges > 0.0) & (ranges < least_m - _TOLERANCE_M)]
+        echoes += len(echo)
+        beyond += int(np.count_nonzero(echo > reach_m + _TOLERANCE_M))
+    if beyond > max(_FEW, _DENIED * echoes):
+        lines.notes.append(
+            f"{word}: the log tells of a reach of {min(told_m):g} m, but {beyond / echoes:.0%} of "
+            "the echoes lie beyond it: not believed"
+        )
+        told_m = [math.inf] * len(scans)
+    return [
+        reach_m if math.isfinite(reach_m := min(least_m, each)) else _UNKNOWN_REACH_M
+        for each in told_m
+    ]
 
 
 def _valid(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.float64]:
@@ -188,19 +222,31 @@ def _valid(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.float64]:
     return np.where(ranges > 0.0, ranges, math.nan)
 
 
-def _odometry(lines: CarmenLines, scans: Sequence[RecordedScan]) -> Trajectory:
+def _stamps(
+    lines: CarmenLines, timed: Sequence[LaserLine | OdometryLine], unit: str, what: str
+) -> NDArray[np.int64]:
+    """Return the times of lines [ns], which do not go back."""
+    times = np.array([line.time for line in timed])
+    return ordered_stamps(
+        times,
+        unit,
+        what,
+        lines.notes,
+        lambda at, problem: lines.text.error(timed[at].number, problem),
+    )
+
+
+def _odometry(lines: CarmenLines, scans: Sequence[RecordedScan], unit: str) -> Trajectory:
     """Return the odometry of the ODOM lines, or of the scans where there are none.
 
     Programs that correct logs put in poses at the time 0; those are left out.
     """
-    timed = [line for line in lines.odometry if line.time_s != 0.0] or lines.odometry
+    timed = [line for line in lines.odometry if line.time != 0.0] or lines.odometry
     if len(timed) != len(lines.odometry):
         lines.notes.append(f"{len(lines.odometry) - len(timed)} ODOM lines without a time left out")
     if not timed:
         return Trajectory.of(
             (scan.scan.stamp_ns for scan in scans), (scan.odometry for scan in scans)
         )
-    stamps_ns, held = in_order(stamps(np.array([line.time_s for line in timed])))
-    if held:
-        lines.notes.append(f"{held} of {len(timed)} ODOM lines: their clock goes back, time held")
+    stamps_ns = _stamps(lines, timed, unit, "ODOM lines")
     return Trajectory(stamps_ns, np.array([line.pose for line in timed]))

@@ -18,7 +18,7 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.log_text import LogFormatError, LogText, in_order, integer, read_text
+from robotctl.telemetry.log_text import LogFormatError, LogText, integer, numbers, read_text
+from robotctl.telemetry.log_times import note_pairs, ordered_stamps
 
 TICK_M: Final = 0.349e-3
 TRACK_WIDTH_M: Final = 0.173
@@ -44,7 +45,16 @@ LINES: Final = tuple(_NEEDED)
 
 _PARTS: Final = ("motors", "scan", "reference")
 
-_Lines: TypeAlias = dict[str, list[list[float]]]
+
+class _Line(NamedTuple):
+    """The numbers of a line, and where it stands."""
+
+    text: LogText
+    number: int
+    values: list[float]
+
+
+_Lines: TypeAlias = dict[str, list[_Line]]
 
 
 def is_lego(folder: Path) -> bool:
@@ -81,8 +91,10 @@ def _part(path: Path) -> str:
     return name.rpartition("_")[2].removesuffix(".txt") if name.endswith(".txt") else ""
 
 
-def read_lego(path: Path) -> Recording:
+def read_lego(path: Path, unit: str = "ms") -> Recording:
     """Read the recording in a folder, or that to which one of its files belongs.
+
+    Its times have a unit of `log_times`.
 
     Raises
     ------
@@ -99,18 +111,18 @@ def read_lego(path: Path) -> Recording:
         _take_in(text, lines, notes)
     if not lines["M"]:
         raise LogFormatError(f"{path}: no wheel ticks in it; needed are lines M t l . . . r")
-    ticks = np.array([[row[0], row[1], row[5]] for row in lines["M"]], dtype=np.int64)
-    ticks[:, 0], held = in_order(1_000_000 * ticks[:, 0])
-    if held:
-        notes.append(f"{held} of {len(ticks)} lines M: their time goes back, held")
+    ticks = np.array([[0, row.values[1], row.values[5]] for row in lines["M"]], dtype=np.int64)
+    ticks[:, 0] = _stamps(lines["M"], unit, "lines M", notes)
     odometry = wheel_odometry(ticks)
     return Recording(
         name=path.name,
-        scans=tuple(_scans(lines["S"], odometry)),
+        scans=tuple(_scans(lines["S"], odometry, unit, notes)),
         odometry=odometry,
-        reference=_reference(lines["P"]),
+        reference=_reference(lines["P"], unit, notes),
         reference_has_heading=False,
-        landmarks={i: (1e-3 * x, 1e-3 * y) for i, (x, y) in enumerate(lines["L"])},
+        landmarks={
+            i: (1e-3 * x, 1e-3 * y) for i, (x, y) in enumerate(line.values for line in lines["L"])
+        },
         wheel_ticks=ticks,
         notes=tuple(notes),
     )
@@ -136,7 +148,7 @@ def _take_in(text: LogText, lines: _Lines, notes: list[str]) -> None:
         if not words or words[0].startswith("#"):
             continue
         try:
-            lines[words[0]].append(_values(text, number, words))
+            lines[words[0]].append(_Line(text, number, _values(text, number, words)))
         except LogFormatError:
             if not text.is_open_end(number):
                 raise
@@ -144,7 +156,7 @@ def _take_in(text: LogText, lines: _Lines, notes: list[str]) -> None:
 
 
 def _values(text: LogText, number: int, words: Sequence[str]) -> list[float]:
-    """Return the numbers of a line, which are whole; of a landmark, x and y [mm]."""
+    """Return the numbers of a line, but for the time whole; of a landmark, x and y [mm]."""
     kind = words[0]
     if kind not in _NEEDED:
         raise text.error(
@@ -156,8 +168,9 @@ def _values(text: LogText, number: int, words: Sequence[str]) -> list[float]:
             f"{kind}: found {len(words) - 1} values, at least {_NEEDED[kind] - 1} are needed",
         )
     if kind == "L":
-        return [_length(text, number, word) for word in words[2:4]]
-    values: list[float] = [integer(text, number, kind, word) for word in words[1:]]
+        return [_finite(text, number, kind, word) for word in words[2:4]]
+    values = [_finite(text, number, kind, words[1])]
+    values += [integer(text, number, kind, word) for word in words[2:]]
     if kind == "S" and values[1] != len(values) - 2:
         raise text.error(
             number, f"S: found {len(values) - 2} ranges, the line tells of {values[1]}"
@@ -165,31 +178,44 @@ def _values(text: LogText, number: int, words: Sequence[str]) -> list[float]:
     return values
 
 
-def _length(text: LogText, number: int, word: str) -> float:
-    """Return a length [mm]."""
-    try:
-        return float(word)
-    except ValueError:
-        raise text.error(number, f"L: found {word[:24]!r}, a number is needed") from None
+def _finite(text: LogText, number: int, kind: str, word: str) -> float:
+    """Return a time, or a length [mm]."""
+    value = float(numbers(text, number, [word])[0])
+    if not math.isfinite(value):
+        raise text.error(number, f"{kind}: found {word[:24]!r}, a finite number is needed")
+    return value
 
 
-def _reference(rows: list[list[float]]) -> Trajectory | None:
+def _stamps(lines: list[_Line], unit: str, what: str, notes: list[str]) -> NDArray[np.int64]:
+    """Return the times of lines [ns], which do not go back."""
+    return ordered_stamps(
+        np.array([line.values[0] for line in lines]),
+        unit,
+        what,
+        notes,
+        lambda at, problem: lines[at].text.error(lines[at].number, problem),
+    )
+
+
+def _reference(lines: list[_Line], unit: str, notes: list[str]) -> Trajectory | None:
     """Return the positions that the camera saw, heading 0."""
-    if not rows:
+    if not lines:
         return None
-    values = np.array([row[:3] for row in rows], dtype=np.int64)
-    poses = np.zeros((len(values), 3))
-    poses[:, :2] = 1e-3 * values[:, 1:]
-    return Trajectory(in_order(1_000_000 * values[:, 0])[0], poses)
+    poses = np.zeros((len(lines), 3))
+    poses[:, :2] = 1e-3 * np.array([line.values[1:3] for line in lines])
+    return Trajectory(_stamps(lines, unit, "lines P", notes), poses)
 
 
-def _scans(rows: list[list[float]], odometry: Trajectory) -> list[RecordedScan]:
+def _scans(
+    lines: list[_Line], odometry: Trajectory, unit: str, notes: list[str]
+) -> list[RecordedScan]:
     """Return the scans with the odometry at their times; outside of it, its end."""
     begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
-    stamps_ns, _ = in_order(np.array([1_000_000 * row[0] for row in rows], dtype=np.int64))
+    note_pairs(np.array([line.values[0] for line in lines]), "scans", notes)
+    stamps_ns = _stamps(lines, unit, "scans", notes)
     scans = []
-    for stamp_ns, row in zip(stamps_ns.tolist(), rows, strict=True):
-        ranges = np.array(row[2:], dtype=np.float64)
+    for stamp_ns, line in zip(stamps_ns.tolist(), lines, strict=True):
+        ranges = np.array(line.values[2:])
         ranges = np.where(ranges > _ERROR_MM, 1e-3 * ranges, math.nan)
         angles = BEAM_STEP_RAD * (np.arange(len(ranges), dtype=np.float64) - FORWARD_BEAM)
         scan = RangeScan(stamp_ns, SCANNER_TURN_RAD + angles, ranges, REACH_M, SCANNER_X_M)

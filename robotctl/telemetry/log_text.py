@@ -22,8 +22,6 @@ from robotctl.errors import RobotctlError
 _GZIP: Final = b"\x1f\x8b"
 _HEAD_BYTES: Final = 1 << 16
 _SHOWN: Final = 24
-_FINE_BELOW_S: Final = 4e6
-"""Below it a float resolves a nanosecond [s]."""
 
 
 class LogFormatError(RobotctlError):
@@ -166,11 +164,7 @@ def table(text: LogText, columns: Sequence[str], skip: str = "#") -> NDArray[np.
         If a row has other than so many columns, or a word is no finite number. A last row that
         may be cut is left out instead.
     """
-    kept = [
-        (number, words)
-        for number, line in enumerate(text.lines, 1)
-        if (words := line.split()) and not words[0].startswith(skip)
-    ]
+    kept = _rows(text, skip)
     if kept and text.is_open_end(kept[-1][0]) and not _is_row(kept[-1][1], len(columns)):
         kept.pop()
     try:
@@ -182,6 +176,20 @@ def table(text: LogText, columns: Sequence[str], skip: str = "#") -> NDArray[np.
     if not np.all(np.isfinite(values)):
         raise _first_bad_row(text, kept, columns)
     return values.reshape(len(kept), len(columns))
+
+
+def row_number(text: LogText, row: int, skip: str = "#") -> int:
+    """Return the number of the line of a row of `table`."""
+    return _rows(text, skip)[row][0]
+
+
+def _rows(text: LogText, skip: str) -> list[tuple[int, list[str]]]:
+    """Return the words of all lines that are rows, with the lines' numbers."""
+    return [
+        (number, words)
+        for number, line in enumerate(text.lines, 1)
+        if (words := line.split()) and not words[0].startswith(skip)
+    ]
 
 
 def _first_bad_row(
@@ -221,20 +229,3 @@ def _is_finite(word: str) -> bool:
 def _shown(word: str) -> str:
     """Return a word as a message shows it."""
     return repr(word if len(word) <= _SHOWN else f"{word[:_SHOWN]}...")
-
-
-def stamps(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return times [s] as [ns], with the digits that a float has: of wall time, microseconds."""
-    fine = np.abs(seconds) < _FINE_BELOW_S
-    nanoseconds = np.rint(np.where(fine, seconds, 0.0) * 1e9).astype(np.int64)
-    return np.where(fine, nanoseconds, np.rint(seconds * 1e6).astype(np.int64) * 1000)
-
-
-def in_order(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Return times that never go back, in the order of the log, and how many had to be moved on.
-
-    The order of the log is that in which things happened; a clock that is set, or messages of two
-    sources, put single times wrong.
-    """
-    ordered = np.maximum.accumulate(stamps_ns)
-    return ordered, int(np.count_nonzero(ordered != stamps_ns))

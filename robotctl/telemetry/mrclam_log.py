@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from robotctl.model.recording import Recording, Sighting
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.log_text import LogFormatError, in_order, read_text, stamps, table
+from robotctl.telemetry.log_text import LogFormatError, LogText, read_text, row_number, table
+from robotctl.telemetry.log_times import ordered_stamps
 
 ROBOTS: Final = 5
 _OF_ROBOT: Final = re.compile(r"Robot(\d+)_(Odometry|Measurement|Groundtruth)\.dat(\.gz)?")
@@ -41,8 +42,8 @@ def robot_of(file: Path) -> int | None:
     return int(match[1]) if match else None
 
 
-def read_mrclam(folder: Path, robot: int) -> Recording:
-    """Read what one robot recorded.
+def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
+    """Read what one robot recorded, with times of a unit (`log_times`).
 
     Sightings of other robots are left out and counted in the notes, so are those of bar codes
     that belong to nobody. Without a ground truth of the robot there is no reference.
@@ -62,13 +63,13 @@ def read_mrclam(folder: Path, robot: int) -> Recording:
     }
     codes = _rows(folder, "Barcodes", _BARCODE, notes).astype(np.int64)
     subject_of = {code: subject for subject, code in codes.tolist()}
-    odometry = _rows(folder, f"Robot{robot}_Odometry", _ODOMETRY, notes)
+    stamps_ns, odometry = _timed(folder, f"Robot{robot}_Odometry", _ODOMETRY, unit, notes)
     return Recording(
         name=f"{folder.name}, robot {robot}",
-        twist_stamps_ns=_times(odometry, f"Robot{robot}_Odometry", notes),
+        twist_stamps_ns=stamps_ns,
         twists=odometry[:, 1:],
-        reference=_reference(folder, robot, notes),
-        sightings=_sightings(folder, robot, subject_of, landmarks, notes),
+        reference=_reference(folder, robot, unit, notes),
+        sightings=_sightings(folder, robot, unit, subject_of, landmarks, notes),
         landmarks=landmarks,
         notes=tuple(notes),
     )
@@ -92,44 +93,58 @@ def _rows(
     folder: Path, name: str, columns: tuple[str, ...], notes: list[str]
 ) -> NDArray[np.float64]:
     """Return the rows of one file, (n, columns)."""
+    return table(_text(folder, name, notes), columns)
+
+
+def _text(folder: Path, name: str, notes: list[str]) -> LogText:
+    """Return the text of one file."""
     plain, packed = folder / f"{name}.dat", folder / f"{name}.dat.gz"
     if not plain.exists() and not packed.exists():
         raise LogFormatError(f"{folder}: {plain.name} is missing, with .gz and without")
     text = read_text(plain if plain.exists() else packed)
     notes.extend(text.notes())
-    return table(text, columns)
+    return text
 
 
-def _times(rows: NDArray[np.float64], name: str, notes: list[str]) -> NDArray[np.int64]:
-    """Return the first column as times [ns] that do not go back."""
-    stamps_ns, held = in_order(stamps(rows[:, 0]))
-    if held:
-        notes.append(f"{name}: {held} of {len(rows)} rows: their time goes back, held")
-    return stamps_ns
+def _timed(
+    folder: Path, name: str, columns: tuple[str, ...], unit: str, notes: list[str]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return times [ns] that do not go back, and the rows whose first column they are."""
+    text = _text(folder, name, notes)
+    rows = table(text, columns)
+    stamps_ns = ordered_stamps(
+        rows[:, 0],
+        unit,
+        f"rows of {name}",
+        notes,
+        lambda at, problem: text.error(row_number(text, at), problem),
+    )
+    return stamps_ns, rows
 
 
-def _reference(folder: Path, robot: int, notes: list[str]) -> Trajectory | None:
+def _reference(folder: Path, robot: int, unit: str, notes: list[str]) -> Trajectory | None:
     """Return what motion capture saw of the robot."""
     name = f"Robot{robot}_Groundtruth"
     if not any((folder / f"{name}.dat{packed}").exists() for packed in ("", ".gz")):
         return None
-    rows = _rows(folder, name, _GROUNDTRUTH, notes)
-    return Trajectory(_times(rows, name, notes), rows[:, 1:]) if len(rows) else None
+    stamps_ns, rows = _timed(folder, name, _GROUNDTRUTH, unit, notes)
+    return Trajectory(stamps_ns, rows[:, 1:]) if len(rows) else None
 
 
 def _sightings(
     folder: Path,
     robot: int,
+    unit: str,
     subject_of: dict[int, int],
     landmarks: dict[int, tuple[float, float]],
     notes: list[str],
 ) -> tuple[Sighting, ...]:
     """Return what the robot saw of landmarks."""
     name = f"Robot{robot}_Measurement"
-    rows = _rows(folder, name, _MEASUREMENT, notes)
+    stamps_ns, rows = _timed(folder, name, _MEASUREMENT, unit, notes)
     found, robots, strangers, empty = [], 0, 0, 0
     for stamp_ns, (_, code, range_m, bearing_rad) in zip(
-        _times(rows, name, notes).tolist(), rows.tolist(), strict=True
+        stamps_ns.tolist(), rows.tolist(), strict=True
     ):
         subject = subject_of.get(int(code))
         if range_m <= 0.0:

@@ -31,7 +31,8 @@ from robotctl.model.recording import RecordedScan, RecordedSonar, Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.log_text import LogFormatError, in_order
+from robotctl.telemetry.log_text import LogFormatError
+from robotctl.telemetry.log_times import in_order
 from robotctl.telemetry.mcap_log import log_records
 from robotctl.telemetry.mcap_records import Gap
 from robotctl.telemetry.own_messages import (

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import difflib
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
+from robotctl.errors import ConfigError
 from robotctl.model.recording import Recording
 from robotctl.telemetry.carmen_lines import KNOWN
 from robotctl.telemetry.carmen_log import read_carmen
 from robotctl.telemetry.lego_log import LINES as LEGO_LINES
 from robotctl.telemetry.lego_log import is_lego, read_lego
 from robotctl.telemetry.log_text import LogFormatError, first_words
+from robotctl.telemetry.log_times import check_pace, check_unit
 from robotctl.telemetry.mrclam_log import is_mrclam, read_mrclam, robot_of
 from robotctl.telemetry.own_log import is_mcap, mcap_files, read_own
 
@@ -23,7 +29,12 @@ KINDS: Final = (
 
 
 def read_recording(
-    path: Path, mrclam_robot: int | None = None, *, with_sonars: bool = True
+    path: Path,
+    mrclam_robot: int | None = None,
+    *,
+    with_sonars: bool = True,
+    time_unit: str | None = None,
+    max_range_m: float | None = None,
 ) -> Recording:
     """Read a recorded drive of any kind.
 
@@ -35,45 +46,70 @@ def read_recording(
         Which robot of a MRCLAM folder; by default the one whose file `path` is, else robot 1.
     with_sonars
         Whether what the sonars heard is wanted, which in a recording of ours takes a while to read.
+    time_unit
+        Of the times in the log, one of `log_times.TIME_UNITS`; None: that of its format, if the
+        times can have it.
+    max_range_m
+        Ranges of the lidar from here on are no echoes [m]; None: as the log has it.
 
     Raises
     ------
+    ConfigError
+        If an option is none, or has no meaning for such a log.
     LogFormatError
         If it is of no kind that is read, damaged, or not there; the message names file and line,
         what was found and what is allowed.
     OSError
         If a file cannot be read.
     """
+    check_unit(time_unit)
+    if max_range_m is not None and not 0.0 < max_range_m < math.inf:
+        raise ConfigError(f"--max-range {max_range_m:g}: a length above 0 m is needed")
     if not path.exists():
         raise LogFormatError(f"{path}: no such file or folder{_near(path)}")
-    if path.is_dir():
-        return _read_folder(path, mrclam_robot, with_sonars=with_sonars)
-    if is_mcap(path):
-        return read_own(path, with_sonars=with_sonars)
     robot = robot_of(path)
-    if robot is not None:
-        return read_mrclam(path.parent, mrclam_robot or robot)
+    tells_unit = True
+    if is_mrclam(path) if path.is_dir() else robot is not None:
+        folder = path if path.is_dir() else path.parent
+        recording = read_mrclam(folder, mrclam_robot or robot or 1, time_unit or "s")
+    elif mcap_files(path) if path.is_dir() else is_mcap(path):
+        tells_unit = False
+        recording = read_own(path, with_sonars=with_sonars)
+    elif is_lego(path) if path.is_dir() else _first_word(path) in LEGO_LINES:
+        recording = read_lego(path, time_unit or "ms")
+    elif path.is_dir():
+        raise LogFormatError(
+            f"{path}: a folder with neither RobotN_Odometry.dat, robot-*.mcap nor *_motors.txt; "
+            f"needed is {KINDS}"
+        )
+    else:
+        _check_carmen(path)
+        recording = read_carmen(path, time_unit or "s", max_range_m)
+    if time_unit is not None and not tells_unit:
+        raise ConfigError(f"--time-unit {time_unit}: the times of {path} are nanoseconds")
+    if time_unit is None:
+        check_pace(recording, tells_unit)
+    return recording if max_range_m is None else _limited(recording, max_range_m)
+
+
+def _check_carmen(path: Path) -> None:
+    """Refuse a file that is no CARMEN log, and so nothing that is read."""
     word = _first_word(path)
-    if word in KNOWN:
-        return read_carmen(path)
-    if word in LEGO_LINES:
-        return read_lego(path)
-    found = f"the first line begins with {word[:24]!r}" if word else "no text in it"
-    raise LogFormatError(f"{path}: {found}; needed is {KINDS}")
+    if word not in KNOWN:
+        found = f"the first line begins with {word[:24]!r}" if word else "no text in it"
+        raise LogFormatError(f"{path}: {found}; needed is {KINDS}")
 
 
-def _read_folder(folder: Path, mrclam_robot: int | None, *, with_sonars: bool) -> Recording:
-    """Read a folder, whose kind the names of its files tell."""
-    if is_mrclam(folder):
-        return read_mrclam(folder, mrclam_robot or 1)
-    if mcap_files(folder):
-        return read_own(folder, with_sonars=with_sonars)
-    if is_lego(folder):
-        return read_lego(folder)
-    raise LogFormatError(
-        f"{folder}: a folder with neither RobotN_Odometry.dat, robot-*.mcap nor *_motors.txt; "
-        f"needed is {KINDS}"
-    )
+def _limited(recording: Recording, max_range_m: float) -> Recording:
+    """Return a recording whose lidar reaches so far."""
+    scans = []
+    for entry in recording.scans:
+        ranges = entry.scan.ranges_m
+        ranges = np.where(ranges >= max_range_m, math.inf, ranges)
+        scans.append(
+            replace(entry, scan=replace(entry.scan, ranges_m=ranges, max_range_m=max_range_m))
+        )
+    return replace(recording, scans=tuple(scans))
 
 
 def _first_word(path: Path) -> str:

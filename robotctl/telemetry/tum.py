@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from robotctl.model.trajectory import Trajectory
-from robotctl.telemetry.log_text import LogFormatError, read_text, stamps, table
+from robotctl.telemetry.log_text import LogFormatError, read_text, row_number, table
+from robotctl.telemetry.log_times import checked_stamps
 
 _COLUMNS: Final = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _NORM_TOLERANCE: Final = 0.01
@@ -43,13 +44,21 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
     path.write_text(text, encoding="ascii")
 
 
-def read_tum(path: Path) -> Trajectory:
+def read_tum(path: Path, unit: str = "s") -> Trajectory:
     """Read a trajectory; its heading is the yaw of the quaternion, what is not planar is dropped.
+
+    Parameters
+    ----------
+    path
+        The file.
+    unit
+        Of its times, one of `TIME_UNITS`.
 
     Raises
     ------
     LogFormatError
-        If a line is no pose, a quaternion has not the length 1, a time goes back, or there is none.
+        If a line is no pose, a quaternion has not the length 1, a time goes back or is out of
+        range, or there is none.
     OSError
         If the file cannot be read.
     """
@@ -64,7 +73,9 @@ def read_tum(path: Path) -> Trajectory:
         raise LogFormatError(
             f"{path}: pose {wrong[0] + 1}: quaternion of length {norm[wrong[0]]:.3f}, not 1"
         )
-    stamps_ns = stamps(rows[:, 0])
+    stamps_ns = checked_stamps(
+        rows[:, 0], unit, lambda at, problem: text.error(row_number(text, at), problem)
+    )
     back = np.flatnonzero(np.diff(stamps_ns) < 0)
     if len(back):
         raise LogFormatError(f"{path}: pose {back[0] + 2}: its time lies before that of the last")

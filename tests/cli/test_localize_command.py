@@ -326,3 +326,26 @@ def test_a_start_off_the_map_is_said_and_not_only_that_the_robot_is_lost(room, t
         assert bool(re.search(pattern, result.output)) == said
     searched, _, _ = run(folder, "--map", str(elsewhere), "--global", "--particles", "2000")
     assert "lies off the map" not in searched.output
+
+
+def test_of_two_scans_at_one_time_the_first_that_is_used_tells_the_start(room, tmp_path):
+    folder, truth = room
+    lines = (folder / "room.log").read_text().splitlines()
+    far = int(np.argmax(np.hypot(*(truth[:, :2] - truth[0, :2]).T)))
+    assert np.hypot(*(truth[far, :2] - truth[0, :2])) > 1.0
+    before = re.sub(r"\S+ host", f"{lines[0].split()[-3]} host", lines[far])
+    (tmp_path / "twice.log").write_text("\n".join([before, *lines]) + "\n")
+    words = ["--map", str(folder / "room.yaml"), "--scans", "odd"]
+    _, report, rows = run(tmp_path, *words, log="twice.log")
+    assert np.hypot(*(rows[0, 1:3] - truth[0, :2])) < 0.5
+    assert report["lost"] is False
+
+
+def test_a_log_without_times_is_followed_in_its_order_and_this_is_said(room, tmp_path):
+    folder, truth = room
+    text = re.sub(r"\S+ host", "0 host", (folder / "room.log").read_text())
+    (tmp_path / "still.log").write_text(text)
+    result, report, rows = run(tmp_path, *on_map(folder), log="still.log")
+    assert "have one time, 0 s" in result.output.replace("\n", " ")
+    assert report["lost"] is False
+    assert np.hypot(*(rows[10:, 1:3] - truth[10:, :2]).T).max() < 0.2

@@ -265,3 +265,31 @@ def test_public_recordings_are_read_whole(recordings):
     freiburg = read_recording(recordings / "carmen" / "freiburg-079-corrected.log.gz")
     assert len(freiburg.scans) == 4791
     assert freiburg.scans[0].scan.x_m == -0.04
+
+
+@pytest.mark.parametrize("head", ["PARAM robot_front_laser_max {} host 0", ""])
+def test_a_reach_beyond_which_many_echoes_lie_is_not_believed(tmp_path, head):
+    ranges = [*np.linspace(1.0, 20.0, 150).round(3), *[50.0] * 31]
+    if head:
+        lines = [head.format(10), flaser(ranges, (0, 0, 0), (1, 0, 0), 1.0)]
+    else:
+        reach = "0 -1.5 3.0 0.01 10.0 0.01 0"
+        lines = [robot_laser(ranges, (0, 0, 0), (1, 0, 0), 1.0, head=reach)]
+    recording = read_carmen(log(tmp_path, *lines))
+    scan = recording.scans[0].scan
+    assert scan.max_range_m == 50.0
+    assert np.isfinite(scan.ranges_m[:150]).all()
+    assert np.isinf(scan.ranges_m[150:]).all()
+    assert any("reach of 10 m, but 53% of the echoes" in note for note in recording.notes)
+    told = read_carmen(log(tmp_path, *lines), max_range_m=15.0).scans[0].scan
+    assert told.max_range_m == 15.0
+    np.testing.assert_array_equal(np.isinf(told.ranges_m), np.array(ranges) >= 15.0)
+
+
+@pytest.mark.recordings("carmen/acapulco-odometry.log.gz", "carmen/fhw-odometry.log.gz")
+def test_the_codes_of_public_recordings_are_found(recordings):
+    for name, reach, count in (("acapulco", 50.0, 13_213), ("fhw", 51.05, 647)):
+        recording = read_recording(recordings / "carmen" / f"{name}-odometry.log.gz")
+        assert {entry.scan.max_range_m for entry in recording.scans} == {reach}
+        none = sum(int(np.isinf(entry.scan.ranges_m).sum()) for entry in recording.scans)
+        assert none == pytest.approx(count, abs=5)

@@ -1,0 +1,169 @@
+"""Which readings of a lidar are no echoes, by the readings themselves.
+
+Lasers and the programs that log them write a length for a beam that came back from nowhere: 81.91 m
+(SICK LMS, 13 bits of a centimetre), 8.191 m (of a millimetre), 51.15 m, 32.767 m, 50.00 m, the
+reach that somebody set. Taken for echoes they become walls and free rays where nothing was seen.
+
+Such a length shows in the log: readings pile up there wherever the robot stands, and hardly any
+echo is longer. A wall gives many readings of one length too, but from few places only, so scans of
+one place count once; and echoes of other walls are longer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+KNOWN_CODES_M: Final = ((81.83, 81.91), (51.05, 51.16), (32.759, 32.767), (8.183, 8.191))
+"""First and last of the lengths that known lasers give for no echo. Where the longest reading of a
+log is one, a single reading is enough."""
+
+_TOLERANCE_M: Final = 1e-6
+_BIN_M: Final = 0.001
+_WIDTH: Final = 120
+"""Lengths of one meaning lie no farther apart [bins]; so do the known codes."""
+_LINK: Final = 60
+"""Nor is there a gap so long between them [bins]."""
+_BEFORE: Final = 2000
+"""Echoes that are so much shorter tell what is usual there [bins]."""
+_FACTOR: Final = 10.0
+"""A pile is so many times higher than what is usual."""
+_LEAST, _LEAST_SHARE = 5, 0.0005
+_STRAY, _STRAY_SHARE = 1, 0.0002
+"""So few readings beside a pile are echoes."""
+_SOME: Final = 3.0
+"""And so are so many times more of one length than are usual."""
+_OF_A_SCAN, _OF_A_SCAN_WIDE = 0.1, 0.3
+"""More than these shares of a scan's readings, of one length and of a pile's width, one wall seen
+from one place does not give."""
+_ECHOES_BEYOND: Final = 0.005
+"""So large a share of the readings may be echoes from farther than the least code."""
+_PLACE_M: Final = 0.1
+"""Scans that are nearer to each other are of one place [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """Lengths that stand for no echo.
+
+    Parameters
+    ----------
+    low_m, high_m
+        The first and last that were found [m].
+    count
+        How many readings have them.
+    reach_m
+        The first that may be: an echo is nearer [m].
+    """
+
+    low_m: float
+    high_m: float
+    count: int
+    reach_m: float
+
+
+def no_echo_codes(
+    scans: Sequence[NDArray[np.float64]], places: NDArray[np.float64]
+) -> tuple[Code, ...]:
+    """Return the lengths that stand for no echo, the longest first; empty where none shows.
+
+    Parameters
+    ----------
+    scans
+        Readings of one laser, scan by scan [m]; what is not finite or not above 0 says nothing.
+    places
+        Where the robot was at each, (n, 2) [m], in any frame that moves on with it.
+    """
+    readings = _of_places(scans, places)
+    every = _lengths(scans)
+    if len(every) == 0:
+        return ()
+    piles = _piles(_lengths(readings), len(readings))
+    for low, high in KNOWN_CODES_M:
+        if low - _TOLERANCE_M <= every.max() <= high + _TOLERANCE_M:
+            piles = [(low, high), *(pile for pile in piles if pile[1] < low - _TOLERANCE_M)]
+    codes = []
+    for low, high in piles:
+        found = every[(every >= low - _TOLERANCE_M) & (every <= high + _TOLERANCE_M)]
+        first, last = float(found.min()), float(found.max())
+        known = [
+            a for a, b in KNOWN_CODES_M if a - _TOLERANCE_M <= first <= last <= b + _TOLERANCE_M
+        ]
+        codes.append(Code(first, last, len(found), known[0] if known else first))
+    return tuple(codes)
+
+
+def _lengths(scans: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return all readings that are lengths."""
+    readings = np.concatenate([np.empty(0), *scans])
+    return np.asarray(readings[np.isfinite(readings) & (readings > 0.0)])
+
+
+def _of_places(
+    scans: Sequence[NDArray[np.float64]], places: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Return one scan of each place that the robot comes to."""
+    chosen, last = [], (math.inf, math.inf)
+    for scan, (x, y) in zip(scans, places.tolist(), strict=True):
+        if not math.hypot(x - last[0], y - last[1]) < _PLACE_M:
+            chosen.append(scan)
+            last = x, y
+    return chosen
+
+
+def _piles(readings: NDArray[np.float64], places: int) -> list[tuple[float, float]]:
+    """Return first and last length of each pile at the far end [m], the longest first."""
+    bins, counts = np.unique(np.rint(readings / _BIN_M).astype(np.int64), return_counts=True)
+    below = np.concatenate([[0], np.cumsum(counts)])
+    total, at = len(readings), len(bins) - 1
+    per_scan = total / max(places, 1)
+    least = max(_LEAST, _LEAST_SHARE * total)
+    beyond, found = 0, list[tuple[int, int]]()
+    while at >= 0 and beyond <= _ECHOES_BEYOND * total:
+        first = int(np.searchsorted(bins, bins[at] - _WIDTH + 1))
+        usual = int(np.searchsorted(bins, bins[at] - _BEFORE))
+        wide = int(below[at + 1] - below[first])
+        wide_usual = _WIDTH / (_BEFORE - _WIDTH) * (below[first] - below[usual])
+        one_usual = (below[at] - below[usual]) / max(at - usual, 1)
+        if wide > max(least, _OF_A_SCAN_WIDE * per_scan, _FACTOR * wide_usual):
+            mode = first + int(np.argmax(counts[first : at + 1]))
+            low, high = _pile_around(bins, counts, mode, _SOME * wide_usual / _WIDTH)
+        elif counts[at] > max(least, _OF_A_SCAN * per_scan, _FACTOR * one_usual):
+            low, high = _pile_around(bins, counts, at, _SOME * one_usual)
+        else:
+            low = high = at + 1
+        if low <= at and below[low] >= _LEAST:
+            found.append((int(bins[low]), int(bins[high])))
+            if len(found) > 1 and found[-2][1] - found[-1][0] < _WIDTH:
+                found[-2:] = [(found[-1][0], found[-2][1])]
+            beyond += int(below[at + 1] - below[high + 1])
+        else:
+            low = at
+            beyond += int(counts[at])
+        at = low - 1
+    return [((low - 0.5) * _BIN_M, (high + 0.5) * _BIN_M) for low, high in found]
+
+
+def _pile_around(
+    bins: NDArray[np.int64], counts: NDArray[np.int64], mode: int, usual: float
+) -> tuple[int, int]:
+    """Return the first and last bin of the pile whose highest one is `mode`."""
+    enough = max(_STRAY + 1, _STRAY_SHARE * counts[mode], usual)
+    low = high = mode
+    while low > 0 and counts[low - 1] >= enough and _is_near(bins, low - 1, low, mode):
+        low -= 1
+    while (
+        high + 1 < len(bins) and counts[high + 1] >= enough and _is_near(bins, high + 1, high, mode)
+    ):
+        high += 1
+    return low, high
+
+
+def _is_near(bins: NDArray[np.int64], one: int, last: int, mode: int) -> bool:
+    """Return whether a bin follows the last of a pile closely enough, and lies near its mode."""
+    return bool(abs(bins[one] - bins[last]) <= _LINK and abs(bins[one] - bins[mode]) < _WIDTH)
