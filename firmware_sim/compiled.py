@@ -1,4 +1,4 @@
-"""Compilation of the inner loops with numba, cached on disk.
+"""Compilation of the inner loops with numba, cached on disk where one takes it.
 
 Numba renews a cached function when its own file changes, not when a function that it calls in
 another file does. So the cache has a folder of its own for each state of the sources.
@@ -9,37 +9,76 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
 import numpy as np
+from numba.core import caching
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _NUMBA: Any = numba.config
+_FUNCTION_CACHE: Any = caching.FunctionCache
 _PACKAGE = Path(__file__).parent
 
 
+def _parents() -> Iterator[Path]:
+    """Where the cache may be: as the user says, with the sources, in the user's own folders.
+
+    A folder that somebody else could write to is none: what is cached runs as this user.
+    """
+    if _NUMBA.CACHE_DIR:
+        yield Path(_NUMBA.CACHE_DIR) / "firmware_sim"
+    yield _PACKAGE / "__pycache__"
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
+    if cache.is_absolute() and _is_made_private(cache / "robotctl"):  # it is not without a home
+        yield cache / "robotctl" / "firmware_sim"
+    temporary = Path(tempfile.gettempdir()) / f"robotctl-cache-{os.geteuid()}"
+    if _is_made_private(temporary):
+        yield temporary / "firmware_sim"
+
+
+def _is_made_private(folder: Path) -> bool:
+    """Make a folder if it is missing; whether it is this user's, and only theirs to write."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.lstat()
+    except OSError:
+        return False
+    return status.st_uid == os.geteuid() and not status.st_mode & 0o022 and not folder.is_symlink()
+
+
 def _cache_folder() -> str:
-    """Folder of this package for compiled code of exactly these sources; "" for numba's choice."""
+    """Folder of this package for compiled code of exactly these sources; "" where none takes it."""
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.glob("*.py")):
         text = source.read_bytes()
         if b"@compiled" in text or b"Final = " in text:
             digest.update(text)
-    parent = _PACKAGE / "__pycache__"
-    folder = parent / f"compiled-{digest.hexdigest()[:12]}"
+    with suppress(FileNotFoundError):  # no temporary folder at all
+        for parent in _parents():
+            folder = parent / f"compiled-{digest.hexdigest()[:12]}"
+            if _takes_files(folder):
+                return str(folder)
+    return ""
+
+
+def _takes_files(folder: Path) -> bool:
+    """Make a folder of the cache, in place of old ones; whether files can be written there."""
     try:
         if not folder.is_dir():
-            _remove_old(parent)
+            _remove_old(folder.parent)
             folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
     except OSError:
-        return ""
-    return str(folder) if os.access(folder, os.W_OK) else ""
+        return False
 
 
 def _remove_old(parent: Path) -> None:
@@ -52,14 +91,40 @@ def _remove_old(parent: Path) -> None:
 _FOLDER = _cache_folder()
 
 
+def is_cached() -> bool:
+    """Whether compiled code is kept for the next start."""
+    return bool(_FOLDER)
+
+
+class _Cache(_FUNCTION_CACHE):  # type: ignore[misc] # numba has no types
+    """What is compiled of one function; a file that is cut or a full disk only costs time."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Compiled function of a signature; None if there is none, or none whole."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # noqa: BLE001 - whatever pickle makes of a file that lost its end
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled function, if the disk takes it."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function to machine code at its first call, IEEE arithmetic, no checks of zero."""
-    before = _NUMBA.CACHE_DIR
-    _NUMBA.CACHE_DIR = before or _FOLDER
-    try:
-        result: Callable[P, R] = numba.njit(cache=True, error_model="numpy")(function)
-    finally:
-        _NUMBA.CACHE_DIR = before
+    dispatcher: Any = numba.njit(error_model="numpy")(function)
+    if _FOLDER:
+        before = _NUMBA.CACHE_DIR
+        _NUMBA.CACHE_DIR = _FOLDER
+        try:
+            dispatcher._cache = _Cache(function)  # as its `enable_caching` does
+        finally:
+            _NUMBA.CACHE_DIR = before
+    result: Callable[P, R] = dispatcher
     return result
 
 

@@ -36,14 +36,21 @@ def endpoint_path(instance: str) -> Path:
     Raises
     ------
     LinkError
-        Where the name is none of a folder, or the path is so long that no socket fits into it.
+        Where the name is none of a folder, the path is so long that no socket fits into it, or no
+        folder takes temporary files.
     """
     if "/" in instance or "\0" in instance or instance in ("", ".", ".."):
         raise LinkError(
             f"{instance!r}: the name of a robot must not be empty, . or .. nor have a /"
         )
     runtime = os.environ.get("XDG_RUNTIME_DIR")
-    base = Path(runtime) if runtime else Path(tempfile.gettempdir())
+    try:
+        base = Path(runtime or tempfile.gettempdir())
+    except FileNotFoundError as error:
+        raise LinkError(
+            f"sockets of {instance}: no folder for temporary files can be written; set "
+            "XDG_RUNTIME_DIR or TMPDIR to one that can"
+        ) from error
     path = base / ("robotctl" if runtime else f"robotctl-{os.getuid()}") / instance
     excess = len(os.fsencode(path / _LONGEST)) - _PATH_BYTES
     if excess > 0:
