@@ -17,6 +17,8 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.fault_kinds import Arguments, Undo
 from firmware_sim.faulty_parts import STUCK
 from firmware_sim.nodes import drive_objects, standard_objects, wire
+from firmware_sim.nodes.power import CRITICAL_LIMIT, LOW_LIMIT
+from firmware_sim.nodes.sonar import RING_PERIOD
 
 if TYPE_CHECKING:
     from firmware_sim.faults import Faults
@@ -29,6 +31,20 @@ OVERLOAD_IDS: Final = {"low": 0x7FF, "high": 0x002}
 """What the stranger of `overload` sends: behind everybody, or before all but emergency stop."""
 
 MILLISECOND_NS: Final = 1_000_000
+
+PARAMETERS: Final = {
+    "command_timeout": ("drive", drive_objects.COMMAND_TIMEOUT, 0),
+    "current_limit": ("drive", drive_objects.CURRENT_LIMIT, 0),
+    "temperature_limit": ("drive", drive_objects.TEMPERATURE_LIMIT, 0),
+    "voltage_limit": ("drive", drive_objects.VOLTAGE_LIMIT, 0),
+    "motor_status_syncs": ("drive", drive_objects.MOTOR_STATUS_PDO, 2),
+    "drive_status_syncs": ("drive", drive_objects.DRIVE_STATUS_PDO, 2),
+    "drive_heartbeat": ("drive", standard_objects.HEARTBEAT_TIME, 0),
+    "ring_period": ("sonar", RING_PERIOD, 0),
+    "battery_low": ("power", LOW_LIMIT, 0),
+    "battery_critical": ("power", CRITICAL_LIMIT, 0),
+}
+"""What the host relies on in the memory of nodes: node and object."""
 
 PLACES_TRIED: Final = 1000
 
@@ -176,6 +192,15 @@ def lose_parameters(faults: Faults, arguments: Arguments) -> None:
     name = str(arguments["node"])
     faults.simulation.stores[name].damaged = True
     faults.simulation.power_cycle(name)
+
+
+def change_parameter(faults: Faults, arguments: Arguments) -> None:
+    """Change what a node has in its memory, whatever its firmware refuses."""
+    name, index, sub_index = PARAMETERS[str(arguments["parameter"])]
+    node = next(each for each in faults.simulation.nodes if each.name == name)
+    size = node.dictionary.variable(index, sub_index).size or 0
+    value = int(number(arguments, "value")) % 256**size
+    node.dictionary.force(index, sub_index, value)
 
 
 def flash(faults: Faults, arguments: Arguments) -> Undo:

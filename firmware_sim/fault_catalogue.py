@@ -132,6 +132,17 @@ NODES: Final[dict[str, Kind]] = {
         "does each boot until they are stored anew",
         act.lose_parameters, _NODE,
     ),
+    "parameter_changed": Kind(
+        "a parameter in a node's memory becomes another, as by a bit that flips or a write that "
+        "should have been refused",
+        act.change_parameter,
+        {
+            "parameter": Parameter("command_timeout", "which", words=tuple(act.PARAMETERS)),
+            "value": Parameter(
+                2000.0, "in the unit of the object dictionary", 0.0, 65535.0, whole=True
+            ),
+        },
+    ),
     "wrong_firmware": Kind(
         "a node boots with another major revision, and the drive with another wire version; "
         "in the end it boots with its own", act.flash, {**_NODE, **_LASTING},

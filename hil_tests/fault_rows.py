@@ -67,6 +67,21 @@ ROWS = (
     Row("brown_out volts=4 duration=0.5", DRIVE_BOOTS, 400, rests_within_m=UNBRAKED_M),
     Row("brown_out volts=8 duration=0.5", DRIVE_BOOTS, 400),
     Row("parameter_lost node=drive", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
+    # Each setting is read once in 0.7 s, twice where it differs.
+    Row("parameter_changed value=2000", ("command time-out reads back 2000 ms",), 850),
+    Row(
+        "parameter_changed parameter=current_limit value=60000",
+        ("current limit reads back 60000 mA",),
+        850,
+    ),
+    Row(
+        "parameter_changed parameter=ring_period value=240", ("ring period reads back 240 ms",), 400
+    ),
+    Row(
+        "parameter_changed parameter=battery_critical value=1",
+        ("critical limit reads back 1 mV",),
+        450,
+    ),
     Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
     Row("clock_drift node=drive ppm=100000 duration=5", ("the drive's clock runs",), 4500),
     Row("sonar_silent duration=0.5", NO_RANGE, 400),

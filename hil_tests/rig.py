@@ -529,6 +529,17 @@ class Rig:
         with self._sdo(node) as sdo:
             return [int.from_bytes(sdo.upload(index, sub), "little") for index, sub in objects]
 
+    def write_object(self, node: int, index: int, value: int, size: int) -> None:
+        """Write an unsigned object by SDO as any tool does; raises what the node refuses it with.
+
+        Where the robot's own reading was answered meanwhile, tools ask again.
+        """
+        with self._sdo(node) as sdo:
+            for _ in range(5):
+                with contextlib.suppress(canopen.SdoCommunicationError):
+                    return sdo.download(index, 0, value.to_bytes(size, "little"))
+        raise AssertionError(f"no answer to a write of {index:#06x}")
+
     def store_parameters(self, node: int) -> None:
         """Let a node keep the parameters that it has now."""
         with self._sdo(node) as sdo:

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 
+import can
+import canopen
 import pytest
 
 from hil_tests.faulty_control import COLLECT, HANG, PAUSE_S, SPIN
@@ -16,10 +18,13 @@ from hil_tests.floods import flood
 from hil_tests.ground_station import GroundStation, mavlink
 from hil_tests.rig import (
     COMMAND,
+    DRIVE,
     EMCY_COMMAND_TIMEOUT,
     EMCY_DRIVE,
     GUEST_TIME,
     PATIENT_S,
+    POWER,
+    SONAR,
     Rig,
     enabled,
 )
@@ -34,6 +39,12 @@ RESOLUTION_MS = 1.0
 
 BUS_MS = 4.0
 """Frames wait for the bus, and EMCY for the frames before it."""
+
+CANNOT_BE_STORED_IN_THIS_STATE = 0x08000022
+"""SDO abort code of CiA 301, table 22."""
+
+ROLLS_M = 0.12
+"""From 0.5 m/s: the drive's time-out, and the way that its brake needs."""
 
 
 def reaction_ms(rig: Rig, messages: list) -> float:
@@ -108,6 +119,69 @@ def test_a_killed_host_is_stopped_by_the_drive(armed: Rig, reaction: React) -> N
     reaction("host: SIGKILL", taken_ms)
     assert_in_time(armed, taken_ms)
     armed.at_rest()
+
+
+@pytest.mark.parametrize(
+    ("node", "index", "value", "size"),
+    [
+        pytest.param(DRIVE, 0x2000, 2000, 2, id="command time-out"),
+        pytest.param(DRIVE, 0x2003, 200_000, 4, id="current limit"),
+        pytest.param(DRIVE, 0x1017, 0, 2, id="heartbeat"),
+        pytest.param(SONAR, 0x2201, 240, 2, id="ring period"),
+        pytest.param(POWER, 0x2301, 0, 2, id="critical limit"),
+    ],
+)
+def test_a_strangers_write_is_refused_and_a_killed_host_is_stopped_as_before(
+    armed: Rig, node: int, index: int, value: int, size: int
+) -> None:
+    armed.drive(0.5, 0.0, 1.0)
+    with pytest.raises(canopen.SdoAbortedError) as refusal:
+        armed.write_object(node, index, value, size)
+    assert refusal.value.code == CANNOT_BE_STORED_IN_THIS_STATE
+    armed.drive(0.5, 0.0, 1.0)
+    assert armed.control.state == SafetyState.DRIVING, armed.control.reason
+    messages = armed.heard(0.05)
+    armed.kill(CONTROL, signal.SIGKILL)
+    killed = armed.fresh_truth()
+    messages += armed.heard_until(EMCY_DRIVE, 3.0)
+    assert_in_time(armed, reaction_ms(armed, messages))
+    armed.at_rest()
+    assert armed.truth.distance_m - killed.distance_m < ROLLS_M
+
+
+def test_a_time_out_that_a_stranger_writes_before_arming_is_said_and_put_right(rig: Rig) -> None:
+    rig.start()
+    rig.wait_for_state(SafetyState.STANDBY)
+    rig.write_object(DRIVE, 0x2000, 2000, 2)
+    problem = "drive (node 1): command time-out reads back 2000 ms, wanted 90 ms: it was changed"
+    rig.wait(
+        lambda: f"not ready: {problem}" in rig.notices,
+        PATIENT_S,
+        "it is said",
+    )
+    rig.wait_for_state(SafetyState.STANDBY)
+    rig.arm()
+    rig.drive(0.5, 0.0, 1.0)
+    messages = rig.heard(0.05)
+    rig.kill(CONTROL, signal.SIGKILL)
+    messages += rig.heard_until(EMCY_DRIVE, 3.0)
+    assert_in_time(rig, reaction_ms(rig, messages))
+
+
+@pytest.mark.parametrize("command", [2, 128, 129, 130])
+def test_nmt_of_a_stranger_stops_the_robot_and_is_named(armed: Rig, command: int) -> None:
+    armed.drive(0.5, 0.0, 1.0)
+    armed.observer.send(
+        can.Message(arbitration_id=0x000, data=bytes((command, DRIVE)), is_extended_id=False)
+    )
+    state = armed.wait_for_state(SafetyState.FAULT, 1.0)
+    words = "somebody else on the bus (NMT)"
+    assert words in state.reason or (command > 128 and "restarted" in state.reason)
+    armed.at_rest()
+    armed.wait(
+        lambda: not any(node.problem for node in armed.control.nodes), PATIENT_S, "nodes are back"
+    )
+    assert_stays(armed)
 
 
 HELD_UP_MS = 500.0

@@ -5,7 +5,8 @@ sample together with the microsecond timer at that sample, so that count and tim
 belong to each other, whatever the host's jitter.
 
 The guards (command time-out, emergency stop, over-current, over-temperature, under-voltage,
-encoder, duty range, E2E) work in every NMT state and cannot be switched off over SDO.
+encoder, duty range, E2E) work in every NMT state and cannot be switched off over SDO. While the
+motors are enabled nothing of the dictionary can be written.
 """
 
 from __future__ import annotations
@@ -127,7 +128,6 @@ class DriveNode(Node):
         self._handlers[wire.EMERGENCY_STOP] = self._on_emergency_stop
         self._handlers[wire.EMERGENCY_STOP | REMOTE_FLAG] = self._on_emergency_stop
         self._handlers[wire.SYNC] = self._on_sync
-        self._handlers[wire.MOTOR_COMMAND] = self._on_motor_command
         self._connect_drive_dictionary()
 
     @property
@@ -311,7 +311,7 @@ class DriveNode(Node):
 
     def _clear_faults(self, _value: int) -> None:
         self._run_to(self._now_ns)
-        if self._machine.state is DriveState.ENABLED or self._causes_present():
+        if self._causes_present():
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if self._machine.handle(DriveEvent.CLEAR):
             self._hold(self._now_ns)
@@ -383,6 +383,9 @@ class DriveNode(Node):
         )
 
     # Dictionary ---------------------------------------------------------------------------------
+
+    def _is_locked(self) -> bool:
+        return self._machine.state is _ENABLED
 
     def _cache_parameters(self) -> None:
         number = self.dictionary.number

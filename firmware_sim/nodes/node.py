@@ -25,6 +25,9 @@ NEVER_NS = 1 << 62
 BOOT_NS = 5 * MILLISECOND_NS
 """From power-up to the boot-up message of node 1; each further node takes 1 ms longer."""
 
+COMMANDED_NS = 500 * MILLISECOND_NS
+"""For so long behind a command that lets the motors turn, nodes take no writes."""
+
 
 class CanFrame(Protocol):
     """A received data frame; `stamp_ns` is when it was complete on the bus."""
@@ -128,9 +131,11 @@ class Node:
         self._troubles: list[Trouble] = []
         self._history: list[int] = []
         self._parameters_lost = False
+        self._powered_ns = -NEVER_NS
         self._handlers: dict[int, Callable[[bytes, int], None]] = {
             wire.NMT: self._on_nmt,
             wire.SDO_REQUEST_BASE + node_id: self._on_sdo,
+            wire.MOTOR_COMMAND: self._on_motor_command,
         }
         self._connect_dictionary()
 
@@ -206,6 +211,15 @@ class Node:
     def _due_ns(self) -> int:
         """Return when `_step` is next wanted."""
         return NEVER_NS
+
+    def _on_motor_command(self, data: bytes, now_ns: int) -> None:
+        """Note whether the motors are told to turn."""
+        if len(data) == 8:
+            self._powered_ns = now_ns if data[1] & wire.ENABLE else -NEVER_NS
+
+    def _is_locked(self) -> bool:
+        """Return whether nobody may write to the dictionary: the robot is under power."""
+        return self._now_ns - self._powered_ns < COMMANDED_NS
 
     # NMT ----------------------------------------------------------------------------------------
 
@@ -310,6 +324,7 @@ class Node:
 
     def _connect_dictionary(self) -> None:
         dictionary = self.dictionary
+        dictionary.is_locked = self._is_locked
         dictionary.on_read(objects.ERROR_REGISTER, 0, lambda: self.error_register)
         dictionary.on_read(objects.ERROR_FIELD, 0, lambda: len(self._history))
         for number in range(objects.ERROR_FIELD_LENGTH):

@@ -22,6 +22,8 @@ class ObjectDictionary:
         self._values: dict[Key, Value] = {}
         self._readers: dict[Key, Callable[[], Value]] = {}
         self._writers: dict[Key, Callable[[int], None]] = {}
+        self.is_locked: Callable[[], bool] = lambda: False
+        """Whether no client may write anything now."""
         self.reset()
 
     def __iter__(self) -> Iterator[Object]:
@@ -96,14 +98,20 @@ class ObjectDictionary:
         Raises
         ------
         SdoAbortError
-            As `writable`, LENGTH, RANGE, or what the writer refuses; then nothing has changed.
+            As `writable`, DEVICE_STATE where the dictionary is locked, LENGTH, RANGE, or what the
+            writer refuses; then nothing has changed.
         """
         found = self.writable(index, sub_index)
-        value = found.from_bytes(data)
-        writer = self._writers.get(found.key)
+        if self.is_locked():
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self.force(*found.key, found.from_bytes(data))
+
+    def force(self, index: int, sub_index: int, value: Value) -> None:
+        """Write as a client does, whatever it may: no access rights, no ranges, no lock."""
+        writer = self._writers.get((index, sub_index))
         if writer is not None and isinstance(value, int):
             writer(value)
-        self._values[found.key] = value
+        self._values[index, sub_index] = value
 
     def stored(self) -> dict[Key, int]:
         """Return the present values of all variables that "save" keeps."""

@@ -1,18 +1,20 @@
 """Commissioning: what a node must prove and be told before it is started.
 
 Each kind of node has a script, a generator that yields SDO transfers and gets their answers; what
-it returns is what is wrong, in a sentence, or nothing. `Node` advances it from within the control
-loop, one frame at a time, and starts over whenever the node boots or comes back after a silence.
+it returns is what is wrong, in a sentence, or the settings that must stay as they are. `Node`
+advances it from within the control loop, one frame at a time, and starts over whenever the node
+boots or comes back after a silence.
 
 What a script writes it reads back at once, and again once the node is operational: one that has
-restarted in between, and whose boot-up message was lost, has forgotten it.
+restarted in between, and whose boot-up message was lost, has forgotten it. Limits that are the
+node's own it reads only. From then on `Node` reads all of them in turn.
 """
 
 from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from robotctl.drivers.bus_load import STEERING_STATUS, SYNC, transmission_type
@@ -27,8 +29,11 @@ class Start(enum.Enum):
     START = "start"
 
 
-Script: TypeAlias = Generator[Request | Start, Response, str]
+Check: TypeAlias = Generator[Request | Start, Response, str]
 """Yields transfers, receives their ends, returns the problem ("" where there is none)."""
+
+Script: TypeAlias = Generator[Request | Start, Response, "str | tuple[Setting, ...]"]
+"""A whole commissioning: returns the problem, or what must stay as it is."""
 
 VENDOR_ID: Final = 0x00526F62
 REVISION_MAJOR: Final = 0x0001
@@ -37,15 +42,34 @@ PRODUCT_DRIVE, PRODUCT_SONAR, PRODUCT_POWER = 1, 2, 3
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """An object that is given a value of `size` bytes; `unit` follows that in sentences."""
+    """An object that is given a value of `size` bytes; `unit` follows that in sentences.
+
+    Where nothing is `wanted` it is a limit of the node's own, which must stay as it is found.
+    """
 
     index: int
     subindex: int
     name: str
-    wanted: int
+    wanted: int | None
     size: int
     unit: str
 
+    @property
+    def reading(self) -> Request:
+        """The transfer that reads it."""
+        return Request(self.index, self.subindex, self.name)
+
+    @property
+    def writing(self) -> Request:
+        """The transfer that writes what is wanted."""
+        return Request(self.index, self.subindex, self.name, self.wanted, self.size)
+
+    def differs(self, found: int) -> str:
+        """Say that it has another value than the one wanted."""
+        return f"{self.name} reads back {found}{self.unit}, wanted {self.wanted}{self.unit}"
+
+
+HEARTBEAT: Final = Setting(0x1017, 0, "heartbeat period", None, 2, " ms")
 
 CLEAR_FAULTS: Final = Request(0x2010, 0, "clear faults", value=1, size=1)
 
@@ -54,7 +78,7 @@ def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
     """Return the script of the motor controller.
 
     Identity, wire version, counts per revolution; then the command time-out and how often the
-    status frames come.
+    status frames come; its heartbeat and its own limits as they are.
     """
     sync = dbc.message(SYNC)
     motor_every, drive_every = (
@@ -65,6 +89,10 @@ def drive_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
         Setting(0x2000, 0, "command time-out", parameters.command_timeout_ms, 2, " ms"),
         Setting(0x1801, 2, "period of MotorStatus", motor_every, 1, " SYNC"),
         Setting(0x1802, 2, "period of DriveStatus", drive_every, 1, " SYNC"),
+        HEARTBEAT,
+        Setting(0x2003, 0, "current limit", None, 4, " mA"),
+        Setting(0x2004, 0, "over-temperature limit", None, 1, " degC"),
+        Setting(0x2005, 0, "under-voltage limit", None, 2, " mV"),
     )
 
     def script() -> Script:
@@ -101,26 +129,30 @@ def sonar_script(dbc: Dbc, parameters: NodeParameters) -> Callable[[], Script]:
                     "has {found} sonars, the configuration says {wanted}",
                 )
             )
-            or (yield from _configure_and_start(ring_period))
+            or (yield from _configure_and_start(ring_period, HEARTBEAT))
         )
 
     return script
 
 
 def power_script(dbc: Dbc, _: NodeParameters) -> Callable[[], Script]:
-    """Return the script of the battery monitor: identity."""
+    """Return the script of the battery monitor: identity, heartbeat, its limits."""
+    limits = (
+        Setting(0x2300, 0, "low limit", None, 2, " mV"),
+        Setting(0x2301, 0, "critical limit", None, 2, " mV"),
+    )
 
     def script() -> Script:
         return (
             (yield from _identify(PRODUCT_POWER))
             or (yield from _wire_version(dbc.wire_version, optional=True))
-            or (yield from _configure_and_start())
+            or (yield from _configure_and_start(HEARTBEAT, *limits))
         )
 
     return script
 
 
-def _identify(product: int) -> Script:
+def _identify(product: int) -> Check:
     """Check the identity object 0x1018."""
     problem = yield from _expect(
         Request(0x1018, 1, "vendor"), VENDOR_ID, "vendor 0x{found:08X} is not ours 0x{wanted:08X}"
@@ -143,7 +175,7 @@ def _identify(product: int) -> Script:
     return ""
 
 
-def _wire_version(ours: int, *, optional: bool = False) -> Script:
+def _wire_version(ours: int, *, optional: bool = False) -> Check:
     """Check that the node speaks the same DBC; an `optional` version may be missing."""
     request = Request(0x2001, 0, "wire version")
     response = yield request
@@ -156,7 +188,7 @@ def _wire_version(ours: int, *, optional: bool = False) -> Script:
     return ""
 
 
-def _expect(request: Request, wanted: int, problem: str) -> Script:
+def _expect(request: Request, wanted: int, problem: str) -> Check:
     """Read an object that must have the value `wanted`."""
     response = yield request
     if response.value is None:
@@ -169,24 +201,32 @@ def _expect(request: Request, wanted: int, problem: str) -> Script:
 def _configure_and_start(*settings: Setting) -> Script:
     """Write objects and read them back, before the node is operational and again then."""
     for setting in settings:
-        write = Request(setting.index, setting.subindex, setting.name, setting.wanted, setting.size)
-        response = yield write
-        if response.value is None:
-            return _failure(write, response)
-        if problem := (yield from _read_back(setting)):
-            return problem
+        if setting.wanted is not None:
+            response = yield setting.writing
+            if response.value is None:
+                return _failure(setting.writing, response)
+            if problem := (yield from _read_back(setting)):
+                return problem
     yield Start.START
+    kept = []
     for setting in settings:
-        if problem := (yield from _read_back(setting)):
-            return problem
-    return ""
+        response = yield setting.reading
+        if setting.wanted is None and response.abort == ABORT_NO_OBJECT:
+            continue  # a node without such a limit
+        if response.value is None:
+            return _failure(setting.reading, response)
+        if setting.wanted not in (None, response.value):
+            return setting.differs(response.value)
+        kept.append(replace(setting, wanted=response.value))
+    return tuple(kept)
 
 
-def _read_back(setting: Setting) -> Script:
+def _read_back(setting: Setting) -> Check:
     """Check that an object has the value that was written."""
-    request = Request(setting.index, setting.subindex, setting.name)
-    problem = f"{setting.name} reads back {{found}}{setting.unit}, wanted {{wanted}}{setting.unit}"
-    return (yield from _expect(request, setting.wanted, problem))
+    response = yield setting.reading
+    if response.value is None:
+        return _failure(setting.reading, response)
+    return "" if response.value == setting.wanted else setting.differs(response.value)
 
 
 def _failure(request: Request, response: Response) -> str:

@@ -6,13 +6,22 @@ import enum
 from collections.abc import Callable
 from typing import Final
 
-from robotctl.drivers.commissioning import Script, Start
+from robotctl.drivers.commissioning import Script, Setting, Start
 from robotctl.drivers.sdo import REQUEST_BASE, Request, Response, SdoClient
 from robotctl.runtime.messages import NodeStatus
 
 NMT_ID: Final = 0x000
 NMT_BOOT_UP, NMT_STOPPED, NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 0, 4, 5, 127
-NMT_START, NMT_ENTER_PRE_OPERATIONAL = 1, 128
+NMT_START, NMT_STOP, NMT_ENTER_PRE_OPERATIONAL = 1, 2, 128
+NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
+
+_PUT_OUT: Final = {
+    NMT_STOP: (NMT_STOPPED, "was stopped"),
+    NMT_ENTER_PRE_OPERATIONAL: (NMT_PRE_OPERATIONAL, "was put into pre-operational"),
+    NMT_RESET_NODE: (NMT_BOOT_UP, "was reset"),
+    NMT_RESET_COMMUNICATION: (NMT_BOOT_UP, "was reset"),
+}
+"""NMT commands that take a node out of service: the state it is in then, and words."""
 
 START_TIMEOUT_NS: Final = 250_000_000
 """Time for a heartbeat with the new NMT state [ns]: two heartbeats and a half."""
@@ -20,6 +29,9 @@ START_TIMEOUT_NS: Final = 250_000_000
 START_ATTEMPTS: Final = 3
 RETRY_NS: Final = 1_000_000_000
 """From a failed commissioning to the next attempt [ns]."""
+
+UNREAD_MAX: Final = 5
+"""So many readings of a setting in a row may fail: somebody else may use the node's SDO channel."""
 
 
 class Phase(enum.Enum):
@@ -60,6 +72,12 @@ class Node:
         self._sdo = SdoClient()
         self._script: Script | None = None
         self._extra: Request | None = None
+        self._kept: tuple[Setting, ...] = ()
+        """What must stay as it is; the first is read next."""
+        self._is_reading = False
+        self._doubted = False
+        """Whether the last reading differed: one alone may be an answer that was damaged."""
+        self._unread = 0
         self._nmt_state = NMT_BOOT_UP
         self._heartbeat_ns = 0
         self._boots = 0
@@ -95,6 +113,13 @@ class Node:
             self._begin()
         self._refresh()
 
+    def on_foreign_nmt(self, command: int) -> None:
+        """Take an NMT command that somebody else has sent to the node: it is out of service."""
+        if command in _PUT_OUT and self.phase in (Phase.VERIFYING, Phase.READY):
+            self._nmt_state, words = _PUT_OUT[command]
+            self._begin()
+            self._say(f"{words} by somebody else on the bus (NMT)")
+
     def on_sdo(self, data: bytes) -> None:
         """Take a frame of the node's SDO server."""
         response = self._sdo.receive(data)
@@ -113,12 +138,20 @@ class Node:
 
     def request(self, request: Request) -> bool:
         """Start a transfer beside the script; False where the node is not in service or busy."""
-        if self.phase is not Phase.READY or self._extra is not None or not self._sdo.idle:
+        if self.phase is not Phase.READY or self._extra is not None:
             return False
+        self._is_reading = False  # that can wait
         self._extra = request
         self._sdo.start(request)
         self.busy = True
         return True
+
+    def read_back(self) -> None:
+        """Begin to read the next setting of a node in service, if nothing else is under way."""
+        if self.phase is Phase.READY and self._sdo.idle and self._kept:
+            self._is_reading = True
+            self._sdo.start(self._kept[0].reading)
+            self.busy = True
 
     def withdraw(self) -> None:
         """Give up a transfer beside the script."""
@@ -183,6 +216,9 @@ class Node:
 
     def _advance(self, response: Response) -> None:
         """Give the end of a transfer to who began it."""
+        if self._is_reading:
+            self._compare(response)
+            return
         if self._extra is not None:
             self._extra = None
             self.busy = False
@@ -193,27 +229,51 @@ class Node:
             self._carry_out(self._script.send(response))
         except StopIteration as stop:
             self._script = None
-            if stop.value:
+            if isinstance(stop.value, str):
                 self._refuse(stop.value, self._heartbeat_ns)
             else:
-                self._finish()
+                self._finish(stop.value)
+
+    def _compare(self, response: Response) -> None:
+        """Take the node out of service where a setting is not what it was told, or unreadable."""
+        self._is_reading = self.busy = False
+        setting = self._kept[0]
+        if response.value is None:
+            self._unread += 1
+            if self._unread > UNREAD_MAX:
+                self._refuse(f"no answer to {setting.reading}", self._heartbeat_ns)
+            return
+        self._unread = 0
+        if response.value == setting.wanted:
+            self._doubted = False
+            self._kept = (*self._kept[1:], setting)
+        elif self._doubted:
+            self._refuse(f"{setting.differs(response.value)}: it was changed", self._heartbeat_ns)
+        else:
+            self._doubted = True
+            self.read_back()
 
     def _refuse(self, problem: str, now_ns: int) -> None:
         """Keep the node out of service and say why; try again later."""
         self.phase = Phase.REFUSED
+        self.busy = True
         self._wait_until_ns = now_ns + RETRY_NS
         self._say(problem)
 
-    def _finish(self) -> None:
-        """Put the node into service."""
+    def _finish(self, kept: tuple[Setting, ...]) -> None:
+        """Put the node into service; `kept` must stay as it is."""
         self.phase = Phase.READY
         self.busy = False
+        self._kept = kept
+        self._doubted = False
+        self._unread = 0
         self._say("")
 
     def _stop_script(self) -> None:
         """Drop whatever transfer is under way."""
         self._sdo.cancel()
         self._extra = None
+        self._is_reading = False
         if self._script is not None:
             self._script.close()
             self._script = None

@@ -1,7 +1,8 @@
 """The robot on a CAN bus: `RobotPort` over a `CanPort`.
 
 One tick: `receive` drains the bus and hands each frame to its decoder; `send` puts MotorCommand
-and SYNC on the bus, and at most one frame of node services after them.
+and SYNC on the bus, and at most one frame of node services after them: commissioning, clearing of
+faults, and reading each node's settings in turn.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ DRIVE_NODE, SONAR_NODE, POWER_NODE = 1, 2, 3
 EMERGENCY_BASE: Final = 0x080
 HEARTBEAT_BASE: Final = 0x700
 
+READ_BACK_NS: Final = 100_000_000
+"""So often one setting of each node is read back [ns]: all seven of the drive in 0.7 s."""
+
 DISABLE_FRAMES: Final = 3
 """How often `close` says that the motors are off."""
 
@@ -84,6 +88,7 @@ class CanRobot:
         self._refused_commands = 0
         self._stop_source: EmergencyStopSource | None = None
         self._clear_wanted = False
+        self._read_back_ns = 0
         self._closed = False
         self._steering_rad = 0.0
         """Where the steering was last, as far as a command can say it: motors that go off leave it
@@ -97,7 +102,10 @@ class CanRobot:
             self._nodes.append(Node(SONAR_NODE, "sonar", script, timeout_ns))
         self._nodes.append(Node(POWER_NODE, "power", power_script(dbc, parameters), timeout_ns))
         self._node_status = tuple(node.status for node in self._nodes)
-        self._handlers: dict[int, Handler] = {codec.emergency_stop_id: self._on_emergency_stop}
+        self._handlers: dict[int, Handler] = {
+            codec.emergency_stop_id: self._on_emergency_stop,
+            codec.nmt_id: self._on_foreign_nmt,
+        }
         for node in self._nodes:
             self._handle_services(node)
         self._handle_process_data(parameters)
@@ -156,7 +164,10 @@ class CanRobot:
         )
 
     def _note_nodes(self) -> None:
-        self._node_status = tuple(node.status for node in self._nodes)
+        """Take over what is new of the nodes; what is not stays the same object."""
+        status = tuple([node.status for node in self._nodes])
+        if status != self._node_status:
+            self._node_status = status
 
     def _handle_services(self, node: Node) -> None:
         """Wire heartbeat, SDO and EMCY of a node to their handlers."""
@@ -250,6 +261,14 @@ class CanRobot:
         source = _SOURCES.get(data[0]) if data else None
         self._emergency_stop = EmergencyStopSource.UNKNOWN if source is None else source
 
+    def _on_foreign_nmt(self, data: bytes, _: int) -> None:
+        """Take an NMT command of somebody else: the bus does not bring us our own."""
+        if len(data) == 2:
+            for node in self._nodes:
+                if data[1] in (0, node.node_id):
+                    node.on_foreign_nmt(data[0])
+            self._note_nodes()
+
     # Sending ------------------------------------------------------------------------------------
 
     def send(self, command: WheelCommand, now_ns: int) -> None:
@@ -289,6 +308,10 @@ class CanRobot:
         if self._clear_wanted:
             self._clear_wanted = False
             self._drive.request(CLEAR_FAULTS)
+        if now_ns >= self._read_back_ns:
+            self._read_back_ns = now_ns + READ_BACK_NS
+            for node in self._nodes:
+                node.read_back()
         for node in self._nodes:
             if node.busy:
                 frame = node.poll(now_ns)

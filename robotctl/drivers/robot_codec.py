@@ -58,8 +58,9 @@ class RobotCodec:
         self.sync_id = dbc.message(SYNC).arbitration_id
         self.nmt_id = dbc.message(NMT).arbitration_id
         self.emergency_stop_id = dbc.message(EMERGENCY_STOP).arbitration_id
-        self.arbitration_ids = tuple(sorted({self.emergency_stop_id, *dbc.received_by(HOST)}))
-        """What the host listens to: what is meant for it, and emergency stops by others."""
+        foreign = {self.emergency_stop_id, self.nmt_id}
+        self.arbitration_ids = tuple(sorted({*foreign, *dbc.received_by(HOST)}))
+        """What the host listens to: what is meant for it; emergency stops and NMT by others."""
         for name in (COMMAND, WHEELS, MOTOR, DRIVE, BATTERY, *SONARS):
             dbc.protection(name)
         _check_data_ids(dbc)

@@ -471,6 +471,8 @@ class ControlCore:
             text = {"arm accepted": "armed", "all nodes ready": "ready to arm"}
             line = text.get(event.value, "disarmed")
             self._notices.append(Notice(now_ns, Severity.INFORMATION, line))
+        elif changed and event is Event.NOT_READY:
+            self._notices.append(Notice(now_ns, Severity.WARNING, f"not ready: {reason}"))
         return changed
 
     def snapshot(self, now_ns: int, loop: LoopStatistics) -> ControlState:

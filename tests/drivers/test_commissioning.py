@@ -1,120 +1,12 @@
 """Commissioning against nodes that lie, keep silent, forget and restart."""
 
-import struct
+import dataclasses
 
 import pytest
 
-from robotctl.drivers.memory_port import MemoryPort
-from robotctl.drivers.robot_can import CanRobot
-from robotctl.runtime.messages import WheelCommand
+from tests.drivers.fake_nodes import NO_OBJECT, OPERATIONAL, PRE_OPERATIONAL, STOPPED, FakeBus
 
-TICK_NS = 5_000_000
 MS = 1_000_000
-BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
-NO_OBJECT = 0x06020000
-IDENTITY = {(0x1018, 1): 0x526F62, (0x1018, 3): 0x10000, (0x1018, 4): 77}
-
-
-class FakeNode:
-    """A node of a few objects; `deaf` requests go unanswered, `forgetful` objects ignore writes."""
-
-    def __init__(self, bus, node_id, objects):
-        self.bus = bus
-        self.node_id = node_id
-        self.objects = {**IDENTITY, (0x1018, 2): node_id, **objects}
-        self.state = PRE_OPERATIONAL
-        self.deaf = 0
-        self.forgetful = set()
-        self.refusals = {}
-        self.requests = []
-        self.obeys_nmt = True
-        self.alive = True
-
-    def beat(self, state=None):
-        if self.alive:
-            state = self.state if state is None else state
-            self.bus.deliver(0x700 + self.node_id, bytes((state,)))
-
-    def boot(self):
-        self.state = PRE_OPERATIONAL
-        self.beat(BOOT_UP)
-
-    def on_frame(self, can_id, data):
-        if not self.alive:
-            return
-        if can_id == 0x000 and data[1] == self.node_id and self.obeys_nmt:
-            self.state = {1: OPERATIONAL, 2: STOPPED, 128: PRE_OPERATIONAL}[data[0]]
-        elif can_id == 0x600 + self.node_id and self.state != STOPPED:
-            self.on_request(data)
-
-    def on_request(self, data):
-        command, index, subindex, value = struct.unpack("<BHBI", data)
-        key = (index, subindex)
-        if self.deaf:
-            self.deaf -= 1
-            return
-        self.requests.append((key, value if command != 0x40 else None))
-        abort = self.refusals.get(key, None if key in self.objects else NO_OBJECT)
-        if abort is not None:
-            answer = struct.pack("<BHBI", 0x80, index, subindex, abort)
-        elif command == 0x40:
-            answer = struct.pack("<BHBI", 0x43, index, subindex, self.objects[key])
-        else:
-            if key not in self.forgetful:
-                self.objects[key] = value
-            answer = struct.pack("<BHBI", 0x60, index, subindex, 0)
-        self.bus.deliver(0x580 + self.node_id, answer)
-
-
-class FakeBus:
-    """Three nodes and the host; what is delivered arrives with the next tick."""
-
-    def __init__(self, codec, parameters, clock):
-        self.clock = clock
-        self.sent = []
-        self.port = MemoryPort(self.transmit, codec.arbitration_ids, 1_000_000, clock)
-        self.robot = CanRobot(self.port, codec, parameters)
-        self.drive = FakeNode(
-            self,
-            1,
-            {
-                (0x2000, 0): 250,
-                (0x2001, 0): codec.dbc.wire_version,
-                (0x2002, 0): 2400,
-                (0x1801, 2): 1,
-                (0x1802, 2): 1,
-                (0x2010, 0): 0,
-            },
-        )
-        self.sonar = FakeNode(self, 2, {(0x2200, 0): 8, (0x2201, 0): 20})
-        self.power = FakeNode(self, 3, {})
-        self.nodes = [self.drive, self.sonar, self.power]
-        self.ticks = 0
-        self.feedback = None
-
-    def transmit(self, can_id, data):
-        self.sent.append((self.ticks, can_id, data))
-        for node in self.nodes:
-            node.on_frame(can_id, data)
-
-    def deliver(self, can_id, data):
-        self.port.deliver(can_id, data, self.clock.now_ns())
-
-    def run(self, duration_ms):
-        for _ in range(duration_ms * MS // TICK_NS):
-            self.ticks += 1
-            if self.ticks % 20 == 0:
-                for node in self.nodes:
-                    node.beat()
-            self.clock.sleep_until(self.clock.now_ns() + TICK_NS)
-            self.feedback = self.robot.receive(self.clock.now_ns())
-            self.robot.send(WheelCommand(), self.clock.now_ns())
-
-    def status(self, node_id):
-        return next(node for node in self.feedback.nodes if node.node_id == node_id)
-
-    def problems(self):
-        return [node.problem for node in self.feedback.nodes]
 
 
 @pytest.fixture
@@ -148,8 +40,13 @@ def test_a_node_is_started_only_after_it_was_identified_and_configured(bus):
         if can_id == 0x601 or (can_id == 0x000 and data[1] == 1)
     ]
     started = frames.index((0x000, b"\x01\x01"))
-    read_back = (b"\x40\x00\x20\x00", b"\x40\x01\x18\x02", b"\x40\x02\x18\x02")
-    assert [data[:4] for _, data in frames[started + 1 :]] == list(read_back)
+    read_back = [
+        *(b"\x40\x00\x20\x00", b"\x40\x01\x18\x02", b"\x40\x02\x18\x02", b"\x40\x17\x10\x00"),
+        *(b"\x40\x03\x20\x00", b"\x40\x04\x20\x00", b"\x40\x05\x20\x00"),
+    ]
+    after = [data[:4] for _, data in frames[started + 1 :]]
+    assert after[:7] == read_back
+    assert after[7:] == read_back[: len(after) - 7], "and from then on in turn"
     assert frames[0] == (0x601, bytes.fromhex("4018100100000000"))
     assert [can_id for can_id, _ in frames].count(0x000) == 1
 
@@ -387,8 +284,6 @@ def test_a_node_that_was_stopped_by_somebody_is_commissioned_again(bus):
 
 
 def test_a_robot_without_sonars_does_not_ask_for_the_ring(codec, parameters, clock):
-    import dataclasses
-
     bus = FakeBus(codec, dataclasses.replace(parameters, sonars=0), clock)
     bus.run(500)
     assert [node.node_id for node in bus.feedback.nodes] == [1, 3]
@@ -396,8 +291,6 @@ def test_a_robot_without_sonars_does_not_ask_for_the_ring(codec, parameters, clo
 
 
 def test_a_steered_robot_gets_its_drive_status_on_every_sync(codec, parameters, clock):
-    import dataclasses
-
     bus = FakeBus(codec, dataclasses.replace(parameters, steered=True, rate_hz=1000), clock)
     bus.run(500)
     assert bus.drive.objects[0x1801, 2] == 20

@@ -545,6 +545,32 @@ class TestNodes:
         bench.drive(0.1, enable=False)
         assert bench.status()["faults"] & 32
 
+    @pytest.mark.parametrize(
+        ("parameter", "value", "address"),
+        [
+            ("command_timeout", 2000, (1, 0x2000, 0)),
+            ("current_limit", 60000, (1, 0x2003, 0)),
+            ("temperature_limit", 200, (1, 0x2004, 0)),
+            ("voltage_limit", 0, (1, 0x2005, 0)),
+            ("motor_status_syncs", 1, (1, 0x1801, 2)),
+            ("drive_status_syncs", 240, (1, 0x1802, 2)),
+            ("drive_heartbeat", 0, (1, 0x1017, 0)),
+            ("ring_period", 240, (2, 0x2201, 0)),
+            ("battery_low", 1, (3, 0x2300, 0)),
+            ("battery_critical", 1, (3, 0x2301, 0)),
+        ],
+    )
+    def test_a_parameter_changes_while_the_motors_turn(self, driving, parameter, value, address):
+        driving.begin(f"parameter_changed parameter={parameter} value={value}")
+        assert driving.read(*address) == value
+
+    def test_a_changed_time_out_is_the_one_that_the_drive_has(self, driving):
+        driving.begin("parameter_changed value=300")
+        driving.run(290)
+        assert driving.simulation.drive.drive_state.name == "ENABLED"
+        driving.run(20)
+        assert driving.simulation.drive.drive_state.name == "STOPPED"
+
     def test_stored_parameters_outlive_a_reset_but_not_their_loss(self, bench):
         bench.write(1, 0x2000, 60, 2)
         request = b"\x23\x10\x10\x01save"
