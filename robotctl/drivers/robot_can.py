@@ -101,6 +101,8 @@ class CanRobot:
             script = sonar_script(dbc, parameters)
             self._nodes.append(Node(SONAR_NODE, "sonar", script, timeout_ns))
         self._nodes.append(Node(POWER_NODE, "power", power_script(dbc, parameters), timeout_ns))
+        self._waiting = list(self._nodes)
+        """In turn, so that none has to wait until others are ready: whose frame is next."""
         self._node_status = tuple(node.status for node in self._nodes)
         self._handlers: dict[int, Handler] = {
             codec.emergency_stop_id: self._on_emergency_stop,
@@ -312,13 +314,15 @@ class CanRobot:
             self._read_back_ns = now_ns + READ_BACK_NS
             for node in self._nodes:
                 node.read_back()
-        for node in self._nodes:
+        for node in self._waiting:
             if node.busy:
                 frame = node.poll(now_ns)
                 self._note_nodes()
                 if frame is not None:
                     if self._port.send(*frame):
                         node.sent(now_ns)
+                        self._waiting.remove(node)
+                        self._waiting.append(node)
                     return
 
     def emergency_stop(self, source: EmergencyStopSource) -> None:
