@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robotctl.app.localisation_map import load_localisation_map
+from robotctl.app.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.app.localize_ekf import run_ekf
 from robotctl.app.localize_mcl import run_mcl
-from robotctl.app.localize_options import LocalizeOptions, Progress
+from robotctl.app.localize_options import LocalizeError, LocalizeOptions, Progress
 from robotctl.app.localize_report import Run, report
 from robotctl.app.localize_walls import run_wall_ekf
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.recorded_log import read_recording
+from robotctl.telemetry.tum import read_tum
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +61,19 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
     OSError
         If a file cannot be read.
     """
+    return localize_seeds(options, 1, progress)[0]
+
+
+def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> list[Localized]:
+    """Run a filter on a log so many times, with the seed of the options and those that follow.
+
+    Raises
+    ------
+    RobotctlError
+        If log or map are wrong, or do not go together with each other and the method.
+    OSError
+        If a file cannot be read.
+    """
     chart = load_localisation_map(options.map, Path()) if options.map else None
     recording = read_recording(
         options.log,
@@ -67,6 +81,26 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
         time_unit=options.time_unit,
         max_range_m=options.max_range_m,
     )
+    if options.reference is not None:
+        recording = _with_reference(recording, options.reference)
+    return [
+        _run(
+            replace(options, seed=options.seed + number),
+            recording,
+            chart,
+            lambda done, of, before=number: progress(before * of + done, seeds * of),  # type: ignore[misc]
+        )
+        for number in range(seeds)
+    ]
+
+
+def _run(
+    options: LocalizeOptions,
+    recording: Recording,
+    chart: LocalisationMap | None,
+    progress: Progress,
+) -> Localized:
+    """Run a filter with one seed."""
     rng = np.random.default_rng(options.seed)
     if options.method == "mcl" and chart is not None:
         run = run_mcl(recording, options, chart, rng, progress)
@@ -80,3 +114,32 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
         run,
         report(run, with_nees=options.method == "ekf"),
     )
+
+
+def _with_reference(recording: Recording, file: Path) -> Recording:
+    """Return a recording whose reference is the trajectory in a TUM file.
+
+    Raises
+    ------
+    LocalizeError
+        If it is of another time than the recording.
+    LogFormatError, OSError
+        If the file cannot be read.
+    """
+    reference = read_tum(file)
+    stamps_ns = [entry.scan.stamp_ns for entry in recording.scans]
+    if recording.odometry is not None:
+        stamps_ns += [int(recording.odometry.stamps_ns[0]), int(recording.odometry.stamps_ns[-1])]
+    stamps_ns += recording.twist_stamps_ns[[0, -1]].tolist() if len(recording.twists) else []
+    spans = [
+        1e-9 * int(at) for at in (*reference.stamps_ns[[0, -1]], min(stamps_ns), max(stamps_ns))
+    ]
+    if spans[1] < spans[2] or spans[3] < spans[0]:
+        raise LocalizeError(
+            f"--reference {file}: has times from {spans[0]:.3f} to {spans[1]:.3f} s, and "
+            f"{recording.name} from {spans[2]:.3f} to {spans[3]:.3f} s: of another drive or clock"
+        )
+    scans = tuple(
+        replace(entry, reference=reference.at(entry.scan.stamp_ns)) for entry in recording.scans
+    )
+    return replace(recording, scans=scans, reference=reference, reference_has_heading=True)

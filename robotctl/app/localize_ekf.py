@@ -54,10 +54,12 @@ def run_ekf(
     recording = with_noisy_motion(recording, options.odometry_noise, odometry_rng)
     config = replace(config, motion=with_noise(config.motion, options.odometry_noise))
     try:
-        begin_ns = max(CountedOdometry(recording).begin_ns, known_from_ns(recording))
+        begin_ns = CountedOdometry(recording).begin_ns
+        if options.start is None:
+            begin_ns = max(begin_ns, known_from_ns(recording))
     except ValueError as error:
         raise LocalizeError(str(error)) from error
-    start = known_start(recording, begin_ns, start_rng)
+    start = known_start(recording, options, begin_ns, start_rng)
     run = Run(has_heading=recording.reference_has_heading)
     began_ns = time.process_time_ns()
     for step in localise_by_landmarks(recording, config, start):

@@ -23,11 +23,13 @@ from robotctl.app.localize_report import Run
 from robotctl.app.map_sensors import LIDAR, MapSensors, sonar_name
 from robotctl.app.mapping import choose_scans
 from robotctl.app.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
+from robotctl.estimation.echo_share import EchoShare
 from robotctl.estimation.free_space import free_poses
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
+from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 
@@ -41,6 +43,7 @@ class _Moment:
     odometry: SE2
     reference: SE2 | None
     measurement: Callable[[MapSensors], LogLikelihood]
+    scan: RangeScan | None = None
 
 
 def run_mcl(
@@ -65,11 +68,12 @@ def run_mcl(
     start_rng, odometry_rng, filter_rng = rng.spawn(3)
     localiser, sensors = _made(recording, options, chart, moments, filter_rng)
     if not options.search:
-        known_ns = known_from_ns(recording)
+        known_ns = known_from_ns(recording) if options.start is None else 0
         moments = [each for each in moments if each.stamp_ns >= known_ns] or moments
         first = moments[0]
-        start = known_start(recording, first.stamp_ns, start_rng, first.reference)
+        start = known_start(recording, options, first.stamp_ns, start_rng, first.reference)
         localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
+    echo_share = EchoShare(chart.grid)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
     if not options.search and (said := off_map(chart, start.pose)):
@@ -83,7 +87,9 @@ def run_mcl(
             localiser.measure(moment.measurement(sensors), moment.sensor)
             run.update_ms.append(1e-6 * (time.process_time_ns() - began_ns))
             run.particles.append(len(localiser.poses))
-        run.add(localiser.estimate(moment.stamp_ns), moment.reference)
+        estimate, scan = localiser.estimate(moment.stamp_ns), moment.scan
+        share = None if scan is None else echo_share(scan, estimate.pose)
+        run.add(estimate, moment.reference, share)
         progress(done, len(moments))
     return run
 
@@ -95,7 +101,7 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
         stamp_ns, scan = entry.scan.stamp_ns, entry.scan
         reference = entry.reference or reference_at(recording, stamp_ns)
         measurement = partial(MapSensors.scan, scan=scan)
-        moments.append(_Moment(stamp_ns, LIDAR, entry.odometry, reference, measurement))
+        moments.append(_Moment(stamp_ns, LIDAR, entry.odometry, reference, measurement, scan))
     for heard in recording.sonars if recording.sonar_mounts else ():
         stamp_ns, reading = heard.reading.stamp_ns, heard.reading
         reference = reference_at(recording, stamp_ns)
@@ -119,6 +125,8 @@ def _made(
     """Return a localiser and what weighs its particles, with compiled kernels."""
     config = MclConfig()
     most, noise = options.max_particles, config.motion.noise
+    if options.odometry is not None:
+        noise = noise.at_least(options.odometry)
     config = replace(
         config,
         motion=replace(config.motion, noise=with_noise(noise, options.odometry_noise)),

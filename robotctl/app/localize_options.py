@@ -14,6 +14,7 @@ from robotctl.app.recorded_motion import start_pose
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.model.localisation import LocalisationStatus
+from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
@@ -64,8 +65,14 @@ class LocalizeOptions:
         Which robot of a MRCLAM folder.
     sensors
         What particles know of lidar and sonars; None: the defaults.
+    odometry
+        Noise of the robot's odometry; None: the default.
     max_range_m, time_unit
         See `read_recording`.
+    start
+        `base` in `world` at the first measurement; None: as the reference has it.
+    reference
+        A TUM file to compare with, instead of the log's own reference.
 
     Raises
     ------
@@ -84,8 +91,11 @@ class LocalizeOptions:
     seed: int = 1
     mrclam_robot: int | None = None
     sensors: LocalisationConfig | None = None
+    odometry: MotionNoise | None = None
     max_range_m: float | None = None
     time_unit: str | None = None
+    start: SE2 | None = None
+    reference: Path | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -101,6 +111,8 @@ class LocalizeOptions:
             raise ConfigError("--method mcl needs --map MAP.yaml")
         if self.search and self.method != "mcl":
             raise ConfigError(f"--global needs --method mcl, found {self.method}")
+        if self.search and self.start is not None:
+            raise ConfigError("--start and --global: found both, one of them is allowed")
         if self.sensors is not None and self.method != "mcl":
             raise ConfigError(f"--robot needs --method mcl, found {self.method}")
 
@@ -114,16 +126,20 @@ class LocalizeOptions:
 
 def known_start(
     recording: Recording,
+    options: LocalizeOptions,
     stamp_ns: int,
     rng: np.random.Generator,
     reference: SE2 | None = None,
 ) -> PoseEstimate:
-    """Return where the drive begins, as wrong as a known start may be, and how well it is known.
+    """Return where the drive begins, and how well it is known.
+
+    The start of a reference is made as wrong as a known start may be; one that is told is taken as
+    it is.
 
     Parameters
     ----------
-    recording, stamp_ns
-        The drive, and when it begins.
+    recording, options, stamp_ns
+        The drive, what is told of it, and when it begins.
     rng
         Draws how wrong.
     reference
@@ -135,12 +151,15 @@ def known_start(
     LocalizeError
         If no reference says where.
     """
+    covariance = np.diag(np.square([START_SIGMA_M, START_SIGMA_M, START_SIGMA_RAD]))
+    if options.start is not None:
+        return PoseEstimate(stamp_ns, options.start, covariance, LocalisationStatus.LOCALISED)
     pose = reference if recording.reference_has_heading else None
     pose = pose or start_pose(recording, stamp_ns)
     if pose is None:
         raise LocalizeError(
-            f"{recording.name}: no reference says where the drive begins; --method mcl can "
-            "start anywhere: --global"
+            f"{recording.name}: no reference says where the drive begins; tell it by --start "
+            "x,y,deg or --reference FILE; --method mcl can start anywhere: --global"
         )
     x, y, theta = rng.standard_normal(3).tolist()
     wrong = SE2(
@@ -148,5 +167,4 @@ def known_start(
         pose.y_m + START_SIGMA_M * y,
         math.remainder(pose.theta_rad + START_SIGMA_RAD * theta, math.tau),
     )
-    covariance = np.diag(np.square([START_SIGMA_M, START_SIGMA_M, START_SIGMA_RAD]))
     return PoseEstimate(stamp_ns, wrong, covariance, LocalisationStatus.LOCALISED)

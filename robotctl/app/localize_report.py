@@ -16,7 +16,8 @@ from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.se2 import SE2
 
 LOST_M: Final = 1.0
-"""Who is further from the reference does not know the place [m]."""
+WRONG_RAD: Final = math.radians(30.0)
+"""Who is further from the reference [m], or turned more against it, does not know the place."""
 
 _END_SHARE: Final = 0.1
 
@@ -41,6 +42,9 @@ class Run:
         Processor time of each update [ms].
     particles
         Their number at each update.
+    echo_shares
+        Of each estimate, which share of its scan's echoes has an obstacle of the map where it
+        ends; None where there was no scan.
     """
 
     estimates: list[PoseEstimate] = field(default_factory=list)
@@ -50,11 +54,15 @@ class Run:
     notes: list[str] = field(default_factory=list)
     update_ms: list[float] = field(default_factory=list)
     particles: list[int] = field(default_factory=list)
+    echo_shares: list[float | None] = field(default_factory=list)
 
-    def add(self, estimate: PoseEstimate, reference: SE2 | None) -> None:
+    def add(
+        self, estimate: PoseEstimate, reference: SE2 | None, echo_share: float | None = None
+    ) -> None:
         """Add an estimate."""
         self.estimates.append(estimate)
         self.references.append(reference)
+        self.echo_shares.append(echo_share)
 
 
 def position_errors(run: Run) -> NDArray[np.float64]:
@@ -88,6 +96,8 @@ def report(run: Run, with_nees: bool) -> dict[str, Any]:
         },
         "heading_rmse_rad": _heading_rmse(run, begin),
         "lost": is_lost(run),
+        "shares": shares(run),
+        "echoes_on_map": _echoes_on_map(run),
         "updates": len(run.update_ms),
         "update_ms": dict(zip(("p50", "p99"), _percentiles(run.update_ms), strict=True)),
         "particles": {"mean": float(np.mean(run.particles)) if run.particles else 0.0},
@@ -98,6 +108,44 @@ def report(run: Run, with_nees: bool) -> dict[str, Any]:
     if with_nees:
         result["nees_inside_95"] = _nees_inside(run)
     return result
+
+
+def is_wrong(estimate: PoseEstimate, reference: SE2, *, has_heading: bool) -> bool:
+    """Return whether an estimate that claims to be localised is at another place."""
+    pose = estimate.pose
+    away_m = math.hypot(pose.x_m - reference.x_m, pose.y_m - reference.y_m)
+    turned = math.remainder(pose.theta_rad - reference.theta_rad, math.tau)
+    return estimate.status is LocalisationStatus.LOCALISED and (
+        away_m > LOST_M or (has_heading and abs(turned) > WRONG_RAD)
+    )
+
+
+def shares(run: Run) -> dict[str, float | None]:
+    """Return the share of the estimates with each status, and of those confidently wrong.
+
+    The last is of those that have a reference; None where none has.
+    """
+    count = max(len(run.estimates), 1)
+    found: dict[str, float | None] = {
+        status.name.lower(): sum(each.status is status for each in run.estimates) / count
+        for status in LocalisationStatus
+    }
+    wrong = [
+        is_wrong(estimate, reference, has_heading=run.has_heading)
+        for estimate, reference in zip(run.estimates, run.references, strict=True)
+        if reference is not None
+    ]
+    return {**found, "confidently_wrong": sum(wrong) / len(wrong) if wrong else None}
+
+
+def _echoes_on_map(run: Run) -> float | None:
+    """Return the mean share of echoes that the map explains, while the robot claims its place."""
+    found = [
+        share
+        for estimate, share in zip(run.estimates, run.echo_shares, strict=True)
+        if share is not None and estimate.status is LocalisationStatus.LOCALISED
+    ]
+    return float(np.mean(found)) if found else None
 
 
 def is_lost(run: Run) -> bool:

@@ -50,11 +50,13 @@ def run_wall_ekf(
     odometry = with_noisy_motion(recording, options.odometry_noise, odometry_rng).odometry
     if odometry is None:
         raise LocalizeError(f"{recording.name}: no odometry in it")
-    begin_ns = max(int(odometry.stamps_ns[0]), known_from_ns(recording))
+    begin_ns = int(odometry.stamps_ns[0])
+    if options.start is None:
+        begin_ns = max(begin_ns, known_from_ns(recording))
     known = odometry.stamps_ns >= begin_ns
     stamps_ns = odometry.stamps_ns[known].tolist()
     poses = [SE2(*row) for row in odometry.poses[known].tolist()]
-    start = known_start(recording, stamps_ns[0], start_rng)
+    start = known_start(recording, options, stamps_ns[0], start_rng)
     config = EkfConfig()
     motion = with_noise(config.motion, options.odometry_noise)
     ekf = PoseEkf(replace(config, motion=motion), start)

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from robotctl.app.config import find_file, load_robot
+from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.localize_options import LocalizeOptions
 from robotctl.cli.arguments import MaxRange, Overrides, TimeUnit
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.progress import progress_bar
 from robotctl.errors import ConfigError
-from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.model.se2 import SE2
 
 
 def localize(
@@ -25,7 +26,9 @@ def localize(
             help="CARMEN log, MRCLAM folder, LEGO log, or a recording of ours; gzip or plain."
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Write the estimated trajectory here, as TUM file.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Write the estimated trajectory here, as TUM file.")
+    ] = None,
     map_file: Annotated[
         str, typer.Option("--map", metavar="MAP.yaml", help="ROS map, or a world; for ekf a world.")
     ] = "",
@@ -35,6 +38,13 @@ def localize(
     search: Annotated[
         bool, typer.Option("--global", help="Start anywhere on the map, not near the reference.")
     ] = False,
+    start: Annotated[
+        str, typer.Option(metavar="X,Y,DEG", help="Where the drive begins on the map: m, m, deg.")
+    ] = "",
+    reference: Annotated[
+        Path | None,
+        typer.Option(help="TUM file to compare with, instead of the log's own reference."),
+    ] = None,
     particles: Annotated[
         int | None,
         typer.Option(min=1, help="Most particles: else 2000, with --global 20000."),
@@ -53,6 +63,13 @@ def localize(
         ),
     ] = "0,0",
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 1,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Run so often, with the seeds from --seed on; one table.")
+    ] = 1,
+    csv: Annotated[
+        Path | None,
+        typer.Option(help="Write pose, status, covariance and errors of each estimate here."),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="Write errors against the log's reference here, as JSON.")
     ] = None,
@@ -69,43 +86,87 @@ def localize(
 ) -> None:
     """Run a filter of the live robot on a recorded log, and compare with the log's reference.
 
-    Status 0: done, be the robot lost or not. 2: bad input.
+    Status 0: done, be the robot lost or not. 2: bad input. With --seeds the files but the report
+    are those of the first seed.
     """
+    settings = _settings(robot, overrides)
     options = LocalizeOptions(
-        log, map_file, method, search, particles, beams, scans, _sigmas(odometry_noise), seed,
-        mrclam_robot, _sensors(robot, overrides), max_range, time_unit,
-    )  # fmt: skip
-    check_files(out, report, plot=plot)
+        log=log,
+        map=map_file,
+        method=method,
+        search=search,
+        particles=particles,
+        beams=beams,
+        scans=scans,
+        odometry_noise=_sigmas(odometry_noise),
+        seed=seed,
+        mrclam_robot=mrclam_robot,
+        sensors=None if settings is None else settings.localisation,
+        odometry=None if settings is None else settings.odometry,
+        max_range_m=max_range,
+        time_unit=time_unit,
+        start=_start(start),
+        reference=reference,
+    )
+    check_files(out, csv, report, plot=plot)
     console = plain_console(stderr=True)
     with progress_bar(console, log.name, "localising") as tell:
         # It takes a second or more, in which nothing would be seen.
-        from robotctl.app.localize import localize as run  # noqa: PLC0415
+        from robotctl.app.localize import localize_seeds  # noqa: PLC0415
+        from robotctl.app.localize_table import write_table  # noqa: PLC0415
         from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
         from robotctl.telemetry.tum import write_tum  # noqa: PLC0415
 
         if method == "mcl" and cache_is_cold():
             console.print(COMPILING, soft_wrap=True)
-        result = run(options, tell)
-    for note in (*result.recording.notes, *result.run.notes):
+        results = localize_seeds(options, seeds, tell)
+    first = results[0]
+    for note in (*first.recording.notes, *first.run.notes):
         console.print(f"note: {note}", soft_wrap=True)
-    write_file(out, lambda file: write_tum(file, result.trajectory))
+    if out is not None:
+        write_file(out, lambda file: write_tum(file, first.trajectory))
+    if csv is not None:
+        write_file(csv, lambda file: write_table(file, first.run))
+    reports = [{"seed": seed + at, **result.report} for at, result in enumerate(results)]
     if report is not None:
-        text = json.dumps(result.report, indent=2) + "\n"
+        data = {"seeds": reports} if seeds > 1 else first.report
+        text = json.dumps(data, indent=2) + "\n"
         write_file(report, lambda file: file.write_text(text, encoding="utf-8"))
     if plot is not None:
         from robotctl.cli.localize_plot import save_plot  # noqa: PLC0415
 
-        write_file(plot, lambda file: save_plot(result, file))
-    print(_sentence(result.report))
+        write_file(plot, lambda file: save_plot(first, file))
+    if seeds > 1:
+        from robotctl.cli.localize_view import seeds_table  # noqa: PLC0415
+
+        plain_console().print(seeds_table(reports))
+    else:
+        print(_sentence(first.report))
 
 
-def _sensors(robot: str, overrides: list[str] | None) -> LocalisationConfig | None:
-    """Return what the robot's file says of its sensors; None without a robot."""
+def _settings(robot: str, overrides: list[str] | None) -> RobotConfig | None:
+    """Return what the robot's file says of it; None without a robot."""
     if robot:
-        return load_robot(find_file(robot), tuple(overrides or ())).localisation
+        return load_robot(find_file(robot), tuple(overrides or ()))
     if overrides:
         raise ConfigError(f"--set {overrides[0]}: needs --robot, whose keys it overrides")
     return None
+
+
+def _start(text: str) -> SE2 | None:
+    """Return the pose of --start; None without one."""
+    if not text:
+        return None
+    try:
+        x, y, heading_deg = map(float, text.split(","))
+        if not math.isfinite(x + y + heading_deg):
+            raise ValueError
+    except ValueError:
+        raise ConfigError(
+            f"--start {text}: three numbers with commas are needed, x [m], y [m] and heading "
+            "[deg], e.g. 1.5,-2,90"
+        ) from None
+    return SE2(x, y, math.remainder(math.radians(heading_deg), math.tau))
 
 
 def _sigmas(text: str) -> tuple[float, float]:
@@ -119,16 +180,23 @@ def _sigmas(text: str) -> tuple[float, float]:
     return trans, rot
 
 
-def _sentence(report: dict[str, object]) -> str:
+def _sentence(report: dict[str, Any]) -> str:
     """Return the outcome for people."""
-    ape = report["ape"]
-    heading = report["heading_rmse_rad"]
+    ape, heading, shares = report["ape"], report["heading_rmse_rad"], report["shares"]
     parts = [f"{report['updates']} updates"]
-    if isinstance(ape, dict) and ape["rmse_m"] is not None:
+    if ape["rmse_m"] is not None:
         parts.append(f"position error {ape['rmse_m']:.3f} m rms, at most {ape['max_m']:.3f} m")
     else:
         parts.append("no reference to compare with")
-    if isinstance(heading, float):
+    if heading is not None:
         parts.append(f"heading {heading:.4f} rad rms")
+    words = f"localised {shares['localised']:.1%}, searching {shares['searching']:.1%}"
+    if shares["lost"]:
+        words += f", lost {shares['lost']:.1%}"
+    if shares["confidently_wrong"] is not None:
+        words += f", confidently wrong {shares['confidently_wrong']:.1%}"
+    parts.append(words)
+    if report["echoes_on_map"] is not None:
+        parts.append(f"{report['echoes_on_map']:.0%} of the echoes on the map")
     parts.append("lost at the end" if report["lost"] else "place known at the end")
     return ", ".join(parts)

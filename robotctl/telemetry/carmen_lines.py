@@ -54,12 +54,16 @@ class LaserLine(NamedTuple):
 
 @dataclass(slots=True)
 class CarmenLines:
-    """What a log holds, sorted by kind; `lasers` by the first word of the line."""
+    """What a log holds, sorted by kind; `lasers` by the first word of the line.
+
+    `kinds` are the first words of all lines.
+    """
 
     text: LogText
     parameters: dict[str, tuple[int, str]] = field(default_factory=dict)
     odometry: list[OdometryLine] = field(default_factory=list)
     lasers: dict[str, list[LaserLine]] = field(default_factory=dict)
+    kinds: set[str] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
 
     def parameter(self, name: str) -> float | None:
@@ -91,6 +95,7 @@ def sorted_lines(text: LogText) -> CarmenLines:
         if not words or words[0].startswith("#"):
             continue
         try:
+            lines.kinds.add(words[0])
             if words[0] in READ:
                 _take(lines, number, words)
             elif not words[0].replace("-", "").isalnum() or not words[0][0].isupper():

@@ -3,8 +3,11 @@
 Whose pose: in FLASER lines `x y theta` is the pose of the *laser* in `world`, the reference, and
 `odom_x odom_y odom_theta` that of the *robot* by odometry (CARMEN's messages). The data agree: a
 map of Freiburg 079, whose laser stands 0.04 m behind the centre, is crispest when the beams start
-in `x y theta` itself. Where both are the same in every line, as in logs that were corrected in
-place, both are the laser's. ROBOTLASER lines hold the pose of the laser, then of the robot.
+in `x y theta` itself. Where both are the same in every line, both are the laser's: in a log that
+was corrected in place the reference, in one as it was recorded odometry. The program that corrects
+leaves its traces, NEFF lines or ODOM lines at the time 0, or ODOM lines that lie elsewhere; where
+they lie where the scans are, there is no reference, nor where the laser never moves while the robot
+does. ROBOTLASER lines hold the pose of the laser, then of the robot.
 
 Mounting: PARAM `robot_frontlaser_offset`, `_side_offset` and `_angular_offset`, likewise
 `robot_rearlaser_...`; RLASER and ROBOTLASER2 look backwards. Without them, ROBOTLASER lines tell it
@@ -45,7 +48,8 @@ _TOLERANCE_M: Final = 1e-6
 _DENIED, _FEW = 0.01, 5
 """A reach that is told is wrong where a larger share, and more, of the echoes lie beyond it."""
 
-_SAME: Final = 1e-5
+_SAME, _ROUNDED = 1e-5, 2e-3
+_ELSEWHERE_M: Final = 0.2
 _STEADY_M, _STEADY_RAD = 0.005, 0.005
 _MAX_MOUNT_M: Final = 1.5
 
@@ -78,12 +82,11 @@ def read_carmen(path: Path, unit: str = "s", max_range_m: float | None = None) -
             "ROBOTLASER1 or ODOM"
         )
     scans = _all_scans(lines, unit, max_range_m)
+    known = [(scan.scan.stamp_ns, scan.reference) for scan in scans if scan.reference]
     reference = None
-    if scans:
-        reference = Trajectory.of(
-            (scan.scan.stamp_ns for scan in scans),
-            (scan.reference for scan in scans if scan.reference),
-        )
+    if known:
+        stamps_ns, poses = zip(*known, strict=True)
+        reference = Trajectory.of(stamps_ns, poses)
     return Recording(
         name=path.name,
         scans=tuple(scans),
@@ -114,7 +117,7 @@ def _all_scans(lines: CarmenLines, unit: str, max_range_m: float | None) -> list
     ]
 
 
-_Placed = tuple[NDArray[np.float64], NDArray[np.float64], float, SE2, SE2, SE2]
+_Placed = tuple[NDArray[np.float64], NDArray[np.float64], float, SE2, SE2, SE2 | None]
 
 
 def _placed(
@@ -129,19 +132,30 @@ def _placed(
         laser = [pose @ SE2(0.0, 0.0, math.pi) for pose in laser]  # the heading is the robot's
     mount = _mount(lines, word, rear, [a.inverse() @ b for a, b in zip(robot, laser, strict=True)])
     reference = [pose @ mount.inverse() for pose in laser]
-    if all(np.all(np.abs(scan.laser - scan.robot) < _SAME) for scan in scans):
+    known: list[SE2] | list[None] = reference
+    in_place = all(np.all(np.abs(scan.laser - scan.robot) < _SAME) for scan in scans)
+    if in_place or all(map(_is_same, reference, robot)):
+        robot = reference if in_place else robot
+        if _is_as_recorded(lines, scans):
+            known = [None] * len(scans)
         lines.notes.append(
-            f"{word}: both poses are the same in all lines: a log corrected in place has no "
-            "odometry of its own, an uncorrected one no reference"
+            f"{word}: both poses of all lines are the same: "
+            + (
+                "a log corrected in place has no odometry of its own"
+                if known is reference
+                else "a log as it was recorded, by odometry, has no reference"
+            )
         )
-        robot = reference
+    elif len(scans) > 1 and not np.any(np.ptp([scan.laser for scan in scans], axis=0)):
+        known = [None] * len(scans)
+        lines.notes.append(f"{word}: the laser's pose is the same in all lines: no reference")
     beams = [scan.fan or _fan(lines, rear, len(scan.ranges_m)) for scan in scans]
     told_m = [told if told > 0.0 else math.inf for _, _, told in beams]
     reaches_m = _reaches(lines, word, scans, told_m, max_range_m)
     fans: dict[tuple[int, float, float], NDArray[np.float64]] = {}
     placed = []
     for scan, (first, step, _), reach_m, odometry, world in zip(
-        scans, beams, reaches_m, robot, reference, strict=True
+        scans, beams, reaches_m, robot, known, strict=True
     ):
         key = len(scan.ranges_m), first, step
         angles = fans.setdefault(
@@ -149,6 +163,30 @@ def _placed(
         )
         placed.append((angles, _valid(scan.ranges_m, reach_m), reach_m, mount, odometry, world))
     return placed
+
+
+def _is_same(one: SE2, other: SE2) -> bool:
+    """Return whether two poses are the same, but for the rounding of their text."""
+    return (
+        math.hypot(one.x_m - other.x_m, one.y_m - other.y_m) < _ROUNDED
+        and abs(wrap_angle(one.theta_rad - other.theta_rad)) < _ROUNDED
+    )
+
+
+def _is_as_recorded(lines: CarmenLines, scans: Sequence[LaserLine]) -> bool:
+    """Return whether the one pose of the scans is that of the odometry, by the ODOM lines."""
+    untimed = sum(line.time == 0.0 for line in lines.odometry)
+    if "NEFF" in lines.kinds or 0 < untimed < len(lines.odometry):
+        return False
+    rows = np.array([(line.time, *line.pose[:2]) for line in lines.odometry]).reshape(-1, 3)
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    times = np.array([scan.time for scan in scans])
+    inside = np.array([len(rows) > 0 and rows[0, 0] <= time <= rows[-1, 0] for time in times])
+    if not np.any(inside):
+        return False
+    at = np.stack([np.interp(times[inside], rows[:, 0], rows[:, axis]) for axis in (1, 2)], axis=1)
+    robot = np.array([scan.robot[:2] for scan in scans])[inside]
+    return bool(np.median(np.hypot(*(at - robot).T)) < _ELSEWHERE_M)
 
 
 def _mount(lines: CarmenLines, word: str, rear: bool, between: Sequence[SE2]) -> SE2:

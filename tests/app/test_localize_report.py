@@ -108,3 +108,21 @@ def test_times_and_particles_of_updates_are_summed_up():
     assert figures["update_ms"] == {"p50": 50.0, "p99": 99.0}
     assert figures["particles"] == {"mean": 2000.0}
     assert "nees_inside_95" not in figures
+
+
+def test_shares_are_of_the_estimates_and_the_wrong_ones_of_those_with_a_reference():
+    unknown = ((0.0, 0.0, 0.0), None, LOCALISED)
+    turned = ((0.0, 0.0, 0.6), (0.0, 0.0, 0.0), LOCALISED)
+    run = run_of(off(0.9), off(1.1), off(5.0, SEARCHING), off(5.0, LOST), unknown, turned)
+    shares = report(run, with_nees=False)["shares"]
+    assert shares == pytest.approx(
+        {"localised": 4 / 6, "searching": 1 / 6, "lost": 1 / 6, "confidently_wrong": 2 / 5}
+    )
+
+
+def test_without_a_reference_nobody_knows_what_is_wrong():
+    run = run_of(((0.0, 0.0, 0.0), None, LOCALISED))
+    figures = report(run, with_nees=False)
+    assert figures["shares"]["confidently_wrong"] is None
+    assert figures["ape"]["rmse_m"] is None
+    assert figures["lost"] is False

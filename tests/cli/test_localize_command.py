@@ -1,5 +1,6 @@
 """`robotctl localize` on drives written here."""
 
+import csv
 import gzip
 import json
 import re
@@ -49,7 +50,8 @@ def test_the_report_has_these_keys_and_the_trajectory_a_line_for_each_scan(room)
     result, report, rows = run(folder, *on_map(folder))
     assert result.exit_code == 0, result.output
     assert set(report) == {
-        "ape", "heading_rmse_rad", "lost", "updates", "update_ms", "particles", "localised_after_s"
+        "ape", "heading_rmse_rad", "lost", "updates", "update_ms", "particles",
+        "localised_after_s", "shares", "echoes_on_map",
     }  # fmt: skip
     assert set(report["ape"]) == {"rmse_m", "mean_m", "max_m"}
     assert set(report["update_ms"]) == {"p50", "p99"}
@@ -267,6 +269,10 @@ def test_the_ekf_follows_a_real_robot_among_nameless_cylinders(recordings, tmp_p
         (("--method", "ekf", "--global"), "--global needs --method mcl, found ekf"),
         (("--method", "ekf"), "no sightings of landmarks in it"),
         (("--method", "ekf", "--robot", "diff_drive"), "--robot needs --method mcl, found ekf"),
+        (("--map", "MAP", "--start", "1,2"), "--start 1,2: three numbers with commas"),
+        (("--map", "MAP", "--start", "1,nan,2"), "--start 1,nan,2: three numbers with commas"),
+        (("--map", "MAP", "--start", "1,2,3", "--global"), "--start and --global: found both"),
+        (("--map", "MAP", "--reference", "MAP"), "room.yaml"),
         (("--map", "MAP", "--set", "a=1"), "--set a=1: needs --robot, whose keys it overrides"),
         (("--map", "MAP", "--robot", "dif_drive"), "diff_drive"),
         (("--map", "MAP", "--report", "/nowhere/r.json"), "the folder /nowhere does not exist"),
@@ -349,3 +355,93 @@ def test_a_log_without_times_is_followed_in_its_order_and_this_is_said(room, tmp
     assert "have one time, 0 s" in result.output.replace("\n", " ")
     assert report["lost"] is False
     assert np.hypot(*(rows[10:, 1:3] - truth[10:, :2]).T).max() < 0.2
+
+
+def without_reference(folder, path):
+    """Write the log of a room as it was recorded: odometry in both poses, and as ODOM lines."""
+    lines = []
+    for line in (folder / "room.log").read_text().splitlines():
+        words = line.split()
+        words[-9:-6] = words[-6:-3]
+        lines.append(f"ODOM {' '.join(words[-6:-3])} 0 0 0 {words[-3]} host 0.0")
+        lines.append(" ".join(words))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_a_log_without_a_reference_has_null_for_errors_and_says_what_can_be_said(room, tmp_path):
+    folder, truth = room
+    without_reference(folder, tmp_path / "raw.log")
+    result, _, _ = run(tmp_path, *on_map(folder), log="raw.log")
+    assert "no reference says where the drive begins; tell it by --start" in str(result.exception)
+    start = ("--start", "3.0,1.0,0")
+    result, report, rows = run(tmp_path, *on_map(folder), *start, log="raw.log")
+    assert report["ape"] == {"rmse_m": None, "mean_m": None, "max_m": None}
+    assert report["heading_rmse_rad"] is None
+    assert report["shares"]["confidently_wrong"] is None
+    assert report["lost"] is False
+    assert report["echoes_on_map"] > 0.9
+    assert "no reference to compare with" in result.output
+    assert np.hypot(*(rows[:, 1:3] - truth[:, :2]).T).max() < 0.2
+
+
+def test_a_start_elsewhere_is_lost_without_a_reference_too(room, tmp_path):
+    folder, _ = room
+    without_reference(folder, tmp_path / "raw.log")
+    start = ("--start", "1.0,4.0,180")
+    _, report, rows = run(tmp_path, *on_map(folder), *start, log="raw.log")
+    assert rows[0, 1:3] == pytest.approx([1.0, 4.0], abs=0.5)
+    found = report["shares"]["localised"] < 1.0 or report["echoes_on_map"] < 0.7
+    assert found, report
+
+
+def test_a_tum_file_is_the_reference_that_a_log_does_not_have(room, tmp_path):
+    folder, truth = room
+    without_reference(folder, tmp_path / "raw.log")
+    stamps_ns = 100_000_000_000 + 500_000_000 * np.arange(len(truth))
+    write_tum(tmp_path / "truth.tum", Trajectory(stamps_ns, truth))
+    words = ("--reference", str(tmp_path / "truth.tum"))
+    _, report, rows = run(tmp_path, *on_map(folder), *words, log="raw.log")
+    errors_m = np.hypot(*(rows[:, 1:3] - truth[:, :2]).T)
+    assert report["ape"]["rmse_m"] == pytest.approx(np.sqrt(np.mean(errors_m**2)), abs=1e-5)
+    write_tum(tmp_path / "late.tum", Trajectory(stamps_ns + 10**12, truth))
+    words = ("--reference", str(tmp_path / "late.tum"))
+    result, _, _ = run(tmp_path, *on_map(folder), *words, log="raw.log")
+    assert "has times from 1100.000 to 1129.500 s, and raw.log from 100.000 to 129.500" in str(
+        result.exception
+    )
+
+
+def test_the_table_has_pose_status_covariance_and_errors_of_each_estimate(room):
+    folder, truth = room
+    _, report, rows = run(folder, *on_map(folder), "--csv", str(folder / "a.csv"))
+    with (folder / "a.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == len(rows) == len(truth)
+    for name, column in (("t_s", 0), ("x_m", 1), ("y_m", 2)):
+        assert [float(row[name]) for row in table] == pytest.approx(rows[:, column])
+    assert {row["status"] for row in table} <= {"localised", "searching", "lost"}
+    errors_m = np.array([float(row["error_m"]) for row in table])
+    assert np.sqrt(np.mean(errors_m**2)) == pytest.approx(report["ape"]["rmse_m"], abs=1e-5)
+    for row in table:
+        xx, xy, yy = (float(row[key]) for key in ("var_x_m2", "cov_x_y_m2", "var_y_m2"))
+        assert xx > 0.0
+        assert xx * yy >= xy * xy
+
+
+def test_several_seeds_give_one_table_and_each_its_own_report(room):
+    folder, _ = room
+    words = ("--seed", "3", "--seeds", "3")
+    result, report, _ = run(folder, *on_map(folder), *words, name="three")
+    assert [each["seed"] for each in report["seeds"]] == [3, 4, 5]
+    assert "3 runs: place known at the end of 3" in result.output
+    for each in report["seeds"]:
+        _, alone, _ = run(folder, *on_map(folder), "--seed", str(each["seed"]), name="alone")
+        assert alone["ape"] == each["ape"]
+    run(folder, *on_map(folder), "--seed", "3", name="alone")
+    assert (folder / "alone.tum").read_bytes() == (folder / "three.tum").read_bytes()
+
+
+def test_no_file_need_be_written(room):
+    folder, _ = room
+    words = ["localize", "--log", str(folder / "room.log"), *on_map(folder)]
+    assert CliRunner().invoke(app, words).exit_code == 0

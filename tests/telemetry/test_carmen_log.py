@@ -113,7 +113,7 @@ def test_where_a_log_was_corrected_in_place_both_poses_are_the_lasers_and_this_i
     recording = read_carmen(log(tmp_path, parameter, flaser(BEAMS, (1, 2, 0), (1, 2, 0), 1.0)))
     assert recording.scans[0].odometry.x_m == pytest.approx(1.04)
     assert recording.scans[0].reference.x_m == pytest.approx(1.04)
-    assert "both poses are the same" in recording.notes[0]
+    assert "both poses of all lines are the same" in recording.notes[0]
 
 
 @pytest.mark.parametrize("heading", [0.5, 0.5 - math.pi])
@@ -293,3 +293,44 @@ def test_the_codes_of_public_recordings_are_found(recordings):
         assert {entry.scan.max_range_m for entry in recording.scans} == {reach}
         none = sum(int(np.isinf(entry.scan.ranges_m).sum()) for entry in recording.scans)
         assert none == pytest.approx(count, abs=5)
+
+
+def as_recorded(offset_m=0.0, odometry_at=0.0, corrected=(), kind=flaser):
+    """Lines of a log with one pose for each scan, and ODOM lines so far to its left [m]."""
+    lines = [f"PARAM robot_frontlaser_offset {offset_m} host 0"]
+    for i in range(20):
+        pose, time_s = (0.3 * i, 0.0, 0.0), 10.0 + i
+        lines.append(odom((pose[0], odometry_at, 0.0), time_s - 0.01))
+        lines.append(kind(BEAMS, (pose[0] + offset_m, 0.0, 0.0), pose, time_s))
+    return [*lines, odom((6.0, odometry_at, 0.0), 31.0), *corrected]
+
+
+@pytest.mark.parametrize("kind", [flaser, robot_laser])
+@pytest.mark.parametrize("offset_m", [0.0, 0.2])
+def test_a_log_as_it_was_recorded_has_no_reference_and_this_is_said(tmp_path, offset_m, kind):
+    recording = read_carmen(log(tmp_path, *as_recorded(offset_m, kind=kind)))
+    assert recording.reference is None
+    assert [entry.reference for entry in recording.scans] == [None] * 20
+    assert [entry.odometry.x_m for entry in recording.scans] == pytest.approx(0.3 * np.arange(20))
+    assert any("has no reference" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        as_recorded(corrected=["NEFF 0.9 1 host 1"]),
+        as_recorded(corrected=[odom((1, 2, 3), 0.0)]),
+        as_recorded(odometry_at=1.0),
+        [line for line in as_recorded() if "ODOM" not in line],
+    ],
+)
+def test_a_log_that_was_corrected_in_place_has_one(tmp_path, lines):
+    recording = read_carmen(log(tmp_path, *lines))
+    assert recording.reference.poses[:, 0] == pytest.approx(0.3 * np.arange(20))
+
+
+def test_a_laser_that_never_moves_is_no_reference(tmp_path):
+    lines = [flaser(BEAMS, (0, 0, 0), (0.3 * i, 0, 0), 10.0 + i) for i in range(20)]
+    recording = read_carmen(log(tmp_path, *lines))
+    assert recording.reference is None
+    assert any("the laser's pose is the same in all lines" in note for note in recording.notes)
