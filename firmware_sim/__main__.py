@@ -23,6 +23,7 @@ from firmware_sim.command_line import POSE, Parser, parse_natural, parse_pose, t
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
+from firmware_sim.pace import SharedClock
 from firmware_sim.truth import Publisher
 
 if TYPE_CHECKING:
@@ -73,6 +74,12 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--faults", type=Path, metavar="FILE", help="TOML of the faults that befall the robot")
     add("--duration", type=_seconds, default=math.inf, metavar="S", help="end after this time")
+    add(
+        "--clock",
+        type=Path,
+        metavar="FILE",
+        help="go by a clock, shared in this file, that waits for this computer",
+    )
     add("--priority", type=_priority, default=0, help="of SCHED_FIFO, 1..99, where permitted (off)")
     return result
 
@@ -151,7 +158,8 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     with ExitStack() as stack:
         service, channel = _open_bus(simulation, options.bus)
         stack.enter_context(closing(service))
-        loop = RealTime(simulation, [service, FaultConsole(simulation)])
+        clock = stack.enter_context(closing(_open_clock(options.clock))) if options.clock else None
+        loop = RealTime(simulation, [service, FaultConsole(simulation)], clock)
         if options.truth is not None:
             loop.publish_truth(stack.enter_context(Publisher(options.truth)))
         if options.lidar is not None:
@@ -190,7 +198,15 @@ def _make_directory(path: Path) -> None:
 def _camera_arguments(options: argparse.Namespace) -> list[str]:
     """Options of the camera's process: robot, world, seed and address of this one."""
     arguments = [f"--{key}={getattr(options, key)}" for key in ("robot", "world", "seed", "camera")]
-    return [*arguments, *(f"--set={text}" for text in options.set)]
+    clock = [f"--clock={options.clock}"] if options.clock else []
+    return [*arguments, *clock, *(f"--set={text}" for text in options.set)]
+
+
+def _open_clock(path: Path) -> SharedClock:
+    try:
+        return SharedClock(path)
+    except OSError as error:
+        raise SimulationError(f"--clock {path}: cannot be made: {error.strerror}") from error
 
 
 def _open_log(simulation: Simulation, options: argparse.Namespace, channel: str) -> LogWriter:

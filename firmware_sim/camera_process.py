@@ -14,7 +14,6 @@ import select
 import struct
 import subprocess
 import sys
-import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,6 +22,7 @@ from types import TracebackType
 from firmware_sim.command_line import tell
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
+from firmware_sim.pace import ClockReader, MonotonicPace
 from firmware_sim.truth import Picture, Publisher
 
 _EXPOSURE = struct.Struct("<qqddd")
@@ -112,6 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--set", action="append", default=[])
     add("--seed", type=int, default=0)
     add("--camera", required=True)
+    add("--clock", type=Path)
     options = parser.parse_args(arguments)
     os.nice(_NICE)
     try:
@@ -125,6 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _serve(options: argparse.Namespace) -> None:
     robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
     latency_ns = round(robot.simulation.camera.latency_ms * 1e6)
+    clock = MonotonicPace() if options.clock is None else ClockReader(options.clock)
     with Publisher(options.camera, _QUEUE_LIMIT) as publisher:
         # They load numba, for which those who only ask for help need not wait.
         from firmware_sim.camera import Camera  # noqa: PLC0415
@@ -138,9 +140,9 @@ def _serve(options: argparse.Namespace) -> None:
         while True:
             due_s = None
             if drawn:
-                due_s = max(0, drawn[0].stamp_ns + latency_ns - time.monotonic_ns()) / 1e9
+                due_s = max(0, drawn[0].stamp_ns + latency_ns - clock.now_ns()) / 1e9
             asked, _, _ = select.select([sys.stdin], (), (), due_s)
-            while drawn and drawn[0].stamp_ns + latency_ns <= time.monotonic_ns():
+            while drawn and drawn[0].stamp_ns + latency_ns <= clock.now_ns():
                 publisher.publish(drawn.popleft())
             if asked:
                 exposure = _newest()

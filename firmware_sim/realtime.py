@@ -1,10 +1,10 @@
-"""Keeps a simulation at the pace of the clock and serves the processes around it.
+"""Keeps a simulation at the pace of a clock and serves the processes around it.
 
 One thread, absolute deadlines: the loop sleeps until the next event of the bus (frames and the
 nodes' timers) or until a client has sent something. A simulator that has been held up for less
 than `LATE_NS` catches up, and the clients notice frames that come late. Beyond that it lets the
 lost time go: the simulation stands still for that long, nothing is made up for in a burst, and
-`late` counts it.
+`late` counts it. `pace.SharedClock` waits for the simulator: it is late then only where it hangs.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import itertools
 import os
 import select
 import threading
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -23,12 +22,12 @@ from firmware_sim.bus.hub import Hub
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.bus.serve import Service, sharpen_timers
 from firmware_sim.camera_process import CameraProcess
+from firmware_sim.pace import MonotonicPace, Pace
 from firmware_sim.simulation import Simulation
 from firmware_sim.truth import Publisher, Scan, Truth
 
 LATE_NS = 50_000_000
 """Lag from which lost time is let go."""
-LONGEST_WAIT_NS = 50_000_000
 TRUTH_PERIOD_NS = 20_000_000
 
 
@@ -41,23 +40,30 @@ class RealTime:
         The simulation; its time goes on from where it stands.
     services
         Hub or bridge.
+    pace
+        The clock; CLOCK_MONOTONIC by default.
 
     Attributes
     ----------
     origin_ns
-        CLOCK_MONOTONIC at time 0 of the simulation [ns]; grows when time is let go.
+        The clock at time 0 of the simulation [ns]; grows when time is let go.
     late
         How often that has happened.
+    late_max_ns
+        How late the loop was at most, whether it let time go or not [ns].
     """
 
-    def __init__(self, simulation: Simulation, services: Sequence[Service] = ()) -> None:
+    def __init__(
+        self, simulation: Simulation, services: Sequence[Service] = (), pace: Pace | None = None
+    ) -> None:
         self.simulation = simulation
-        self.late = 0
+        self.late = self.late_max_ns = 0
         self.origin_ns = 0
         self._services = services
+        self._pace = MonotonicPace() if pace is None else pace
         self._log: LogWriter | None = None
         self._epoch_ns = 0
-        self._set_origin(time.monotonic_ns() - simulation.now_ns)
+        self._set_origin(self._pace.now_ns() - simulation.now_ns)
 
     def run(self, stop: Callable[[], bool], priority: int = 0) -> None:
         """Run until `stop`, asked at least every 50 ms, says so.
@@ -74,22 +80,23 @@ class RealTime:
         gc.collect()
         gc.freeze()
         _raise_priority(priority)
-        self._set_origin(time.monotonic_ns() - self.simulation.now_ns)
+        pace = self._pace
+        self._set_origin(pace.now_ns() - self.simulation.now_ns)
         bus, services = self.simulation.bus, self._services
         while not stop():
             event_ns = bus.next_event_ns
-            latest_ns = bus.now_ns + LONGEST_WAIT_NS
+            latest_ns = bus.now_ns + pace.longest_wait_ns
             due_ns = latest_ns if event_ns is None else min(event_ns, latest_ns)
-            wait_ns = due_ns + self.origin_ns - time.monotonic_ns()
-            select.select(services, (), (), max(0, wait_ns) / 1e9)
-            wall_ns = time.monotonic_ns()
-            self._let_go(wall_ns, due_ns)
-            self.simulation.advance(max(wall_ns - self.origin_ns, bus.now_ns))
+            select.select(services, (), (), pace.wait_s(due_ns + self.origin_ns))
+            now_ns = pace.now_ns()
+            self._let_go(now_ns, due_ns)
+            self.simulation.advance(max(now_ns - self.origin_ns, bus.now_ns))
+            pace.reached(bus.now_ns + self.origin_ns)
             for service in services:
-                service.service(wall_ns)
+                service.service(now_ns)
 
     def write_log(self, log: LogWriter, epoch_ns: int) -> None:
-        """Give a log the times of CLOCK_MONOTONIC plus an epoch [ns], also when time is let go."""
+        """Give a log the times of the clock plus an epoch [ns], also when time is let go."""
         self._log, self._epoch_ns = log, epoch_ns
         self._set_origin(self.origin_ns)
 
@@ -136,14 +143,17 @@ class RealTime:
         bus.schedule(bus.now_ns + period_ns, tick)
 
     def _truth(self) -> Truth:
-        return self.simulation.truth(origin_ns=self.origin_ns, late=self.late)
+        return self.simulation.truth(
+            origin_ns=self.origin_ns, late=self.late, late_max_ns=self.late_max_ns
+        )
 
     def _scan(self) -> Scan | None:
         return self.simulation.scan(origin_ns=self.origin_ns)
 
-    def _let_go(self, wall_ns: int, due_ns: int) -> None:
+    def _let_go(self, now_ns: int, due_ns: int) -> None:
         """Shift the origin where the loop is too late for what was due."""
-        lag_ns = wall_ns - self.origin_ns - due_ns
+        lag_ns = now_ns - self.origin_ns - due_ns
+        self.late_max_ns = max(self.late_max_ns, lag_ns)
         if lag_ns > LATE_NS:
             self.late += 1
             self._set_origin(self.origin_ns + lag_ns)

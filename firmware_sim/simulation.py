@@ -220,15 +220,15 @@ class Simulation:
         plant = self.plant
         return plant.x_m, plant.y_m, plant.theta_rad
 
-    def truth(self, *, origin_ns: int = 0, late: int = 0) -> Truth:
+    def truth(self, *, origin_ns: int = 0, late: int = 0, late_max_ns: int = 0) -> Truth:
         """Return what really is, at the present time.
 
         Parameters
         ----------
         origin_ns
             Added to the time stamp: CLOCK_MONOTONIC at time 0 of the simulation [ns].
-        late
-            For `Truth.late`.
+        late, late_max_ns
+            For `Truth`.
         """
         stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
         plant, statistics, findings = self.plant, self.bus.statistics, self.monitor.findings
@@ -246,6 +246,7 @@ class Simulation:
             bus_load=self.bus.load(),
             bus_errors=sum(statistics.errors.values()),
             late=late,
+            late_max_ns=late_max_ns,
             power_off_ns=self.monitor.power_off_ns + origin_ns,
             unsafe_motions=self.monitor.count,
             unsafe_reason=findings[-1].reason if findings else "",

@@ -46,6 +46,8 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
         Share [0, 1] of the last second.
     late
         Times the simulator fell behind real time so far that it let time go; 0 in lockstep.
+    late_max_ns
+        How late the simulator was at most, whether it let time go or not [ns].
     power_off_ns
         When the wheels were last seen to have lost their power, to 5 ms; before that 0 of the
         simulation.
@@ -67,6 +69,7 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     bus_load: float
     bus_errors: int
     late: int = 0
+    late_max_ns: int = 0
     power_off_ns: int = 0
     unsafe_motions: int = 0
     unsafe_reason: str = ""

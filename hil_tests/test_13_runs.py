@@ -32,6 +32,10 @@ WAY_M = 2.5
 
 ERROR_M = 0.3
 
+PAUSES = 5
+PAUSE_S = 0.25
+"""Of the simulator: less than what it may be held up for."""
+
 HOLD = 4
 MAVLINK = mavutil.mavlink
 CUSTOM = MAVLINK.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -221,3 +225,47 @@ def test_processes_drive_and_look_and_localise_in_a_ros_map(bus: str, tmp_path: 
     assert report.camera is not None
     assert report.camera.pictures > 10
     assert report.camera.false == 0
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("hard", [False, True], ids=["waiting", "hard real time"])
+def test_simulated_time_stands_still_while_the_computer_is_held_up(
+    bus: str, hard: bool, tmp_path: Path
+) -> None:
+    mission = tmp_path / "there.toml"
+    mission.write_text(
+        'name = "there"\nworld = "flat"\nstart = { x_m = 1.0, y_m = 1.0 }\n[[item]]\n'
+        'kind = "drive"\nwaypoints = [[1.0, 1.0], [3.0, 1.0]]\n'
+    )
+    options = SimOptions(
+        find_file("diff_drive"),
+        mission,
+        bus=own(bus, "held"),
+        max_seconds=100.0,
+        overrides=("mavlink.link=[]",),
+        hard_real_time=hard,
+    )
+    began_ns, pauses, lines = time.monotonic_ns(), 0, []
+    with SimRun(options) as run:
+        for progress in run.steps():
+            lines += progress.lines
+            progress.lines.clear()
+            truth = progress.truth
+            if truth is not None and truth.distance_m > 0.3 * (pauses + 1) and pauses < PAUSES:
+                simulator = pid_of("firmware_sim")
+                os.kill(simulator, signal.SIGSTOP)
+                time.sleep(PAUSE_S)
+                os.kill(simulator, signal.SIGCONT)
+                pauses += 1
+        report = run.report()
+    took_s = (time.monotonic_ns() - began_ns) / 1e9
+    said = [line for line in lines if "this computer was held up for" in line]
+    assert report.held_up_ms > 900.0 * PAUSE_S
+    assert report.unsafe_motions == report.collisions == 0
+    if hard:
+        assert not report.mission_completed
+        assert any("`--lockstep` does not depend on it" in line for line in said), lines
+    else:
+        assert report.mission_completed, report.message
+        assert report.real_time_factor * took_s < took_s - PAUSES * 0.8 * PAUSE_S
+        assert any("simulated time stood still" in line for line in said), lines

@@ -18,7 +18,6 @@ from robotctl.app.signals import StopFlag
 from robotctl.drivers.simulated_camera import picture_message
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.model.camera import SIMULATED
-from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import ControlState, Notice, Severity
 from robotctl.runtime.topics import Endpoints, Publisher, Subscriber, endpoint_directory
@@ -61,7 +60,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         If the camera cannot be opened, or gives no more pictures.
     """
     stopped = StopFlag()
-    clock = RealClock()
+    clock = options.open_clock()
     if config.camera is None:
         raise ConfigError("camera: missing; a robot that is to look needs the table [camera]")
     endpoints = Endpoints(endpoint_directory(options.instance))

@@ -21,7 +21,6 @@ from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.errors import LinkError, RobotctlError
 from robotctl.runtime.checkpoint import checkpoint
 from robotctl.runtime.claim import claim, claim_bus
-from robotctl.runtime.clock import RealClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
 from robotctl.runtime.flight_ring import FlightRing
 from robotctl.runtime.heartbeat import Heartbeat
@@ -170,7 +169,7 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     stopped = StopFlag()
     emergency = EmergencySignal()
     options, odometer_m, notes = continued(options)
-    clock = RealClock()
+    clock = options.open_clock(paces=True)
     folder = endpoint_directory(options.instance)
     claims = [claim_bus(config.can.interface, config.can.channel)]
     claims += [claim(each) for each in sorted({str(folder), options.state} - {""})]

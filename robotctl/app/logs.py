@@ -14,6 +14,7 @@ from robotctl.app.log_folder import LogFolder, close_log, is_gone
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.candump import CandumpReader
 from robotctl.runtime.part_file import remove_parts
+from robotctl.runtime.ports import Clock
 from robotctl.telemetry.log_entries import Published
 from robotctl.telemetry.log_scene import Scene
 from robotctl.telemetry.mcap_log import (
@@ -94,13 +95,18 @@ class BusLog:
     config
         Which bus.
     epoch_ns
-        Added to CLOCK_MONOTONIC to get wall time [ns].
+        Added to the clock to get wall time [ns].
+    clock
+        Of the robot; CLOCK_MONOTONIC by default.
     """
 
-    def __init__(self, folder: LogFolder, config: CanConfig, epoch_ns: int) -> None:
+    def __init__(
+        self, folder: LogFolder, config: CanConfig, epoch_ns: int, clock: Clock | None = None
+    ) -> None:
         self._folder = folder
         self._config = config
         self._epoch_ns = epoch_ns
+        self._clock = clock
         self._reader: CandumpReader | None = None
         self._file: BinaryIO | None = None
         self._retry_ns = 0
@@ -118,7 +124,7 @@ class BusLog:
             if self._reader is None:
                 if now_ns < self._retry_ns:
                     return ()
-                self._reader = CandumpReader(self._config, self._epoch_ns)
+                self._reader = CandumpReader(self._config, self._epoch_ns, self._clock)
                 self._trouble = ""
             lines = self._reader.read()
         except (OSError, can.CanError, ValueError) as error:

@@ -17,7 +17,6 @@ from robotctl.app.pilot import Pilot
 from robotctl.app.progress import Progress, last_pose, load_progress
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
-from robotctl.runtime.clock import RealClock
 from robotctl.runtime.estimation_messages import CameraView, LidarScan, LocalisationState
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import (
@@ -99,7 +98,7 @@ def resume(pilot: Pilot, options: StackOptions, saved: Progress | None) -> tuple
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Navigate until SIGTERM or SIGINT; then the commands expire and the robot comes to rest."""
     stopped = StopFlag()
-    clock = RealClock()
+    clock = options.open_clock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
     states = Subscriber[ControlState | Notice](

@@ -9,7 +9,9 @@ import msgspec
 
 from robotctl.app.config import RobotConfig, load_robot
 from robotctl.errors import ConfigError
-from robotctl.runtime.clock import wall_offset_ns
+from robotctl.runtime.clock import RealClock, wall_offset_ns
+from robotctl.runtime.ports import Clock
+from robotctl.runtime.simulated_clock import SimulatedClock
 from robotctl.toml_source import is_utf_8
 
 
@@ -39,6 +41,8 @@ class StackOptions(msgspec.Struct, frozen=True):
     epoch_ns
         Added to CLOCK_MONOTONIC to get the times of all logs [ns]: read once for all processes, so
         that their logs agree, and none jumps when the wall clock is set; 0 in virtual time.
+    clock
+        File of a simulator's clock, which all processes of the robot go by; empty: the computer's.
     """
 
     instance: str
@@ -53,10 +57,26 @@ class StackOptions(msgspec.Struct, frozen=True):
     state: str = ""
     run: str = ""
     epoch_ns: int = msgspec.field(default_factory=wall_offset_ns)
+    clock: str = ""
 
     def load(self) -> RobotConfig:
         """Read the configuration with its overrides."""
         return load_robot(Path(self.robot), self.overrides)
+
+    def open_clock(self, *, paces: bool = False) -> Clock:
+        """Return the clock of this robot.
+
+        Parameters
+        ----------
+        paces
+            Whether a simulator's clock waits for this process, as it does for the control loop.
+
+        Raises
+        ------
+        LinkError
+            If there is no such clock.
+        """
+        return SimulatedClock(Path(self.clock), paces=paces) if self.clock else RealClock()
 
     def command(self, module: str) -> list[str]:
         """Return the command line of the process that `module` implements.

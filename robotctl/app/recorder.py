@@ -19,7 +19,6 @@ from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.signals import StopFlag
 from robotctl.errors import RobotctlError
-from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import Notice, Severity
 from robotctl.runtime.ports import Clock
@@ -76,7 +75,7 @@ class Recording:
         if options.record:
             folder = LogFolder(Path(options.record), config.log)
             self._left = recover_all(folder)
-            self._logs = Logs(ring, folder, config, options.epoch_ns)
+            self._logs = Logs(ring, folder, config, options.epoch_ns, options.open_clock())
 
     @property
     def period_ns(self) -> int:
@@ -138,13 +137,17 @@ class Logs:
     config
         Of the robot.
     epoch_ns
-        Added to CLOCK_MONOTONIC to get wall time [ns].
+        Added to the clock to get wall time [ns].
+    clock
+        Of the robot.
     """
 
-    def __init__(self, ring: Path, folder: LogFolder, config: RobotConfig, epoch_ns: int) -> None:
+    def __init__(
+        self, ring: Path, folder: LogFolder, config: RobotConfig, epoch_ns: int, clock: Clock
+    ) -> None:
         self._copy = RecordCopy(ring, folder)
         self._states = StateLog(folder, epoch_ns, config.robot.name, scene_of(config))
-        self._bus = BusLog(folder, config.can, epoch_ns)
+        self._bus = BusLog(folder, config.can, epoch_ns, clock)
         self._retry_ns = 0
 
     def listen(self, now_ns: int) -> tuple[str, ...]:
@@ -190,7 +193,7 @@ class Logs:
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Record until SIGTERM or SIGINT."""
     stopped = StopFlag()
-    clock = RealClock()
+    clock = options.open_clock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     with ExitStack() as stack:
         context: zmq.Context[Any] = zmq.Context()

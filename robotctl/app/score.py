@@ -120,6 +120,7 @@ class Report(msgspec.Struct, frozen=True):
 
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
+    `held_up_ms` is how long this computer was held up at most, by an estimate of its own.
     `faults` are those of the scenario whose time has come, each with the simulator's time, and why
     where it could not begin; then those that never began, since the run was over before their time.
     `pose_error` is that of the pose that the robot goes by; `localisation`, `map_quality` and
@@ -144,6 +145,7 @@ class Report(msgspec.Struct, frozen=True):
     loop: dict[str, Any]
     bus: dict[str, Any]
     real_time_factor: float
+    held_up_ms: float = 0.0
     faults: tuple[str, ...] = ()
     localisation: LocalisationReport | None = None
     map_quality: MapQuality | None = None

@@ -21,6 +21,7 @@ from firmware_sim.scenario import not_begun
 from robotctl.app.camera_score import camera_score
 from robotctl.app.children import lines_of, start_child
 from robotctl.app.config import RobotConfig, load_robot
+from robotctl.app.held_up import HeldUp
 from robotctl.app.log_folder import LogFolder
 from robotctl.app.map_fit import misfit
 from robotctl.app.options import StackOptions
@@ -45,6 +46,7 @@ from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.world import load_room
 from robotctl.model.camera import SIMULATED
 from robotctl.model.wall_map import WallMap
+from robotctl.runtime.clock import RealClock
 from robotctl.runtime.estimation_messages import (
     CameraView,
     LiveMap,
@@ -60,8 +62,15 @@ from robotctl.runtime.messages import (
     SafetyState,
     SetMode,
 )
+from robotctl.runtime.ports import Clock
 from robotctl.runtime.safety import POWERED
-from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
+from robotctl.runtime.topics import (
+    Endpoints,
+    RequestSender,
+    Subscriber,
+    endpoint_directory,
+    ring_path,
+)
 
 PATIENCE = "safety.feedback_timeout_periods=10"
 """A simulated drive is a process of an ordinary computer, whose pauses are no fault of a robot."""
@@ -101,6 +110,7 @@ class Truth(msgspec.Struct, frozen=True):
     power_off_ns: int
     unsafe_motions: int
     unsafe_reason: str
+    late_max_ns: int
 
 
 @dataclass(slots=True)
@@ -116,6 +126,7 @@ class Progress:
     map: LiveMap | None = None
     view: CameraView | None = None
     lines: list[str] = field(default_factory=list)
+    real_time_factor: float = 1.0
 
 
 class SimRun:
@@ -150,6 +161,7 @@ class SimRun:
         instance = f"sim-{os.getpid()}"
         record = str(options.record.resolve()) if options.record else ""
         self._folder = endpoint_directory(instance)
+        self._clock_file = ring_path(instance).with_suffix(".clock")
         self._stack_options = StackOptions(
             instance=instance,
             robot=str(robot),
@@ -161,6 +173,7 @@ class SimRun:
             record=record,
             flights=record,
             state=str(self._folder),
+            clock="" if options.hard_real_time else str(self._clock_file),
             run=uuid.uuid4().hex,
         )
         self._endpoints = Endpoints(self._folder)
@@ -173,6 +186,8 @@ class SimRun:
         self._is_ready = False
         self._faults: list[str] = []
         self._run = 0
+        self._clock: Clock = RealClock()
+        self._held_up = HeldUp(self._clock)
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._request_ids = itertools.count(1)
@@ -198,6 +213,8 @@ class SimRun:
         """
         try:
             self._start_firmware()
+            self._clock = self._stack_options.open_clock()
+            self._held_up = HeldUp(self._clock)
             self._stack = Stack(self._stack_options)
         except BaseException:
             self.__exit__()
@@ -221,6 +238,7 @@ class SimRun:
             self._firmware = None
         self._context.destroy(linger=0)
         shutil.rmtree(self._folder, ignore_errors=True)
+        self._clock_file.unlink(missing_ok=True)
 
     def _start_firmware(self) -> None:
         """Start firmware_sim and wait for its nodes."""
@@ -246,6 +264,8 @@ class SimRun:
         camera = self.config.camera
         if camera is not None and camera.enabled and camera.source == SIMULATED:
             command += ["--camera", self._endpoints.camera_frames]
+        if self._stack_options.clock:
+            command += ["--clock", self._stack_options.clock]
         if options.record is not None:
             folder = LogFolder(options.record, self.config.log)
             self._run = folder.begin_run()
@@ -284,13 +304,17 @@ class SimRun:
         Without `until_done` the robot stays in service after its mission, for ground stations.
         Whoever disarms it, holds it or takes it over meanwhile has it from then on.
         """
-        begin_s = asked_s = time.monotonic()
-        asked_s -= _ASK_S
+        clock = self._clock
+        begin_ns, real_begin_ns = clock.now_ns(), time.monotonic_ns()
+        asked_s = -_ASK_S
         while True:
-            now_s = time.monotonic()
             self._listen()
             progress = self.progress
-            progress.elapsed_s = now_s - begin_s
+            progress.elapsed_s = now_s = (clock.now_ns() - begin_ns) / 1e9
+            real_ns = time.monotonic_ns() - real_begin_ns
+            progress.real_time_factor = 1e9 * now_s / real_ns if real_ns else 1.0
+            late_ns = 0 if progress.truth is None else progress.truth.late_max_ns
+            progress.lines += self._held_up.step(progress.control, late_ns)
             stopped = self._stopped()
             if stopped:
                 progress.lines.append("stopped by the user")
@@ -326,7 +350,7 @@ class SimRun:
                 self._said_waiting = True
                 progress.lines.append("waiting for navigation, which prepares its estimators")
             return
-        now_ns = time.monotonic_ns()
+        now_ns = self._clock.now_ns()
         if not self._was_armed and control.state == SafetyState.STANDBY:
             self._to_control.send(Arm(now_ns, next(self._request_ids), arm=True))
         elif not self._was_steered and control.state in POWERED:
@@ -405,7 +429,8 @@ class SimRun:
             pose_error=self._score.pose_error,
             loop=loop_report(control.loop),
             bus=bus_report(control.bus),
-            real_time_factor=1.0,
+            real_time_factor=round(progress.real_time_factor, 4),
+            held_up_ms=round(self._held_up.longest_ms, 1),
             faults=tuple(self._faults),
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,

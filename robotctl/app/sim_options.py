@@ -44,6 +44,8 @@ class SimOptions:
         Scenario of the faults that befall the robot; None: none.
     localisation
         Settings of the localiser, `key=value`; where they name no map it is the world itself.
+    hard_real_time
+        Whether simulated time goes on while this computer is held up, as a robot's does.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class SimOptions:
     record: Path | None = None
     faults: Path | None = None
     localisation: tuple[str, ...] = ()
+    hard_real_time: bool = False
 
     def __post_init__(self) -> None:
         """Check the bus as the robot's file is checked, also where a run needs none."""

@@ -15,7 +15,6 @@ from robotctl.app.options import StackOptions, options_of_command_line
 from robotctl.app.signals import StopFlag
 from robotctl.drivers.mavlink_link import MavlinkLinks
 from robotctl.errors import RobotctlError
-from robotctl.runtime.clock import RealClock
 from robotctl.runtime.heartbeat import Heartbeat
 from robotctl.runtime.messages import (
     ControlRequest,
@@ -49,7 +48,7 @@ def described(config: RobotConfig) -> TelemetryRobot:
 def run(config: RobotConfig, options: StackOptions) -> None:
     """Serve the links until SIGTERM or SIGINT."""
     stopped = StopFlag()
-    clock = RealClock()
+    clock = options.open_clock()
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
     heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from robotctl.app.held_up import SAY_MS
 from robotctl.app.score import CameraReport, Report
 
 _FAULTS_SHOWN = 8
@@ -26,7 +27,7 @@ def score_table(report: Report) -> Table:
     unsafe = report.unsafe_motions
     rows = (
         ("mission", f"{done}{f' ({report.message})' if report.message else ''}"),
-        ("duration", f"{report.duration_s:.1f} s, {report.real_time_factor:.1f} × real time"),
+        ("duration", f"{report.duration_s:.1f} s, {report.real_time_factor:.2f} × real time"),
         ("distance", f"{report.distance_m:.2f} m, {report.collisions} collisions"),
         (
             "safety",
@@ -58,9 +59,16 @@ def score_table(report: Report) -> Table:
             f"{bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['errors']} errors",
         ),
     )
-    for name, text in (*rows, *_place_rows(report), *_fault_rows(report)):
+    for name, text in (*rows, *_computer_rows(report), *_place_rows(report), *_fault_rows(report)):
         table.add_row(name, text)
     return table
+
+
+def _computer_rows(report: Report) -> list[tuple[str, str]]:
+    """Return how long this computer was held up, where that counts."""
+    if report.held_up_ms < SAY_MS:
+        return []
+    return [("computer", f"held up for {report.held_up_ms:.0f} ms at most; not so in lockstep")]
 
 
 def _place_rows(report: Report) -> list[tuple[str, str]]:

@@ -107,6 +107,13 @@ def sim(
             help="What the localiser goes by, of lidar, camera, sonar; default: as its file says.",
         ),
     ] = "",
+    hard_real_time: Annotated[
+        bool,
+        typer.Option(
+            "--hard-real-time",
+            help="Simulated time goes on while this computer is held up; else it stands still.",
+        ),
+    ] = False,
     overrides: Overrides = None,
 ) -> None:
     """Drive a mission in simulation and score it.
@@ -135,6 +142,7 @@ def sim(
         record=record,
         faults=find_file(faults, "scenarios") if faults else None,
         localisation=_localisation(localiser, start, chart, sensors, mapping=mapping),
+        hard_real_time=hard_real_time,
     )
     if lockstep:
         result = run_lockstep(options, lambda said: print(said, file=sys.stderr))

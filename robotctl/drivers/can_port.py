@@ -208,7 +208,7 @@ class SocketPort:
             raise OSError(pending, os.strerror(pending))
         self._descriptor = descriptor
         self._send = descriptor.socket.send
-        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._offset_ns = self._wall_offset_ns()
         self._meter.state = BusState.ERROR_ACTIVE
 
     def _reopen(self, now_ns: int) -> None:
@@ -253,7 +253,7 @@ class SocketPort:
         time takes their place. Frames that waited for long stay old. Leaves by `BlockingIOError`
         when there are no more.
         """
-        offset_ns = _wall_offset_ns()
+        offset_ns = self._wall_offset_ns()
         steady = abs(offset_ns - self._offset_ns) < _MAX_CLOCK_STEP_NS
         self._offset_ns = offset_ns
         buffers = [self._buffer]
@@ -264,9 +264,13 @@ class SocketPort:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
                 stamp_ns = seconds * 1_000_000_000 + nanoseconds - offset_ns
                 if stamp_ns < now_ns - _MAX_AGE_NS:  # this process stood for long, or it was set
-                    steady = abs(_wall_offset_ns() - offset_ns) < _MAX_CLOCK_STEP_NS
+                    steady = abs(self._wall_offset_ns() - offset_ns) < _MAX_CLOCK_STEP_NS
                     stamp_ns = stamp_ns if steady else now_ns
             self._take(now_ns, stamp_ns, frames)
+
+    def _wall_offset_ns(self) -> int:
+        """Return what the wall clock is ahead of this port's [ns]."""
+        return time.time_ns() - self._clock.now_ns()
 
     def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
         """Keep the frame in the buffer if it is wanted; note it if it is an error frame."""
@@ -278,11 +282,6 @@ class SocketPort:
             meter = self._meter
             meter.error_frames += 1
             meter.state = bus_state(can_id & ~CAN_ERR_FLAG, data, meter.state)
-
-
-def _wall_offset_ns() -> int:
-    """Return what the wall clock is ahead of the monotonic one [ns]."""
-    return time.time_ns() - time.monotonic_ns()
 
 
 def _refuse(_: bytes) -> int:

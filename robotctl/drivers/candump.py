@@ -16,6 +16,7 @@ import can
 from robotctl.drivers.can_config import CanConfig
 from robotctl.drivers.can_port import Descriptor
 from robotctl.runtime.clock import wall_offset_ns
+from robotctl.runtime.ports import Clock
 
 _FRAME: Final = struct.Struct("=IB3x8s")
 _STAMP: Final = struct.Struct("=q")
@@ -61,7 +62,9 @@ class CandumpReader:
     config
         Which bus.
     epoch_ns
-        Added to CLOCK_MONOTONIC to get the wall time of the log [ns].
+        Added to the clock to get the wall time of the log [ns].
+    clock
+        That of simcan's stamps; CLOCK_MONOTONIC by default.
 
     Raises
     ------
@@ -69,9 +72,10 @@ class CandumpReader:
         If the bus cannot be opened now.
     """
 
-    def __init__(self, config: CanConfig, epoch_ns: int) -> None:
+    def __init__(self, config: CanConfig, epoch_ns: int, clock: Clock | None = None) -> None:
         self._channel = config.channel
         self._epoch_ns = epoch_ns
+        self._now_ns = time.monotonic_ns if clock is None else clock.now_ns
         self._gone: OSError | None = None
         bus = can.Bus(
             interface=config.interface,
@@ -111,7 +115,7 @@ class CandumpReader:
         return "".join(lines)
 
     def _drain(self, lines: list[str]) -> None:
-        """Take frames of simcan, stamped by CLOCK_MONOTONIC."""
+        """Take frames of simcan, stamped by the clock."""
         receive = self._descriptor.socket.recv
         for _ in range(_MOST_FRAMES):
             message = receive(64)
@@ -123,13 +127,13 @@ class CandumpReader:
 
     def _drain_kernel(self, lines: list[str]) -> None:
         """Take frames of SocketCAN, stamped by CLOCK_REALTIME, which may be set meanwhile."""
-        offset_ns = wall_offset_ns()
+        offset_ns = wall_offset_ns(self._now_ns)
         receive = self._descriptor.socket.recvmsg
         for _ in range(_MOST_FRAMES):
             message, ancillary, _flags, _address = receive(64, _ANCILLARY_SIZE)
             if len(message) < _FRAME.size:
                 continue
-            stamp_ns = time.monotonic_ns()
+            stamp_ns = self._now_ns()
             if ancillary:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
                 stamp_ns = seconds * 1_000_000_000 + nanoseconds - offset_ns

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import time
+from collections.abc import Callable
 
 _CLOCK_MONOTONIC = 1
 _TIMER_ABSTIME = 1
@@ -14,16 +15,16 @@ class _Timespec(ctypes.Structure):
     _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
 
 
-def wall_offset_ns() -> int:
-    """Return what the wall clock is ahead of CLOCK_MONOTONIC [ns].
+def wall_offset_ns(now_ns: Callable[[], int] = time.monotonic_ns) -> int:
+    """Return what the wall clock is ahead of another, by default CLOCK_MONOTONIC [ns].
 
     The two are read one after the other; of three tries the one with the least time between counts.
     """
     tries = []
     for _ in range(3):
-        before_ns = time.monotonic_ns()
+        before_ns = now_ns()
         wall_ns = time.time_ns()
-        after_ns = time.monotonic_ns()
+        after_ns = now_ns()
         tries.append((after_ns - before_ns, wall_ns - (before_ns + after_ns) // 2))
     return min(tries)[1]
 

@@ -1,0 +1,183 @@
+"""What the simulation keeps pace with: the computer's clock, or one that waits for the computer.
+
+A computer that is held up gives a simulation, and the control loop that it drives, no time to
+think, which no robot's computer would do. `SharedClock` stands still meanwhile, for the simulation
+and for all processes that read it: simulated time stretches. It is a file in memory of eight signed
+64-bit integers in host byte order, `FIELDS`. The clock reads
+
+    min(CLOCK_MONOTONIC - offset, limit)
+
+and, once nobody has written for `GONE_NS`, no limit: a simulator that hangs must not halt those who
+watch it. The limit is read before the offset; a reader never lets its time go back.
+"""
+
+from __future__ import annotations
+
+import mmap
+import time
+from pathlib import Path
+from typing import Final, Protocol
+
+MARGIN_NS: Final = 5_000_000
+"""The simulation, and who paces it, may be so late before time stands still [ns]."""
+
+HOLD_NS: Final = 400_000_000
+"""What is held up for longer hangs, and time goes on without it [ns]."""
+
+GONE_NS: Final = 500_000_000
+"""A clock that was written last so long ago is without limit [ns]."""
+
+POLL_NS: Final = 500_000
+"""How often one that is held up looks whether it still is [ns]."""
+
+LONGEST_WAIT_NS: Final = 50_000_000
+
+FIELDS: Final = ("offset", "limit", "written", "pid", "deadline", "held", "longest", "spare")
+"""In ns but `pid`: the process that paces the clock, 0: none; `deadline`: until when it sleeps, by
+this clock. `held`: how long time has stood still; `longest`: at most at a time."""
+
+_OFFSET, _LIMIT, _WRITTEN, _PID, _DEADLINE, _HELD, _LONGEST = range(7)
+
+
+class Pace(Protocol):
+    """What `RealTime` runs by."""
+
+    longest_wait_ns: int
+
+    def now_ns(self) -> int:
+        """Return the time [ns]."""
+
+    def wait_s(self, until_ns: int) -> float:
+        """Return how long to wait for `until_ns` before looking again [s]."""
+
+    def reached(self, time_ns: int) -> None:
+        """Take note that the simulation has come to `time_ns` of this clock [ns]."""
+
+
+class MonotonicPace:
+    """The computer's clock, which waits for nobody."""
+
+    longest_wait_ns = LONGEST_WAIT_NS
+
+    def now_ns(self) -> int:
+        """Return CLOCK_MONOTONIC [ns]."""
+        return time.monotonic_ns()
+
+    def wait_s(self, until_ns: int) -> float:
+        """Return how long it is until then [s]."""
+        return max(0, until_ns - time.monotonic_ns()) / 1e9
+
+    def reached(self, time_ns: int) -> None:
+        """Take no note."""
+
+
+class SharedClock:
+    """The clock of a simulated run, which waits for the simulation and for the control loop.
+
+    Parameters
+    ----------
+    path
+        The file, made anew.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+
+    longest_wait_ns = MARGIN_NS // 2
+    """The limit moves with the simulation, which so must move before it is there."""
+
+    def __init__(self, path: Path) -> None:
+        with path.open("w+b") as file:
+            file.truncate(8 * len(FIELDS))
+            self._map = mmap.mmap(file.fileno(), 8 * len(FIELDS))
+        self._words = memoryview(self._map).cast("q")
+        self._hold_ns = 0
+        """How long time has stood still at the present limit [ns]."""
+        self._given_up_ns = 0
+        """The deadline that who paces the clock has missed for too long [ns]."""
+        self.reached(time.monotonic_ns())
+
+    def now_ns(self) -> int:
+        """Return the time [ns]; what it lags behind the limit is let go."""
+        words = self._words
+        monotonic_ns = time.monotonic_ns()
+        now_ns = monotonic_ns - words[_OFFSET]
+        late_ns = now_ns - words[_LIMIT]
+        if late_ns <= 0 or monotonic_ns - words[_WRITTEN] > HOLD_NS:
+            return now_ns
+        words[_OFFSET] += late_ns
+        self._hold_ns += late_ns
+        words[_HELD] += late_ns
+        words[_LONGEST] = max(words[_LONGEST], self._hold_ns)
+        return words[_LIMIT]
+
+    def wait_s(self, until_ns: int) -> float:
+        """Return how long to wait for `until_ns` before looking again [s]."""
+        words = self._words
+        rest_ns = min(until_ns, words[_LIMIT]) + words[_OFFSET] - time.monotonic_ns()
+        shortest_ns = POLL_NS if until_ns > words[_LIMIT] else 0
+        return max(shortest_ns, rest_ns) / 1e9
+
+    def reached(self, time_ns: int) -> None:
+        """Let time go on to a margin past the simulation and past the sleep of who paces it."""
+        words = self._words
+        limit_ns = time_ns + MARGIN_NS
+        paced_ns = words[_DEADLINE] + MARGIN_NS
+        if words[_PID] and paced_ns < limit_ns and self._waits_for(words[_DEADLINE]):
+            limit_ns = paced_ns
+        if limit_ns > words[_LIMIT]:
+            self._hold_ns = 0
+            words[_LIMIT] = limit_ns
+        words[_WRITTEN] = time.monotonic_ns()
+
+    def _waits_for(self, deadline_ns: int) -> bool:
+        """Return whether to wait for who paces the clock, and still is where it was."""
+        if deadline_ns == self._given_up_ns:
+            return False
+        if self._hold_ns and (self._hold_ns > HOLD_NS or not _runs(self._words[_PID])):
+            self._given_up_ns = deadline_ns
+            return False
+        return True
+
+    def close(self) -> None:
+        """Let the file go."""
+        self._words.release()
+        self._map.close()
+
+
+class ClockReader:
+    """A `SharedClock` as another process of the simulator sees it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        with path.open("rb") as file:
+            self._map = mmap.mmap(file.fileno(), 8 * len(FIELDS), access=mmap.ACCESS_READ)
+        self._words = memoryview(self._map).cast("q")
+        self._last_ns = 0
+
+    def now_ns(self) -> int:
+        """Return the time [ns]."""
+        words = self._words
+        limit_ns = words[_LIMIT]
+        monotonic_ns = time.monotonic_ns()
+        now_ns = monotonic_ns - words[_OFFSET]
+        if monotonic_ns - words[_WRITTEN] < GONE_NS:
+            now_ns = min(now_ns, limit_ns)
+        self._last_ns = max(self._last_ns, now_ns)
+        return self._last_ns
+
+
+def _runs(pid: int) -> bool:
+    """Return whether a process is there and waits for nothing but the computer."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_bytes()
+    except OSError:
+        return False
+    return stat.rpartition(b")")[2].split()[0] in (b"R", b"S", b"D")

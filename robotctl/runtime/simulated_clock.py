@@ -1,0 +1,81 @@
+"""The clock of a simulated run: its time stands still while this computer is held up.
+
+The simulator owns it and writes it into a file in memory; `firmware_sim/pace.py` says what stands
+there and when time waits.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import time
+from pathlib import Path
+from typing import Final
+
+from robotctl.errors import LinkError
+from robotctl.runtime.clock import RealClock
+
+_OFFSET, _LIMIT, _WRITTEN, _PID, _DEADLINE, _HELD, _LONGEST = range(7)
+_SIZE: Final = 64
+_GONE_NS: Final = 500_000_000
+_POLL_NS: Final = 500_000
+
+
+class SimulatedClock:
+    """Reads the time of a simulated run, which every process of it goes by.
+
+    Parameters
+    ----------
+    path
+        The simulator's file.
+    paces
+        Whether simulated time waits for this process: for its control loop.
+
+    Raises
+    ------
+    LinkError
+        If there is no such file.
+    """
+
+    def __init__(self, path: Path, *, paces: bool = False) -> None:
+        try:
+            with path.open("r+b") as file:
+                self._map = mmap.mmap(file.fileno(), _SIZE)
+        except (OSError, ValueError) as error:
+            raise LinkError(f"{path}: no clock of a simulator: {error}") from error
+        self._words = memoryview(self._map).cast("q")
+        self._real = RealClock()
+        self._paces = paces
+        self._last_ns = 0
+
+    def now_ns(self) -> int:
+        """Return simulated time, which is CLOCK_MONOTONIC less what it has stood still [ns]."""
+        words = self._words
+        limit_ns = words[_LIMIT]
+        monotonic_ns = time.monotonic_ns()
+        now_ns = monotonic_ns - words[_OFFSET]
+        if now_ns > limit_ns and monotonic_ns - words[_WRITTEN] < _GONE_NS:
+            now_ns = limit_ns
+        if now_ns < self._last_ns:
+            return self._last_ns
+        self._last_ns = now_ns
+        return now_ns
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Block until `deadline_ns` of simulated time; return at once where it has passed."""
+        words = self._words
+        if self._paces:
+            words[_DEADLINE] = deadline_ns
+            words[_PID] = os.getpid()
+        while self.now_ns() < deadline_ns:
+            wake_ns, monotonic_ns = deadline_ns + words[_OFFSET], self._real.now_ns()
+            self._real.sleep_until(wake_ns if wake_ns > monotonic_ns else monotonic_ns + _POLL_NS)
+
+    @property
+    def longest_ns(self) -> int:
+        """How long time has stood still at most at a time, since that was forgotten [ns]."""
+        return int(self._words[_LONGEST])
+
+    def forget_longest(self) -> None:
+        """Begin to count anew how long time stands still at most."""
+        self._words[_LONGEST] = 0
