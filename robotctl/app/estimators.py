@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeAlias, TypeVar
@@ -299,4 +300,5 @@ def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], s
 def _say_if_cold() -> None:
     """Say why the first start takes so long."""
     if cache_is_cold():
-        print(COMPILING, file=sys.stderr, flush=True)  # noqa: T201
+        with suppress(OSError):  # whoever does not read it
+            print(COMPILING, file=sys.stderr, flush=True)  # noqa: T201

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -222,7 +222,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
 def _finish(recording: Recording, receive: Callable[[], list[Published]], clock: Clock) -> None:
     """End a recording; who listened to its notices may have ended, so its last words go here."""
     for note in recording.finish(receive, clock):
-        print(f"robotctl recorder: {note}", file=sys.stderr)  # noqa: T201
+        with suppress(OSError):  # whoever does not read it
+            print(f"robotctl recorder: {note}", file=sys.stderr)  # noqa: T201
 
 
 def main() -> int:

@@ -110,7 +110,7 @@ def service_files(
     }
     folder = config_directory() / "systemd"
     files = [
-        ServiceFile(target, fill((folder / name).read_text(), values).encode())
+        ServiceFile(target, fill((folder / name).read_text(encoding="utf-8"), values).encode())
         for name, target in _TARGETS.items()
     ]
     files.append(ServiceFile(ROBOT, robot.read_bytes()))

@@ -274,7 +274,7 @@ class SimRun:
             command += ["--epoch-ns", str(self._stack_options.epoch_ns)]
         if options.faults is not None:
             command += ["--faults", str(options.faults)]
-        self._firmware = start_child(command, stdout=subprocess.PIPE, text=True)
+        self._firmware = start_child(command, stdout=subprocess.PIPE, text=True, errors="replace")
         self._said = lines_of(self._firmware)
         self._await_firmware(self._firmware)
 

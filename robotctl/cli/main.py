@@ -3,71 +3,66 @@
 from __future__ import annotations
 
 import errno
-import os
 import sys
-from io import TextIOWrapper
 from typing import Final
 
+from robotctl.cli.output import quiet_output
 from robotctl.errors import RobotctlError
 
 BAD_INPUT = 2
-NOBODY_READS = 1
 INTERRUPTED = 130
 
 _DISK: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 """What a disk says that cannot take or give any more; where it says so there is no file name."""
 
+_ONLY_PRINTED: Final = ({"--help"}, {"version"}, {"config", "show"}, {"config", "schema"})
+"""Words of commands that do nothing but print."""
+
 
 def main() -> None:
     """Run the command line; a known error, or a file that is refused, ends it with status 2.
 
-    So does a disk that cannot take what is written, the standard output included. Names of files
-    are printed as they are, in whatever encoding. Where the standard output is closed, nobody wants
-    what would be printed.
+    What cannot be printed changes neither the files of a run nor its status: a character that the
+    encoding has not is written plainly, and where the standard output is full or nobody reads it,
+    the rest is dropped. A full one is said, and is an error of a command that only prints.
     """
-    if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123 - until the process ends
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="surrogateescape")
+    with quiet_output() as output:
+        status = _status()
+        output.flush()
+        if output.failure is not None and output.failure.errno != errno.EPIPE:
+            _say(f"standard output: {output.failure.strerror}")
+            if any(words <= set(sys.argv) for words in _ONLY_PRINTED):
+                status = status or BAD_INPUT
+    sys.exit(status)
+
+
+def _status() -> int | str | None:
+    """Run the command line and return the status to end with."""
     try:
-        _run()
+        # It takes a moment, in which Ctrl-C may come.
+        from robotctl.cli.commands import app  # noqa: PLC0415
+
+        app()
+    except SystemExit as ended:
+        return ended.code
     except RobotctlError as error:
-        give_up_output()
-        print(f"robotctl: {error}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
+        _say(str(error))
+        return BAD_INPUT
     except OSError as error:
-        give_up_output()
-        if error.errno == errno.EPIPE and error.filename is None:
-            sys.exit(NOBODY_READS)
         if error.filename is None and error.errno not in _DISK:
             raise
         place = "" if error.filename is None else f"{error.filename}: "
-        print(f"robotctl: {place}{error.strerror}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
+        _say(f"{place}{error.strerror}")
+        return BAD_INPUT
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        return INTERRUPTED
+    return 0
 
 
-def _run() -> None:
-    """Run the command line until all its output is written."""
-    # It takes a second or more, in which Ctrl-C may come.
-    from robotctl.cli.commands import app  # noqa: PLC0415
-
-    try:
-        app()
-    except SystemExit:
-        sys.stdout.flush()
-        raise
-
-
-def give_up_output() -> None:
-    """Write the rest of the output, or drop it: the interpreter would try it again at its end."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+def _say(what: str) -> None:
+    """Print a sentence to the standard error, below what was printed before."""
+    sys.stdout.flush()
+    print(f"robotctl: {what}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -148,9 +148,9 @@ def sim(
         result = run_lockstep(options, lambda said: print(said, file=sys.stderr))
     else:
         result = _run(options, headless=headless, until_done=until_done)
-    plain_console().print(score_table(result))
     if report is not None:
         write_file(report, lambda path: path.write_bytes(result.json()))
+    plain_console().print(score_table(result))
     sys.exit(0 if result.passed else NOT_COMPLETED)
 
 

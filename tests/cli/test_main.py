@@ -1,38 +1,151 @@
 """How `robotctl` ends when a disk, or whoever reads its output, does not take what it writes."""
 
 import errno
+import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
 
 from robotctl.app.config import find_file
+from robotctl.cli.output import Output
 
 DEADLINE_S = 90.0
 ROBOTCTL = [sys.executable, "-c", "from robotctl.cli.main import main; main()"]
 
 
-@pytest.mark.parametrize("command", [["config", "schema"], ["version"], ["sim", "--help"]])
-def test_output_onto_a_full_disk_ends_with_a_sentence(command: list[str]) -> None:
+PRINTS = [["config", "schema"], ["config", "show"], ["version"], ["sim", "--help"]]
+
+
+@pytest.mark.parametrize("command", PRINTS)
+def test_what_only_prints_fails_onto_a_full_disk(command: list[str]) -> None:
+    done = onto_a_full_disk(command)
+    assert done.returncode == 2
+    assert done.stderr == "robotctl: standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize("command", [*PRINTS, ["can", "budget"]])
+def test_a_reader_that_has_gone_is_no_error(command: list[str]) -> None:
+    done = to_nobody(command)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def onto_a_full_disk(command: list[str]) -> "subprocess.CompletedProcess[str]":
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
+        return subprocess.run(
             [*ROBOTCTL, *command], stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
-    assert (done.returncode, done.stderr) == (2, "robotctl: No space left on device\n")
 
 
-def test_a_reader_that_has_gone_is_no_error_to_talk_about() -> None:
+def to_nobody(command: list[str]) -> "subprocess.CompletedProcess[str]":
+    """Run a command whose standard output nobody reads."""
     reading, writing = os.pipe()
     os.close(reading)
     try:
-        done = subprocess.run(
-            [*ROBOTCTL, "version"], stdout=writing, stderr=subprocess.PIPE, check=False
+        return subprocess.run(
+            [*ROBOTCTL, *command], stdout=writing, stderr=subprocess.PIPE, text=True, check=False
         )
     finally:
         os.close(writing)
-    assert (done.returncode, done.stderr) == (1, b"")
+
+
+def with_everything_closed(command: list[str]) -> "subprocess.CompletedProcess[str]":
+    script = 'exec "$@" <&- >&- 2>&-'
+    return subprocess.run(
+        ["sh", "-c", script, "sh", *ROBOTCTL, *command], capture_output=True, text=True, check=False
+    )
+
+
+def with_an_unreadable_error(command: list[str]) -> "subprocess.CompletedProcess[str]":
+    with Path("/dev/full").open("w") as full:
+        return subprocess.run(
+            [*ROBOTCTL, *command], stdout=full, stderr=full, text=True, check=False
+        )
+
+
+def in_ascii(command: list[str]) -> "subprocess.CompletedProcess[str]":
+    return in_encoding("ascii", command)
+
+
+def in_cp437(command: list[str]) -> "subprocess.CompletedProcess[str]":
+    return in_encoding("cp437", command)
+
+
+def in_encoding(name: str, command: list[str]) -> "subprocess.CompletedProcess[str]":
+    done = subprocess.run(
+        [*ROBOTCTL, *command], env=os.environ | {"PYTHONIOENCODING": name},
+        capture_output=True, check=False,
+    )  # fmt: skip
+    said, errors = done.stdout.decode(name), done.stderr.decode(name)
+    assert said
+    return subprocess.CompletedProcess(done.args, done.returncode, said, errors)
+
+
+def in_a_plain_locale(command: list[str]) -> "subprocess.CompletedProcess[str]":
+    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    return subprocess.run(
+        [*ROBOTCTL, *command], env=os.environ | plain, capture_output=True, text=True,
+        encoding="ascii", check=False,
+    )  # fmt: skip
+
+
+WAYS = [
+    onto_a_full_disk, to_nobody, with_everything_closed, with_an_unreadable_error, in_ascii,
+    in_cp437, in_a_plain_locale,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_run_keeps_its_files_and_its_status_whoever_reads_along(
+    tmp_path: Path, way: Callable[[list[str]], "subprocess.CompletedProcess[str]"]
+) -> None:
+    report = tmp_path / "report.json"
+    done = way(["sim", "--lockstep", "--max-seconds", "1", "--report", str(report)])
+    assert done.returncode == 3
+    assert json.loads(report.read_text())["duration_s"] == 1.0
+    assert "Traceback" not in (done.stderr or "")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_map_is_written_whoever_reads_along(
+    tmp_path: Path, way: Callable[[list[str]], "subprocess.CompletedProcess[str]"]
+) -> None:
+    log = tmp_path / "one.log"
+    log.write_text(f"FLASER 180 {'2.0 ' * 180}1 1 0 1 1 0 1.0 host 1.0\n")
+    done = way(["map", "--log", str(log), "--out", str(tmp_path / "room")])
+    assert done.returncode == 0
+    assert (tmp_path / "room.yaml").exists()
+    assert (tmp_path / "room.pgm").exists()
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_patch_is_written_whoever_reads_along(
+    tmp_path: Path, way: Callable[[list[str]], "subprocess.CompletedProcess[str]"]
+) -> None:
+    patch = tmp_path / "patch.toml"
+    done = way(["tune", "--wheel", "left", "--out", str(patch)])
+    assert done.returncode == 0
+    assert "[control.left]" in patch.read_text()
+
+
+def test_characters_that_an_encoding_has_not_are_written_plainly() -> None:
+    assert printed("ascii", "0.4° · 38 µs × 2 … Zoë") == b"0.4 deg - 38 us x 2 ... Zo?"
+    assert printed("cp437", "0.4° · 38 µs × 2 … Zoë").decode("cp437") == "0.4° · 38 µs x 2 ... Zoë"
+    assert printed("ascii", os.fsdecode(b"caf\xe9.toml")) == b"caf\xe9.toml"
+    assert printed("utf-8", os.fsdecode(b"caf\xe9 \xc2\xb0")) == b"caf\xe9 \xc2\xb0"
+
+
+def printed(encoding: str, text: str) -> bytes:
+    """Return what a stream of an encoding makes of a text."""
+    stream = TextIOWrapper(BytesIO(), encoding)
+    output = Output(stream)
+    output.write(text)
+    output.flush()
+    return stream.buffer.getvalue()
 
 
 @pytest.mark.parametrize(("command", "status"), [("version", 0), ("config check /nowhere.toml", 2)])
