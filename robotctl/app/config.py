@@ -20,6 +20,7 @@ from robotctl.estimation.camera_config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.model.camera import CameraConfig
 from robotctl.model.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.lidar import LidarConfig
 from robotctl.model.odometry_noise import MotionNoise
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
@@ -74,6 +75,7 @@ class RobotConfig:
     control: ControlConfig
     plausibility: PlausibilityConfig
     sonar: tuple[SonarMount, ...] = ()
+    lidar: LidarConfig | None = None
     camera: CameraConfig | None = None
     ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
     can: CanConfig = field(default_factory=CanConfig)

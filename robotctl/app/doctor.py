@@ -20,6 +20,7 @@ from robotctl.app.doctor_host import (
     check_disk,
     check_governor,
     check_isolation,
+    check_lidar,
     check_preemption,
     check_serial,
     check_time_sync,
@@ -77,6 +78,7 @@ def examine(
     yield from _check_wakeups(config, lag_seconds)
     yield from check_disk(logs)
     yield check_camera(config.camera, root)
+    yield check_lidar(config.lidar, root)
     serial = [link.address.host for link in config.mavlink.link if link.address.kind == "serial"]
     yield from check_serial(serial, root)
     yield check_time_sync(clock_status())

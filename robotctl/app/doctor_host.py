@@ -15,6 +15,7 @@ from typing import Final
 
 from robotctl.app.finding import Finding, fail, none, ok, warn
 from robotctl.model.camera import SIMULATED, CameraConfig
+from robotctl.model.lidar import SOCKET, LidarConfig
 
 MIN_FREE_BYTES: Final = 1_000_000_000
 """A day of logs [B]."""
@@ -235,6 +236,14 @@ def check_camera(camera: CameraConfig | None, root: Path) -> Finding:
     if path.is_file() and os.access(path, os.R_OK):
         return ok(check, f"{path} may be read")
     return check_device(check, path, "video")
+
+
+def check_lidar(lidar: LidarConfig | None, root: Path) -> Finding:
+    """Check the rights on the serial line of a lidar that a driver of ours reads."""
+    check = "lidar"
+    if lidar is None or lidar.driver == SOCKET:
+        return none(check, "no driver of ours reads one: the table [lidar] is missing or says so")
+    return check_device(check, root / lidar.device.lstrip("/"), "dialout")
 
 
 def check_serial(urls: Sequence[str], root: Path) -> list[Finding]:

@@ -45,6 +45,7 @@ from robotctl.app.sim_options import (
 from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.world import load_room
 from robotctl.model.camera import SIMULATED
+from robotctl.model.lidar import SOCKET
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.estimation_messages import (
@@ -145,7 +146,7 @@ class SimRun:
         self._stopped = stopped
         self.mission = load_mission(options.mission)
         self.world = options.find_world(self.mission)
-        overrides = (
+        overrides: tuple[str, ...] = (
             PATIENCE,
             BEST_EFFORT,
             *options.settings(self.world),
@@ -153,6 +154,9 @@ class SimRun:
         )
         robot = options.robot.resolve()
         self.config: RobotConfig = load_robot(robot, overrides)
+        if self.config.lidar is not None:  # the simulator publishes the scans
+            overrides += (f'lidar.driver="{SOCKET}"',)
+            self.config = load_robot(robot, overrides)
         room = load_room(self.world)
         self.walls = WallMap(room.segments)
         unfit = misfit(self.config, robot, self.world, self.walls)

@@ -16,12 +16,14 @@ from robotctl.app.options import StackOptions
 from robotctl.app.restart import RestartPolicy
 from robotctl.app.supervised import Exit, Phase, Role, Supervised, status_words
 from robotctl.errors import RobotctlError
+from robotctl.model.lidar import SOCKET
 
 CONTROL = "robotctl.app.control"
 NAVIGATION = "robotctl.app.navigation"
 TELEMETRY = "robotctl.app.telemetry"
 RECORDER = "robotctl.app.recorder"
 CAMERA = "robotctl.app.camera"
+LIDAR = "robotctl.app.lidar"
 
 ROLES: Final = (
     Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, vital=True),
@@ -35,6 +37,9 @@ minute on a small computer; the recorder waits for the disk, which may take its 
 CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0)
 """Of robots that look. It compiles as navigation does."""
 
+LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0)
+"""Of robots with a lidar that is read by a driver of ours."""
+
 _BAD_INPUT = 2
 _END_S = 3.0
 _TICKS_TO_STOP = 2
@@ -46,7 +51,7 @@ class StackError(RobotctlError):
 
 
 class Stack:
-    """Control, navigation, telemetry, recorder and, if wanted, camera as supervised children.
+    """Control, navigation, telemetry, recorder and, if there are any, camera and lidar.
 
     Parameters
     ----------
@@ -60,8 +65,12 @@ class Stack:
     """
 
     def __init__(self, options: StackOptions) -> None:
-        camera = options.load().camera
-        roles = (*ROLES, CAMERA_ROLE) if camera is not None and camera.enabled else ROLES
+        config = options.load()
+        roles: tuple[Role, ...] = ROLES
+        if config.camera is not None and config.camera.enabled:
+            roles += (CAMERA_ROLE,)
+        if config.lidar is not None and config.lidar.driver != SOCKET:
+            roles += (LIDAR_ROLE,)
         self._processes = {
             role.module: Supervised(role, options.command(role.module)) for role in roles
         }

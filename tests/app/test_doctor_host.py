@@ -18,6 +18,7 @@ from robotctl.app.doctor_host import (
     check_disk,
     check_governor,
     check_isolation,
+    check_lidar,
     check_preemption,
     check_serial,
     check_space,
@@ -28,6 +29,7 @@ from robotctl.app.doctor_host import (
 from robotctl.app.finding import Finding, Verdict
 from robotctl.app.wakeup import Wakeups, check_lag, check_rights, check_timer_slack
 from robotctl.model.camera import CameraConfig, CameraIntrinsics, CameraMount
+from robotctl.model.lidar import LidarConfig
 
 OK, WARN, FAIL, NONE = Verdict.OK, Verdict.WARN, Verdict.FAIL, Verdict.NONE
 RT = "Linux version 6.6.31-rt31-v8+ (gcc 12) #1 SMP PREEMPT_RT Thu"
@@ -243,3 +245,19 @@ def test_a_user_without_a_name_is_named_by_number(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("robotctl.app.doctor.measure_in_a_process", lambda *_: wakeups())
     rights, *_ = _check_wakeups(load_robot(find_file("diff_drive")), 0.1)
     assert_is(rights, OK, "user 12345")
+
+
+def test_a_lidar_of_our_driver_needs_its_device(tmp_path: Path) -> None:
+    lidar = LidarConfig("rplidar", device="/dev/ttyUSB3")
+    missing = check_lidar(lidar, tmp_path)
+    assert missing.verdict is FAIL
+    assert str(tmp_path / "dev/ttyUSB3") in missing.found
+    computer(tmp_path, dev__ttyUSB3="")
+    assert check_lidar(lidar, tmp_path).verdict is OK
+
+
+@pytest.mark.parametrize("lidar", [None, LidarConfig("socket", device="/nowhere")])
+def test_a_lidar_of_somebody_else_is_not_looked_for(
+    tmp_path: Path, lidar: LidarConfig | None
+) -> None:
+    assert check_lidar(lidar, tmp_path).verdict is NONE

@@ -27,6 +27,7 @@ from robotctl.app.stack import (
     CAMERA,
     CAMERA_ROLE,
     CONTROL,
+    LIDAR,
     NAVIGATION,
     ROLES,
     TELEMETRY,
@@ -170,6 +171,14 @@ def test_a_camera_that_is_not_there_is_given_up_and_the_robot_is_ready_without(
         watch_until(looking, lambda: looking.phase(CAMERA) is Phase.GIVEN_UP, "it is given up")
         watch_until(looking, lambda: looking.ready, "ready without")
         assert looking.starts(CONTROL) == 1
+
+
+def test_a_lidar_process_is_there_where_our_driver_reads_it_alone(channel: str) -> None:
+    robot = str(find_file("diff_drive").resolve())
+    for driver, there in (("rplidar", True), ("socket", False)):
+        settings = (*overrides(channel), f'lidar.driver="{driver}"', 'lidar.device="/nowhere"')
+        with contextlib.closing(Stack(StackOptions("robot", robot, settings))) as stack:
+            assert (LIDAR in stack.modules) is there
 
 
 def test_a_killed_control_process_comes_back_unarmed_and_navigation_begins_anew(
