@@ -45,6 +45,7 @@ def read_columns(path: Path, keys: Sequence[str]) -> NDArray[np.float64]:
     heading = [name.strip() for name in lines[0][1]]
     missing = [key for key in keys if key not in heading]
     if missing:
+        _refuse_separator(path, lines, keys)
         problems = [
             f"{path}:{lines[0][0]}: no column {key}{nearest(key, heading)}" for key in missing
         ]
@@ -54,10 +55,15 @@ def read_columns(path: Path, keys: Sequence[str]) -> NDArray[np.float64]:
     for number, cells in lines[1:]:
         row = [_number(cells[place]) if place < len(cells) else None for place in places]
         problems += [
-            f"{path}:{number}: {key}: not a finite number"
-            for key, value in zip(keys, row, strict=True)
+            f"{path}:{number}: {key}: {_found(cells, place)}, a finite number is needed"
+            for key, value, place in zip(keys, row, places, strict=True)
             if value is None
         ]
+        if any(cell.strip() for cell in cells[len(heading) :]):
+            problems.append(
+                f"{path}:{number}: {len(cells)} cells, the heading has {len(heading)}; are there "
+                "decimal commas? Needed are points"
+            )
         rows.append([math.nan if value is None else value for value in row])
     if problems:
         raise ConfigError("\n".join(problems))
@@ -87,6 +93,32 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
         for number, line in lines
         if line.strip() and not line.lstrip().startswith("#")
     ]
+
+
+def _refuse_separator(
+    path: Path, lines: Sequence[tuple[int, list[str]]], keys: Sequence[str]
+) -> None:
+    """Raise ConfigError where columns are separated by something else than commas."""
+    number = lines[0][0]
+    texts = [",".join(cells) for _, cells in lines]
+    for separator, name in ((";", "';'"), ("\t", "tabs"), (None, "spaces")):
+        if set(keys) <= {key.strip() for key in texts[0].split(separator)}:
+            decimals = any("," in text for text in texts[1:])
+            commas = ", and its numbers have decimal commas" if decimals else ""
+            points = " and decimal points" if decimals else ""
+            raise ConfigError(
+                f"{path}:{number}: the columns are separated by {name}{commas}; needed are commas"
+                f"{points}"
+            )
+
+
+def _found(cells: Sequence[str], place: int) -> str:
+    """Return what a cell holds that is no number."""
+    if place >= len(cells):
+        return f"{len(cells)} cells in the line"
+    text = cells[place].strip()
+    comma = ", with a decimal comma" if _number(text.replace(",", ".")) is not None else ""
+    return f"found {text[:24]!r}{comma}"
 
 
 def _number(text: str) -> float | None:

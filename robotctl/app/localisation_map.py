@@ -58,11 +58,21 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
         If there is none, or it is wrong.
     """
     path = find_map(name, beside)
-    if name.endswith(CELLS):
-        grid = load_map(path)
-        _check_cells(grid, path)
-        return LocalisationMap(grid, None)
-    walls = load_walls(path)
+    try:
+        if name.endswith(CELLS):
+            grid = load_map(path)
+            _check_cells(grid, path)
+            return LocalisationMap(grid, None)
+        walls = load_walls(path)
+    except ConfigError:
+        from robotctl.telemetry.recorded_log import is_log  # noqa: PLC0415 - loads all readers
+
+        if is_log(path):
+            raise ConfigError(
+                f"{path}: a recorded log where a map is needed, a world (.toml) or a ROS map "
+                "(.yaml)"
+            ) from None
+        raise
     return LocalisationMap(grid_of_walls(walls), walls)
 
 

@@ -7,6 +7,7 @@ Damage anywhere else is an error that names file and line.
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +22,10 @@ from robotctl.errors import RobotctlError
 
 _GZIP: Final = b"\x1f\x8b"
 _HEAD_BYTES: Final = 1 << 16
+_CHUNK_BYTES: Final = 1 << 16
 _SHOWN: Final = 24
+_SOUND: Final = 20
+_DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
 class LogFormatError(RobotctlError):
@@ -78,10 +82,18 @@ def read_text(path: Path) -> LogText:
         If the file cannot be read.
     """
     raw = path.read_bytes()
-    data, is_cut = _inflated(path, raw) if raw.startswith(_GZIP) else (raw, False)
-    if b"\0" in data[:_HEAD_BYTES]:
+    data, is_cut = raw, False
+    if raw.startswith(_GZIP):
+        data, is_cut, damage = inflated(raw)
+        if damage:
+            line = _first_odd(_decoded(data).split("\n"))
+            raise LogFormatError(
+                f"{path}:{line}: the gzip data are damaged, here or before: {damage}"
+            )
+    text = _decoded(data)
+    if "\0" in text[:_HEAD_BYTES]:
         raise LogFormatError(f"{path}: is no text; a log is text, plain or gzip")
-    lines = data.decode("utf-8", errors="replace").split("\n")
+    lines = text.split("\n")
     ends_open = lines[-1] != ""
     if not ends_open:
         lines.pop()
@@ -97,33 +109,88 @@ def first_words(path: Path) -> str:
     Raises
     ------
     LogFormatError
-        If compressed data are damaged.
+        If compressed data are damaged from the beginning.
     OSError
         If the file cannot be read.
     """
     with path.open("rb") as file:
         raw = file.read(_HEAD_BYTES)
     if raw.startswith(_GZIP):
-        try:
-            raw = zlib.decompressobj(wbits=31).decompress(raw, _HEAD_BYTES)
-        except zlib.error as error:
-            raise LogFormatError(f"{path}: the gzip data are damaged: {error}") from error
-    return "" if b"\0" in raw else raw.decode("utf-8", errors="replace")
+        raw, _, damage = inflated(raw)
+        if damage and not raw:
+            raise LogFormatError(f"{path}:1: the gzip data are damaged: {damage}")
+    text = _decoded(raw[:_HEAD_BYTES])
+    return "" if "\0" in text else text
 
 
-def _inflated(path: Path, raw: bytes) -> tuple[bytes, bool]:
-    """Return the content of gzip data, of one or more members, and whether it ended early."""
+def _first_odd(lines: Sequence[str]) -> int:
+    """Return the number of the first line that damaged data may have changed, else of the last.
+
+    That is one with a word that begins like a number and is none, or is of a new kind; words of the
+    first lines are taken as they are.
+    """
+    known = {word for line in lines[:_SOUND] for word in line.split()}
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        odd = [word for word in words if word[0] in "+-.0123456789" and not _is_number(word)]
+        if not known.issuperset(odd) or (
+            words and not known.issuperset(words[:1]) and not _is_number(words[0])
+        ):
+            return number
+    return len(lines)
+
+
+def _decoded(data: bytes) -> str:
+    """Return text without the mark of its encoding, if it has one; what is none is replaced."""
+    utf_16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return data.decode("utf-16" if utf_16 else "utf-8-sig", errors="replace")
+
+
+def inflated(raw: bytes) -> tuple[bytes, bool, str]:
+    """Return the content of gzip data, of one or more members.
+
+    Parameters
+    ----------
+    raw
+        The data; they begin as gzip does.
+
+    Returns
+    -------
+    content : bytes
+        Up to the end or to where data are damaged.
+    is_cut : bool
+        Whether the data end early.
+    damage : str
+        What is wrong with them; empty: nothing.
+    """
     parts = []
     while raw.startswith(_GZIP):
         member = zlib.decompressobj(wbits=31)
+        size = _CHUNK_BYTES
+        for begin in range(0, len(raw), size):
+            before = member.copy()
+            try:
+                parts.append(member.decompress(raw[begin : begin + size]))
+            except zlib.error as error:
+                parts.append(_up_to_damage(before, raw[begin : begin + size]))
+                return b"".join(parts), False, str(error).rpartition(": ")[2]
+            if member.eof:
+                raw = member.unused_data + raw[begin + size :]
+                break
+        else:
+            return b"".join(parts), True, ""
+    return b"".join(parts), False, ""
+
+
+def _up_to_damage(member: zlib._Decompress, raw: bytes) -> bytes:
+    """Return what comes out of damaged data before the damage, which is found byte by byte."""
+    found = b""
+    for at in range(len(raw)):
         try:
-            parts.append(member.decompress(raw))
-        except zlib.error as error:
-            raise LogFormatError(f"{path}: the gzip data are damaged: {error}") from error
-        if not member.eof:
-            return b"".join(parts), True
-        raw = member.unused_data
-    return b"".join(parts), False
+            found += member.decompress(raw[at : at + 1])
+        except zlib.error:
+            break
+    return found
 
 
 def integer(text: LogText, line: int, name: str, word: str) -> int:
@@ -152,7 +219,7 @@ def numbers(text: LogText, line: int, words: Sequence[str]) -> NDArray[np.float6
         return np.array(list(map(float, words)))
     except ValueError:
         bad = next(word for word in words if not _is_number(word))
-        raise text.error(line, f"found {_shown(bad)}, a number is needed") from None
+        raise text.error(line, f"found {_shown(bad)}, a number is needed{hint(bad)}") from None
 
 
 def table(text: LogText, columns: Sequence[str], skip: str = "#") -> NDArray[np.float64]:
@@ -198,12 +265,15 @@ def _first_bad_row(
     """Return the error of the first row that is none."""
     number, words = next((n, words) for n, words in rows if not _is_row(words, len(columns)))
     if len(words) != len(columns):
-        problem = f"found {len(words)} words, needed are {len(columns)}: {', '.join(columns)}"
+        problem = (
+            f"found {len(words)} words, needed are {len(columns)}: {', '.join(columns)}"
+            f"{hint(words[0])}"
+        )
     else:
         column, word = next(
             (name, word) for name, word in zip(columns, words, strict=True) if not _is_finite(word)
         )
-        problem = f"{column}: found {_shown(word)}, a finite number is needed"
+        problem = f"{column}: found {_shown(word)}, a finite number is needed{hint(word)}"
     return text.error(number, problem)
 
 
@@ -224,6 +294,15 @@ def _is_number(word: str) -> bool:
 def _is_finite(word: str) -> bool:
     """Return whether a word is a finite number."""
     return _is_number(word) and bool(np.isfinite(float(word)))
+
+
+def hint(word: str) -> str:
+    """Return what a word that is no number is like; empty where it is like nothing known."""
+    if ";" in word:
+        return "; the columns are separated by ';', needed are spaces"
+    if _DECIMAL_COMMA.fullmatch(word):
+        return "; its decimals stand behind a comma, needed is a point"
+    return "; the columns are separated by commas, needed are spaces" if "," in word else ""
 
 
 def _shown(word: str) -> str:

@@ -16,7 +16,7 @@ from robotctl.telemetry.carmen_lines import KNOWN
 from robotctl.telemetry.carmen_log import read_carmen
 from robotctl.telemetry.lego_log import LINES as LEGO_LINES
 from robotctl.telemetry.lego_log import is_lego, read_lego
-from robotctl.telemetry.log_text import LogFormatError, first_words
+from robotctl.telemetry.log_text import LogFormatError, first_words, hint
 from robotctl.telemetry.log_times import check_pace, check_unit
 from robotctl.telemetry.mrclam_log import is_mrclam, read_mrclam, robot_of
 from robotctl.telemetry.own_log import is_mcap, mcap_files, read_own
@@ -26,6 +26,9 @@ KINDS: Final = (
     "(a folder of --record, or one robot-*.mcap of it)"
 )
 """What is read, for messages."""
+
+_OF_MAPS: Final = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
+_PICTURES: Final = (b"P2", b"P5", b"P6", b"\x89PNG", b"\xff\xd8\xff", b"BM")
 
 
 def read_recording(
@@ -96,8 +99,30 @@ def _check_carmen(path: Path) -> None:
     """Refuse a file that is no CARMEN log, and so nothing that is read."""
     word = _first_word(path)
     if word not in KNOWN:
-        found = f"the first line begins with {word[:24]!r}" if word else "no text in it"
-        raise LogFormatError(f"{path}: {found}; needed is {KINDS}")
+        raise LogFormatError(f"{path}: {_found(path, word)}; needed is {KINDS}")
+
+
+def is_log(path: Path) -> bool:
+    """Return whether a file is a recorded log, by its beginning."""
+    try:
+        word = _first_word(path)
+        return is_mcap(path) or word in KNOWN or word in LEGO_LINES
+    except (LogFormatError, OSError):
+        return False
+
+
+def _found(path: Path, word: str) -> str:
+    """Return what a file is that is no log, by its first word."""
+    if word.removesuffix(":") in _OF_MAPS:
+        return "a ROS map, which is for --map"
+    with path.open("rb") as file:
+        if file.read(8).startswith(_PICTURES):
+            return "a picture"
+    if word.startswith("["):
+        return "a TOML file, as worlds, missions and robots are"
+    if not word:
+        return "no text in it"
+    return f"the first line begins with {word[:24]!r}{hint(word)}"
 
 
 def _limited(recording: Recording, max_range_m: float) -> Recording:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+
 import numpy as np
 import pytest
 
@@ -35,3 +37,11 @@ def test_a_map_that_tells_no_place_from_another_is_refused_in_words(tmp_path, ce
 def test_two_by_two_cells_are_a_map(tmp_path):
     name = saved(tmp_path, [[OCCUPIED, FREE], [FREE, UNKNOWN]])
     assert load_localisation_map(name, tmp_path).walls is None
+
+
+@pytest.mark.parametrize("name", ["drive.log", "drive.log.gz", "drive.yaml"])
+def test_a_log_where_a_map_is_needed_is_called_a_log(tmp_path, name):
+    text = b"# CARMEN Logfile\nODOM 1 2 3 0 0 0 1.5 host 1.5\n"
+    (tmp_path / name).write_bytes(gzip.compress(text) if name.endswith(".gz") else text)
+    with pytest.raises(ConfigError, match=f"{name}: a recorded log where a map is needed"):
+        load_localisation_map(str(tmp_path / name), tmp_path)

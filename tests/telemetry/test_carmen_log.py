@@ -187,7 +187,7 @@ def test_damaged_gzip_data_are_refused(tmp_path):
     packed[-6] ^= 255
     path = tmp_path / "bad.log.gz"
     path.write_bytes(packed)
-    with pytest.raises(LogFormatError, match=r"bad\.log\.gz: the gzip data are damaged"):
+    with pytest.raises(LogFormatError, match=r"bad\.log\.gz:22: the gzip data are damaged"):
         read_recording(path)
 
 
