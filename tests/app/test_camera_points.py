@@ -10,7 +10,7 @@ from robotctl.errors import ConfigError
     ("text", "message"),
     [
         ("u;v\n1.5;2.5\n", r"a\.csv:1: the columns are separated by ';'; needed are commas"),
-        ("u;v;n\n1,5;2,5;a\n", "separated by ';', and its numbers have decimal commas; needed are commas and dec"),
+        ("u;v;n\n1,5;2,5;a\n", "numbers have decimal commas; needed are commas and decimal p"),
         ("# seen\nu\tv\n1.5\t2.5\n", r"a\.csv:2: the columns are separated by tabs"),
         ("u v\n1.5 2.5\n", r"a\.csv:1: the columns are separated by spaces"),
         ('u,v\n"1,5","2,5"\n', r"a\.csv:2: u: found '1,5', with a decimal comma, a finite number"),
