@@ -1,9 +1,10 @@
 """Monte Carlo localisation on public lidar logs: speed, accuracy, unknown start, carried away.
 
-Maps are built from the even scans at their reference poses; the odd scans localise. The Intel log
-has the robot's own odometry. The others were corrected in place and have none: noise is put on
-their poses, by which a robot is some 10 cm and 6 degrees off after a metre. All settings are the
-defaults but the number of particles. ROBOTCTL_DATA names the folder of the recordings.
+Maps are built from the even scans at their reference poses; the odd scans localise. Freiburg 079
+and Seattle were corrected in place and have no odometry of their own: noise is put on their poses,
+by which a robot is some 10 cm and 6 degrees off after a metre. In the museum visitors hide the
+walls. All settings are the defaults but the number of particles. ROBOTCTL_DATA names the folder of
+the recordings.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ LOGS = {
     "Intel": ("intel-odometry.log.gz", (0.0, 0.0)),
     "Freiburg 079": ("freiburg-079-corrected.log.gz", (0.1, 0.1)),
     "Seattle": ("seattle-corrected.log.gz", (0.1, 0.1)),
+    "museum": ("fhw-odometry.log.gz", (0.0, 0.0)),
+    "Acapulco": ("acapulco-odometry.log.gz", (0.0, 0.0)),
 }
 """File, and noise put on its odometry [m after 1 m], [rad after 1 m and after 1 rad]."""
 SEEDS_A_ROUND = 2

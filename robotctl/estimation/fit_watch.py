@@ -30,7 +30,7 @@ _GREATEST: Final = 4.0
 """One measurement counts for at most so many."""
 _LEARNT_FROM: Final = 2.0
 """Level and scatter are moved by at most so many, lest a bad fit be learnt before it is noticed."""
-_ALARM: Final = 10.0
+_ALARM: Final = 8.0
 """Sum of standard deviations, less the slack, at which the fit is called bad if both fell."""
 _ALARM_ALONE: Final = 40.0
 """The same for the evidence alone. On public lidar logs the sum of a tracked robot reaches 22."""
@@ -45,6 +45,10 @@ class FitWatch:
     def __init__(self) -> None:
         self._evidence = _Watched(level=-2.0, scatter=2.0)
         self._advantage = _Watched(level=10.0, scatter=4.0)
+
+    def is_low(self, evidence: float) -> bool:
+        """Whether an evidence is so far below its level that it counts."""
+        return self._evidence.is_low(evidence)
 
     def is_bad(self, evidence: float, elsewhere: float) -> bool:
         """Take in a measurement; return whether the fit has become bad.
@@ -73,9 +77,17 @@ class _Watched:
         self._variance = scatter**2
         self.sum = 0.0
 
+    @property
+    def _scatter(self) -> float:
+        return max(math.sqrt(self._variance), _LEAST_SCATTER)
+
+    def is_low(self, figure: float) -> bool:
+        """Whether the sum would grow."""
+        return figure < self._level - _SLACK * self._scatter
+
     def fallen(self, figure: float) -> float:
         """Take in a figure and return the sum."""
-        scatter = max(math.sqrt(self._variance), _LEAST_SCATTER)
+        scatter = self._scatter
         off = (figure - self._level) / scatter
         self.sum = max(0.0, self.sum - min(max(off, -_GREATEST), _GREATEST) - _SLACK)
         self._learn(min(max(off, -_LEARNT_FROM), _LEARNT_FROM) * scatter)

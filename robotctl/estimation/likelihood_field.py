@@ -33,11 +33,16 @@ from robotctl.estimation.beam_selection import evenly_chosen, judges, tempering
 from robotctl.estimation.compiled import compiled
 from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
+from robotctl.estimation.range_casting import RangeCaster
 from robotctl.model.grid_map import GridMap
 from robotctl.model.range_scan import RangeScan
 
 _LEVELS = 9
 """So many standard deviations are told apart, each sqrt(2) of the one before: up to 16 times."""
+_NEAR = 3.0
+"""A beam is hidden if it ends by more standard deviations before the map's first obstacle."""
+_HIDDEN = math.log(0.5)
+"""Log-likelihood of such a beam at least, where people are forgiven."""
 _BLOCK = 128
 """Particles weighed together: their sums stay in the first-level cache."""
 
@@ -76,6 +81,8 @@ class LikelihoodField:
         )
         far_m = np.array(self.config.skipping.sigmas * self.config.sigma_m, np.float32)
         self._agrees = np.float32(self._log(far_m, 1.0))
+        self._caster = RangeCaster(grid)
+        self._free = np.pad(grid.free(), 1)
 
     def measurement(self, scan: RangeScan) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of a scan.
@@ -83,17 +90,7 @@ class LikelihoodField:
         Which beams are skipped is decided by the first poses that it is asked for, the belief; the
         same beams then weigh all others, so that belief and other places compare.
         """
-        beams = self._chosen(scan)
-        alpha = tempering(len(beams.levels), self.config.beam_correlation)
-        undecided = self.config.skipping.enabled and len(beams.levels) > 0
-
-        def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-            nonlocal beams, undecided
-            if undecided:
-                beams, undecided = self._without_skipped(poses, beams), False
-            return alpha * self._summed(poses, beams)
-
-        return log_likelihood
+        return _ScanLikelihood(self, scan)
 
     def log_likelihood(self, poses: NDArray[np.float64], scan: RangeScan) -> NDArray[np.float64]:
         """Return the log-likelihood of a scan at each pose.
@@ -132,6 +129,21 @@ class LikelihoodField:
             self._make_fields(int(levels.max()))
         return _Beams((points * self._map_from_world[4]).astype(np.float32), levels)
 
+    def _hidden(
+        self, poses: NDArray[np.float64], scan: RangeScan, levels: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Return which of the chosen beams end before the map allows, (k, n), from each pose."""
+        chosen = evenly_chosen(scan.ranges_m < scan.max_range_m, self.config.beams)
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x = poses[:, 0] + c * scan.x_m - s * scan.y_m
+        y = poses[:, 1] + s * scan.x_m + c * scan.y_m
+        expected_m = self._caster.cast(
+            np.stack([x, y, poses[:, 2]], axis=1), scan.angles_rad[chosen], scan.max_range_m
+        )
+        near_m = _NEAR * self.config.sigma_m * 2.0 ** (0.5 * levels)
+        hidden: NDArray[np.bool_] = (scan.ranges_m[chosen] + near_m)[:, np.newaxis] < expected_m
+        return hidden
+
     def _make_fields(self, level: int) -> None:
         """Make the fields up to a level, if they are not there."""
         there = len(self._log_fields)
@@ -145,6 +157,29 @@ class LikelihoodField:
         total = np.empty(len(poses))
         cos, sin = self._heading(poses)
         _weigh(poses, cos, sin, *beams, self._map_from_world, self._log_fields, total)
+        return total
+
+    def _summed_forgiving(
+        self, poses: NDArray[np.float64], beams: _Beams, hidden: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Return the same, where beams that are `hidden`, (k, n), have no less than `_HIDDEN`.
+
+        Who hides the map stands in a free place of it: off the map nothing is forgiven.
+        """
+        total = np.zeros(len(poses))
+        cos, sin = self._heading(poses)
+        _forgive(
+            poses,
+            cos,
+            sin,
+            *beams,
+            self._map_from_world,
+            self._log_fields,
+            self._free,
+            hidden,
+            _HIDDEN,
+            total,
+        )
         return total
 
     def _heading(
@@ -166,6 +201,26 @@ class LikelihoodField:
         )
         kept = self.config.skipping.kept(agreeing / len(few))
         return _Beams(np.ascontiguousarray(beams.points[:, kept]), beams.levels[kept])
+
+
+class _ScanLikelihood:
+    """What a scan says of poses: `Forgiving`."""
+
+    def __init__(self, field: LikelihoodField, scan: RangeScan) -> None:
+        self._field, self._scan = field, scan
+        self._all = self._beams = field._chosen(scan)
+        self._alpha = tempering(len(self._all.levels), field.config.beam_correlation)
+        self._undecided = field.config.skipping.enabled and len(self._all.levels) > 0
+
+    def __call__(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._undecided:
+            self._beams, self._undecided = self._field._without_skipped(poses, self._all), False
+        return self._alpha * self._field._summed(poses, self._beams)
+
+    def forgiven(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        field = self._field
+        hidden = field._hidden(poses, self._scan, self._all.levels)
+        return self._alpha * field._summed_forgiving(poses, self._all, hidden)
 
 
 def _distances(grid: GridMap) -> NDArray[np.float32]:
@@ -257,3 +312,31 @@ def _count_agreeing(
             row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
             if 0 <= row < log_fields.shape[1] and 0 <= column < log_fields.shape[2]:
                 agreeing[k] += log_fields[levels[k], row, column] >= agrees
+
+
+@compiled
+def _forgive(
+    poses: NDArray[np.float64],
+    cos: NDArray[np.float32],
+    sin: NDArray[np.float32],
+    points: NDArray[np.float32],
+    levels: NDArray[np.int64],
+    map_from_world: NDArray[np.float64],
+    log_fields: NDArray[np.float32],
+    free: NDArray[np.bool_],
+    hidden: NDArray[np.bool_],
+    least: float,
+    total: NDArray[np.float64],
+) -> None:
+    """Add to `total` the beams' fields at their end points; a hidden one has `least` at least."""
+    x0, y0, c0, s0, scale = map_from_world
+    for i in range(len(poses)):
+        x, y = poses[i, 0] - x0, poses[i, 1] - y0
+        u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
+        for k in range(points.shape[1]):
+            column = math.floor(u + cos[i] * points[0, k] - sin[i] * points[1, k]) + 1
+            row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
+            column = min(max(column, 0), log_fields.shape[2] - 1)
+            row = min(max(row, 0), log_fields.shape[1] - 1)
+            log = log_fields[levels[k], row, column]
+            total[i] += max(log, least) if hidden[k, i] and free[row, column] else log

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,27 @@ LogLikelihood: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From poses of `base` in `world`, (n, 3) [m, m, rad], to the log-likelihood of one measurement at
 each, (n,), up to a constant that is the same for all poses. The constant makes a perfect fit about
 0, so that the localiser can tell from the first measurement on whether one fits badly."""
+
+
+@runtime_checkable
+class Forgiving(Protocol):
+    """A log-likelihood of a sensor from which people and things can hide the map."""
+
+    def __call__(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the log-likelihood at each pose, (n,)."""
+
+    def forgiven(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the same, (n,), but that what is nearer than the map allows says little.
+
+        It costs more, and is for a few poses: whether what a robot sees speaks against a place.
+        """
+
+
+def forgiven(log_likelihood: LogLikelihood, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the log-likelihoods of poses, (n,), forgiving where the sensor can."""
+    if isinstance(log_likelihood, Forgiving):
+        return log_likelihood.forgiven(poses)
+    return log_likelihood(poses)
 
 
 def evaluated(log_likelihood: LogLikelihood, poses: NDArray[np.float64]) -> NDArray[np.float64]:

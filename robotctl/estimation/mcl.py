@@ -4,14 +4,12 @@ Notes, section 4; Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
 
 - While the robot is tracked, random poses, the *scouts*, are weighed by the same measurement. The
   ratio of the two evidences is Bayes' factor between "as tracked" and "carried away to anywhere";
-  it is accumulated, and `fit_watch.py` compares the evidence with what it used to be.
-- If one of them speaks against the belief, a search begins, as from an unknown start: random poses
-  join in, and each measurement is applied in steps (`annealing.py`), so that particles are found
-  where its likelihood is great instead of being drawn at random. A part of the belief stays, for
-  it may have been right.
-- A likelihood that is too narrow for the tracked particles is tempered (`tempering.py`).
+  it is accumulated, and `fit_watch.py` compares the evidence with what it used to be. Beams that
+  something hides from the map say little (`log_likelihood.py`).
+- If one of them speaks against the belief, a search begins beside it, as from an unknown start
+  (`particle_belief.py`). The belief is kept until what was found has explained the measurements
+  better over a piece of way (`rival.py`).
 - The estimate is the mean of the heaviest cluster, from the weights before they are resampled.
-- The number of particles follows the belief (KLD sampling, `pose_bins.py`).
 
 All randomness comes from one generator, so the same seed and inputs give the same bits.
 """
@@ -23,25 +21,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.annealing import anneal
-from robotctl.estimation.belief import Cluster, clusters
+from robotctl.estimation.belief import Cluster
 from robotctl.estimation.fit_watch import FitWatch
 from robotctl.estimation.free_space import SampleFree
-from robotctl.estimation.log_likelihood import LogLikelihood, evaluated
+from robotctl.estimation.log_likelihood import LogLikelihood, evaluated, forgiven
 from robotctl.estimation.mcl_config import MclConfig
+from robotctl.estimation.particle_belief import ParticleBelief
 from robotctl.estimation.particle_motion import OdometryWay
-from robotctl.estimation.particles import effective_size, posterior, resample_systematic
-from robotctl.estimation.pose_bins import kld_size
-from robotctl.estimation.tempering import bearable_exponent
+from robotctl.estimation.particles import posterior
+from robotctl.estimation.rival import Rival, Verdict
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
 from robotctl.model.se2 import SE2
 
-_CLUSTERS = 8
-"""Clusters kept for display."""
-_KEPT = 0.1
-"""Share of the old belief in a new search. With more of it a wrong place that fits so so hides the
-right one, which at first has few particles."""
+_FORGIVEN = 4
+"""So many poses, the best ones, show what is hidden from the map."""
 
 
 class MonteCarloLocaliser:
@@ -70,8 +64,7 @@ class MonteCarloLocaliser:
 
     def start_anywhere(self) -> None:
         """Forget all: the robot may be in any free place, with any heading."""
-        self._searching = True
-        self._begin(self._sample_free(self._rng, self.config.max_particles))
+        self._begin(self._anywhere())
 
     def start_at(self, pose: SE2, sigma_m: float, sigma_rad: float) -> None:
         """Believe in a pose, with standard deviations of x and y [m] and of the heading [rad].
@@ -89,32 +82,34 @@ class MonteCarloLocaliser:
         off *= (sigma_m, sigma_m, sigma_rad)
         off += (pose.x_m, pose.y_m, pose.theta_rad)
         off[:, 2] -= math.tau * np.round(off[:, 2] / math.tau)
-        self._searching = False
-        self._begin(off)
+        self._begin(ParticleBelief(self.config, off, searching=False))
         if sigma_m <= self.config.localised_m and sigma_rad <= self.config.localised_rad:
-            self._agreed = self.config.localised_updates
+            self._belief.agreed = self.config.localised_updates
 
-    def _begin(self, poses: NDArray[np.float64]) -> None:
-        self._poses = poses
-        self._weights = np.full(len(poses), 1.0 / len(poses))
+    def _anywhere(self) -> ParticleBelief:
+        """Return a belief that the robot is anywhere."""
+        poses = self._sample_free(self._rng, self.config.max_particles)
+        return ParticleBelief(self.config, poses, searching=True)
+
+    def _begin(self, belief: ParticleBelief) -> None:
+        self._belief = belief
+        self._rival: Rival | None = None
         self._heard: set[str] = set()
         """Sensors that have weighed the belief on this piece of way."""
         self._way.reset()
         self._lost = False
-        self._agreed = 0
         self._elsewhere = -math.inf
         self._watches: dict[str, FitWatch] = {}
-        self._clusters = clusters(poses, self._weights, self.config.bins, _CLUSTERS)
 
     @property
     def poses(self) -> NDArray[np.float64]:
         """Particles at the time of the last measurement, (n, 3) [m, m, rad]; not to be changed."""
-        return self._poses
+        return self._belief.poses
 
     @property
     def weights(self) -> NDArray[np.float64]:
         """Their weights, (n,), of sum 1; not to be changed."""
-        return self._weights
+        return self._belief.weights
 
     def due(self, sensor: str = "") -> bool:
         """Whether a measurement of a sensor says something new.
@@ -138,14 +133,14 @@ class MonteCarloLocaliser:
     @property
     def clusters(self) -> list[Cluster]:
         """The heaviest parts of the belief at the time of the last measurement, heaviest first."""
-        return self._clusters
+        return self._belief.clusters
 
     @property
     def status(self) -> LocalisationStatus:
         """How far the estimate may be trusted."""
         if self._lost:
             return LocalisationStatus.LOST
-        if self._agreed >= self.config.localised_updates:
+        if self._rival is None and self._belief.is_sure:
             return LocalisationStatus.LOCALISED
         return LocalisationStatus.SEARCHING
 
@@ -167,116 +162,91 @@ class MonteCarloLocaliser:
         if self._has_moved:
             self._heard.clear()
         self._heard.add(sensor)
-        self._advance()
+        distance_m, angle_rad = self._way.distance_m, self._way.angle_rad
+        self._belief.advance(self._way, self._rng)
+        if self._rival is not None:
+            self._rival.belief.advance(self._way, self._rng)
+        self._way.reset()
         self._lost = False
-        if self._searching:
-            self._add_strangers()
-            self._search(log_likelihood)
+        if self._belief.searching:
+            self._lost = not self._belief.search(log_likelihood, self._sample_free, self._rng)
+            self._belief.searching = not self._belief.is_sure
         else:
-            self._track(log_likelihood, sensor)
-        self._clusters = clusters(self._poses, self._weights, self.config.bins, _CLUSTERS)
-        self._agreed = self._agreed + 1 if self._is_compact() and not self._lost else 0
-        if self.status is LocalisationStatus.LOCALISED:
-            self._searching = False
-
-    def _is_compact(self) -> bool:
-        best, config = self._clusters[0], self.config
-        return (
-            best.weight >= config.localised_weight
-            and best.sigma_m <= config.localised_m
-            and best.sigma_rad <= config.localised_rad
-        )
+            self._track(log_likelihood, sensor, distance_m, angle_rad)
 
     def estimate(self, stamp_ns: int) -> PoseEstimate:
         """Return what is believed now, moved on by the odometry since the last measurement.
 
         A robot that was localised is no more where the odometry alone has made it uncertain.
         """
-        best, status = self._clusters[0], self.status
+        best, status = self._belief.best, self.status
         faded = Cluster(best.weight, *self._way.end(best.mean, best.covariance))
         if status is LocalisationStatus.LOCALISED and faded.sigma_m > self.config.localised_m:
             status = LocalisationStatus.SEARCHING
         return PoseEstimate(stamp_ns, faded.mean, faded.covariance, status)
 
-    def _advance(self) -> None:
-        """Resample where the belief calls for it, then move all particles by the odometry."""
-        uneven = effective_size(self._weights) < self.config.resample_below * len(self._weights)
-        if uneven or self._searching:
-            self._resample(self._wanted_particles())
-        self._poses = self._way.moved(self._poses, self._rng)
-        self._way.reset()
-
-    def _add_strangers(self) -> None:
-        """Mix random poses into the belief."""
-        share, count = self.config.strangers, self.config.max_particles
-        strangers = self._sample_free(self._rng, math.ceil(share * count))
-        alike = np.full(len(strangers), share / len(strangers))
-        self._poses = np.concatenate([self._poses, strangers])
-        self._weights = np.concatenate([(1.0 - share) * self._weights, alike])
-
-    def _resample(self, count: int) -> None:
-        chosen = resample_systematic(self._weights, count, self._rng)
-        self._poses = self._poses.take(chosen, axis=0)
-        self._weights = np.full(count, 1.0 / count)
-
-    def _wanted_particles(self) -> int:
-        config = self.config
-        if config.min_particles == config.max_particles:
-            return config.max_particles
-        return kld_size(
-            self._poses,
-            self._weights,
-            config.bins,
-            config.kld_error,
-            config.kld_quantile,
-            config.min_particles,
-            config.max_particles,
-            self._rng,
-        )
-
-    def _search(self, log_likelihood: LogLikelihood) -> None:
-        """Weigh a belief that is spread wide."""
-        config = self.config
-        found = anneal(
-            self._poses, self._weights, log_likelihood, config.bins, config.search_floor, self._rng
-        )
-        if found is None:
-            self._lost = True  # It fits nowhere, and so does not say where the robot is.
-        else:
-            self._poses, self._weights = found
-
-    def _track(self, log_likelihood: LogLikelihood, sensor: str) -> None:
+    def _track(
+        self, log_likelihood: LogLikelihood, sensor: str, distance_m: float, angle_rad: float
+    ) -> None:
         """Weigh a compact belief, and ask whether the robot may be elsewhere."""
-        config = self.config
-        logs = evaluated(log_likelihood, self._poses)
-        scouts = self._sample_free(self._rng, math.ceil(config.scouts * len(self._poses)))
+        logs = evaluated(log_likelihood, self._belief.poses)
+        scouts = self._sample_free(self._rng, math.ceil(self.config.scouts * len(logs)))
         scout_logs = evaluated(log_likelihood, scouts)
         if max(logs.max(), scout_logs.max()) == -math.inf:
             self._lost = True
             return
-        weights, evidence = posterior(self._weights, logs)
+        evidence = self._belief.track(logs)
+        watch = self._watches.setdefault(sensor, FitWatch())
+        if watch.is_low(evidence):
+            evidence += self._forgiveness(log_likelihood, self._belief, logs)
+            best = np.argpartition(scout_logs, -_FORGIVEN)[-_FORGIVEN:]
+            scout_logs[best] = forgiven(log_likelihood, scouts[best])
         _, elsewhere = posterior(np.full(len(scouts), 1.0 / len(scouts)), scout_logs)
-        self._elsewhere = max(self._elsewhere, math.log(config.carried_away))
-        self._elsewhere += elsewhere - evidence
-        fits = not self._watches.setdefault(sensor, FitWatch()).is_bad(evidence, elsewhere)
-        if self._elsewhere > 0.0 or not fits:
-            self._set_out()
-            self._search(log_likelihood)
+        if self._rival is not None:
+            self._contend(self._rival, log_likelihood, evidence, distance_m, angle_rad)
+        elif self._is_doubtful(evidence, elsewhere, watch):
             self._lost = True
-            return
-        least = config.n_eff_floor * len(logs)
-        if effective_size(weights) < least:
-            exponent = bearable_exponent(self._weights, logs, least)
-            weights, _ = posterior(self._weights, exponent * logs)
-        self._weights = weights
+            self._rival = Rival(self._anywhere())
+            self._rival.belief.search(log_likelihood, self._sample_free, self._rng)
 
-    def _set_out(self) -> None:
-        """Begin a search: a tenth of the belief stays, the rest is that the robot is anywhere."""
-        count = self.config.max_particles
-        self._resample(count)
-        anywhere = self._sample_free(self._rng, round((1.0 - _KEPT) * count))
-        self._poses[self._rng.permutation(count)[: len(anywhere)]] = anywhere
-        self._searching = True
+    def _forgiveness(
+        self, log_likelihood: LogLikelihood, belief: ParticleBelief, logs: NDArray[np.float64]
+    ) -> float:
+        """Return how much better a measurement fits without what hides the map [nat]."""
+        best = np.argpartition(belief.weights, -_FORGIVEN)[-_FORGIVEN:]
+        return float(np.mean(forgiven(log_likelihood, belief.poses[best]) - logs[best]))
+
+    def _is_doubtful(self, evidence: float, elsewhere: float, watch: FitWatch) -> bool:
+        """Whether the measurements have come to speak against the belief."""
+        self._elsewhere = max(self._elsewhere, math.log(self.config.carried_away))
+        self._elsewhere += elsewhere - evidence
+        is_bad = watch.is_bad(evidence, elsewhere)
+        return is_bad or self._elsewhere > 0.0
+
+    def _contend(
+        self,
+        rival: Rival,
+        log_likelihood: LogLikelihood,
+        evidence: float,
+        distance_m: float,
+        angle_rad: float,
+    ) -> None:
+        """Compare belief and rival by a measurement; the better one stays."""
+        belief = rival.belief
+        logs = evaluated(log_likelihood, belief.poses)
+        foretold = posterior(belief.weights, logs)[1]
+        if foretold > -math.inf:
+            foretold += self._forgiveness(log_likelihood, belief, logs)
+        lead = foretold - evidence if foretold > -math.inf else -math.inf
+        belief.search(log_likelihood, self._sample_free, self._rng)
+        verdict = rival.compare(lead, distance_m, angle_rad, self._belief.best)
+        if verdict is Verdict.OPEN:
+            return
+        if verdict is Verdict.PROVEN:
+            self._belief = belief
+            belief.searching = False
+            belief.agreed = self.config.localised_updates // 2  # The rest confirms it.
+        self._rival = None
         self._elsewhere = -math.inf
         for watch in self._watches.values():
             watch.forgive()

@@ -12,6 +12,7 @@ import pytest
 from robotctl.estimation.likelihood_config import BeamSkipping, LikelihoodFieldConfig
 from robotctl.estimation.likelihood_field import LikelihoodField
 from robotctl.estimation.occupancy_grid import OccupancyGrid
+from robotctl.estimation.range_casting import RangeCaster
 from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
@@ -262,6 +263,53 @@ def test_the_beams_skipped_for_the_belief_are_skipped_for_all_other_places():
     measurement(near)
     assert np.all(measurement(elsewhere) >= LikelihoodField(grid).log_likelihood(elsewhere, scan))
     assert np.any(measurement(elsewhere) > skipping.log_likelihood(elsewhere, scan) + 1.0)
+
+
+def shortened(scan: RangeScan, share: float) -> RangeScan:
+    """Somebody stands before that share of the beams, half as far away as the wall."""
+    ranges = scan.ranges_m.copy()
+    ranges[: round(share * len(ranges))] *= 0.5
+    return replace(scan, ranges_m=ranges)
+
+
+def test_forgiven_is_a_beam_that_ends_too_early_and_not_one_that_goes_through_a_wall():
+    """Half the beams too short cost half a bit each; as many too long cost what they do anyway."""
+    grid = room()
+    field = LikelihoodField(grid, LikelihoodFieldConfig(beam_correlation=0.0))
+    angles = np.linspace(-1.2, 1.2, 40)
+    here = np.array([[1.5, 2.0, 0.3]])
+    ranges = RangeCaster(grid).cast(here, angles, 8.0)[:, 0] + 0.05
+    right = RangeScan(0, angles, ranges, 8.0)
+    crowd, behind = shortened(right, 0.5), shortened(right, 0.5)
+    behind = replace(behind, ranges_m=np.where(behind.ranges_m < ranges, ranges + 1.0, ranges))
+    perfect = field.log_likelihood(here, right)[0]
+    of_crowd, of_walls = field.measurement(crowd), field.measurement(behind)
+    assert of_crowd(here)[0] < perfect - 30.0
+    assert perfect - 20 * math.log(2.0) - 1.0 < of_crowd.forgiven(here)[0] <= perfect
+    assert of_walls.forgiven(here)[0] == pytest.approx(of_walls(here)[0], abs=1e-3)
+    assert of_walls(here)[0] < perfect - 30.0
+    assert field.measurement(right).forgiven(here)[0] == pytest.approx(perfect, abs=1e-3)
+
+
+def test_off_the_map_nothing_is_forgiven():
+    grid = room()
+    field = LikelihoodField(grid)
+    angles = np.linspace(-3.0, 3.0, 60)
+    measurement = field.measurement(RangeScan(0, angles, np.full(60, 1.0), 40.0))
+    for pose in ([-20.0, 2.0, 0.0], [30.0, 30.0, 1.0], [3.0, -9.0, 2.0]):
+        poses = np.array([pose])
+        assert measurement.forgiven(poses)[0] == pytest.approx(measurement(poses)[0])
+
+
+def test_forgiveness_never_lowers_a_likelihood_and_needs_no_echo():
+    rng = np.random.default_rng(11)
+    field = LikelihoodField(room(SE2(3.0, -2.0, 0.7)))
+    scan = random_scan(rng, x_m=0.2, y_m=-0.1)
+    poses = random_poses(rng, 200, SE2(3.0, -2.0, 0.7))
+    measurement = field.measurement(scan)
+    assert np.all(measurement.forgiven(poses) >= measurement(poses) - 1e-3)
+    nothing = replace(scan, ranges_m=np.full(len(scan.ranges_m), np.inf))
+    assert np.array_equal(field.measurement(nothing).forgiven(poses), np.zeros(200))
 
 
 @pytest.mark.recordings("carmen/intel-odometry.log.gz")

@@ -111,6 +111,45 @@ def test_a_wrong_start_is_noticed():
     assert off_m(mcl, pose) < 0.1
 
 
+def test_the_place_is_kept_until_another_one_has_proven_itself_on_the_way():
+    """A robot that is carried away: the estimate goes on by odometry, then it is the right one."""
+    mcl = localiser(max_particles=5000)
+    mcl.start_at(SE2(3.0, 3.0, 0.3), 0.1, 0.05)
+    old = drive(mcl, SE2(3.0, 3.0, 0.3), 8)
+    pose, driven_m = SE2(15.0, 6.0, -2.0), 0.0
+    while off_m(mcl, pose) > 0.2:
+        assert off_m(mcl, old) < 3.0
+        assert driven_m == 0.0 or mcl.status is not LocalisationStatus.LOCALISED
+        old, pose, driven_m = old @ STEP, drive(mcl, pose, 1), driven_m + 0.3
+        assert driven_m < 3.0
+    assert driven_m > 0.5
+
+
+def test_what_is_forgiven_is_no_reason_to_look_elsewhere():
+    """Measurements that fit nowhere, but that the tracked place is forgiven for: a crowd."""
+
+    class Crowd:
+        def __init__(self, pose: SE2) -> None:
+            self.right = beacons_from(pose)
+
+        def __call__(self, poses: np.ndarray) -> np.ndarray:
+            return np.maximum(self.right(poses), -5.0) - 20.0
+
+        def forgiven(self, poses: np.ndarray) -> np.ndarray:
+            return np.maximum(self.right(poses), -20.0)
+
+    mcl = localiser(max_particles=2000)
+    pose = SE2(3.0, 3.0, 0.3)
+    mcl.start_at(pose, 0.05, 0.05)
+    pose = drive(mcl, pose, 8)
+    for _ in range(40):
+        pose = pose @ STEP
+        mcl.move(STEP)
+        mcl.measure(Crowd(pose))
+        assert mcl.status is LocalisationStatus.LOCALISED
+        assert off_m(mcl, pose) < 0.3
+
+
 def test_between_measurements_the_estimate_moves_on_with_growing_covariance():
     mcl = localiser()
     mcl.start_at(SE2(5.0, 5.0, 1.0), 0.1, 0.05)
