@@ -198,6 +198,10 @@ class SimRun:
         self._said_waiting = False
         self._was_armed = self._was_steered = False
         """From the first time on it is for the operator to arm, and to choose who steers."""
+        self._was_ready = False
+        """Whether there has been a run that could be scored."""
+        self._attended = False
+        """Whether who stopped the robot sits at the keys, and may arm it again."""
         self._score = RunScore(
             self.walls,
             camera_score(self.config, options, room),
@@ -323,7 +327,7 @@ class SimRun:
             if stopped:
                 progress.lines.append("stopped by the user")
             yield progress
-            over = is_over(progress.control, progress.navigation) or self._control_began_anew
+            over = self._is_over or self._control_began_anew
             if stopped or progress.elapsed_s > self._options.max_seconds or (until_done and over):
                 self._faults += not_begun(self._scenario, self._faults)
                 return
@@ -337,6 +341,13 @@ class SimRun:
             time.sleep(_POLL_S)
 
     @property
+    def _is_over(self) -> bool:
+        control = self.progress.control
+        if self._attended and control is not None and control.state is SafetyState.EMERGENCY_STOP:
+            return False
+        return is_over(control, self.progress.navigation)
+
+    @property
     def _control_began_anew(self) -> bool:
         """Whether the control process was lost: the robot may stand elsewhere than it believes."""
         return self._stack is not None and self._stack.starts(CONTROL) > 1
@@ -345,6 +356,21 @@ class SimRun:
         """Stop the robot at once; it stays stopped until a ground station arms it."""
         if self._stack is not None:
             self._stack.emergency_stop()
+
+    def emergency_key(self) -> None:
+        """Stop the robot at once for who sits at the keys: the run goes on, to be armed again."""
+        self._attended = True
+        self.emergency_stop()
+
+    def arm(self, *, arm: bool) -> None:
+        """Ask to arm or disarm, as an operator."""
+        self._was_armed = True
+        self._to_control.send(Arm(self._clock.now_ns(), next(self._request_ids), arm=arm))
+
+    def set_mode(self, mode: Mode) -> None:
+        """Ask for a mode, as an operator."""
+        self._was_steered = True
+        self._to_navigation.send(SetMode(self._clock.now_ns(), mode))
 
     def _ask(self, progress: Progress) -> None:
         """Ask for what has not been yet: arming, then mode AUTO."""
@@ -372,6 +398,7 @@ class SimRun:
                 case ControlState():
                     progress.control = self._score.control(message)
                     self._was_armed |= message.state in POWERED
+                    self._was_ready |= message.state is not SafetyState.BOOT
                 case LocalisationState():
                     progress.localisation = message
                     self._score.localisation(message)
@@ -399,11 +426,22 @@ class SimRun:
                 self.progress.lines.append(line.rstrip())
 
     def report(self) -> Report:
-        """Return the score of the run so far; with a record, write truth and map beside it."""
-        if self._options.record is not None:
-            self._score.save(self._options.record, self._run, self._stack_options.epoch_ns)
+        """Return the score of the run so far; with a record, write truth and map beside it.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Where the run was stopped before the robot was ready.
+        SimulatorError
+            Where somebody was never heard.
+        """
         progress = self.progress
         control, navigation, truth = progress.control, progress.navigation, progress.truth
+        was_there = self._was_ready and navigation is not None and truth is not None
+        if self._stopped() and not was_there:
+            raise KeyboardInterrupt
+        if self._options.record is not None:
+            self._score.save(self._options.record, self._run, self._stack_options.epoch_ns)
         if control is None or navigation is None or truth is None:
             missing = [
                 name

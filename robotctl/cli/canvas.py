@@ -22,12 +22,21 @@ class Canvas:
 
     def __init__(self, columns: int, rows: int, bounds: tuple[float, float, float, float]) -> None:
         x_min, y_min, x_max, y_max = bounds
-        self._columns, self._rows = columns, rows
+        self.columns, self.rows = columns, rows
         width, height = 2 * columns - 1, 4 * rows - 1
         self._scale = min(width / max(x_max - x_min, 1e-6), height / max(y_max - y_min, 1e-6))
         self._x_min, self._y_min = x_min, y_min
         self._cells = [[0] * columns for _ in range(rows)]
         self._marks: dict[tuple[int, int], str] = {}
+
+    @classmethod
+    def fitting(cls, columns: int, rows: int, bounds: tuple[float, float, float, float]) -> Canvas:
+        """Return the smallest one that shows `bounds` [m] as large as so much room allows."""
+        x_min, y_min, x_max, y_max = bounds
+        width_m, height_m = max(x_max - x_min, 1e-6), max(y_max - y_min, 1e-6)
+        scale = min((2 * columns - 1) / width_m, (4 * rows - 1) / height_m)
+        needed = math.ceil((scale * width_m + 1) / 2), math.ceil((scale * height_m + 1) / 4)
+        return cls(max(1, min(columns, needed[0])), max(1, min(rows, needed[1])), bounds)
 
     def copy(self) -> Canvas:
         """Return what is drawn so far, to go on with."""
@@ -39,7 +48,7 @@ class Canvas:
     def point(self, x_m: float, y_m: float) -> None:
         """Set the dot at a point; outside nothing happens."""
         column, row = self._dot(x_m, y_m)
-        if 0 <= column < 2 * self._columns and 0 <= row < 4 * self._rows:
+        if 0 <= column < 2 * self.columns and 0 <= row < 4 * self.rows:
             self._cells[row // 4][column // 2] |= _DOTS[row % 4][column % 2]
 
     def line(self, x1_m: float, y1_m: float, x2_m: float, y2_m: float) -> None:
@@ -65,5 +74,5 @@ class Canvas:
     def _dot(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return the dot (column, row from the top) of a point."""
         column = round((x_m - self._x_min) * self._scale)
-        row = 4 * self._rows - 1 - round((y_m - self._y_min) * self._scale)
+        row = 4 * self.rows - 1 - round((y_m - self._y_min) * self._scale)
         return column, row

@@ -11,6 +11,7 @@ from typing import Final, TextIO
 
 EMERGENCY_KEYS: Final = frozenset(" eE")
 HINT: Final = "Space or e: EMERGENCY STOP"
+AFTERWARDS: Final = "afterwards the robot stands until a ground station arms it"
 _DISABLED: Final = b"\0"
 """A control character that is none: `_POSIX_VDISABLE` of Linux."""
 
@@ -60,10 +61,10 @@ class Keys:
 
     def emergency(self) -> bool:
         """Return whether an emergency key was pressed since the last call."""
-        return not EMERGENCY_KEYS.isdisjoint(self._pressed())
+        return not EMERGENCY_KEYS.isdisjoint(self.pressed())
 
-    def _pressed(self) -> str:
-        """Return the keys that wait."""
+    def pressed(self) -> str:
+        """Return the keys that were pressed since the last call."""
         if self._descriptor is None or not self._foreground():
             return ""
         if not select.select([self._descriptor], [], [], 0.0)[0]:

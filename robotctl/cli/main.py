@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import signal
 import sys
 from typing import Final
 
@@ -28,6 +29,9 @@ def main() -> None:
     """
     with quiet_output() as output:
         status = _status()
+        if status == INTERRUPTED:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # some press Ctrl-C more than once
+            _say("interrupted")
         output.flush()
         if output.failure is not None and output.failure.errno != errno.EPIPE:
             _say(f"standard output: {output.failure.strerror}")

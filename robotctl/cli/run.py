@@ -24,7 +24,7 @@ from robotctl.app.signals import EmergencySignal, StopFlag
 from robotctl.app.stack import Stack
 from robotctl.app.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.cli.keys import HINT, Keys
+from robotctl.cli.keys import AFTERWARDS, HINT, Keys
 from robotctl.cli.voice import Voice
 from robotctl.runtime.messages import ControlState, NavigationState, Notice
 from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
@@ -108,7 +108,7 @@ def run(
     try:
         with Voice() as voice, Supervisor(stack, notifier, log) as supervisor, Keys() as keys:
             if keys.usable:
-                voice.say(HINT)
+                voice.say(f"{HINT}; {AFTERWARDS}")
             while not stopped():
                 if keys.emergency():
                     stack.emergency_stop()

@@ -24,8 +24,9 @@ from robotctl.app.world import find_world, straight_mission
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.cli.keys import HINT, Keys
+from robotctl.cli.keys import Keys
 from robotctl.cli.score_view import score_table
+from robotctl.cli.sim_keys import obey
 from robotctl.cli.view import make_view
 from robotctl.errors import ConfigError
 
@@ -118,8 +119,9 @@ def sim(
 ) -> None:
     """Drive a mission in simulation and score it.
 
-    Status 0: completed. 3: not completed, or a fault did not begin: it could not, or the run was
-    over before its time. 2: bad input.
+    Status 0: completed, or ended by Ctrl-C with --stay. 3: not completed, or a fault did not begin:
+    it could not, or the run was over before its time. 2: bad input. 130: interrupted before the
+    robot was ready.
     """
     check_files(report)
     if record is not None:
@@ -146,12 +148,16 @@ def sim(
     )
     if lockstep:
         result = run_lockstep(options, lambda said: print(said, file=sys.stderr))
+        stayed = False
     else:
-        result = _run(options, headless=headless, until_done=until_done)
+        stopped = StopFlag()
+        result = _run(options, stopped, headless=headless, until_done=until_done)
+        stayed = stopped() and not until_done
     if report is not None:
         write_file(report, lambda path: path.write_bytes(result.json()))
     plain_console().print(score_table(result))
-    sys.exit(0 if result.passed else NOT_COMPLETED)
+    well = result.passed or (stayed and not result.failed_faults)
+    sys.exit(0 if well else NOT_COMPLETED)
 
 
 def _mission(name: str, world: str) -> Path:
@@ -187,17 +193,13 @@ def _localisation(
     return tuple(settings)
 
 
-def _run(options: SimOptions, *, headless: bool, until_done: bool) -> Report:
+def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
-    stopped = StopFlag()
-    run = SimRun(options, stopped)
+    run, keys = SimRun(options, stopped), Keys()
     print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
     signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())
-    with run, make_view(run, headless=headless) as view, Keys() as keys:
-        if keys.usable:
-            run.progress.lines.append(HINT)
+    with run, make_view(run, headless=headless, keys=keys.usable) as view, keys:
         for progress in run.steps(until_done=until_done):
-            if keys.emergency():
-                run.emergency_stop()
+            obey(keys.pressed(), run, view)
             view.update(progress)
         return run.report()

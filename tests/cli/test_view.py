@@ -16,7 +16,14 @@ from robotctl.app.robot import make_core
 from robotctl.app.sim import Progress
 from robotctl.cli.view import LineView, LiveView
 from robotctl.model.wall_map import WallMap
-from robotctl.runtime.messages import ControlState, LoopStatistics, SafetyState
+from robotctl.planning.mode import Mode
+from robotctl.runtime.messages import (
+    BatteryFeedback,
+    ControlState,
+    LoopStatistics,
+    NavigationState,
+    SafetyState,
+)
 
 CONFIG = load_robot(find_file("diff_drive"))
 SILENT = make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics())
@@ -43,7 +50,7 @@ def printed(control: ControlState | None) -> str:
 
 
 def screen(control: ControlState | None) -> str:
-    console = Console(file=io.StringIO(), width=140)
+    console = Console(file=io.StringIO(), width=140, height=50)
     view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",))
     console.print(view.screen(Progress(6.0, control)))
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
@@ -88,7 +95,7 @@ def test_a_screen_without_control_says_for_whom_it_waits() -> None:
 
 
 def test_the_walls_stay_and_what_moved_does_not() -> None:
-    console = Console(file=io.StringIO(), width=140)
+    console = Console(file=io.StringIO(), width=140, height=50)
     view = LiveView(console, CONFIG, WallMap(ROOM), ())
     shown = []
     for x_m in (1.25, 2.5):
@@ -102,3 +109,92 @@ def test_the_walls_stay_and_what_moved_does_not() -> None:
     ]
     assert len(corners) == 2
     assert corners[0] == corners[1]
+
+
+NAVIGATION = NavigationState(
+    stamp_ns=0,
+    mode=Mode.AUTO,
+    mission="patrol",
+    item=1,
+    items=5,
+    item_name="south wall",
+    mission_completed=False,
+    mission_failed=False,
+    message='item 2 "south wall": 3.2 m to go',
+)
+CHARGED = msgspec.structs.replace(
+    MOVING, battery=BatteryFeedback(0, 24.5, 0.0, 0.87, 25.0, low=False, critical=False)
+)
+NOTICES = [
+    f"notice {number} of a robot that has a lot to tell, more than a line" for number in range(9)
+]
+
+
+def shown(
+    control: ControlState, width: int, height: int, *, helps: bool = False, **known: object
+) -> list[str]:
+    """Return the lines of the screen of a terminal."""
+    console = Console(file=io.StringIO(), width=width, height=height)
+    view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",), keys=True)
+    progress = Progress(6.0, control, NAVIGATION, lines=list(NOTICES), **known)  # type: ignore[arg-type]
+    view.update(progress)
+    if helps:
+        view.help()
+    console = Console(file=io.StringIO(), width=width, height=height)
+    console.print(view.screen(progress))
+    return console.file.getvalue().splitlines()  # type: ignore[attr-defined, no-any-return]
+
+
+SIZES = [(80, 24), (80, 25), (132, 43), (200, 60), (60, 20), (40, 12), (250, 24)]
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+@pytest.mark.parametrize("helps", [False, True])
+def test_a_screen_fits_its_terminal_and_what_counts_comes_first(
+    width: int, height: int, helps: bool
+) -> None:
+    lines = shown(CHARGED, width, height, helps=helps)
+    assert len(lines) <= height - 1 or (helps and height < 20)
+    assert all(len(line) <= width for line in lines)
+    assert "DRIVING" in lines[0]
+    assert "to go" in lines[1]
+    assert "x 1.25 m  y 2.00 m  90°" in lines[2]
+    assert ("battery 24.5 V 87 %" in lines[2]) == (width >= 60)
+    assert lines[3].startswith("Space or e: EMERGENCY STOP  a arm")
+    has_map = any("─ map ─" in line for line in lines)
+    assert has_map == (not helps and height > 15)
+
+
+def test_at_80_by_24_there_are_a_map_the_names_of_the_keys_and_the_last_notices() -> None:
+    lines = shown(CHARGED, 80, 24)
+    assert lines[3].endswith("m mission  h hold  r home  ? help")
+    framed = [line for line in lines if line.startswith("│")]
+    assert len(framed) >= 10
+    assert any("↑" in line for line in framed)
+    assert any("front_left" in line for line in framed)
+    assert [NOTICES[number][:8] in lines[-3 + index] for index, number in enumerate((6, 7, 8))]
+    assert "notice 5" not in "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("state", "what"),
+    [
+        (SafetyState.STANDBY, "a arms it"),
+        (SafetyState.FAULT, "a arms it again, m then goes on with the mission, Ctrl-C ends"),
+        (SafetyState.EMERGENCY_STOP, "a arms it again, m then goes on with the mission"),
+        (SafetyState.ARMED, ""),
+    ],
+)
+def test_a_robot_that_stands_says_why_and_what_to_do(state: SafetyState, what: str) -> None:
+    standing = msgspec.structs.replace(CHARGED, state=state, reason="a cable is off")
+    lines = shown(standing, 80, 24)
+    if what:
+        assert "a cable is off" in lines[1]
+        assert lines[2].startswith(what)
+    else:
+        assert lines[2].startswith("x 1.25")
+
+
+def test_the_factor_is_shown_where_the_computer_does_not_keep_up() -> None:
+    assert "0.83 × real time" in shown(CHARGED, 80, 24, real_time_factor=0.831)[2]
+    assert "real time" not in shown(CHARGED, 80, 24, real_time_factor=0.999)[2]
