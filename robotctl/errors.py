@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+from typing import Final
+
+DISK: Final = frozenset((errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO))
+"""What a disk says that cannot take or give any more."""
+
 
 class RobotctlError(Exception):
     """Base of all errors that robotctl raises on purpose."""
@@ -9,6 +15,10 @@ class RobotctlError(Exception):
 
 class ConfigError(RobotctlError):
     """A configuration file or an override is wrong; the message has one line for each error."""
+
+
+class DiskError(RobotctlError):
+    """The disk did not take what was to be written; no input is wrong."""
 
 
 class LinkError(RobotctlError):

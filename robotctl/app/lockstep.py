@@ -40,6 +40,7 @@ from robotctl.app.sim_options import SimOptions, SimulatorError, load_faults, si
 from robotctl.app.world import load_room
 from robotctl.drivers.memory_port import MemoryPort
 from robotctl.drivers.robot_can import CanRobot
+from robotctl.errors import DiskError
 from robotctl.model.wall_map import WallMap
 from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.core import ControlCore, Inputs, Outputs
@@ -215,6 +216,7 @@ class LockstepRun:
         self._asked_ns = -_ARM_RETRY_NS
         self._scanned_ns = 0
         self._request_id = 0
+        self._log_trouble = ""
         simulation = make_simulation(
             options.robot,
             room,
@@ -257,7 +259,16 @@ class LockstepRun:
             self._faults += not_begun(self._scenario, self._faults)
             bench.robot.close()
             if logs is not None:
-                self._score.save(logs.directory, logs.run)
+                self._save_score(logs)
+        if logs is not None:
+            self._log_trouble = logs.trouble or self._log_trouble
+
+    def _save_score(self, logs: LockstepLogs) -> None:
+        """Write truth and map beside the logs."""
+        try:
+            self._score.save(logs.directory, logs.run)
+        except DiskError as error:
+            self._log_trouble = str(error)
 
     def _open_logs(self, directory: Path) -> LockstepLogs:
         """Log into `directory`."""
@@ -351,6 +362,7 @@ class LockstepRun:
             bus=bus_report(control.bus),
             real_time_factor=round(duration_s / took_s, 2),
             faults=tuple(self._faults),
+            log_trouble=self._log_trouble,
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,

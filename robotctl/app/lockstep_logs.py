@@ -61,7 +61,7 @@ class TickLog:
 
 
 class LockstepLogs:
-    """All logs of one run in lockstep.
+    """All logs of one run in lockstep. A disk that refuses ends them, not the run.
 
     Parameters
     ----------
@@ -79,7 +79,12 @@ class LockstepLogs:
     Raises
     ------
     OSError
-        Here and in all methods, where the disk refuses.
+        If the disk refuses already here.
+
+    Attributes
+    ----------
+    trouble
+        Why the logs are not whole; empty where they are.
     """
 
     def __init__(
@@ -90,6 +95,7 @@ class LockstepLogs:
         core: ControlCore,
         config: RobotConfig,
     ) -> None:
+        self.trouble = ""
         self.directory = folder.directory
         self.run = folder.begin_run()
 
@@ -109,15 +115,39 @@ class LockstepLogs:
 
     def tick(self, now_ns: int, inputs: Inputs, outputs: Outputs) -> None:
         """Log a tick and what it says."""
-        self._ticks.record(now_ns, inputs, outputs)
+        if self.trouble:
+            return
+        try:
+            self._ticks.record(now_ns, inputs, outputs)
+        except OSError as error:
+            self._give_up(error)
         self.states(outputs.notices, now_ns)
 
     def states(self, messages: Sequence[Published], now_ns: int) -> None:
         """Log what the processes would publish."""
-        self._states.step(messages, now_ns)
+        if self.trouble:
+            return
+        try:
+            self._states.step(messages, now_ns)
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> None:
+        """Log no more."""
+        place = error.filename or self.directory
+        self.trouble = f"{place}: logging stopped: {error.strerror}"
+        self.close()
+
+    def close(self) -> None:
+        """Finish all files."""
+        try:
+            self._files.close()
+        except OSError as error:
+            place = error.filename or self.directory
+            self.trouble = self.trouble or f"{place}: the logs lack their end: {error.strerror}"
 
     def __enter__(self) -> LockstepLogs:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self._files.close()
+        self.close()

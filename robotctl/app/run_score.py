@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from robotctl.app.score import (
     PoseScore,
     StampedPose,
 )
+from robotctl.errors import DiskError
 from robotctl.model.grid_map import GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
@@ -120,19 +122,34 @@ class RunScore:
             What `LogFolder.begin_run` says: `truth-0001.tum`, `map-0001.yaml`.
         epoch_ns
             Added to the times of the poses to get those of the logs [ns].
+
+        Raises
+        ------
+        DiskError
+            If the disk refuses.
         """
-        if self._truths:
-            stamps = np.array([pose.stamp_ns + epoch_ns for pose in self._truths])
-            poses = np.array([pose[1:] for pose in self._truths])
-            write_tum(folder / f"truth-{run:04d}.tum", Trajectory(stamps, poses))
-        if self._map is not None:
-            save_map(folder / f"map-{run:04d}", self._map)
+        truths, grid = self._truths, self._map
+        if truths:
+            stamps = np.array([pose.stamp_ns + epoch_ns for pose in truths])
+            poses = np.array([pose[1:] for pose in truths])
+            way = Trajectory(stamps, poses)
+            _write(folder / f"truth-{run:04d}.tum", lambda path: write_tum(path, way))
+        if grid is not None:
+            _write(folder / f"map-{run:04d}", lambda path: save_map(path, grid))
 
 
 def grid_of(message: LiveMap) -> GridMap:
     """Return a message as a map."""
     cells = np.frombuffer(message.cells, np.int8).reshape(message.rows, message.columns)
     return GridMap(cells, message.resolution_m, SE2(message.x_m, message.y_m, message.theta_rad))
+
+
+def _write(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file; raises DiskError where that is refused."""
+    try:
+        write(path)
+    except OSError as error:
+        raise DiskError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _stamped(control: ControlState) -> StampedPose:

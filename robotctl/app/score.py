@@ -123,6 +123,7 @@ class Report(msgspec.Struct, frozen=True):
     `held_up_ms` is how long this computer was held up at most, by an estimate of its own.
     `faults` are those of the scenario whose time has come, each with the simulator's time, and why
     where it could not begin; then those that never began, since the run was over before their time.
+    `log_trouble` says what a disk did not take of the logs of the run, its truth or its map.
     `pose_error` is that of the pose that the robot goes by; `localisation`, `map_quality` and
     `camera` are None without a localiser, without mapping and without a camera.
     """
@@ -147,6 +148,7 @@ class Report(msgspec.Struct, frozen=True):
     real_time_factor: float
     held_up_ms: float = 0.0
     faults: tuple[str, ...] = ()
+    log_trouble: str = ""
     localisation: LocalisationReport | None = None
     map_quality: MapQuality | None = None
     camera: CameraReport | None = None

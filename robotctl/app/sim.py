@@ -44,6 +44,7 @@ from robotctl.app.sim_options import (
 )
 from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.world import load_room
+from robotctl.errors import DiskError
 from robotctl.model.camera import SIMULATED
 from robotctl.model.lidar import SOCKET
 from robotctl.model.wall_map import WallMap
@@ -440,8 +441,6 @@ class SimRun:
         was_there = self._was_ready and navigation is not None and truth is not None
         if self._stopped() and not was_there:
             raise KeyboardInterrupt
-        if self._options.record is not None:
-            self._score.save(self._options.record, self._run, self._stack_options.epoch_ns)
         if control is None or navigation is None or truth is None:
             missing = [
                 name
@@ -453,6 +452,12 @@ class SimRun:
                 if part is None
             ]
             raise SimulatorError(f"nothing was heard of {', '.join(missing)}")
+        log_trouble = ""
+        if self._options.record is not None:
+            try:
+                self._score.save(self._options.record, self._run, self._stack_options.epoch_ns)
+            except DiskError as error:
+                log_trouble = str(error)
         return Report(
             robot=self.config.robot.name,
             world=self.world.stem,
@@ -474,6 +479,7 @@ class SimRun:
             real_time_factor=round(progress.real_time_factor, 4),
             held_up_ms=round(self._held_up.longest_ms, 1),
             faults=tuple(self._faults),
+            log_trouble=log_trouble,
             localisation=self._score.localisation_report,
             map_quality=self._score.map_quality,
             camera=self._score.camera_report,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from robotctl.app.patch import Tables, as_overrides
-from robotctl.errors import ConfigError
+from robotctl.errors import DISK, ConfigError, DiskError
 
 PLOTS: Final = (".png", ".svg", ".pdf")
 
@@ -45,13 +45,16 @@ def write_file(file: Path, write: Callable[[Path], object]) -> None:
 
     Raises
     ------
+    DiskError
+        If the disk is full or fails.
     ConfigError
-        If it cannot be written.
+        If it cannot be written for another reason.
     """
     try:
         write(file)
     except OSError as error:
-        raise ConfigError(f"{file}: cannot be written: {error.strerror or error}") from error
+        kind = DiskError if error.errno in DISK else ConfigError
+        raise kind(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
 def give_patch(patch: str, file: Path | None) -> None:

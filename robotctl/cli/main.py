@@ -8,13 +8,11 @@ import sys
 from typing import Final
 
 from robotctl.cli.output import quiet_output
-from robotctl.errors import RobotctlError
+from robotctl.errors import DISK, DiskError, RobotctlError
 
+NOT_WRITTEN = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
-
-_DISK: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
-"""What a disk says that cannot take or give any more; where it says so there is no file name."""
 
 _ONLY_PRINTED: Final = ({"--help"}, {"version"}, {"config", "show"}, {"config", "schema"})
 """Words of commands that do nothing but print."""
@@ -23,6 +21,7 @@ _ONLY_PRINTED: Final = ({"--help"}, {"version"}, {"config", "show"}, {"config", 
 def main() -> None:
     """Run the command line; a known error, or a file that is refused, ends it with status 2.
 
+    A disk that is full or fails is no bad input: status 1.
     What cannot be printed changes neither the files of a run nor its status: a character that the
     encoding has not is written plainly, and where the standard output is full or nobody reads it,
     the rest is dropped. A full one is said, and is an error of a command that only prints.
@@ -49,15 +48,18 @@ def _status() -> int | str | None:
         app()
     except SystemExit as ended:
         return ended.code
+    except DiskError as error:
+        _say(str(error))
+        return NOT_WRITTEN
     except RobotctlError as error:
         _say(str(error))
         return BAD_INPUT
     except OSError as error:
-        if error.filename is None and error.errno not in _DISK:
+        if error.filename is None and error.errno not in DISK:
             raise
         place = "" if error.filename is None else f"{error.filename}: "
         _say(f"{place}{error.strerror}")
-        return BAD_INPUT
+        return NOT_WRITTEN if error.errno in DISK else BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
     return 0

@@ -25,7 +25,7 @@ def score_table(report: Report) -> Table:
     lag, step = loop["lag_us"], loop["step_us"]
     done = f"{verdict}, {report.items_done} of {report.items} items"
     unsafe = report.unsafe_motions
-    rows = (
+    rows: tuple[tuple[str, str], ...] = (
         ("mission", f"{done}{f' ({report.message})' if report.message else ''}"),
         ("duration", f"{report.duration_s:.1f} s, {report.real_time_factor:.2f} × real time"),
         ("distance", f"{report.distance_m:.2f} m, {report.collisions} collisions"),
@@ -59,6 +59,8 @@ def score_table(report: Report) -> Table:
             f"{bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['errors']} errors",
         ),
     )
+    if report.log_trouble:
+        rows += (("logs", report.log_trouble),)
     for name, text in (*rows, *_computer_rows(report), *_place_rows(report), *_fault_rows(report)):
         table.add_row(name, text)
     return table

@@ -28,7 +28,7 @@ from robotctl.cli.keys import Keys
 from robotctl.cli.score_view import score_table
 from robotctl.cli.sim_keys import obey
 from robotctl.cli.view import make_view
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, DiskError
 
 NOT_COMPLETED = 3
 PATROL = "patrol"
@@ -120,8 +120,8 @@ def sim(
     """Drive a mission in simulation and score it.
 
     Status 0: completed, or ended by Ctrl-C with --stay. 3: not completed, or a fault did not begin:
-    it could not, or the run was over before its time. 2: bad input. 130: interrupted before the
-    robot was ready.
+    it could not, or the run was over before its time. 2: bad input. 1: the disk did not take all.
+    130: interrupted before the robot was ready.
     """
     check_files(report)
     if record is not None:
@@ -153,11 +153,15 @@ def sim(
         stopped = StopFlag()
         result = _run(options, stopped, headless=headless, until_done=until_done)
         stayed = stopped() and not until_done
-    if report is not None:
-        write_file(report, lambda path: path.write_bytes(result.json()))
-    plain_console().print(score_table(result))
-    well = result.passed or (stayed and not result.failed_faults)
-    sys.exit(0 if well else NOT_COMPLETED)
+    try:
+        if report is not None:
+            write_file(report, lambda path: path.write_bytes(result.json()))
+    finally:
+        plain_console().print(score_table(result))
+    if not (result.passed or (stayed and not result.failed_faults)):
+        sys.exit(NOT_COMPLETED)
+    if result.log_trouble:
+        raise DiskError(result.log_trouble)
 
 
 def _mission(name: str, world: str) -> Path:
