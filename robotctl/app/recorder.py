@@ -145,6 +145,7 @@ class Logs:
     def __init__(
         self, ring: Path, folder: LogFolder, config: RobotConfig, epoch_ns: int, clock: Clock
     ) -> None:
+        self._folder = folder.directory
         self._copy = RecordCopy(ring, folder)
         self._states = StateLog(folder, epoch_ns, config.robot.name, scene_of(config))
         self._bus = BusLog(folder, config.can, epoch_ns, clock)
@@ -177,7 +178,7 @@ class Logs:
         """
         self._retry_ns = now_ns + _RETRY_NS
         self.close()  # that it refuses this too is no news
-        return (f"logging stopped: {error}",)
+        return (f"logging stopped: {error.filename or self._folder}: {error.strerror}",)
 
     def close(self) -> tuple[str, ...]:
         """Close all files; return a sentence for each whose end the disk refuses."""

@@ -10,8 +10,8 @@ from typing import Final
 from robotctl.cli.output import quiet_output
 from robotctl.errors import DISK, DiskError, RobotctlError
 
-NOT_WRITTEN = 1
 BAD_INPUT = 2
+NOT_WRITTEN = 4
 INTERRUPTED = 130
 
 _ONLY_PRINTED: Final = ({"--help"}, {"version"}, {"config", "show"}, {"config", "schema"})
@@ -21,7 +21,7 @@ _ONLY_PRINTED: Final = ({"--help"}, {"version"}, {"config", "show"}, {"config", 
 def main() -> None:
     """Run the command line; a known error, or a file that is refused, ends it with status 2.
 
-    A disk that is full or fails is no bad input: status 1.
+    A disk that is full or fails is no bad input: status 4.
     What cannot be printed changes neither the files of a run nor its status: a character that the
     encoding has not is written plainly, and where the standard output is full or nobody reads it,
     the rest is dropped. A full one is said, and is an error of a command that only prints.

@@ -120,7 +120,7 @@ def sim(
     """Drive a mission in simulation and score it.
 
     Status 0: completed, or ended by Ctrl-C with --stay. 3: not completed, or a fault did not begin:
-    it could not, or the run was over before its time. 2: bad input. 1: the disk did not take all.
+    it could not, or the run was over before its time. 2: bad input. 4: the disk did not take all.
     130: interrupted before the robot was ready.
     """
     check_files(report)

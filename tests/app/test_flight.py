@@ -224,7 +224,8 @@ def test_a_disk_that_refuses_the_log_is_tried_again_and_said_as_long_as_it_does(
     notes = [recording.step([], second * 1_000_000_000) for second in range(25)]
     assert [second for second, said in enumerate(notes) if said] == [0, 10, 20]
     for second in (0, 10, 20):
-        assert "logging stopped: [Errno 2] No such file" in notes[second][0]
+        assert "logging stopped: " in notes[second][0]
+        assert "No such file" in notes[second][0]
     logs.mkdir()
     loop.ticks(10)
     recording.step([], 40_000_000_000)

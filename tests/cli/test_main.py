@@ -196,7 +196,7 @@ def test_processes_are_not_started_with_names_that_are_no_utf_8(tmp_path: Path) 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
 def test_a_disk_that_refuses_without_naming_a_file_ends_with_what_it_says(number: int) -> None:
     done = refused_with(number)
-    assert (done.returncode, done.stderr) == (2, f"robotctl: {os.strerror(number)}\n")
+    assert (done.returncode, done.stderr) == (4, f"robotctl: {os.strerror(number)}\n")
 
 
 def test_an_error_of_the_system_that_is_no_disks_is_a_defect_and_shows_where() -> None:
