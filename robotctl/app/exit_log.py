@@ -1,14 +1,16 @@
-"""A file with a line of JSON for each end of a process, bounded in size."""
+"""A file with a line of JSON for each end and each pause of a process, bounded in size."""
 
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
 from robotctl.app.log_folder import make_folder
+from robotctl.app.pause import Pause
 from robotctl.app.supervised import Exit
 
 NAME: Final = "exits.jsonl"
@@ -35,9 +37,10 @@ class ExitLog:
         make_folder(directory)
         self._path = directory / NAME
 
-    def write(self, ended: Exit, now: dt.datetime) -> str:
-        """Append one end at wall time `now`; return what went wrong, or an empty string."""
-        line = {"time": now.isoformat(timespec="milliseconds"), **msgspec.to_builtins(ended)}
+    def write(self, ended: Exit | Pause, now: dt.datetime) -> str:
+        """Append one end or pause at wall time `now`; return what went wrong, or nothing."""
+        known = {key: value for key, value in msgspec.to_builtins(ended).items() if value != ""}
+        line = {"time": now.isoformat(timespec="milliseconds"), **known}
         try:
             if self._path.exists() and self._path.stat().st_size > MAX_BYTES:
                 self._path.replace(self._path.with_name(NAME + ".1"))
@@ -49,3 +52,8 @@ class ExitLog:
         except OSError as error:
             return f"{self._path}: the end of {ended.name} is not logged: {error.strerror}"
         return ""
+
+    def note(self, events: Sequence[Exit | Pause]) -> list[str]:
+        """Append what has just happened; return what went wrong."""
+        now = dt.datetime.now().astimezone()
+        return [trouble for each in events if (trouble := self.write(each, now))]

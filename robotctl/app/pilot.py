@@ -55,6 +55,9 @@ STATE_MAX_AGE_NS: Final = 200_000_000
 PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
 """A ground station that telemetry has not told of for longer is not there [ns]."""
 
+_HOLD: Final = "hold: "
+"""What a message begins with that says why nobody's wish stopped the robot."""
+
 _UNSEEN: Final = (
     "what was seen of the floor is forgotten: the robot does not drive forwards by itself until "
     "the camera has seen what lies right before it; back it up a little by hand"
@@ -104,6 +107,7 @@ class Pilot:
         self._way: tuple[int, float] | None = None
         """Boots of the drive and distance [m] of the last state: odometry goes on from there."""
         self._news: list[str] = []
+        self._message = ""
         self._armings: int | None = None
         """The count in the last state, None where that was not enabled."""
         self._needs_station = config.mavlink.hold_without_gcs
@@ -174,6 +178,9 @@ class Pilot:
         command = VelocityCommand(
             now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
         )
+        if out.message != self._message and enabled and out.message.startswith(_HOLD):
+            self._news.append(out.message)
+        self._message = out.message
         state = NavigationState(
             stamp_ns=now_ns,
             mode=out.mode,

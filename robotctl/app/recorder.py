@@ -199,7 +199,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     with ExitStack() as stack:
         context: zmq.Context[Any] = zmq.Context()
         stack.callback(context.destroy, linger=0)
-        messages = Subscriber[Published](context, endpoints.published, Published)
+        heard = (*endpoints.published, endpoints.supervisor_notices)
+        messages = Subscriber[Published](context, heard, Published)
         publisher = Publisher(context, endpoints.recorder_notices)
         recording = Recording(config, options)
         stack.callback(_finish, recording, messages.receive, clock)

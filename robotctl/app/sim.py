@@ -21,6 +21,7 @@ from firmware_sim.scenario import not_begun
 from robotctl.app.camera_score import camera_score
 from robotctl.app.children import lines_of, start_child
 from robotctl.app.config import RobotConfig, load_robot
+from robotctl.app.exit_log import ExitLog
 from robotctl.app.held_up import HeldUp
 from robotctl.app.log_folder import LogFolder
 from robotctl.app.map_fit import misfit
@@ -63,6 +64,7 @@ from robotctl.runtime.messages import (
     Notice,
     SafetyState,
     SetMode,
+    Severity,
 )
 from robotctl.runtime.ports import Clock
 from robotctl.runtime.safety import POWERED
@@ -195,6 +197,7 @@ class SimRun:
         self._held_up = HeldUp(self._clock)
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
+        self._exit_log: ExitLog | None = None
         self._request_ids = itertools.count(1)
         self._said_waiting = False
         self._was_armed = self._was_steered = False
@@ -277,6 +280,7 @@ class SimRun:
             command += ["--clock", self._stack_options.clock]
         if options.record is not None:
             folder = LogFolder(options.record, self.config.log)
+            self._exit_log = ExitLog(options.record)
             self._run = folder.begin_run()
             command += ["--log", str(folder.new("simulator", "log"))]
             command += ["--log-mb", str(self.config.log.file_mb)]
@@ -336,9 +340,16 @@ class SimRun:
                 asked_s = now_s
                 self._ask(progress)
             if self._stack is not None:
-                progress.lines += self._stack.watch()
+                try:
+                    progress.lines += self._stack.watch()
+                finally:
+                    if self._exit_log is not None:
+                        progress.lines += self._exit_log.note(self._stack.exits)
             if self._firmware is not None and self._firmware.poll() is not None:
-                raise SimulatorError(f"firmware_sim ended (status {self._firmware.returncode})")
+                ended = f"firmware_sim ended (status {self._firmware.returncode})"
+                if self._stack is not None:
+                    self._stack.tell(ended, Severity.CRITICAL)
+                raise SimulatorError(ended)
             time.sleep(_POLL_S)
 
     @property

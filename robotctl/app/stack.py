@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import signal
 import time
-from typing import Final
+from typing import Final, NoReturn
 
+from robotctl.app.announcer import Announcer
 from robotctl.app.options import StackOptions
+from robotctl.app.pause import Pause
 from robotctl.app.restart import RestartPolicy
 from robotctl.app.supervised import Exit, Phase, Role, Supervised, status_words
 from robotctl.errors import RobotctlError
 from robotctl.model.lidar import SOCKET
+from robotctl.runtime.messages import Severity
 
 CONTROL = "robotctl.app.control"
 NAVIGATION = "robotctl.app.navigation"
@@ -26,18 +29,18 @@ CAMERA = "robotctl.app.camera"
 LIDAR = "robotctl.app.lidar"
 
 ROLES: Final = (
-    Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, vital=True),
-    Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0),
-    Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0),
-    Role(RECORDER, RestartPolicy(crashes=5), stall_s=60.0),
+    Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, held_s=0.3, vital=True),
+    Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0),
+    Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0),
+    Role(RECORDER, RestartPolicy(crashes=5), stall_s=60.0, held_s=5.0),
 )
 """In the order of their start. Navigation may have to compile its estimators first, which takes a
 minute on a small computer; the recorder waits for the disk, which may take its time."""
 
-CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0)
+CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0)
 """Of robots that look. It compiles as navigation does."""
 
-LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0)
+LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
 """Of robots with a lidar that is read by a driver of ours."""
 
 _BAD_INPUT = 2
@@ -77,8 +80,9 @@ class Stack:
         self._control = self._processes[CONTROL]
         self._stop_beats: int | None = None
         """Beats of the control process when it was last told of an emergency stop."""
-        self.exits: list[Exit] = []
-        """Ends seen by the last `watch`."""
+        self.exits: list[Exit | Pause] = []
+        """Ends and pauses seen by the last `watch`."""
+        self._announcer = Announcer(options.instance)
         self._control.start(time.monotonic())
 
     @property
@@ -120,7 +124,9 @@ class Stack:
         )
 
     def watch(self) -> list[str]:
-        """Start, restart and kill as needed; return a line for each end. Call ten times a second.
+        """Start, restart and kill as needed; return a line for each end and each pause.
+
+        Ground stations and logs are told the same. Call ten times a second.
 
         Raises
         ------
@@ -129,31 +135,45 @@ class Stack:
         """
         self.exits = []
         now_s = time.monotonic()
+        if self._control.phase is Phase.READY:
+            self._announcer.open()
+        self._announcer.step(time.monotonic_ns())
         for process in self._processes.values():
             if process.phase is Phase.IDLE and self._control.phase is Phase.READY:
                 process.let_start(now_s)
             starts = process.starts
-            ended = process.step(now_s)
-            if ended is not None:
-                self.exits.append(ended)
-                self._judge(process, ended)
+            seen = process.step(now_s)
+            if seen is not None:
+                self.exits.append(seen)
+                self.tell(seen.words(), _severity(seen, vital=process.role.vital))
+            if isinstance(seen, Exit):
+                self._judge(process, seen)
             elif process is self._control:
                 self._repeat_emergency_stop(new_life=process.starts > starts)
         return [each.words() for each in self.exits]
+
+    def tell(self, line: str, severity: Severity = Severity.INFORMATION) -> None:
+        """Tell ground stations and logs what the supervisor says."""
+        self._announcer.say(line, severity, time.monotonic_ns())
 
     def _judge(self, process: Supervised, ended: Exit) -> None:
         """Decide what the end of one process means for the others."""
         name = process.role.name
         if ended.status == _BAD_INPUT and not process.was_ready:
-            raise StackError(f"the {name} process did not start ({status_words(ended.status)})")
+            self._fail(f"the {name} process did not start ({status_words(ended.status)})")
         if process is not self._control:
             return
         if process.phase is Phase.GIVEN_UP:
-            raise StackError(
+            self._fail(
                 f"the {name} process ended {process.role.restart.crashes + 1} times within "
                 f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"
             )
         self._processes[NAVIGATION].renew()
+
+    def _fail(self, problem: str) -> NoReturn:
+        """Give up; those that are still there are told why."""
+        self.tell(f"robotctl ends: {problem}", Severity.CRITICAL)
+        raise StackError(problem)
 
     def emergency_stop(self) -> None:
         """Stop the robot by a signal to the control process; needs no socket, waits for nothing.
@@ -181,3 +201,13 @@ class Stack:
         deadline_s = time.monotonic() + _END_S
         for process in self._processes.values():
             process.end(max(0.0, deadline_s - time.monotonic()))
+        self._announcer.close()
+
+
+def _severity(seen: Exit | Pause, *, vital: bool) -> Severity:
+    """Return how bad an end or a pause is."""
+    if isinstance(seen, Pause):
+        return Severity.NOTICE if seen.over else Severity.WARNING
+    if seen.asked and not seen.hung:
+        return Severity.INFORMATION
+    return Severity.CRITICAL if vital else Severity.WARNING

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 import os
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from robotctl.app.children import start_child
+from robotctl.app.pause import Pause, killed_for_memory, state_of
 from robotctl.app.restart import CrashBudget, RestartPolicy
 from robotctl.runtime.heartbeat import VARIABLE, HeartbeatMonitor
 
@@ -46,6 +48,8 @@ class Role:
         A process that shows no progress for so long hangs and is killed [s].
     start_s
         A process that shows no progress for so long after its start is killed [s].
+    held_s
+        A process that worked and shows no progress for so long is said to be held up [s].
     vital
         Without it there is no robot: when its budget is spent the whole stack ends.
     """
@@ -54,6 +58,7 @@ class Role:
     restart: RestartPolicy
     stall_s: float
     start_s: float = 60.0
+    held_s: float = math.inf
     vital: bool = False
 
     @property
@@ -84,6 +89,8 @@ class Exit:
         How long it lived [s].
     restart_in_s
         When it is started again [s]; None: it is not.
+    cause
+        What is known of why it ended; empty: nothing more.
     """
 
     name: str
@@ -95,6 +102,7 @@ class Exit:
     beats: int
     ran_s: float
     restart_in_s: float | None
+    cause: str = ""
 
     def words(self) -> str:
         """Return a line for people."""
@@ -103,6 +111,8 @@ class Exit:
         how = status_words(self.status) if self.pid else f"not started: {os.strerror(self.status)}"
         if self.hung:
             how = f"it hung, {how}" if self.was_ready else f"it did not get ready, {how}"
+        if self.cause:
+            how += f": {self.cause}"
         line = f"{self.name} ended after {self.ran_s:.1f} s ({how}); "
         if self.restart_in_s is None:
             return line + "not started again: it ended too often"
@@ -144,6 +154,10 @@ class Supervised:
         self._beats = 0
         self._stalled_s = 0.0
         self._hung = self._renewed = False
+        self._told_s = 0.0
+        """Of the pause that people were told of, what was known then [s]; 0: there is none."""
+        self._cause = ""
+        self._killed_for_memory = 0
 
     @property
     def pid(self) -> int | None:
@@ -162,6 +176,8 @@ class Supervised:
         self._started_s = self._stepped_s = now_s
         self._beats, self._stalled_s = 0, 0.0
         self._hung = self._renewed = False
+        self._told_s, self._cause = 0.0, ""
+        self._killed_for_memory = killed_for_memory()
         monitor = self._monitor = HeartbeatMonitor()
         self._process = start_child(
             self._command,
@@ -176,8 +192,11 @@ class Supervised:
         """Let the next `step` start it; a first start that fails is tried again like any other."""
         self.phase, self._due_s = Phase.WAITING, now_s
 
-    def step(self, now_s: float) -> Exit | None:
-        """Look after the process at `now_s`, monotonic [s]; return its end where it has ended."""
+    def step(self, now_s: float) -> Exit | Pause | None:
+        """Look after the process at `now_s`, monotonic [s].
+
+        Returns its end where it has ended, and where it is held up or goes on, that.
+        """
         process = self._process
         if process is None:
             if self.phase is Phase.WAITING and now_s >= self._due_s:
@@ -186,8 +205,7 @@ class Supervised:
         status = process.poll()
         if status is not None:
             return self._ended(process.pid, status, now_s)
-        self._look_for_progress(process, now_s)
-        return None
+        return self._look_for_progress(process, now_s)
 
     def _start_again(self, now_s: float) -> Exit | None:
         """Start the next life; where that fails, it has ended."""
@@ -197,27 +215,42 @@ class Supervised:
             return self._ended(0, error.errno or 0, now_s)
         return None
 
-    def _look_for_progress(self, process: subprocess.Popen[bytes], now_s: float) -> None:
+    def _look_for_progress(self, process: subprocess.Popen[bytes], now_s: float) -> Pause | None:
         """Note progress; kill a process that has made none for too long."""
         beats = self.beats
         pause_s = min(now_s - self._stepped_s, _LONGEST_STEP_S)
         self._stepped_s = now_s
         if beats != self._beats:
-            self._beats, self._stalled_s = beats, 0.0
+            paused_s, self._stalled_s = self._stalled_s + pause_s, 0.0
+            self._beats = beats
             self.phase = Phase.READY
             self.was_ready = True
-            return
+            told_s, self._told_s = self._told_s, 0.0
+            return self._pause(process, paused_s, over=True) if told_s else None
         self._stalled_s += pause_s
         patience_s = self.role.stall_s if self.phase is Phase.READY else self.role.start_s
         if self._stalled_s > patience_s:
+            if not self._hung:  # once it is being killed its state says nothing more
+                self._cause = state_of(process.pid)
             self._hung = True
             process.kill()
+        elif self.phase is Phase.READY and not self._told_s and self._stalled_s > self.role.held_s:
+            self._told_s, self._cause = self._stalled_s, state_of(process.pid)
+            return self._pause(process, self._stalled_s, over=False)
+        return None
+
+    def _pause(self, process: subprocess.Popen[bytes], paused_s: float, *, over: bool) -> Pause:
+        """Return what there is to say of a pause."""
+        return Pause(self.role.name, process.pid, paused_s, self._cause, over)
 
     def _ended(self, pid: int, status: int, now_s: float) -> Exit:
         """Take leave of a process that ended and plan its next life."""
         was_ready = self.phase is Phase.READY
         beats = self.beats
         self._forget()
+        cause = self._cause if self._hung else ""
+        if status == -signal.SIGKILL and killed_for_memory() > self._killed_for_memory:
+            cause = "the computer was out of memory"
         delay_s = 0.0 if self._renewed else self._budget.spend(now_s)
         self.phase = Phase.GIVEN_UP if delay_s is None else Phase.WAITING
         self._due_s = now_s + (delay_s or 0.0)
@@ -232,6 +265,7 @@ class Supervised:
             beats=beats,
             ran_s=ran_s,
             restart_in_s=delay_s,
+            cause=cause,
         )
 
     def _forget(self) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import datetime as dt
+import os
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
 from robotctl.app.exit_log import ExitLog
+from robotctl.app.pause import Pause
 from robotctl.app.service import ServiceNotifier
 from robotctl.app.stack import CONTROL, Stack
 from robotctl.app.supervised import Phase
@@ -16,6 +17,9 @@ Message: TypeAlias = ControlState | NavigationState | Notice
 
 POLL_S: Final = 0.1
 """Between two steps of the supervisor [s]."""
+
+HELD_S: Final = 1.0
+"""A longer pause of the supervisor is said [s]."""
 
 
 class Supervisor:
@@ -39,6 +43,7 @@ class Supervisor:
         self._notifier = notifier
         self._log = log
         self._ready = False
+        self._stepped_s: float | None = None
         self._state: ControlState | None = None
         self._fed_s = 0.0
         self._fed_ticks = (0, 0)
@@ -70,7 +75,7 @@ class Supervisor:
         StackError
             As of `Stack.watch`; what it ends with is logged first.
         """
-        lines = []
+        lines, own = [], self._own_pause(now_s)
         for message in messages:
             if isinstance(message, Notice):
                 lines.append(message.text)
@@ -79,21 +84,28 @@ class Supervisor:
         try:
             lines += self._stack.watch()
         finally:
-            lines += self._log_exits()
+            own += self._log_exits()
         if not self._ready and self._stack.ready and self._notifier.ready():
             self._ready = True
-            lines.append("ready: " + self._processes())
+            own.append("ready: " + self._processes())
+        for line in own:
+            self._stack.tell(line)
+        lines += own
         self._feed(now_s)
         self._notifier.status(self._status())
         return lines
 
-    def _log_exits(self) -> list[str]:
-        """Log the ends of this step; return what went wrong with that."""
-        if self._log is None:
+    def _own_pause(self, now_s: float) -> list[str]:
+        """Return a line where this process itself was held up."""
+        before_s, self._stepped_s = self._stepped_s, now_s
+        if before_s is None or now_s - before_s < HELD_S:
             return []
-        now = dt.datetime.now().astimezone()
-        troubles = [self._log.write(ended, now) for ended in self._stack.exits]
-        return [trouble for trouble in troubles if trouble]
+        pause = Pause("the supervisor", os.getpid(), now_s - before_s, "", over=True)
+        return [pause.words(), *([] if self._log is None else self._log.note([pause]))]
+
+    def _log_exits(self) -> list[str]:
+        """Log the ends and pauses of this step; return what went wrong with that."""
+        return [] if self._log is None else self._log.note(self._stack.exits)
 
     def _feed(self, now_s: float) -> None:
         """Feed the watchdog where the control loop has made progress."""

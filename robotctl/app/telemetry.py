@@ -32,6 +32,10 @@ from robotctl.telemetry.telemetry import Telemetry
 
 RATE_HZ: Final = 100
 
+FAREWELL_NS: Final = 200_000_000
+"""So long it goes on when it is told to end: for the last words of others, which end as well [ns].
+"""
+
 
 def described(config: RobotConfig) -> TelemetryRobot:
     """Return what telemetry knows of the robot before it hears of it."""
@@ -52,6 +56,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     endpoints = Endpoints(endpoint_directory(options.instance))
     context = zmq.Context()
     heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]
+    heard.append(endpoints.supervisor_notices)
     heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
     states = Subscriber[State](context, tuple(heard), State)
     to_control = RequestSender(context, endpoints.control_requests)
@@ -68,7 +73,14 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         # The one request that is kept for a control process that is not there yet.
         stop: EmergencyStop | None = None
         deadline_ns = clock.now_ns()
-        while not stopped():
+        parent = os.getppid()
+        end_ns: int | None = None
+        while end_ns is None or clock.now_ns() < end_ns:
+            if end_ns is None and stopped():
+                end_ns = clock.now_ns() + FAREWELL_NS
+            if end_ns is not None and os.getppid() != parent:
+                parent = os.getppid()
+                telemetry.say(clock.now_ns(), "the supervisor ended: so does robotctl")
             for request in telemetry.step(clock.now_ns(), states.receive()):
                 sender = to_control if isinstance(request, ControlRequest) else to_navigation
                 if not sender.send(request) and isinstance(request, EmergencyStop):

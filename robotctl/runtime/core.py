@@ -200,6 +200,7 @@ class ControlCore:
         """Return the command of this tick; `now_ns` is its time, never read from a clock."""
         self._notices = []
         self._ticks += 1
+        self._health.step(now_ns)
         self._take_feedback(inputs.feedback, now_ns)
         stop = None
         if inputs.requests or inputs.feedback.emergency_stop is not None:

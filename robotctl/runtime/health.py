@@ -30,6 +30,18 @@ _ENABLE_NS: Final = 100_000_000
 """So soon behind arming the drive says that it is enabled: it takes three commands and a status,
 50 ms at 100 Hz; the rest is for some that are lost."""
 
+_SILENCE: Final = (
+    "older than",
+    "no heartbeat for",
+    "has given no range for",
+    "had no valid command for",
+    "is in stopped",
+)
+"""Parts of the reasons to stop that a pause of this process brings about."""
+
+_PAUSE_NS: Final = 250_000_000
+"""So long behind a pause it explains them: the motor controller's own words come a status later."""
+
 _NEVER_NS: Final = -(1 << 62)
 _LATCHED_DRIVE_STATES: Final = frozenset(
     {DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP}
@@ -72,6 +84,9 @@ class Health:
         self._battery_limit_ns = safety.battery_timeout_ms * 1_000_000
         self._sonar_limit_ns = safety.sonar_timeout_ms * 1_000_000
         self._heartbeat_limit_ns = safety.heartbeat_timeout_ms * 1_000_000
+        self._stepped_ns: int | None = None
+        self._paused_ns = 0
+        self._pause_over_ns = _NEVER_NS
 
     def update(self, feedback: Feedback) -> None:
         """Take in what a tick brought."""
@@ -96,6 +111,15 @@ class Health:
         if feedback.nodes is not self.nodes:
             self._take_nodes(feedback.nodes)
         self.bus = feedback.bus
+
+    def step(self, now_ns: int) -> None:
+        """Note the time of this step, and whether this process was held up since the last one.
+
+        Whoever is held up sends neither commands nor SYNC: what is missing then is its own doing.
+        """
+        before_ns, self._stepped_ns = self._stepped_ns, now_ns
+        if before_ns is not None and now_ns - before_ns > self._wheels_limit_ns:
+            self._paused_ns, self._pause_over_ns = now_ns - before_ns, now_ns
 
     def _take_sonar(self, sonar: SonarFeedback) -> None:
         """Keep the ranges of one group."""
@@ -158,12 +182,18 @@ class Health:
         """Return why a powered robot must stop now, or None."""
         reasons = self._faults(now_ns)
         if reasons:
-            return reasons[0]
+            return self._explained(reasons[0], now_ns)
         motor = self.motor
         if motor is None or motor.stamp_ns - self._idle_ns <= _ENABLE_NS:
             return None
         stays = f"the motor controller stays in {_words(motor.state)}, told to drive"
         return self.unheard(now_ns) or stays
+
+    def _explained(self, reason: str, now_ns: int) -> str:
+        """Return a reason to stop, behind what explains it where this process was held up."""
+        if now_ns - self._pause_over_ns > _PAUSE_NS or not any(part in reason for part in _SILENCE):
+            return reason
+        return f"control was held up for {self._paused_ns / 1e6:.0f} ms: {reason}"
 
     def armed(self, now_ns: int) -> None:
         """Take note that the robot is armed: from now on the drive is to be enabled."""

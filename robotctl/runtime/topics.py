@@ -146,6 +146,8 @@ class Endpoints:
         self.navigation_requests = f"ipc://{directory}/navigation.requests"
         self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
+        self.supervisor_notices = f"ipc://{directory}/supervisor.notices"
+        """Not among `published`: who supervises has said it."""
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
         self.camera = f"ipc://{directory}/camera"
@@ -184,13 +186,16 @@ class Publisher:
         """Publish one message without waiting."""
         self._socket.send(self._encoder.encode(message), zmq.NOBLOCK)
 
-    def greet(self, message: msgspec.Struct) -> None:
+    def greet(self, message: msgspec.Struct | None) -> None:
         """Tell `message` to each who begins to listen from now on, instead of the one before.
+
+        None: nothing.
 
         What a process has to say at its start, when nobody listens yet, is heard in this way. It
         goes out with the next `send` or `attend` after somebody has come.
         """
-        self._socket.setsockopt(zmq.XPUB_WELCOME_MSG, self._encoder.encode(message))
+        words = b"" if message is None else self._encoder.encode(message)
+        self._socket.setsockopt(zmq.XPUB_WELCOME_MSG, words)
 
     def attend(self) -> None:
         """Greet who has come; for a process that seldom sends anything."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import common
 
 from robotctl.runtime.mavlink_port import MavlinkPort
-from robotctl.runtime.messages import Notice
+from robotctl.runtime.messages import Notice, Severity
 from robotctl.telemetry.arming import Arming
 from robotctl.telemetry.commands import Commands
 from robotctl.telemetry.config import MavlinkConfig
@@ -103,6 +103,10 @@ class Telemetry:
         requests = list(context.requests)
         context.requests.clear()
         return requests
+
+    def say(self, now_ns: int, text: str) -> None:
+        """Tell people of something critical."""
+        self._context.say(now_ns, text, Severity.CRITICAL)
 
     def take_notices(self) -> list[Notice]:
         """Return what telemetry itself had to say since the last call.

@@ -139,6 +139,7 @@ def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
     command, state = armed.step()
     assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
     assert state.message == f"hold: {reason}"
+    assert f"hold: {reason}" in armed.pilot.news()
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from robotctl.app.pause import Pause
 from robotctl.app.restart import RestartPolicy
 from robotctl.app.supervised import Exit, Phase, Role, Supervised
 
@@ -35,15 +36,18 @@ class Watched:
             Role("robotctl.app.part", **values), [sys.executable, "-c", program]
         )
         self.exits: list[Exit] = []
+        self.pauses: list[Pause] = []
         self.process.start(time.monotonic())
 
     def until(self, condition: Callable[[], bool], what: str) -> None:
         deadline_s = time.monotonic() + DEADLINE_S
         while not condition():
             assert time.monotonic() < deadline_s, (what, self.process.phase, self.exits)
-            ended = self.process.step(time.monotonic())
-            if ended is not None:
-                self.exits.append(ended)
+            seen = self.process.step(time.monotonic())
+            if isinstance(seen, Exit):
+                self.exits.append(seen)
+            elif seen is not None:
+                self.pauses.append(seen)
             time.sleep(0.005)
 
     def phase(self, phase: Phase) -> None:
@@ -109,6 +113,49 @@ def test_a_pause_of_the_supervisor_itself_is_not_held_against_a_process(watched)
         part.process.step(now_s + jump_s)
         os.kill(part.process.pid, 0)
         assert part.process.step(now_s + jump_s) is None
+
+
+def test_a_process_that_is_held_up_is_said_once_with_its_cause_and_so_is_its_going_on(
+    watched,
+) -> None:
+    part = watched(BEATING, held_s=0.3)
+    part.phase(Phase.READY)
+    pid = part.process.pid
+    os.kill(pid, signal.SIGSTOP)
+    part.until(lambda: part.pauses, "it is said")
+    end_s = time.monotonic() + 0.5
+    part.until(lambda: time.monotonic() > end_s, "a while")
+    os.kill(pid, signal.SIGCONT)
+    part.until(lambda: len(part.pauses) > 1, "it goes on")
+    begun, over = part.pauses
+    assert (begun.name, begun.pid, begun.over) == ("part", pid, False)
+    assert 0.3 < begun.paused_s < 0.8
+    assert begun.cause == over.cause == "stopped by a signal"
+    assert over.over
+    assert over.paused_s > 0.7
+    assert not part.exits
+
+
+def test_a_process_that_was_stopped_for_too_long_hung_for_that_cause(watched) -> None:
+    part = watched(BEATING, stall_s=0.3)
+    part.phase(Phase.READY)
+    os.kill(part.process.pid, signal.SIGSTOP)
+    part.until(lambda: part.exits, "killed")
+    words = part.exits[0].words()
+    assert "(it hung, signal 9, SIGKILL: stopped by a signal); starting it again" in words
+
+
+def test_a_process_that_was_killed_while_the_computer_was_out_of_memory_says_so(
+    watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed = 3
+    monkeypatch.setattr("robotctl.app.supervised.killed_for_memory", lambda: killed)
+    part = watched(BEATING)
+    part.phase(Phase.READY)
+    killed = 4
+    os.kill(part.process.pid, signal.SIGKILL)
+    part.until(lambda: part.exits, "ended")
+    assert "(signal 9, SIGKILL: the computer was out of memory)" in part.exits[0].words()
 
 
 def test_a_renewed_process_costs_no_budget(watched) -> None:

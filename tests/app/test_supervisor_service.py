@@ -57,9 +57,13 @@ class FakeStack:
         self.ready = False
         self.exits: list[Exit] = []
         self.closed = False
+        self.told: list[str] = []
 
     def watch(self) -> list[str]:
         return [each.words() for each in self.exits]
+
+    def tell(self, line: str) -> None:
+        self.told.append(line)
 
     def phase(self, module: str) -> Phase:
         return Phase.READY

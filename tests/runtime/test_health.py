@@ -339,6 +339,59 @@ def test_the_drive_is_latched_in_its_three_stopped_states_however_old(state: Dri
     assert health(motor(state=state, stamp_ns=0)).drive_latched == latched
 
 
+def paused(pause_ms: int, later: Feedback | None = None, later_ms: int = 0) -> str | None:
+    """Return the reason to stop behind a pause, after which `later` comes."""
+    made = health(GOOD)
+    made.armed(NOW)
+    made.step(NOW)
+    now_ns = NOW + pause_ms * MS
+    made.step(now_ns)
+    for _ in range(later_ms // 5):
+        now_ns += 5 * MS
+        made.step(now_ns)
+    if later is not None:
+        made.update(later)
+    return made.fault(now_ns)
+
+
+def test_what_is_too_old_behind_a_pause_of_this_process_is_blamed_on_the_pause() -> None:
+    assert paused(512) == "control was held up for 512 ms: wheel feedback is older than 15 ms"
+
+
+def test_what_is_too_old_without_a_pause_is_not() -> None:
+    made = health(GOOD)
+    for tick in range(20):
+        made.step(NOW + tick * 5 * MS)
+    assert made.fault(NOW + 95 * MS) == "wheel feedback is older than 15 ms"
+
+
+@pytest.mark.parametrize(
+    ("state", "faults", "words"),
+    [
+        (
+            DriveState.STOPPED,
+            DriveFault.COMMAND_TIMEOUT,
+            "control was held up for 100 ms: the motor controller is in stopped: command timeout",
+        ),
+        (
+            DriveState.FAULT,
+            DriveFault.OVER_CURRENT,
+            "the motor controller is in fault: over current",
+        ),
+    ],
+)
+def test_the_motor_controllers_own_stop_is_explained_by_a_pause_and_its_faults_are_not(
+    state: DriveState, faults: DriveFault, words: str
+) -> None:
+    at = NOW + 120 * MS
+    later = replace(
+        motor(state=state, faults=int(faults), stamp_ns=at),
+        wheels=WheelFeedback(at, 78, 0, 0),
+        drive=replace(GOOD.drive, stamp_ns=at),
+    )
+    assert paused(100, later, 20) == words
+
+
 @pytest.mark.parametrize(
     ("faults", "words"),
     [

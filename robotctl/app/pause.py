@@ -1,0 +1,66 @@
+"""A process that is held up: for how long, by what, and in which words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+_STATES: Final = {
+    "T": "stopped by a signal",
+    "t": "stopped by a debugger",
+    "D": "waits for a disk or device",
+    "R": "computes, or gets no processor",
+    "S": "waits for something",
+    "Z": "has ended",
+}
+"""Letters of proc_pid_stat(5)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """A process made no progress, or makes it again.
+
+    Parameters
+    ----------
+    name, pid
+        Which process.
+    paused_s
+        For how long [s].
+    cause
+        What it did meanwhile, by the kernel's words; empty where that is not known.
+    over
+        Whether it goes on.
+    """
+
+    name: str
+    pid: int
+    paused_s: float
+    cause: str
+    over: bool
+
+    def words(self) -> str:
+        """Return a line for people."""
+        cause = f" ({self.cause})" if self.cause else ""
+        if self.over:
+            return f"{self.name} was held up for {self.paused_s:.1f} s{cause}; it goes on"
+        return f"{self.name} is held up: no progress for {self.paused_s:.1f} s{cause}"
+
+
+def state_of(pid: int) -> str:
+    """Return what a process does now, in words; empty where the kernel does not tell."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return ""
+    letter = stat.rpartition(")")[2].split()[:1]  # its name before may hold anything
+    return _STATES.get(letter[0], "") if letter else ""
+
+
+def killed_for_memory() -> int:
+    """Return how many processes of this computer the kernel has killed for want of memory."""
+    try:
+        lines = Path("/proc/vmstat").read_text().splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) for line in lines if line.startswith("oom_kill ")), 0)
