@@ -234,9 +234,10 @@ main()
     command = ["sim", "--lockstep", "--max-seconds", "2", "--record", str(tmp_path)]
     done = subprocess.run(
         [sys.executable, "-c", program, *command],
+        env=os.environ | {"COLUMNS": "300"},
         capture_output=True, text=True, check=False, timeout=DEADLINE_S,
     )  # fmt: skip
     assert done.returncode == 3, done.stderr
     assert "not completed" in done.stdout
-    assert f"{tmp_path}: logging stopped: No space left" in " ".join(done.stdout.split())
+    assert f"{tmp_path}: logging stopped: No space left" in done.stdout
     assert "Traceback" not in done.stderr
