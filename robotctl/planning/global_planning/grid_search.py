@@ -1,0 +1,273 @@
+"""Shortest paths over the cells of a cost map: Dijkstra's algorithm and A*.
+
+Each step goes to one of eight neighbours and costs its length, 1 or sqrt(2) cells, times the
+factor of the cell it leads to. A* (Hart, Nilsson, Raphael 1968) is led by the octile distance, the
+length of the shortest path without obstacles, which never overestimates since no factor is below 1.
+
+The open list is of buckets (Dial 1969): entries whose estimates differ by less than a bucket's
+width come in no order, so a cell may be expanded again by a shorter way; the search ends when no
+bucket can hold a shorter one to the goal, and is exact. It works in pieces, so that its caller can
+watch the time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.compiled import compiled
+from robotctl.estimation.cost_map import LETHAL
+
+Corners: TypeAlias = Literal["both", "one", "none"]
+"""How many of the two cells beside a diagonal step must be free."""
+
+_RULES: Final[dict[Corners, int]] = {"both": 2, "one": 1, "none": 0}
+
+SQRT2: Final = math.sqrt(2.0)
+_BUCKET: Final = 0.5
+"""Width of a bucket [cells]: half of the shortest step was the fastest of 0.1 to 1."""
+_PIECE: Final = 100_000
+"""Cells expanded between two looks at the time: some 10 ms."""
+_GOING_ON, _POOL_FULL, _ENDED = 0, 1, 2
+_BUCKET_NOW, _SLOT, _LIVE, _USED, _SPARE, _EXPANDED = range(6)
+"""Places in the state of a search."""
+
+_ROW_STEPS: Final = np.array([0, 0, 1, -1, 1, 1, -1, -1])
+_COLUMN_STEPS: Final = np.array([1, -1, 0, 0, 1, -1, 1, -1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellPath:
+    """What a search found.
+
+    Parameters
+    ----------
+    cells
+        (n, 2) rows and columns from start to goal; (0, 2) where there is no path.
+    cost
+        Of the path [cells]; inf where there is none.
+    expanded
+        How many cells were expanded.
+    in_time
+        Whether the search came to its end.
+    """
+
+    cells: NDArray[np.int64]
+    cost: float
+    expanded: int
+    in_time: bool = True
+
+
+def search_cells(
+    costs: NDArray[np.uint8],
+    factors: NDArray[np.float64],
+    start: tuple[int, int],
+    goal: tuple[int, int],
+    *,
+    corners: Corners = "both",
+    guided: bool = True,
+    goes_on: Callable[[], bool] = lambda: True,
+) -> CellPath:
+    """Return the cheapest path between two cells.
+
+    Parameters
+    ----------
+    costs
+        (rows, columns), those of a `CostMap`.
+    factors
+        (256,): what a step into a cell of each cost takes, as a multiple of its length, >= 1; inf
+        where the robot cannot be, `LETHAL` among them.
+    start, goal
+        Row and column.
+    corners
+        How many of the two cells beside a diagonal step must be free.
+    guided
+        A*; else Dijkstra's algorithm, which looks in all directions alike.
+    goes_on
+        Asked now and then whether there is time left.
+
+    Raises
+    ------
+    ValueError
+        If a cell lies outside of the map, or the factors are none.
+    """
+    rows, columns = costs.shape
+    for name, (row, column) in (("start", start), ("goal", goal)):
+        if not (0 <= row < rows and 0 <= column < columns):
+            raise ValueError(f"{name} {row}, {column} lies outside of {rows} rows x {columns}")
+    if factors.shape != (256,) or not factors.min() >= 1.0 or factors[LETHAL] != math.inf:
+        raise ValueError(f"factors must be (256,), at least 1, and inf for {LETHAL}")
+    if math.inf in (factors[costs[start]], factors[costs[goal]]):
+        return CellPath(np.empty((0, 2), np.int64), math.inf, 0)
+    width = columns + 2
+    padded = np.full((rows + 2, width), LETHAL, np.uint8)
+    padded[1:-1, 1:-1] = costs
+    begin, end = ((row + 1) * width + column + 1 for row, column in (start, goal))
+    reached = np.zeros(padded.size)  # cost + 1: a page of zeros costs nothing until it is touched
+    came = np.zeros(padded.size, np.int8)
+    buckets = np.full(int(2.0 * SQRT2 * factors[factors < math.inf].max() / _BUCKET) + 3, -1, np.int32)
+    links, paid = np.empty((2, 1024), np.int32), np.empty(1024)
+    state = np.zeros(6, np.int64)
+    _begin(reached, buckets, links, paid, state, begin)
+    status, in_time = _GOING_ON, True
+    while status != _ENDED:
+        status = _expand(
+            padded.ravel(),
+            factors,
+            reached,
+            came,
+            buckets,
+            links,
+            paid,
+            state,
+            width,
+            begin,
+            end,
+            _RULES[corners],
+            guided,
+            _PIECE,
+        )
+        if status == _POOL_FULL:
+            links = np.concatenate([links, np.empty_like(links)], axis=1)
+            paid = np.concatenate([paid, np.empty_like(paid)])
+        elif status == _GOING_ON and not goes_on():
+            in_time = False
+            break
+    expanded = int(state[_EXPANDED])
+    if reached[end] == 0.0 or not in_time:
+        return CellPath(np.empty((0, 2), np.int64), math.inf, expanded, in_time)
+    return CellPath(_path(came, width, begin, end), reached[end] - 1.0, expanded)
+
+
+def octile_length(cells: NDArray[np.int64]) -> float:
+    """Return the length of a path of neighbouring cells (n, 2) [cells]."""
+    steps = np.abs(np.diff(cells, axis=0)).sum(axis=1)
+    return float(np.count_nonzero(steps == 1) + SQRT2 * np.count_nonzero(steps == 2))
+
+
+@compiled
+def _begin(
+    reached: NDArray[np.float64],
+    buckets: NDArray[np.int32],
+    links: NDArray[np.int32],
+    paid: NDArray[np.float64],
+    state: NDArray[np.int64],
+    begin: int,
+) -> None:
+    """Put the start into the first bucket."""
+    reached[begin] = 1.0
+    links[0, 0], links[1, 0], paid[0] = begin, -1, 1.0
+    buckets[0] = 0
+    state[_LIVE], state[_USED], state[_SPARE] = 1, 1, -1
+
+
+@compiled
+def _octile(rows: int, columns: int) -> float:
+    """Return the length of the shortest path without obstacles [cells]."""
+    rows, columns = abs(rows), abs(columns)
+    return rows + columns - (2.0 - SQRT2) * min(rows, columns)
+
+
+@compiled
+def _expand(
+    costs: NDArray[np.uint8],
+    factors: NDArray[np.float64],
+    reached: NDArray[np.float64],
+    came: NDArray[np.int8],
+    buckets: NDArray[np.int32],
+    links: NDArray[np.int32],
+    paid: NDArray[np.float64],
+    state: NDArray[np.int64],
+    width: int,
+    begin: int,
+    end: int,
+    rule: int,
+    guided: bool,
+    piece: int,
+) -> int:
+    """Expand up to `piece` cells; return whether the search goes on, wants room, or has ended.
+
+    `links` holds the cell of each entry and the next entry of its bucket; entries that were taken
+    out are chained from `state[_SPARE]` and used again, which keeps the list in the cache.
+    """
+    count, size = len(buckets), links.shape[1]
+    goal_row, goal_column = end // width, end % width
+    least = _octile(begin // width - goal_row, begin % width - goal_column) if guided else 0.0
+    bucket, slot, live = state[_BUCKET_NOW], state[_SLOT], state[_LIVE]
+    used, spare, expanded = state[_USED], state[_SPARE], state[_EXPANDED]
+    status = _ENDED
+    last = expanded + piece
+    while live > 0:
+        if reached[end] > 0.0 and least + bucket * _BUCKET >= reached[end] - 1.0:
+            break
+        entry = buckets[slot]
+        if entry < 0:
+            bucket += 1
+            slot = slot + 1 if slot + 1 < count else 0
+            continue
+        if expanded >= last:
+            status = _GOING_ON
+            break
+        if size - used < 8:
+            status = _POOL_FULL
+            break
+        cell, cost = links[0, entry], paid[entry]
+        buckets[slot] = links[1, entry]
+        links[1, entry] = spare
+        spare = entry
+        live -= 1
+        if cost > reached[cell]:
+            continue  # a shorter way there was found since
+        expanded += 1
+        row, column = cell // width, cell % width
+        for direction in range(8):
+            down, right = _ROW_STEPS[direction], _COLUMN_STEPS[direction]
+            to = cell + down * width + right
+            factor = factors[costs[to]]
+            if factor == np.inf:
+                continue
+            length = 1.0
+            if direction >= 4:
+                length = SQRT2
+                across, along = factors[costs[cell + right]], factors[costs[cell + down * width]]
+                if (across < np.inf) + (along < np.inf) < rule:
+                    continue
+            new = cost + length * factor
+            if reached[to] != 0.0 and reached[to] <= new:
+                continue
+            reached[to] = new
+            came[to] = direction
+            estimate = new - 1.0 - least
+            if guided:
+                estimate += _octile(row + down - goal_row, column + right - goal_column)
+            ahead = max(int(estimate / _BUCKET) - bucket, 0)
+            place = slot + ahead
+            if place >= count:
+                place -= count
+            if spare >= 0:
+                entry = spare
+                spare = links[1, entry]
+            else:
+                entry = used
+                used += 1
+            links[0, entry], links[1, entry], paid[entry] = to, buckets[place], new
+            buckets[place] = entry
+            live += 1
+    state[_BUCKET_NOW], state[_SLOT], state[_LIVE] = bucket, slot, live
+    state[_USED], state[_SPARE], state[_EXPANDED] = used, spare, expanded
+    return status
+
+
+def _path(came: NDArray[np.int8], width: int, begin: int, end: int) -> NDArray[np.int64]:
+    """Return the cells (n, 2) from start to goal by the direction in which each was reached."""
+    cells = [end]
+    while cells[-1] != begin:
+        direction = came[cells[-1]]
+        cells.append(int(cells[-1] - _ROW_STEPS[direction] * width - _COLUMN_STEPS[direction]))
+    flat = np.array(cells[::-1])
+    return np.stack([flat // width - 1, flat % width - 1], axis=1)
