@@ -2,6 +2,7 @@
 
 import gzip
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def check_path(cells, costs, start, goal, corners, cost):
     assert tuple(cells[-1]) == goal
     price = FACTORS[costs]
     spent = 0.0
-    for (row, column), (r, c) in zip(cells[:-1], cells[1:], strict=True):
+    for (row, column), (r, c) in pairwise(cells):
         assert max(abs(r - row), abs(c - column)) == 1
         if row != r and column != c:
             beside = int(price[row, c] < math.inf) + int(price[r, column] < math.inf)
@@ -79,12 +80,17 @@ def check_path(cells, costs, start, goal, corners, cost):
     assert spent == pytest.approx(cost)
 
 
+def text(path):
+    """Return the lines of a packed file."""
+    return gzip.decompress(path.read_bytes()).decode().splitlines()
+
+
 def moving_ai(folder, name):
     """Return costs and problems (start, goal, published length and half of its last digit)."""
-    lines = gzip.open(folder / f"{name}.map.gz", "rt").read().splitlines()[4:]
+    lines = text(folder / f"{name}.map.gz")[4:]
     costs = np.array([[0 if c == "." else LETHAL for c in line] for line in lines], np.uint8)
     problems = []
-    for line in gzip.open(folder / f"{name}.map.scen.gz", "rt").read().splitlines()[1:]:
+    for line in text(folder / f"{name}.map.scen.gz")[1:]:
         if not (words := line.split("\t"))[4:]:
             continue
         x0, y0, x1, y1 = map(int, words[4:8])

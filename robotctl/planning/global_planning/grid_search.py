@@ -110,7 +110,9 @@ def search_cells(
     begin, end = ((row + 1) * width + column + 1 for row, column in (start, goal))
     reached = np.zeros(padded.size)  # cost + 1: a page of zeros costs nothing until it is touched
     came = np.zeros(padded.size, np.int8)
-    buckets = np.full(int(2.0 * SQRT2 * factors[factors < math.inf].max() / _BUCKET) + 3, -1, np.int32)
+    buckets = np.full(
+        int(2.0 * SQRT2 * factors[factors < math.inf].max() / _BUCKET) + 3, -1, np.int32
+    )
     links, paid = np.empty((2, 1024), np.int32), np.empty(1024)
     state = np.zeros(6, np.int64)
     _begin(reached, buckets, links, paid, state, begin)
