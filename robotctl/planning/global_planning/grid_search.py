@@ -34,7 +34,7 @@ _BUCKET: Final = 0.5
 _PIECE: Final = 100_000
 """Cells expanded between two looks at the time: some 10 ms."""
 _GOING_ON, _POOL_FULL, _ENDED = 0, 1, 2
-_BUCKET_NOW, _SLOT, _LIVE, _USED, _SPARE, _EXPANDED = range(6)
+_BUCKET_NOW, _LIVE, _USED, _SPARE, _EXPANDED = range(5)
 """Places in the state of a search."""
 
 _ROW_STEPS: Final = np.array([0, 0, 1, -1, 1, 1, -1, -1])
@@ -114,7 +114,7 @@ def search_cells(
         int(2.0 * SQRT2 * factors[factors < math.inf].max() / _BUCKET) + 3, -1, np.int32
     )
     links, paid = np.empty((2, 1024), np.int32), np.empty(1024)
-    state = np.zeros(6, np.int64)
+    state = np.zeros(5, np.int64)
     _begin(reached, buckets, links, paid, state, begin)
     status, in_time = _GOING_ON, True
     while status != _ENDED:
@@ -200,69 +200,80 @@ def _expand(
     count, size = len(buckets), links.shape[1]
     goal_row, goal_column = end // width, end % width
     least = _octile(begin // width - goal_row, begin % width - goal_column) if guided else 0.0
-    bucket, slot, live = state[_BUCKET_NOW], state[_SLOT], state[_LIVE]
-    used, spare, expanded = state[_USED], state[_SPARE], state[_EXPANDED]
-    status = _ENDED
-    last = expanded + piece
-    while live > 0:
-        if reached[end] > 0.0 and least + bucket * _BUCKET >= reached[end] - 1.0:
+    last = state[_EXPANDED] + piece
+    while state[_LIVE] > 0:
+        if reached[end] > 0.0 and least + state[_BUCKET_NOW] * _BUCKET >= reached[end] - 1.0:
             break
+        slot = state[_BUCKET_NOW] % count
         entry = buckets[slot]
         if entry < 0:
-            bucket += 1
-            slot = slot + 1 if slot + 1 < count else 0
+            state[_BUCKET_NOW] += 1
             continue
-        if expanded >= last:
-            status = _GOING_ON
-            break
-        if size - used < 8:
-            status = _POOL_FULL
-            break
+        if state[_EXPANDED] >= last:
+            return _GOING_ON
+        if size - state[_USED] < 8:
+            return _POOL_FULL
         cell, cost = links[0, entry], paid[entry]
         buckets[slot] = links[1, entry]
-        links[1, entry] = spare
-        spare = entry
-        live -= 1
+        links[1, entry] = state[_SPARE]
+        state[_SPARE] = entry
+        state[_LIVE] -= 1
         if cost > reached[cell]:
             continue  # a shorter way there was found since
-        expanded += 1
-        row, column = cell // width, cell % width
+        state[_EXPANDED] += 1
         for direction in range(8):
-            down, right = _ROW_STEPS[direction], _COLUMN_STEPS[direction]
-            to = cell + down * width + right
-            factor = factors[costs[to]]
-            if factor == np.inf:
-                continue
-            length = 1.0
-            if direction >= 4:
-                length = SQRT2
-                across, along = factors[costs[cell + right]], factors[costs[cell + down * width]]
-                if (across < np.inf) + (along < np.inf) < rule:
-                    continue
-            new = cost + length * factor
-            if reached[to] != 0.0 and reached[to] <= new:
+            down, right = _ROW_STEPS[direction] * width, _COLUMN_STEPS[direction]
+            to = cell + down + right
+            new = cost + _step_cost(costs, factors, cell, down, right, rule)
+            if new == np.inf or 0.0 < reached[to] <= new:
                 continue
             reached[to] = new
             came[to] = direction
             estimate = new - 1.0 - least
             if guided:
-                estimate += _octile(row + down - goal_row, column + right - goal_column)
-            ahead = max(int(estimate / _BUCKET) - bucket, 0)
-            place = slot + ahead
-            if place >= count:
-                place -= count
-            if spare >= 0:
-                entry = spare
-                spare = links[1, entry]
-            else:
-                entry = used
-                used += 1
-            links[0, entry], links[1, entry], paid[entry] = to, buckets[place], new
-            buckets[place] = entry
-            live += 1
-    state[_BUCKET_NOW], state[_SLOT], state[_LIVE] = bucket, slot, live
-    state[_USED], state[_SPARE], state[_EXPANDED] = used, spare, expanded
-    return status
+                estimate += _octile(to // width - goal_row, to % width - goal_column)
+            _put(buckets, links, paid, state, to, new, estimate)
+    return _ENDED
+
+
+@compiled
+def _step_cost(
+    costs: NDArray[np.uint8],
+    factors: NDArray[np.float64],
+    cell: int,
+    down: int,
+    right: int,
+    rule: int,
+) -> float:
+    """Return what the step to a neighbour takes; inf where it is not allowed."""
+    factor: float = factors[costs[cell + down + right]]
+    if down == 0 or right == 0 or factor == np.inf:
+        return factor
+    across, along = factors[costs[cell + right]], factors[costs[cell + down]]
+    return SQRT2 * factor if (across < np.inf) + (along < np.inf) >= rule else np.inf
+
+
+@compiled
+def _put(
+    buckets: NDArray[np.int32],
+    links: NDArray[np.int32],
+    paid: NDArray[np.float64],
+    state: NDArray[np.int64],
+    cell: int,
+    cost: float,
+    estimate: float,
+) -> None:
+    """Put a cell into the bucket of its estimate."""
+    slot = max(int(estimate / _BUCKET), state[_BUCKET_NOW]) % len(buckets)
+    entry = state[_SPARE]
+    if entry >= 0:
+        state[_SPARE] = links[1, entry]
+    else:
+        entry = state[_USED]
+        state[_USED] += 1
+    links[0, entry], links[1, entry], paid[entry] = cell, buckets[slot], cost
+    buckets[slot] = entry
+    state[_LIVE] += 1
 
 
 def _path(came: NDArray[np.int8], width: int, begin: int, end: int) -> NDArray[np.int64]:
