@@ -19,7 +19,15 @@ from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.camera_process import CameraProcess
-from firmware_sim.command_line import POSE, Parser, parse_natural, parse_pose, tell
+from firmware_sim.command_line import (
+    POSE,
+    WORLD,
+    Parser,
+    file_among,
+    parse_natural,
+    parse_pose,
+    tell,
+)
 from firmware_sim.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
@@ -41,8 +49,8 @@ def parser() -> argparse.ArgumentParser:
         prog="python -m firmware_sim", description="Run a simulated robot on a CAN bus."
     )
     add = result.add_argument
-    add("--robot", type=Path, required=True, help="TOML of the robot")
-    add("--world", type=Path, required=True, help="TOML of the room, or a ROS map.yaml")
+    add("--robot", type=file_among("", ".toml"), required=True, help="TOML of the robot, or a name")
+    add("--world", type=WORLD, required=True, help="TOML of the room or a ROS map.yaml, or a name")
     add(
         "--set",
         action="append",
@@ -72,7 +80,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="NS",
         help="added to CLOCK_MONOTONIC to get the times of --log (the wall clock's)",
     )
-    add("--faults", type=Path, metavar="FILE", help="TOML of the faults that befall the robot")
+    add(
+        "--faults",
+        type=file_among("scenarios", ".toml"),
+        metavar="FILE",
+        help="TOML of the faults that befall the robot, or a name",
+    )
     add("--duration", type=_seconds, default=math.inf, metavar="S", help="end after this time")
     add(
         "--clock",

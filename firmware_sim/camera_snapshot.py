@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from firmware_sim.camera_truth import sightings, true_ranges
-from firmware_sim.command_line import POSE, Parser, parse_natural, parse_pose
+from firmware_sim.command_line import POSE, WORLD, Parser, file_among, parse_natural, parse_pose
 from firmware_sim.config import RobotConfig, load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.world import World, load_world
@@ -40,8 +40,8 @@ def parser() -> argparse.ArgumentParser:
         description="Write what the robot's camera sees, and the truth about it.",
     )
     add = result.add_argument
-    add("--robot", type=Path, required=True, help="TOML of the robot")
-    add("--world", type=Path, required=True, help="TOML of the room, or a ROS map.yaml")
+    add("--robot", type=file_among("", ".toml"), required=True, help="TOML of the robot, or a name")
+    add("--world", type=WORLD, required=True, help="TOML of the room or a ROS map.yaml, or a name")
     add("--set", action="append", default=[], metavar="KEY=VALUE", help="replace one value")
     add("--pose", action="append", type=parse_pose, default=[], metavar=POSE, help="of base")
     add("--random", type=parse_natural, default=0, metavar="N", help="more, where there is room")

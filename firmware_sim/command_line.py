@@ -6,7 +6,9 @@ import argparse
 import math
 import os
 import sys
-from typing import NoReturn
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NoReturn
 
 POSE = "X,Y,HEADING_DEG"
 
@@ -48,3 +50,31 @@ def tell(line: str) -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
+
+
+def file_among(folder: str, *suffixes: str) -> Callable[[str], Path]:
+    """Return what reads an argument as a file: a path, or a name with or without its suffix.
+
+    A file in the working directory comes before one of the configurations that come along, in
+    `folder` ("": robots) with the first of the suffixes.
+    """
+
+    def find(text: str) -> Path:
+        package = Path(__file__).resolve().parents[1]
+        installed = package / "robotctl" / "configs"
+        configs = installed if installed.is_dir() else package / "configs"
+        for place in (Path(), configs / folder):
+            for name in (text, *(f"{text}{suffix}" for suffix in suffixes)):
+                if (place / name).is_file():
+                    return place / name
+        if Path(text).suffix in suffixes or "/" in text:
+            return Path(text)  # what is wrong with it is said by who reads it
+        names = sorted(each.stem for each in (configs / folder).glob(f"*{suffixes[0]}"))
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no file, and no name of one that comes along: {', '.join(names)}"
+        )
+
+    return find
+
+
+WORLD: Final = file_among("worlds", ".toml", ".yaml", ".yml")

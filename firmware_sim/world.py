@@ -27,7 +27,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter
@@ -229,6 +229,10 @@ class World:
         return World(name, array, _inner_corners(array), _extent(array, start), start, things)
 
 
+_OTHERS: Final = {"item": "mission", "fault": "scenario of faults", "drive": "robot's file"}
+"""What a file with such a table is, if it is no world."""
+
+
 def load_world(path: Path) -> World:
     """Read and validate a world's file, or a map.
 
@@ -239,7 +243,11 @@ def load_world(path: Path) -> World:
     """
     if path.suffix.lower() in SUFFIXES:
         return _world_of(load_cells(path), path)
-    file = validate(_FILE, read_toml(path))
+    table = read_toml(path)
+    other = next((_OTHERS[key] for key in _OTHERS if key in table.data), None)
+    if other is not None and not isinstance(table.data.get("world"), dict):
+        raise SimulationError(f"{path}: is a {other}; a world is needed")
+    file = validate(_FILE, table)
     things = tuple(_things(file, path))
     for thing in things:
         _check_near(thing.corners, thing.name, path)

@@ -109,7 +109,8 @@ class Hub:
             os.close(lock)
             raise HubError(
                 f"channel {self.channel!r}: a hub is already running on it "
-                f"(process {owner or 'unknown'}, {self.path})"
+                f"(process {owner or 'unknown'}, {self.path}); give this one a name of its own, "
+                "as in --bus simcan:NAME"
             ) from None
         if not path.exists() or path.stat().st_ino != os.fstat(lock).st_ino:
             os.close(lock)  # a hub that was closing has just removed it

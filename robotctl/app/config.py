@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -102,23 +103,91 @@ def config_directory() -> Path:
     return installed if installed.is_dir() else package.parent / "configs"
 
 
-def find_file(given: str, folder: str = "", suffix: str = ".toml") -> Path:
-    """Return the file that the user means: a path, or the name of one that comes with robotctl.
+TOML: Final = (".toml",)
+MAPS: Final = (".yaml", ".yml")
+"""Suffixes of a name's file, in the order in which they are tried; a ROS map has one of `MAPS`."""
+
+_KINDS: Final = {
+    "": "robot's file", "missions": "mission", "worlds": "world", "scenarios": "scenario of faults",
+    "places": "file of places",
+}  # fmt: skip
+
+
+def find_file(
+    given: str,
+    folder: str = "",
+    suffixes: Sequence[str] = TOML,
+    *,
+    beside: Path | None = None,
+) -> Path:
+    """Return the file that the user means: a path, or a name, with or without its suffix.
+
+    It is looked for in the folder `beside`, that of the file which names it, then in the working
+    directory, then among those that come with robotctl.
+
+    Parameters
+    ----------
+    given
+        What the user wrote.
+    folder
+        Which of the shipped folders is meant, and so what kind of file: "" for robots, `missions`,
+        `worlds`, `scenarios`.
 
     Raises
     ------
     ConfigError
-        Where there is neither; names the nearest.
+        Where there is none, with the nearest; where the file is of another kind.
     """
-    path = Path(given)
     shipped = config_directory() / folder
-    for candidate in (path, shipped / given, shipped / f"{given}{suffix}"):
-        if candidate.is_file() or candidate.is_char_device():  # /dev/null: an empty one
-            return candidate
-    names = [file.stem for file in sorted(shipped.glob(f"*{suffix}"))]
+    for place in (*([] if beside is None else [beside]), Path(), shipped):
+        for candidate in (place / given, *(place / f"{given}{suffix}" for suffix in suffixes)):
+            if candidate.is_file() or candidate.is_char_device():  # /dev/null: an empty one
+                _refuse_other_kind(candidate, folder, suffixes)
+                return candidate
+    path = Path(given)
+    for other, kind in _KINDS.items():
+        if other != folder and (config_directory() / other / f"{path.stem}.toml").is_file():
+            raise ConfigError(f"{given}: is the name of a {kind}; a {_KINDS[folder]} is needed")
+    names = [file.stem for file in sorted(shipped.glob("*.toml"))]
     raise ConfigError(
         f"{given}: no such file, and not in {shipped}{toml_source.nearest(path.stem, names)}"
     )
+
+
+def _refuse_other_kind(file: Path, folder: str, suffixes: Sequence[str]) -> None:
+    """Refuse a file of another kind than that of a folder; what is wrong in it is said elsewhere.
+
+    Raises
+    ------
+    ConfigError
+        With what it is and what is needed.
+    """
+    if file.suffix.lower() in MAPS:
+        if file.suffix.lower() not in suffixes:
+            raise ConfigError(f"{file}: is a ROS map; a {_KINDS[folder]} is needed")
+        return
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return
+    found = _kind_of(data)
+    if found is not None and found != folder:
+        raise ConfigError(f"{file}: is a {_KINDS[found]}; a {_KINDS[folder]} is needed")
+
+
+def _kind_of(data: Mapping[str, Any]) -> str | None:
+    """Return the folder where a file of such tables would be; None where they do not tell."""
+    if isinstance(data.get("world"), dict):
+        return "worlds"
+    for folder, tables in (
+        ("missions", {"item"}),
+        ("scenarios", {"fault"}),
+        ("places", {"mark", "place"}),
+        ("", {"drive", "robot"}),
+    ):
+        if tables & data.keys():
+            return folder
+    return None
 
 
 def load_robot(path: Path, overrides: Sequence[str] = ()) -> RobotConfig:

@@ -119,8 +119,8 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
     return lines + removed
 
 
-def uninstall(root: Path) -> tuple[list[str], list[str]]:
-    """Remove what was installed and is unchanged.
+def uninstall(root: Path, *, dry_run: bool = False) -> tuple[list[str], list[str]]:
+    """Remove what was installed and is unchanged; a dry run only says what that would be.
 
     Returns
     -------
@@ -136,8 +136,10 @@ def uninstall(root: Path) -> tuple[list[str], list[str]]:
     if not manifest.files:
         raise ConfigError(f"{root / MANIFEST}: nothing is installed here")
     try:
-        lines, kept = _remove(manifest.files, root)
-        if kept:
+        lines, kept = _remove(manifest.files, root, dry_run=dry_run)
+        if dry_run:
+            pass
+        elif kept:
             rest = Manifest({path: manifest.files[path] for path in kept}, manifest.folders)
             write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(rest)).decode())
         else:
@@ -157,7 +159,9 @@ def _change(file: ServiceFile, root: Path) -> str:
     return "same" if found == _digest_of(file.data) else "replaced"
 
 
-def _remove(files: dict[str, str], root: Path) -> tuple[list[str], list[str]]:
+def _remove(
+    files: dict[str, str], root: Path, *, dry_run: bool = False
+) -> tuple[list[str], list[str]]:
     """Remove the unchanged of `files`; return lines for people, and the paths that were changed."""
     lines, kept = [], []
     for name, digest in files.items():
@@ -166,8 +170,9 @@ def _remove(files: dict[str, str], root: Path) -> tuple[list[str], list[str]]:
         if found is None:
             lines.append(f"gone already  {path}")
         elif found == digest:
-            path.unlink()
-            lines.append(f"removed  {path}")
+            if not dry_run:
+                path.unlink()
+            lines.append(f"{'to be removed' if dry_run else 'removed'}  {path}")
         else:
             kept.append(name)
     return lines, kept

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from robotctl.app.config import RobotConfig
-from robotctl.app.localisation_map import CELLS, find_map, load_localisation_map, walls_for_ekf
+from robotctl.app.config import MAPS, RobotConfig
+from robotctl.app.localisation_map import find_map, load_localisation_map, walls_for_ekf
 from robotctl.app.map_file import image_of
 from robotctl.app.place_watch import find_places, load_place_watch
 from robotctl.errors import ConfigError
@@ -60,9 +60,10 @@ def files_beside(config: RobotConfig, robot: Path) -> dict[Path, bytes]:
     named: dict[Path, Path] = {}
     if settings.map:
         file, name = find_map(settings.map, beside), Path(settings.map)
-        if not name.is_absolute() and file in {beside / name, name}:
+        name = name.with_name(file.name)  # it may be given without its suffix
+        if not name.is_absolute() and file in {(beside / name).resolve(), name.resolve()}:
             named[name] = file
-            if file.suffix in CELLS:
+            if file.suffix.lower() in MAPS:
                 image = image_of(file)
                 named[name.parent / os.path.relpath(image, file.parent)] = image
     if settings.places and not Path(settings.places).is_absolute():

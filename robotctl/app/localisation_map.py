@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from robotctl.app.config import find_file
-from robotctl.app.map_file import load_map, refuse_image
-from robotctl.app.world import load_walls
+from robotctl.app.config import MAPS
+from robotctl.app.map_file import load_map
+from robotctl.app.world import find_world, load_walls
 from robotctl.errors import ConfigError
 from robotctl.estimation.wall_raster import grid_of_walls
 from robotctl.model.grid_map import UNKNOWN, GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
 
-CELLS = (".yaml", ".yml")
 _FEWEST = 2
 """Rows and columns: the direction of a wall shows in two."""
 
@@ -30,10 +29,9 @@ class LocalisationMap:
 
 
 def find_map(name: str, beside: Path) -> Path:
-    """Return the file of a map: `.yaml` is a ROS map, anything else the file or name of a world.
+    """Return the file of a map: of a ROS map, `.yaml`, or of a world.
 
-    A relative path counts from the folder `beside`, that of the robot's file, then from the working
-    directory.
+    `beside` is the folder of the robot's file that names it.
 
     Raises
     ------
@@ -42,11 +40,7 @@ def find_map(name: str, beside: Path) -> Path:
     """
     if not name:
         raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
-    refuse_image(name)
-    here = beside / name
-    if here.is_file():
-        return here
-    return find_file(name, "maps", ".yaml") if name.endswith(CELLS) else find_file(name, "worlds")
+    return find_world(name, beside)
 
 
 def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
@@ -59,7 +53,7 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     """
     path = find_map(name, beside)
     try:
-        if name.endswith(CELLS):
+        if path.suffix.lower() in MAPS:
             grid = load_map(path)
             _check_cells(grid, path)
             return LocalisationMap(grid, None)

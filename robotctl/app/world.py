@@ -8,7 +8,7 @@ from pathlib import Path
 
 from firmware_sim.errors import SimulationError
 from firmware_sim.world import World, load_world
-from robotctl.app.config import find_file
+from robotctl.app.config import MAPS, TOML, find_file
 from robotctl.app.map_file import refuse_image
 from robotctl.errors import ConfigError
 from robotctl.model.wall_map import WallMap
@@ -17,10 +17,9 @@ _SHORTEST_M = 0.5
 
 
 def find_world(name: str, beside: Path | None = None) -> Path:
-    """Return the file of a world: `.toml`, a ROS map's `.yaml`, or a name that comes along.
+    """Return the file of a world, `.toml`, or of a ROS map, `.yaml`; `find_file` says where it is.
 
-    A relative path counts from the folder `beside`, that of a mission's file, then from the
-    working directory.
+    `beside` is the folder of the file that names it.
 
     Raises
     ------
@@ -28,9 +27,7 @@ def find_world(name: str, beside: Path | None = None) -> Path:
         If there is none.
     """
     refuse_image(name)
-    if beside is not None and (beside / name).is_file():
-        return (beside / name).resolve()
-    return find_file(name, "worlds").resolve()
+    return find_file(name, "worlds", (*TOML, *MAPS), beside=beside).resolve()
 
 
 def load_room(world: Path) -> World:

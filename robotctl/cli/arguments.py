@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from robotctl.errors import ConfigError
+
 RobotName = Annotated[
     str, typer.Option("--robot", help="Robot file, or the name of one that comes along.")
 ]
@@ -28,3 +30,26 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override one key, e.g. control.left.kp=2."),
 ]
+
+
+def refuse_unused(ctx: typer.Context, why: str, *parameters: str) -> None:
+    """Refuse options that are given where they have no effect.
+
+    Parameters
+    ----------
+    ctx
+        Of the command, which knows what was given.
+    why
+        Why they have none, and what to do.
+    parameters
+        Names of the command's parameters.
+
+    Raises
+    ------
+    ConfigError
+        With the first of them that is given.
+    """
+    for each in ctx.command.params:
+        source = ctx.get_parameter_source(each.name or "")
+        if each.name in parameters and source is not None and source.name == "COMMANDLINE":
+            raise ConfigError(f"{each.opts[0]}: has no effect {why}")

@@ -11,7 +11,7 @@ import typer
 from robotctl.app.calibrate_odometry import CalibrateOptions, CalibrateResult, calibrate_odometry
 from robotctl.app.calibrate_patch import patch_text, patch_values
 from robotctl.app.config import find_file
-from robotctl.cli.arguments import Overrides, RobotName, TimeUnit
+from robotctl.cli.arguments import Overrides, RobotName, TimeUnit, refuse_unused
 from robotctl.cli.calibrate_plot import save_plot
 from robotctl.cli.calibrate_view import check_table, drive_table, reference_lines
 from robotctl.cli.console import plain_console
@@ -31,6 +31,7 @@ def calibrate() -> None:
 
 @app.command()
 def odometry(
+    ctx: typer.Context,
     robot: RobotName = "diff_drive",
     log: Annotated[
         Path | None,
@@ -58,6 +59,10 @@ def odometry(
     dead reckoning is better with it. 1: a drive failed, or the data are too few. 3: it is worse,
     no patch. 2: bad input.
     """
+    if log is not None or runs is not None:
+        refuse_unused(ctx, "where the drives are recorded ones", "seed")
+    if log is None:
+        refuse_unused(ctx, "without --log", "mrclam_robot", "time_unit")
     options = CalibrateOptions(
         find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs, time_unit
     )

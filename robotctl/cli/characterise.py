@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import MaxRange, Overrides, RobotName, TimeUnit
+from robotctl.cli.arguments import MaxRange, Overrides, RobotName, TimeUnit, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
@@ -21,6 +21,7 @@ WORSE = 3
 
 
 def characterise(
+    ctx: typer.Context,
     robot: RobotName = "diff_drive",
     log: Annotated[
         Path | None,
@@ -54,6 +55,10 @@ def characterise(
     nobody knows where they were taken. 3: with the new settings readings say less about the place
     than with the present ones, no patch. 2: bad input.
     """
+    if log is not None:
+        refuse_unused(ctx, "with --log", "seed")
+    else:
+        refuse_unused(ctx, "without --log", "max_range", "time_unit")
     check_files(out, plot=plot)
     # They take a second or more to load.
     from robotctl.app.characterise import CharacteriseOptions  # noqa: PLC0415

@@ -11,14 +11,16 @@ import typer
 
 from robotctl.app.config import RobotConfig, find_file, load_robot
 from robotctl.app.sim_options import simulated_robot
-from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.arguments import Overrides
+
+RobotFile = Annotated[str, typer.Argument(help="Robot file, or the name of one that comes along.")]
 
 app = typer.Typer(help="Check and show robot configurations.", no_args_is_help=True)
 
 
 @app.command()
 def check(
-    file: Annotated[str, typer.Argument(help="Robot file, or the name of one that comes along.")],
+    file: RobotFile,
     overrides: Overrides = None,
 ) -> None:
     """Check a robot's file as a whole, its map and its places; status 2 if something is wrong.
@@ -41,9 +43,9 @@ def check(
 
 
 @app.command()
-def show(robot: RobotName = "diff_drive", overrides: Overrides = None) -> None:
+def show(file: RobotFile = "diff_drive", overrides: Overrides = None) -> None:
     """Print a robot's whole configuration as JSON, defaults and overrides included."""
-    config = load_robot(find_file(robot), overrides or ())
+    config = load_robot(find_file(file), overrides or ())
     print(msgspec.json.format(msgspec.json.encode(config)).decode())
 
 

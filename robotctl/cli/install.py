@@ -80,25 +80,28 @@ def install(
     sys.exit(0 if reloaded else INCOMPLETE)
 
 
-def uninstall(root: Root = Path("/")) -> None:
+def uninstall(
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show all, remove nothing.")] = False,
+    root: Root = Path("/"),
+) -> None:
     """Stop the service and remove what `install` wrote; logs and state stay.
 
     Status 1: files that somebody changed were kept, or a command failed.
     """
     root = root.absolute()
     installed = bool(read_manifest(root).files)
-    complete = not installed or _run(("systemctl disable --now robotctl",), root)
-    lines, kept = uninstall_files(root)
+    complete = not installed or _run(("systemctl disable --now robotctl",), root, dry_run=dry_run)
+    lines, kept = uninstall_files(root, dry_run=dry_run)
     for line in (*lines, *kept):
         print(line)
-    complete &= _run((*_RELOAD, _RELOAD_NETWORKD), root)
+    complete &= _run((*_RELOAD, _RELOAD_NETWORKD), root, dry_run=dry_run)
     print("left in place: /var/lib/robotctl, /var/log/robotctl and the user robotctl")
     sys.exit(0 if complete and not kept else INCOMPLETE)
 
 
-def _run(commands: tuple[str, ...], root: Path) -> bool:
+def _run(commands: tuple[str, ...], root: Path, *, dry_run: bool = False) -> bool:
     """Run commands on a running systemd; elsewhere print them. Return whether none failed."""
-    here = root == Path("/") and _RUNNING_SYSTEMD.is_dir()
+    here = not dry_run and root == Path("/") and _RUNNING_SYSTEMD.is_dir()
     good = True
     for command in commands:
         if not here:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 
@@ -49,6 +49,7 @@ Plot = Annotated[Path | None, typer.Option(help="Draw it here: .png, .svg or .pd
 
 @app.command()
 def learn(
+    ctx: typer.Context,
     name: Annotated[str, typer.Argument(help="Name of the place, new or known.")],
     book: Book,
     log: Log = None,
@@ -67,6 +68,8 @@ def learn(
     from robotctl.app import places  # noqa: PLC0415 - it loads numba
 
     check_files(book)
+    if not world:
+        refuse_unused(ctx, "without --world", "seed")
     source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
         learned = places.learn(name, book, source, progress)
@@ -84,6 +87,7 @@ def learn(
 
 @app.command()
 def recognise(
+    ctx: typer.Context,
     book: Book,
     log: Log = None,
     world: World = "",
@@ -101,6 +105,8 @@ def recognise(
     from robotctl.app import places  # noqa: PLC0415 - it loads numba
 
     check_files(plot=plot)
+    if not world:
+        refuse_unused(ctx, "without --world", "seed")
     source = _source(log, world, live, at, robot, seed, overrides)
     with _turning(source) as progress:
         found = places.recognise(book, source, progress)

@@ -30,7 +30,10 @@ def dump(
     ] = None,
     instance: Annotated[
         str,
-        typer.Option(help="Which robot, by its name or that of its ring; default: the only one."),
+        typer.Option(
+            help="Which robot, by its name or that of its ring; default: the only one that runs, "
+            "else the only one there is."
+        ),
     ] = "",
 ) -> None:
     """Write the last minute of the control loop to a record, for `robotctl replay`.
@@ -57,7 +60,8 @@ def recover(
 ) -> None:
     """Complete an MCAP log that was not closed, in place; the recorder does so when it starts.
 
-    Damaged places are left out; the log as it was is kept then, as FILE.damaged-1 and so on.
+    A whole log stays as it is. Damaged places are left out; the log as it was is kept then, as
+    FILE.damaged-1 and so on.
     """
     from robotctl.telemetry.mcap_log import recover as recover_log  # noqa: PLC0415 - loads zstd
 
@@ -65,7 +69,10 @@ def recover(
         recovered = recover_log(file)
     except OSError as error:
         raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
-    print(f"{file}: complete, {recovered.messages} messages{recovered.loss()}")
+    if recovered.was_intact:
+        print(f"{file}: is complete, {recovered.messages} messages; left as it is")
+    else:
+        print(f"{file}: complete, {recovered.messages} messages{recovered.loss()}")
 
 
 @app.command()
@@ -114,7 +121,9 @@ def _check_target(file: Path) -> None:
 
 
 def find_ring(instance: str) -> Path:
-    """Return the ring that a name leads to, or without a name the only one there is.
+    """Return the ring that a name leads to, or without a name the only one of a robot that runs.
+
+    Where none runs it is the only one that crashed.
 
     A name is that of a robot, or as `ring_names` has it. Makes nothing.
 
@@ -127,8 +136,10 @@ def find_ring(instance: str) -> Path:
     rings = sorted((*folder.glob("*.ring"), *folder.glob("*.ring.crashed")))
     if not rings:
         raise RecordError(f"{folder}: no flight recorder is there: no robot runs, nor has crashed")
-    if not instance and len(rings) == 1:
-        return rings[0]
+    if not instance:
+        for choice in ([ring for ring in rings if is_written(ring)], rings):
+            if len(choice) == 1:
+                return choice[0]
     names = ring_names(rings)
     if instance in names:
         return names[instance]

@@ -12,8 +12,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from robotctl.app.config import find_file
-from robotctl.app.localisation_map import CELLS
+from robotctl.app.config import MAPS, find_file, load_robot
 from robotctl.app.lockstep import run_lockstep
 from robotctl.app.log_folder import LogError, make_folder, refusal
 from robotctl.app.score import Report
@@ -21,7 +20,7 @@ from robotctl.app.signals import StopFlag
 from robotctl.app.sim import SimRun
 from robotctl.app.sim_options import SimOptions
 from robotctl.app.world import find_world, straight_mission
-from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.keys import Keys
@@ -38,6 +37,7 @@ OWN_BUS = "simcan"
 
 
 def sim(
+    ctx: typer.Context,
     robot: RobotName = "diff_drive",
     world: Annotated[
         str,
@@ -133,6 +133,10 @@ def sim(
             f"--bus {bus}: found with --lockstep, whose bus is in its one process and which allows "
             "no other"
         )
+    if lockstep and not until_done:
+        raise ConfigError("--stay: has no effect with --lockstep: no ground station can reach it")
+    if lockstep:
+        refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time")
     options = SimOptions(
         robot=find_file(robot),
         mission=_mission(mission, world),
@@ -146,6 +150,10 @@ def sim(
         localisation=_localisation(localiser, start, chart, sensors, mapping=mapping),
         hard_real_time=hard_real_time,
     )
+    settings = (*options.localisation, *options.overrides)
+    if load_robot(options.robot, settings).localisation.method == "none":
+        why = "without a localiser; add --localiser mcl or ekf"
+        refuse_unused(ctx, why, "chart", "sensors", "start")
     if lockstep:
         result = run_lockstep(options, lambda said: print(said, file=sys.stderr))
         stayed = False
@@ -166,7 +174,7 @@ def sim(
 
 def _mission(name: str, world: str) -> Path:
     """Return the mission's file; where none is asked for, one that fits into the world."""
-    if name or not world.endswith(CELLS):
+    if name or not world or find_world(world).suffix.lower() not in MAPS:
         return find_file(name or PATROL, "missions")
     folder = tempfile.mkdtemp(prefix="robotctl-mission-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -185,10 +193,7 @@ def _localisation(
     if start != "known":
         settings.append(f'localisation.start="{start}"')
     if chart:
-        folder, suffix = (
-            ("maps", ".yaml") if chart.endswith((".yaml", ".yml")) else ("worlds", ".toml")
-        )
-        settings.append(f'localisation.map="{find_file(chart, folder, suffix).resolve()}"')
+        settings.append(f'localisation.map="{find_world(chart)}"')
     if sensors:
         names = ", ".join(f'"{name.strip()}"' for name in sensors.split(","))
         settings.append(f"localisation.sensors=[{names}]")

@@ -9,6 +9,8 @@ from __future__ import annotations
 import io
 import os
 import stat
+import struct
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,6 +18,9 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 import msgspec
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import Channel, Header, McapRecord, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC, Writer
@@ -30,6 +35,9 @@ from robotctl.telemetry.log_entries import TOPICS, Entry, LogEntries, Published
 from robotctl.telemetry.log_scene import Scene
 from robotctl.telemetry.log_schema import JsonSchema
 from robotctl.telemetry.mcap_records import Gap, whole_records
+
+_FOOTER: Final = struct.Struct("<BQQQI")
+"""Kind and length; where the index begins, and its offsets; CRC-32 of all up to itself, or 0."""
 
 _LIBRARY: Final = f"robotctl {robotctl.__version__}"
 
@@ -114,12 +122,15 @@ class Recovery:
         Messages left out since the definition of their topic was in a gap.
     kept_aside
         Where the log lies as it was, if anything was left out.
+    was_intact
+        Whether it was whole, and is as it was.
     """
 
     messages: int
     gaps: tuple[Gap, ...]
     unknown: int
     kept_aside: Path | None
+    was_intact: bool = False
 
     def loss(self) -> str:
         """Return what was left out, to follow another sentence; empty where that is nothing."""
@@ -134,9 +145,10 @@ class Recovery:
 def recover(path: Path) -> Recovery:
     """Make a log that was cut or damaged complete, with all its whole chunks.
 
-    The file is replaced when the whole one is on the disk; until then that is `NAME.mcap.part`.
-    Mode and owner stay, the owner where the system lets us. Where more is lost than the end of a
-    log that was cut, the log as it was becomes `NAME.mcap.damaged-1` and so on.
+    A whole one stays as it is. The file is replaced when the whole one is on the disk; until then
+    that is `NAME.mcap.part`. Mode and owner stay, the owner where the system lets us. Where more is
+    lost than the end of a log that was cut, the log as it was becomes `NAME.mcap.damaged-1` and so
+    on.
 
     Raises
     ------
@@ -152,6 +164,9 @@ def recover(path: Path) -> Recovery:
             raise LogInUseError(f"{path}: is still being written; whoever writes it completes it")
         if source.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise McapLogError(f"{path}: not an MCAP file")
+        if is_complete(path) and (whole := _messages_of_intact(source)) is not None:
+            return Recovery(whole, (), 0, None, was_intact=True)
+        source.seek(len(MCAP0_MAGIC))
         with part_file(path) as file:
             _take_owner_and_mode(source, file)
             messages, gaps, unknown = _copy(source, file)
@@ -160,6 +175,29 @@ def recover(path: Path) -> Recovery:
             file.flush()
             os.fsync(file.fileno())  # before the log gives way
             return Recovery(messages, gaps, unknown, _set_aside(path))
+
+
+def _messages_of_intact(source: BinaryIO) -> int | None:
+    """Return how many messages a log holds; None where a record or its index is damaged."""
+    source.seek(-_FOOTER.size - len(MCAP0_MAGIC), io.SEEK_END)
+    opcode, _, begin, _, crc = _FOOTER.unpack(source.read(_FOOTER.size))
+    source.seek(begin)
+    index = source.read()[: -len(MCAP0_MAGIC) - 4]
+    if opcode != Opcode.FOOTER or begin == 0 or crc not in (0, zlib.crc32(index)):
+        return None
+    try:
+        source.seek(0)
+        summary = make_reader(source).get_summary()
+    except (McapError, ValueError, struct.error, EOFError):
+        return None
+    source.seek(len(MCAP0_MAGIC))
+    messages = 0
+    for record in whole_records(source):
+        if isinstance(record, Gap):
+            return None
+        messages += isinstance(record, Message)
+    counted = None if summary is None else summary.statistics
+    return messages if counted is not None and counted.message_count == messages else None
 
 
 def log_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:

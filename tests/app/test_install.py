@@ -374,6 +374,20 @@ def test_the_links_set_up_takes_effect_at_once_and_starts_no_networkd(tmp_path: 
 
 
 @pytest.mark.usefixtures("reachable")
+def test_a_dry_run_of_uninstall_shows_all_and_removes_nothing(tmp_path: Path) -> None:
+    run_install(tmp_path, "--mission", "patrol")
+    (tmp_path / UNIT).write_text("changed")
+    before = tree(tmp_path)
+    dry = CliRunner().invoke(app, ["uninstall", "--dry-run", "--root", str(tmp_path)])
+    assert tree(tmp_path) == before
+    real = CliRunner().invoke(app, ["uninstall", "--root", str(tmp_path)])
+    assert dry.exit_code == real.exit_code == 1
+    assert dry.output.replace("to be removed  ", "removed  ") == real.output
+    assert f"to be removed  {tmp_path / MISSION}" in dry.output
+    assert f"kept, since it was changed: {tmp_path / UNIT}" in dry.output
+
+
+@pytest.mark.usefixtures("reachable")
 def test_an_update_takes_a_mission_that_was_changed_on_the_robot(tmp_path: Path) -> None:
     run_install(tmp_path, "--mission", "patrol")
     mission = tmp_path / MISSION

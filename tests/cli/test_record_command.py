@@ -84,12 +84,25 @@ def test_the_only_ring_needs_no_name() -> None:
 
 def test_a_list_says_who_lives_and_since_when() -> None:
     ring_of("rover")
-    with ring_of("robot").open() as file:
+    with ring_of("robot").open() as file, ring_of("second").open() as second:
         fcntl.flock(file, fcntl.LOCK_EX)
+        fcntl.flock(second, fcntl.LOCK_EX)
         with pytest.raises(
-            RecordError, match=r"robot \(runs, begun 2\d{3}-.* UTC\), rover \(ended, "
+            RecordError,
+            match=r"robot \(runs, begun 2\d{3}-.* UTC\), rover \(ended, .* second \(runs",
         ):
             find_ring("")
+
+
+def test_the_only_robot_that_runs_is_meant_beside_those_that_crashed() -> None:
+    ring_of("rover", ".crashed")
+    ring_of("old")
+    running = ring_of("robot")
+    with running.open() as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert find_ring("") == running
+    with pytest.raises(RecordError, match="which robot"):
+        find_ring("")
 
 
 def test_a_typo_gets_the_nearest_name_and_the_list_and_makes_nothing(

@@ -247,3 +247,45 @@ def test_damaged_logs_count_for_the_room_of_a_folder(tmp_path: Path) -> None:
     damaged.write_bytes(bytes(2_000_000))
     LogFolder(tmp_path, LogConfig(file_mb=0.1, total_mb=1.0)).trim()
     assert not damaged.exists()
+
+
+@pytest.mark.parametrize("library", ["robotctl", "another"])
+def test_a_whole_log_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], library: str
+) -> None:
+    path = tmp_path / "robot-0001.mcap"
+    with path.open("wb") as file:
+        if library == "robotctl":
+            log = McapLog(file, 0, "rover")
+            for number in range(10):
+                log.add(Notice(number, 6, str(number)))
+            log.close()
+        else:
+            writer = Writer(file)
+            writer.start()
+            channel = writer.register_channel("/words", "text", 0)
+            for number in range(10):
+                writer.add_message(channel, number, b"word", number)
+            writer.finish()
+    before, status = path.read_bytes(), path.stat()
+    assert status_of("record", "recover", path) == 0
+    assert capsys.readouterr().out == f"{path}: is complete, 10 messages; left as it is\n"
+    after = path.stat()
+    assert path.read_bytes() == before
+    assert (after.st_ino, after.st_mtime_ns) == (status.st_ino, status.st_mtime_ns)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_whole_log_with_a_damaged_index_is_completed(tmp_path: Path) -> None:
+    path = tmp_path / "robot-0001.mcap"
+    content = make_log().content
+    with io.BytesIO(content) as file:
+        begin = make_reader(file).get_summary()
+    assert begin is not None
+    damaged = bytearray(content)
+    damaged[-60] ^= 0xFF  # in the summary, before footer and magic
+    path.write_bytes(bytes(damaged))
+    recover(path)
+    assert path.read_bytes() != bytes(damaged)
+    with path.open("rb") as whole:
+        assert make_reader(whole, validate_crcs=True).get_summary() is not None
