@@ -128,15 +128,6 @@ def sim(
         make_folder(record)
         if reason := refusal(record):
             raise LogError(reason)
-    if lockstep and bus != OWN_BUS:
-        raise ConfigError(
-            f"--bus {bus}: found with --lockstep, whose bus is in its one process and which allows "
-            "no other"
-        )
-    if lockstep and not until_done:
-        raise ConfigError("--stay: has no effect with --lockstep: no ground station can reach it")
-    if lockstep:
-        refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time")
     options = SimOptions(
         robot=find_file(robot),
         mission=_mission(mission, world),
@@ -150,10 +141,7 @@ def sim(
         localisation=_localisation(localiser, start, chart, sensors, mapping=mapping),
         hard_real_time=hard_real_time,
     )
-    settings = (*options.localisation, *options.overrides)
-    if load_robot(options.robot, settings).localisation.method == "none":
-        why = "without a localiser; add --localiser mcl or ekf"
-        refuse_unused(ctx, why, "chart", "sensors", "start")
+    _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
     if lockstep:
         result = run_lockstep(options, lambda said: print(said, file=sys.stderr))
         stayed = False
@@ -170,6 +158,31 @@ def sim(
         sys.exit(NOT_COMPLETED)
     if result.log_trouble:
         raise DiskError(result.log_trouble)
+
+
+def _refuse_what_has_no_effect(
+    ctx: typer.Context, options: SimOptions, *, lockstep: bool, until_done: bool
+) -> None:
+    """Refuse options that a run in lockstep, or of a robot without a localiser, has no use for.
+
+    Raises
+    ------
+    ConfigError
+        With the first of them.
+    """
+    if lockstep and options.bus != OWN_BUS:
+        raise ConfigError(
+            f"--bus {options.bus}: found with --lockstep, whose bus is in its one process and "
+            "which allows no other"
+        )
+    if lockstep and not until_done:
+        raise ConfigError("--stay: has no effect with --lockstep: no ground station can reach it")
+    if lockstep:
+        refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time")
+    settings = (*options.localisation, *options.overrides)
+    if load_robot(options.robot, settings).localisation.method == "none":
+        why = "without a localiser; add --localiser mcl or ekf"
+        refuse_unused(ctx, why, "chart", "sensors", "start")
 
 
 def _mission(name: str, world: str) -> Path:
