@@ -32,7 +32,15 @@ from numpy.typing import NDArray
 
 from robotctl.app.image_file import read_image
 from robotctl.errors import ConfigError
-from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
+from robotctl.model.grid_map import (
+    FREE,
+    OCCUPIED,
+    STRIP,
+    UNKNOWN,
+    CellRows,
+    GridMap,
+    count_values,
+)
 from robotctl.model.se2 import SE2
 
 _IMAGES: Final = (".pgm", ".png", ".bmp", ".jpg")
@@ -109,7 +117,7 @@ def image_of(path: Path) -> Path:
     return _header(path).image
 
 
-def save_map(prefix: Path, grid: GridMap) -> tuple[Path, Path]:
+def save_map(prefix: Path, grid: CellRows) -> tuple[Path, Path]:
     """Write PREFIX.yaml and PREFIX.pgm; return their paths.
 
     A map of free, occupied and unknown cells is written in mode trinary; one with percentages
@@ -122,17 +130,19 @@ def save_map(prefix: Path, grid: GridMap) -> tuple[Path, Path]:
     """
     yaml_file = prefix.with_name(prefix.name + ".yaml")
     image_file = prefix.with_name(prefix.name + ".pgm")
-    cells = grid.cells[::-1]
-    if np.all(np.isin(cells, list(_PIXELS))):
+    rows, columns = grid.shape
+    pixel = np.arange(256, dtype=np.uint8)  # unknown, -1, becomes 255
+    mode = "raw"
+    if set(np.flatnonzero(count_values(grid)).tolist()) <= {value % 256 for value in _PIXELS}:
         mode = "trinary"
-        pixels = np.select([cells == value for value in _PIXELS], list(_PIXELS.values())).astype(
-            np.uint8
-        )
-    else:
-        mode, pixels = "raw", cells.astype(np.uint8)  # unknown, -1, becomes 255
+        for value, shade in _PIXELS.items():
+            pixel[value % 256] = shade
+    with image_file.open("wb") as file:
+        file.write(f"P5\n{columns} {rows}\n255\n".encode("ascii"))
+        for end in range(rows, 0, -STRIP):
+            strip = grid.rows(max(end - STRIP, 0), end)[::-1]
+            file.writelines(pixel.take(row.view(np.uint8)).tobytes() for row in strip)
     origin = grid.origin
-    rows, columns = pixels.shape
-    image_file.write_bytes(f"P5\n{columns} {rows}\n255\n".encode("ascii") + pixels.tobytes())
     yaml_file.write_text(
         f"image: {_quoted(image_file.name)}\n"
         f"mode: {mode}\n"

@@ -11,6 +11,7 @@ import numpy as np
 
 from robotctl.app.map_file import save_map
 from robotctl.errors import ConfigError
+from robotctl.estimation.map_rows import MapRows
 from robotctl.estimation.occupancy_config import OccupancyGridConfig
 from robotctl.estimation.occupancy_grid import GridFigures, OccupancyGrid
 from robotctl.model.grid_map import GridMap
@@ -20,6 +21,9 @@ from robotctl.toml_source import nearest
 
 _TAKEN: Final = {"all": slice(None), "even": slice(0, None, 2), "odd": slice(1, None, 2)}
 _AT_ONCE: Final = 256
+_STRAYS: Final = 0.0002
+"""A map is cropped at each side while that cuts off no more of the known cells: rays that leave by
+windows and doors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +35,7 @@ class MapOptions:
     log
         A recorded log of any kind with lidar scans.
     prefix
-        The map is written to PREFIX.yaml and PREFIX.pgm.
+        The map is written to PREFIX.yaml and PREFIX.pgm; PREFIX.yaml and PREFIX.pgm mean it too.
     scans
         `all`, or only those of `even` or `odd` place in the log, counted from 0.
     resolution_m
@@ -56,8 +60,8 @@ class MapResult:
     ----------
     options
         As asked for.
-    grid
-        The map.
+    rows
+        The map, row by row.
     figures
         How much of it is known.
     used, of
@@ -71,13 +75,18 @@ class MapResult:
     """
 
     options: MapOptions
-    grid: GridMap
+    rows: MapRows
     figures: GridFigures
     used: int
     of: int
     from_reference: bool
     files: tuple[Path, Path]
     notes: tuple[str, ...]
+
+    @property
+    def grid(self) -> GridMap:
+        """The map as a whole."""
+        return self.rows.whole()
 
 
 def choose_scans(recording: Recording, which: str) -> Sequence[RecordedScan]:
@@ -119,6 +128,34 @@ def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = 
         If a file cannot be read or written.
     """
     grid = _empty_grid(options)
+    used, of, from_reference, notes = _fill(grid, options, progress)
+    rows = grid.map_rows(strays=_STRAYS)
+    return MapResult(
+        options,
+        rows,
+        grid.figures(),
+        used,
+        of,
+        from_reference,
+        save_map(_bare(options.prefix), rows),
+        notes,
+    )
+
+
+def _fill(
+    grid: OccupancyGrid, options: MapOptions, progress: Callable[[int, int], None] | None
+) -> tuple[int, int, bool, tuple[str, ...]]:
+    """Map the scans of a log, which is forgotten after.
+
+    Returns
+    -------
+    used, of
+        Numbers of scans.
+    from_reference
+        Whether their poses are the log's reference.
+    notes
+        Of the log.
+    """
     recording = read_recording(
         options.log,
         with_sonars=False,
@@ -138,17 +175,12 @@ def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = 
             raise ConfigError(f"{options.log}: scans {begin} to {end - 1}: {error}") from error
         if progress is not None:
             progress(end, len(scans))
-    result = grid.to_map()
-    return MapResult(
-        options,
-        result,
-        grid.figures(),
-        len(scans),
-        len(recording.scans),
-        from_reference,
-        save_map(options.prefix, result),
-        recording.notes,
-    )
+    return len(scans), len(recording.scans), from_reference, recording.notes
+
+
+def _bare(prefix: Path) -> Path:
+    """Return a prefix without the suffix of one of its files."""
+    return prefix.with_suffix("") if prefix.suffix in {".yaml", ".pgm"} else prefix
 
 
 def _empty_grid(options: MapOptions) -> OccupancyGrid:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.table import Table
 
 
@@ -18,12 +17,13 @@ def seeds_table(reports: Sequence[dict[str, Any]]) -> Table:
         title_justify="left",
         caption="m, rad and s; shares in % of the estimates",
         caption_justify="left",
-        box=box.SIMPLE_HEAD,
+        box=None,
+        collapse_padding=True,
         pad_edge=False,
     )
     for heading in ("seed", "rms", "most", "heading", "after", "localised", "wrong", "on map"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("at the end", no_wrap=True)
+    table.add_column("end", no_wrap=True)
     rows = [_figures(each) for each in reports]
     for each, row in zip(reports, rows, strict=True):
         end = "lost" if each["lost"] else "known"

@@ -10,6 +10,7 @@ import typer
 from robotctl.cli.arguments import MaxRange, TimeUnit
 from robotctl.cli.console import plain_console
 from robotctl.cli.progress import progress_bar
+from robotctl.model.grid_map import count_values
 
 if TYPE_CHECKING:
     from robotctl.app.mapping import MapResult
@@ -42,18 +43,20 @@ def map_log(
 
 def _lines(result: MapResult) -> list[str]:
     """Return what to say of a map."""
-    options, grid, figures = result.options, result.grid, result.figures
-    rows, columns = grid.cells.shape
+    options, grid, figures = result.options, result.rows, result.figures
+    rows, columns = grid.shape
     side_m = grid.resolution_m
     poses = "reference poses" if result.from_reference else "odometry: the log has no reference"
-    occupied, free = int(grid.occupied().sum()), int(grid.free().sum())
+    values = count_values(grid)
+    free, occupied = int(values[:50].sum()), int(values[50:101].sum())
+    unknown = rows * columns - free - occupied
     size = f"{columns * side_m:.2f} m x {rows * side_m:.2f} m"
-    corner = f"({grid.origin.x_m:.2f}, {grid.origin.y_m:.2f}) m"
+    corner = f"({grid.origin.x_m:.3f}, {grid.origin.y_m:.3f}) m"
     mean = f"{figures.mean_entropy_bits:.3f} bit for a cell that was seen"
     return [
         f"{options.log}: {result.used} of {result.of} scans ({options.scans}), at {poses}",
         f"size: {size}, {columns} x {rows} cells of {side_m:g} m, from {corner}",
-        f"cells: {free} free, {occupied} occupied, {grid.cells.size - free - occupied} unknown",
+        f"cells: {free} free, {occupied} occupied, {unknown} unknown",
         f"coverage: {figures.seen_m2:.1f} m2 seen, {figures.coverage:.1%} of the rectangle",
         f"entropy: {figures.entropy_bits:.0f} bit, {mean}",
         f"written: {result.files[0]}, {result.files[1]}",

@@ -6,12 +6,13 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.grid_map import GridMap
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 
+OCCUPIED_FROM: Final = 50
+"""Cells of so many percent are obstacles."""
 NEAR_M: Final = 0.2
 """An echo so near to an obstacle of the map is from it [m]."""
 
@@ -28,9 +29,9 @@ class EchoShare:
     def __init__(self, grid: GridMap) -> None:
         self._grid = grid
         reach = math.ceil(NEAR_M / grid.resolution_m)
-        off = np.arange(-reach, reach + 1) * grid.resolution_m
-        disc = np.hypot(off[:, None], off) <= NEAR_M
-        self._near = ndimage.binary_dilation(grid.occupied(), disc)
+        steps = np.arange(-reach, reach + 1)
+        off = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        self._off = off[np.hypot(*off.T) * grid.resolution_m <= NEAR_M]
 
     def __call__(self, scan: RangeScan, pose: SE2) -> float | None:
         """Return the share at a pose of `base` in `world`, 0 to 1; None where there is no echo.
@@ -42,8 +43,9 @@ class EchoShare:
             return None
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
         world = points @ np.array([[c, s], [-s, c]]) + (pose.x_m, pose.y_m)
-        rows, columns = self._grid.cell_of(world).T
-        height, width = self._near.shape
-        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-        hits = np.count_nonzero(self._near[rows[inside], columns[inside]])
-        return float(hits) / len(points)
+        near = self._grid.cell_of(world)[:, None] + self._off
+        cells = self._grid.cells
+        inside = np.all((near >= 0) & (near < cells.shape), axis=2)
+        near = np.where(inside[:, :, None], near, 0)
+        hit = inside & (cells[near[:, :, 0], near[:, :, 1]] >= OCCUPIED_FROM)
+        return float(np.mean(hit.any(axis=1)))

@@ -7,17 +7,22 @@ around d, nothing beyond d. This takes the cells as independent and the poses as
 Within one scan a cell changes at most once, by the strongest rule that it meets: a cell with an
 echo is not lowered by the beams beside it, however many pass. Without that, the many beams of one
 scan near the sensor would count as independent looks, which they are not.
+
+A building fits into one array, the window. Over a campus, of which little is known, the window goes
+where the robot is, and what it leaves is kept in tiles.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.cell_tiles import SIDE, CellTiles
+from robotctl.estimation.map_rows import MapRows, inner
 from robotctl.estimation.occupancy_config import OccupancyGridConfig
 from robotctl.estimation.occupancy_kernels import add_cone, add_scans, measure_scans
 from robotctl.model.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
@@ -25,12 +30,18 @@ from robotctl.model.range_scan import RangeScan
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 
-CHUNK = 64
-"""The array's sides are multiples of this [cells]."""
 MAX_CELLS = 200_000_000
-"""More are refused: a pose far off would ask for all memory."""
+"""A map of more is refused: a pose far off would ask for all memory."""
+WINDOW_CELLS = 4096 * 4096
+"""A larger area is kept in tiles."""
+_NEW_WINDOW = 2048
+"""Least side of a window that goes elsewhere [cells]."""
 MAX_AWAY = 1e9
 """Poses farther from the world's origin are refused [cells]."""
+MARGIN_M = 0.5
+"""Of unknown cells around a cropped map, more or less [m]."""
+_STRIP = 256
+"""Rows that are worked on together."""
 BATCH = 512
 """Scans that are prepared together: the more, the less Python each costs."""
 
@@ -72,8 +83,10 @@ class OccupancyGrid:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._cells = np.zeros((0, 0), np.int8)
-        self._corner = np.zeros(2, np.int64)  # row and column of the array's first cell in world
+        self._cells = np.zeros((0, 0), np.int8)  # the window
+        self._corner = np.zeros(2, np.int64)  # row and column of its first cell in world
+        self._tiles = CellTiles()
+        self._reach: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
 
     def update_scan(self, pose: SE2, scan: RangeScan) -> None:
         """Add one lidar scan taken at a pose of `base` in `world`.
@@ -122,8 +135,14 @@ class OccupancyGrid:
             config.range_limit_m,
             config.no_echo_m,
         )
-        first, end = bounds.min(axis=0), bounds.max(axis=0)
-        self._hold(first[:2], end[2:])
+        first, end = bounds.min(axis=0)[:2], bounds.max(axis=0)[2:]
+        self._check_reach(first, end)
+        if len(scans) > 1 and np.prod(end - first) > WINDOW_CELLS:
+            half = len(scans) // 2
+            self._add(poses[:half], scans[:half])
+            self._add(poses[half:], scans[half:])
+            return
+        self._hold(first, end)
         add_scans(
             self._cells,
             self._corner,
@@ -163,9 +182,10 @@ class OccupancyGrid:
         band = max(config.sonar_band_m / side_m, math.sqrt(0.5))
         x, y = sensor.x_m / side_m, sensor.y_m / side_m
         middle, reach = np.array([y, x]), distance + band + 2.0
-        self._hold(
-            np.floor(middle - reach).astype(np.int64), np.ceil(middle + reach).astype(np.int64)
-        )
+        first = np.floor(middle - reach).astype(np.int64)
+        end = np.ceil(middle + reach).astype(np.int64)
+        self._check_reach(first, end)
+        self._hold(first, end)
         add_cone(
             self._cells,
             x - self._corner[1],
@@ -179,16 +199,30 @@ class OccupancyGrid:
             config.steps(config.sonar_miss),
         )
 
-    def _hold(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> None:
-        """Let the array hold the world's cells from a (row, column) to behind another.
-
-        A side that must grow grows by half of what there is, so that the cost of copying stays in
-        proportion to the area; whole chunks, and cells stay where they are in the world.
+    def _check_reach(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> None:
+        """Take note of which cells are reached, from a (row, column) to behind another.
 
         Raises
         ------
         ValueError
-            If the array would have more than `MAX_CELLS`.
+            If a map of all that was ever reached would have more than `MAX_CELLS`.
+        """
+        if self._reach is not None:
+            first, end = np.minimum(first, self._reach[0]), np.maximum(end, self._reach[1])
+        rows, columns = (int(size) for size in end - first)
+        if rows * columns > MAX_CELLS:
+            raise ValueError(
+                f"a grid of {rows} x {columns} cells of {self.config.resolution_m:g} m would be "
+                f"needed, at most {MAX_CELLS} cells are allowed: is a pose or a range wrong?"
+            )
+        self._reach = first, end
+
+    def _hold(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> None:
+        """Let the window hold the world's cells from a (row, column) to behind another.
+
+        A side that must grow grows by half of what there is, so that the cost of copying stays in
+        proportion to the area. A window that would become too large goes elsewhere instead. Cells
+        stay where they are in the world.
         """
         shape = np.array(self._cells.shape)
         old_first = self._corner if self._cells.size else first
@@ -198,21 +232,28 @@ class OccupancyGrid:
         spare = shape // 2
         new_first = np.where(first < old_first, np.minimum(first, old_first - spare), old_first)
         new_end = np.where(end > old_end, np.maximum(end, old_end + spare), old_end)
-        new_first, new_end = new_first // CHUNK * CHUNK, -(-new_end // CHUNK) * CHUNK
+        goes = bool(np.prod(new_end - new_first) > WINDOW_CELLS) and self._cells.size > 0
+        if goes:
+            self._tiles.put(self._cells, self._corner)
+            around = np.maximum(_NEW_WINDOW - (end - first), 0) // 2
+            new_first, new_end = first - around, end + around
+        new_first, new_end = new_first // SIDE * SIDE, -(-new_end // SIDE) * SIDE
         rows, columns = (int(size) for size in new_end - new_first)
-        if rows * columns > MAX_CELLS:
-            raise ValueError(
-                f"a grid of {rows} x {columns} cells of {self.config.resolution_m:g} m would be "
-                f"needed, at most {MAX_CELLS} cells are allowed: is a pose or a range wrong?"
-            )
         cells = np.zeros((rows, columns), np.int8)
-        row, column = (int(size) for size in old_first - new_first)
-        cells[row : row + shape[0], column : column + shape[1]] = self._cells
+        if len(self._tiles):
+            self._tiles.fill(cells, new_first)
+        if not goes:
+            row, column = (int(size) for size in old_first - new_first)
+            cells[row : row + shape[0], column : column + shape[1]] = self._cells
         self._cells, self._corner = cells, new_first
 
     def log_odds(self) -> NDArray[np.float64]:
         """Return the log odds of the cells of `to_map`, (rows, columns)."""
-        return np.asarray(self._known()[0] * self.config.step, np.float64)
+        first, end = self._known()
+        odds = np.zeros(tuple(end - first), np.float64)
+        for part, cells in self.parts(first, end):
+            odds[part] = cells * self.config.step
+        return odds
 
     def to_map(self, occupied_above: float = 0.65, free_below: float = 0.4) -> GridMap:
         """Return which cells are occupied, free or unknown, by the probability of being occupied.
@@ -224,44 +265,127 @@ class OccupancyGrid:
         ValueError
             If not 0 <= free_below < occupied_above <= 1.
         """
+        return self.map_rows(occupied_above, free_below).whole()
+
+    def map_rows(
+        self, occupied_above: float = 0.65, free_below: float = 0.4, strays: float | None = None
+    ) -> MapRows:
+        """Return the map row by row; it shows the grid as it is when the rows are asked for.
+
+        Parameters
+        ----------
+        occupied_above, free_below
+            See `to_map`.
+        strays
+            None: the rectangle of `to_map`. Else it is cropped at each side while that cuts off
+            no more than this share of the known cells, and gets a margin of `MARGIN_M`.
+
+        Raises
+        ------
+        ValueError
+            See `to_map`.
+        """
         if not 0.0 <= free_below < occupied_above <= 1.0:
             raise ValueError(
                 "free_below and occupied_above must be 0 <= free_below < occupied_above <= 1, "
                 f"found {free_below} and {occupied_above}"
             )
-        known, corner = self._known()
         probability = 1.0 / (1.0 + np.exp(-np.arange(-128, 128) * self.config.step))
         value = np.full(256, UNKNOWN, np.int8)
         value[probability > occupied_above] = OCCUPIED
         value[probability < free_below] = FREE
         value[128] = UNKNOWN  # no evidence
-        side_m = self.config.resolution_m
-        origin = SE2(float(corner[1]) * side_m, float(corner[0]) * side_m)
-        return GridMap(value[known.astype(np.int16) + 128], side_m, origin)
+        value = np.roll(value, 128)  # by the cell as a byte
+        first, end = self._known()
+        if strays is not None:
+            first, end = self._cropped(first, end, value, strays)
+        return MapRows(self.parts, first, end, value, self.config.resolution_m)
+
+    def _cropped(
+        self,
+        first: NDArray[np.int64],
+        end: NDArray[np.int64],
+        value: NDArray[np.int8],
+        strays: float,
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return a rectangle without the strays at its sides; see `to_map`."""
+        counts = [np.zeros(size, np.int64) for size in (end - first).tolist()]
+        for (rows, columns), cells in self.parts(first, end):
+            known = value.take(cells.view(np.uint8)) != UNKNOWN
+            counts[0][rows] += known.sum(axis=1)
+            counts[1][columns] += known.sum(axis=0)
+        if not counts[0].any():
+            return first, end
+        off = [inner(count, strays * float(count.sum())) for count in counts]
+        margin = math.ceil(MARGIN_M / self.config.resolution_m)
+        return (
+            first + np.array([low for low, _ in off]) - margin,
+            first + np.array([high for _, high in off]) + margin,
+        )
 
     def figures(self) -> GridFigures:
         """Return how much is known; a cell counts as seen while its log odds are not 0."""
-        known, _ = self._known()
-        counts = np.bincount((known.astype(np.int16) + 128).ravel(), minlength=256)
+        first, end = self._known()
+        counts = np.zeros(256, np.int64)
+        for _, cells in self.parts(first, end):
+            counts += np.bincount(cells.view(np.uint8).ravel(), minlength=256)
+        counts = np.roll(counts, 128)
+        size = int(np.prod(end - first))
+        seen = int(counts.sum() - counts[128])
+        counts[128] = size - seen
         p = 1.0 / (1.0 + np.exp(-np.arange(-128, 128) * self.config.step))
         entropy = -p * np.log2(p) - (1.0 - p) * np.log2(1.0 - p)
-        unseen = int(counts[128])
-        seen = known.size - unseen
         total = float(counts @ entropy)
         return GridFigures(
             seen_m2=seen * self.config.resolution_m**2,
-            coverage=seen / known.size,
+            coverage=seen / size,
             entropy_bits=total,
-            mean_entropy_bits=(total - unseen) / seen if seen else 1.0,
+            mean_entropy_bits=(total - (size - seen)) / seen if seen else 1.0,
         )
 
-    def _known(self) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
-        """Return the smallest rectangle around all evidence, and its first row and column."""
-        rows, columns = np.flatnonzero(self._cells.any(1)), np.flatnonzero(self._cells.any(0))
-        if len(rows) == 0:
-            return np.zeros((1, 1), np.int8), np.zeros(2, np.int64)
-        box = self._cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        return box, self._corner + np.array([rows[0], columns[0]])
+    def _pieces(self) -> Iterator[tuple[int, int, NDArray[np.int8]]]:
+        """Yield first row and column in world of pieces that hold all evidence, and their cells."""
+        if len(self._tiles):
+            self._tiles.put(self._cells, self._corner)
+            yield from self._tiles
+            return
+        for row in range(0, self._cells.shape[0], _STRIP):
+            yield (
+                int(self._corner[0]) + row,
+                int(self._corner[1]),
+                self._cells[row : row + _STRIP],
+            )
+
+    def parts(
+        self, first: NDArray[np.int64], end: NDArray[np.int64]
+    ) -> Iterator[tuple[tuple[slice, slice], NDArray[np.int8]]]:
+        """Yield where in a rectangle evidence lies, and its cells [steps].
+
+        The rectangle is from a (row, column) in world to behind another.
+        """
+        height, width = (int(size) for size in end - first)
+        for row, column, cells in self._pieces():
+            r, c = row - int(first[0]), column - int(first[1])
+            top, left = max(r, 0), max(c, 0)
+            bottom, right = min(r + cells.shape[0], height), min(c + cells.shape[1], width)
+            if top < bottom and left < right:
+                inside = cells[top - r : bottom - r, left - c : right - c]
+                yield (slice(top, bottom), slice(left, right)), inside
+
+    def _known(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the smallest rectangle around all evidence: its first cell, and behind its last.
+
+        Without evidence it is one cell.
+        """
+        firsts, ends = [], []
+        for row, column, cells in self._pieces():
+            rows, columns = np.flatnonzero(cells.any(1)), np.flatnonzero(cells.any(0))
+            if len(rows):
+                firsts.append((row + rows[0], column + columns[0]))
+                ends.append((row + rows[-1] + 1, column + columns[-1] + 1))
+        if not firsts:
+            return np.zeros(2, np.int64), np.ones(2, np.int64)
+        return np.min(firsts, axis=0).astype(np.int64), np.max(ends, axis=0).astype(np.int64)
 
 
 def _pattern(scans: Sequence[RangeScan]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,43 @@ from robotctl.model.se2 import SE2
 FREE: Final = 0
 OCCUPIED: Final = 100
 UNKNOWN: Final = -1
+STRIP: Final = 1024
+"""Rows of a large map that are worked on together."""
+
+
+class CellRows(Protocol):
+    """A map whose rows are made when they are asked for: a large one need not fit into memory.
+
+    What it has is described at `GridMap`.
+    """
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and columns."""
+        ...
+
+    @property
+    def resolution_m(self) -> float:
+        """Length of a cell's side [m]."""
+        ...
+
+    @property
+    def origin(self) -> SE2:
+        """`T_world_map`."""
+        ...
+
+    def rows(self, begin: int, end: int) -> NDArray[np.int8]:
+        """Return the rows from one on to before another, (end - begin, columns)."""
+        ...
+
+
+def count_values(grid: CellRows) -> NDArray[np.int64]:
+    """Return how many cells have each value, (256,); `UNKNOWN` is the last."""
+    values = np.zeros(256, np.int64)
+    for row in range(0, grid.shape[0], STRIP):
+        strip = grid.rows(row, min(row + STRIP, grid.shape[0])).view(np.uint8)
+        values += sum(np.bincount(each, minlength=256) for each in strip)
+    return values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +101,15 @@ class GridMap:
         x = (cells[:, 1] + 0.5) * self.resolution_m
         y = (cells[:, 0] + 0.5) * self.resolution_m
         return np.stack([self.origin.x_m + c * x - s * y, self.origin.y_m + s * x + c * y], axis=1)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and columns."""
+        return self.cells.shape[0], self.cells.shape[1]
+
+    def rows(self, begin: int, end: int) -> NDArray[np.int8]:
+        """Return the rows from one on to before another."""
+        return self.cells[begin:end]
 
     def occupied(self, threshold: int = 50) -> NDArray[np.bool_]:
         """Return which cells are occupied with at least `threshold` percent, (rows, columns)."""

@@ -43,6 +43,9 @@ _OF_A_SCAN, _OF_A_SCAN_WIDE = 0.1, 0.3
 from one place does not give."""
 _ECHOES_BEYOND: Final = 0.005
 """So large a share of the readings may be echoes from farther than the least code."""
+_BEAMS, _OF_FEW = 4, 0.9
+"""In so few directions a corridor along which the robot drives gives one length too; they have this
+share of the readings then."""
 _PLACE_M: Final = 0.1
 """Scans that are nearer to each other are of one place [m]."""
 
@@ -79,11 +82,13 @@ def no_echo_codes(
     places
         Where the robot was at each, (n, 2) [m], in any frame that moves on with it.
     """
-    readings = _of_places(scans, places)
+    chosen = _of_places(scans, places)
     every = _lengths(scans)
     if len(every) == 0:
         return ()
-    piles = _piles(_lengths(readings), len(readings))
+    piles = [
+        pile for pile in _piles(_lengths(chosen), len(chosen)) if _many_directions(chosen, *pile)
+    ]
     for low, high in KNOWN_CODES_M:
         if low - _TOLERANCE_M <= every.max() <= high + _TOLERANCE_M:
             piles = [(low, high), *(pile for pile in piles if pile[1] < low - _TOLERANCE_M)]
@@ -114,6 +119,15 @@ def _of_places(
             chosen.append(scan)
             last = x, y
     return chosen
+
+
+def _many_directions(scans: Sequence[NDArray[np.float64]], low: float, high: float) -> bool:
+    """Return whether the readings between two lengths [m] are of more than a few directions."""
+    counts = np.zeros(max(map(len, scans)), np.int64)
+    for scan in scans:
+        counts[: len(scan)] += (scan >= low) & (scan <= high)
+    few = np.sort(counts)[-_BEAMS:].sum()
+    return bool(len(counts) <= 2 * _BEAMS or few < _OF_FEW * counts.sum())
 
 
 def _piles(readings: NDArray[np.float64], places: int) -> list[tuple[float, float]]:
