@@ -44,8 +44,8 @@ from one place does not give."""
 _ECHOES_BEYOND: Final = 0.005
 """So large a share of the readings may be echoes from farther than the least code."""
 _BEAMS, _OF_FEW = 4, 0.9
-"""In so few directions a corridor along which the robot drives gives one length too; they have this
-share of the readings then."""
+"""In so few directions a corridor along which the robot drives gives one length too, more or less;
+they have this share of the readings then."""
 _PLACE_M: Final = 0.1
 """Scans that are nearer to each other are of one place [m]."""
 
@@ -119,6 +119,12 @@ def _of_places(
             chosen.append(scan)
             last = x, y
     return chosen
+
+
+def _is_one(scans: Sequence[NDArray[np.float64]], low: float, high: float) -> bool:
+    """Return whether the readings between two lengths [m] are the same: no wall is so exact."""
+    readings = np.concatenate([scan[(scan >= low) & (scan <= high)] for scan in scans])
+    return bool(np.unique(readings, return_counts=True)[1].max() >= _OF_FEW * len(readings))
 
 
 def _many_directions(scans: Sequence[NDArray[np.float64]], low: float, high: float) -> bool:

@@ -89,3 +89,19 @@ def test_of_a_known_code_a_single_reading_is_enough(longest):
     (found,) = no_echo_codes(scans, PLACES)
     assert (found.low_m, found.high_m, found.count) == (longest, longest, 1)
     assert found.reach_m <= longest
+
+
+def test_a_beam_that_is_always_the_same_has_none_though_it_is_but_one():
+    scans = drive(lambda rng, n: 5.0 * rng.random(n), 0.0, 49.0)
+    for scan in scans:
+        scan[17] = 50.0
+    (found,) = no_echo_codes(scans, PLACES)
+    assert (found.low_m, found.high_m, found.count) == (50.0, 50.0, 200)
+
+
+def test_the_side_of_a_corridor_along_which_the_robot_drives_is_none():
+    rng = np.random.default_rng(4)
+    scans = drive(lambda rng, n: 5.0 * rng.random(n), 0.0, 30.0)
+    for scan in scans:
+        scan[90:92] = 35.0 + 0.02 * rng.standard_normal(2)
+    assert no_echo_codes(scans, PLACES) == ()
