@@ -87,7 +87,9 @@ def no_echo_codes(
     if len(every) == 0:
         return ()
     piles = [
-        pile for pile in _piles(_lengths(chosen), len(chosen)) if _many_directions(chosen, *pile)
+        pile
+        for pile in _piles(_lengths(chosen), len(chosen))
+        if _is_one(chosen, *pile) or _many_directions(chosen, *pile)
     ]
     for low, high in KNOWN_CODES_M:
         if low - _TOLERANCE_M <= every.max() <= high + _TOLERANCE_M:
