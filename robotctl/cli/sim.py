@@ -179,7 +179,7 @@ def _refuse_what_has_no_effect(
         raise ConfigError("--stay: has no effect with --lockstep: no ground station can reach it")
     if lockstep:
         refuse_unused(ctx, "with --lockstep, whose time is virtual", "hard_real_time")
-    settings = (*options.localisation, *options.overrides)
+    settings = options.settings(Path("the mission's own"))
     if load_robot(options.robot, settings).localisation.method == "none":
         why = "without a localiser; add --localiser mcl or ekf"
         refuse_unused(ctx, why, "chart", "sensors", "start")

@@ -171,6 +171,13 @@ def test_an_option_without_effect_is_refused(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("localiser", ["mcl", "ekf"])
+def test_with_a_localiser_the_map_is_that_of_the_world(localiser: str) -> None:
+    short = ["sim", "--lockstep", "--max-seconds", "1", "--localiser", localiser]
+    assert status_of(*short) == 3
+    assert status_of(*short, "--map", "flat") == 3
+
+
 def test_a_localiser_in_the_robots_file_gives_them_their_effect(here: Path) -> None:
     options = [
         "--set",
