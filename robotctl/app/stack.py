@@ -83,6 +83,7 @@ class Stack:
         self.exits: list[Exit | Pause] = []
         """Ends and pauses seen by the last `watch`."""
         self._announcer = Announcer(options.instance)
+        self._clock = options.open_clock()
         self._control.start(time.monotonic())
 
     @property
@@ -137,7 +138,7 @@ class Stack:
         now_s = time.monotonic()
         if self._control.phase is Phase.READY:
             self._announcer.open()
-        self._announcer.step(time.monotonic_ns())
+        self._announcer.step(self._clock.now_ns())
         for process in self._processes.values():
             if process.phase is Phase.IDLE and self._control.phase is Phase.READY:
                 process.let_start(now_s)
@@ -154,7 +155,7 @@ class Stack:
 
     def tell(self, line: str, severity: Severity = Severity.INFORMATION) -> None:
         """Tell ground stations and logs what the supervisor says."""
-        self._announcer.say(line, severity, time.monotonic_ns())
+        self._announcer.say(line, severity, self._clock.now_ns())
 
     def _judge(self, process: Supervised, ended: Exit) -> None:
         """Decide what the end of one process means for the others."""

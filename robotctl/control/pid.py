@@ -69,6 +69,11 @@ class PidConfig:
                 raise ValueError(f"{field.name}: {value} found, a finite number >= 0 allowed")
 
     @property
+    def can_drive(self) -> bool:
+        """Whether it brings any speed about: kd only damps, ks and ka hold none."""
+        return self.kp > 0.0 or self.ki > 0.0 or self.kv > 0.0
+
+    @property
     def effective_tracking_s(self) -> float:
         """Tracking time constant in use [s]: `tracking_s`, or the choice made for 0."""
         if self.tracking_s > 0.0:

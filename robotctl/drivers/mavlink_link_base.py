@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
+from pymavlink.dialects.v10 import common as v1
 from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink_link_frames import FrameReader
@@ -47,13 +48,28 @@ class Channel:
     def __init__(self, peer: Peer, hub: Hub) -> None:
         self.peer = peer
         self._codec = common.MAVLink(None, hub.system_id, hub.component_id)
+        self._codec_v1 = v1.MAVLink(None, hub.system_id, hub.component_id)
         self.reader = FrameReader(self._codec)
         self.heard_ns = 0
+        self._seq = 0
 
-    def encode(self, message: Message) -> bytes:
-        """Return the next frame of this channel, MAVLink 2."""
-        frame: bytes = message.pack(self._codec)
-        self._codec.seq = (self._codec.seq + 1) & 0xFF
+    def encode(self, message: Message) -> bytes | None:
+        """Return the next frame of this channel: MAVLink 2, unless the peer speaks 1 only.
+
+        None where the message is none of MAVLink 1, whose numbers end at 255; it goes without
+        the fields that only MAVLink 2 has.
+        """
+        codec = self._codec
+        if self.reader.is_v1:
+            kind = v1.mavlink_map.get(message.get_msgId())
+            if kind is None:
+                return None
+            values = (getattr(message, name) for name in kind.fieldnames)
+            message = kind(*(each.encode() if isinstance(each, str) else each for each in values))
+            codec = self._codec_v1
+        codec.seq = self._seq
+        frame: bytes = message.pack(codec)
+        self._seq = (self._seq + 1) & 0xFF
         return frame
 
 

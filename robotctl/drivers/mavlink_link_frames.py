@@ -20,6 +20,10 @@ SIGNATURE: int = common.MAVLINK_SIGNATURE_BLOCK_LEN
 STALE_NS = 300_000_000
 """A frame without a new byte for so long [ns] is not going to be completed."""
 
+FORGET_NS = 10_000_000_000
+"""A sender of MAVLink 1 that has sent no MAVLink 2 for so long speaks 1 only [ns]: another program
+may be at the end of the line."""
+
 # The environment must not be able to switch off the check that keeps corrupt commands out.
 common.MAVLINK_IGNORE_CRC = 0
 
@@ -40,8 +44,11 @@ class FrameReader:
         self._codec = codec
         self._buffer = bytearray()
         self._last_ns = 0
+        self._v2_ns: int | None = None
         self.bad_bytes = 0
         self.unknown = 0
+        self.is_v1 = False
+        """Whether the sender speaks MAVLink 1 only, as far as it was heard."""
 
     def feed(self, data: bytes, now_ns: int) -> list[Message]:
         """Take bytes of a stream; return the messages they complete."""
@@ -117,6 +124,10 @@ class FrameReader:
             message = self._codec.decode(buffer[start:end])
         except common.MAVError:
             return False
+        if buffer[start] == MARKER_V2:
+            self._v2_ns, self.is_v1 = self._last_ns, False
+        elif self._v2_ns is None or self._last_ns - self._v2_ns > FORGET_NS:
+            self.is_v1 = True
         if isinstance(message, common.MAVLink_unknown):
             # Its checksum cannot be known; what stands behind it tells a frame from garbage. Its
             # inside is not searched: messages that carry others must not be taken apart.

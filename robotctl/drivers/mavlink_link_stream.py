@@ -77,7 +77,10 @@ class Stream:
     def send(self, message: Message, *, answer: bool) -> None:
         """Queue one frame."""
         dropped = self._queue.dropped
-        self._queue.push(self.channel.encode(message), answer=answer)
+        frame = self.channel.encode(message)
+        if frame is None:
+            return
+        self._queue.push(frame, answer=answer)
         self._link.counters.sent += 1
         self._link.counters.dropped += self._queue.dropped - dropped
 

@@ -126,8 +126,8 @@ class UdpLink(Link):
             if channel.peer.number == number:
                 self._send(channel.encode(message), sender)
 
-    def _send(self, frame: bytes, target: _Sender) -> None:
-        if self._socket is None or self._broken:
+    def _send(self, frame: bytes | None, target: _Sender) -> None:
+        if frame is None or self._socket is None or self._broken:
             return
         try:
             if self._server:

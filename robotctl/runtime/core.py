@@ -146,10 +146,18 @@ class ControlCore:
         """What the robot had driven in its life before this core was made [m]."""
         self._drive = drive
         impossible_rad_s = impossible_wheel_rad_s(drive, limits)
+        loops = control.loops(drive.wheel_names)
         self._wheels = tuple(
             WheelLoop(pid, control.pwm, drive.counts_per_revolution, impossible_rad_s)
-            for pid in control.loops(drive.wheel_names)
+            for pid in loops
         )
+        self._powerless = tuple(
+            f"control.{name}: kp, ki and kv are 0, the wheel would not turn: find gains with "
+            "`robotctl tune`"
+            for name, pid in zip(drive.wheel_names, loops, strict=True)
+            if not pid.can_drive
+        )
+        """Reasons against arming that a file cannot be refused for: it may be one to be tuned."""
         self._estimators = self._wheels[0].estimator, self._wheels[-1].estimator
         self._limiter = TwistLimiter(limits)
         self._health = Health(safety, period_ns, tuple(mount.name for mount in sonars))
@@ -381,7 +389,7 @@ class ControlCore:
     def _refusals(self, now_ns: int) -> tuple[str, ...]:
         """Return all reasons against arming now."""
         health = self._health
-        refusals = self._objections + health.refusals(now_ns)
+        refusals = self._objections + self._powerless + health.refusals(now_ns)
         motor, drive, battery = health.motor, health.drive, health.battery
         if motor is not None and drive is not None and battery is not None:
             speeds, enabled = self._speeds_rad_s(), self._command_before.enable

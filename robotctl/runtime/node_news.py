@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from robotctl.runtime.emergency_codes import emergency_words
 from robotctl.runtime.messages import EmergencyMessage, Feedback, NodeStatus
 
 _NO_ERROR: Final = 0
@@ -38,7 +39,7 @@ class NodeNews:
             return ""
         self._told.add((number, code))
         name = next((node.name for node in self._nodes if node.node_id == number), "unknown")
-        return f"{name} (node {number}) reports error 0x{code:04X}"
+        return f"{name} (node {number}) reports error 0x{code:04X}: {emergency_words(code)}"
 
     def forget_errors(self) -> None:
         """Let each error be told once more."""

@@ -2,8 +2,9 @@
 
 x drives (positive forward); y or r turns, whichever is deflected more. Both are taken as positive
 to the right: ground stations and autopilots do so for r too, and the definition was corrected to
-it in 2025 (mavlink pull request 2398), though older dialect files say the opposite. z (throttle) is
-not used: some ground stations send 500 for a stick at rest, which must not drive the robot.
+it in 2025 (mavlink pull request 2398), though older dialect files say the opposite. An axis at
+32767 is not given: as one at rest. z (throttle) is not used: some ground stations send 500 for a
+stick at rest, which must not drive the robot.
 """
 
 from __future__ import annotations
@@ -35,18 +36,20 @@ class ManualControls:
         """Take one position of the sticks; the message names its target in a field of its own."""
         if message.target not in (0, self._context.config.system_id):
             return
-        turns = [axis for axis in (message.y, message.r) if axis != NO_AXIS]
-        if any(abs(axis) > FULL for axis in (message.x, *turns)):
+        forward, *turns = (
+            0 if axis == NO_AXIS else axis for axis in (message.x, message.y, message.r)
+        )
+        if any(abs(axis) > FULL for axis in (forward, *turns)):
             self.refused += 1
             if now_ns >= self._say_ns:
                 self._say_ns = now_ns + SAY_AGAIN_NS
                 found = f"x {message.x}, y {message.y}, r {message.r}"
                 self._context.say(now_ns, f"Sticks: {found}: allowed -{FULL} to {FULL}")
             return
-        turn = max(turns, key=abs, default=0)
+        turn = max(turns, key=abs)
         self._context.requests.append(
             ManualControl(
-                now_ns, now_ns + self._timeout_ns, message.x / FULL, frames.stick_turn(turn)
+                now_ns, now_ns + self._timeout_ns, forward / FULL, frames.stick_turn(turn)
             )
         )
 

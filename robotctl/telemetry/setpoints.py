@@ -2,7 +2,8 @@
 
 | type_mask uses | frame | request |
 |---|---|---|
-| vx, may use vy = 0 | BODY_NED, BODY_FRD | drive at vx, turning at yaw_rate if used |
+| vx, may use vy = 0 | BODY_NED, BODY_FRD, | drive at vx, turning at yaw_rate if used |
+|  | BODY_OFFSET_NED | |
 | vx and vy, yaw_rate | LOCAL_NED | drive at the part of the velocity along the heading, and turn |
 | vx and vy | LOCAL_NED | turn towards the velocity, or towards yaw if used, and drive along it;
 |  | | a drive-and-steer robot turns in a bend, forwards |
@@ -38,7 +39,10 @@ from robotctl.telemetry.sender_clock import SenderClocks
 from robotctl.telemetry.service import Context, source
 
 FOLLOWED: int = common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
-BODY_FRAMES = frozenset({common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_FRD})
+BODY_FRAMES = frozenset(
+    {common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_FRD, common.MAV_FRAME_BODY_OFFSET_NED}
+)
+"""An offset is one of positions: velocities are the body's in all three."""
 LOCAL_NED: int = common.MAV_FRAME_LOCAL_NED
 
 SAY_AGAIN_NS = 30_000_000_000

@@ -42,10 +42,10 @@ DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
 PID = PidConfig(kp=0.25, ki=3.0, kv=K_V_S_RAD)
 
 
-def make_core(safety: SafetyConfig = SAFETY) -> ControlCore:
+def make_core(safety: SafetyConfig = SAFETY, left: PidConfig = PID) -> ControlCore:
     return ControlCore(
         DRIVE,
-        ControlConfig(left=PID, right=PID),
+        ControlConfig(left=left, right=PID),
         LimitsConfig(),
         safety,
         PlausibilityConfig(RESISTANCE_OHM, K_V_S_RAD),

@@ -7,6 +7,7 @@ import msgspec
 import pytest
 
 from robotctl.app.fitness import Fitness
+from robotctl.control.pid import PidConfig
 from robotctl.runtime.messages import (
     Ack,
     Arm,
@@ -253,3 +254,24 @@ def test_a_request_to_arm_that_a_stop_overtakes_is_answered() -> None:
     ack = robot.snapshot().acks[-1]
     assert (ack.request_id, ack.accepted) == (31, False)
     assert "emergency stop" in ack.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("gains", "refused"),
+    [
+        (PidConfig(), True),
+        (PidConfig(kd=0.1, ks=0.3, ka=0.1), True),
+        (PidConfig(kp=0.1), False),
+        (PidConfig(ki=0.1), False),
+        (PidConfig(kv=0.1), False),
+    ],
+)
+def test_a_wheel_whose_gains_bring_no_speed_about_refuses(gains: PidConfig, refused: bool) -> None:
+    robot = RobotDouble()
+    robot.core = make_core(left=gains)
+    robot.ticks(WARM_TICKS)
+    ack = answer(robot)
+    assert ack.accepted != refused
+    if refused:
+        (reason,) = ack.reasons
+        assert reason.startswith("control.left: kp, ki and kv are 0, the wheel would not turn")

@@ -335,12 +335,12 @@ def test_what_a_node_reports_is_told_once_between_two_armings() -> None:
 
     robot.ticks(1)
     assert told(0x6310, 0x6310, 0x3220) == [
-        "drive (node 1) reports error 0x6310",
-        "drive (node 1) reports error 0x3220",
+        "drive (node 1) reports error 0x6310: stored parameters are lost",
+        "drive (node 1) reports error 0x3220: under voltage",
     ]
     assert told(0, 0x6310) == []
     robot.armed()
-    assert told(0x6310) == ["drive (node 1) reports error 0x6310"]
+    assert told(0x6310) == ["drive (node 1) reports error 0x6310: stored parameters are lost"]
 
 
 @settings(max_examples=30)

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common
 from robotctl.planning.requests import FARTHEST_M
 from robotctl.runtime.messages import ManualControl, PositionTarget, VelocityTarget
 
-BODY_NED, BODY_FRD, LOCAL = 8, 12, 1
+BODY_NED, BODY_OFFSET_NED, BODY_FRD, LOCAL = 8, 9, 12, 1
 # Bits of type_mask: 0-2 position, 3-5 velocity, 6-8 acceleration, 9 force, 10 yaw, 11 yaw rate.
 POSITION, VELOCITY, ACCELERATION, YAW, YAW_RATE = 0x007, 0x038, 0x1C0, 0x400, 0x800
 ALL = POSITION | VELOCITY | ACCELERATION | YAW | YAW_RATE
@@ -30,7 +30,7 @@ def using(*parts):
     return mask
 
 
-@pytest.mark.parametrize("frame", [BODY_NED, BODY_FRD])
+@pytest.mark.parametrize("frame", [BODY_NED, BODY_FRD, BODY_OFFSET_NED])
 def test_a_body_velocity_drives_forward_and_a_positive_yaw_rate_turns_right(bench, frame):
     bench.receive(setpoint(frame, using(VELOCITY, YAW_RATE), vx=0.5, yaw_rate=0.25))
     (request,) = bench.step()
@@ -236,6 +236,10 @@ def sticks(x=0, y=0, z=500, r=0, target=1):
         (sticks(r=-1000, y=200), 0.0, 1.0),  # the larger deflection counts
         (sticks(y=0x7FFF, r=100), 0.0, -0.1),  # y is marked absent
         (sticks(y=0x7FFF, r=0x7FFF), 0.0, 0.0),
+        (sticks(x=0x7FFF), 0.0, 0.0),
+        (sticks(x=0x7FFF, y=500), 0.0, -0.5),
+        (sticks(x=300, y=0x7FFF, r=0x7FFF), 0.3, 0.0),
+        (sticks(x=0x7FFF, y=0x7FFF, z=0x7FFF, r=0x7FFF), 0.0, 0.0),
         (sticks(z=1000), 0.0, 0.0),  # the throttle lever does not drive
         (sticks(x=100, target=0), 0.1, 0.0),
     ],
@@ -246,18 +250,19 @@ def test_sticks_drive_and_turn(bench, message, forward, turn):
     assert isinstance(request, ManualControl)
     assert (request.forward, request.turn) == (forward, turn)
     assert request.expires_ns - request.stamp_ns == 500_000_000
+    assert bench.texts() == []
 
 
 @pytest.mark.parametrize(
     "message",
     [
         sticks(x=1001),
-        sticks(x=0x7FFF),
+        sticks(x=0x7FFE),
         sticks(y=-1001),
         sticks(r=-32768),
         sticks(x=1000, target=2),
     ],
-    ids=["x too large", "x absent", "y too small", "r too small", "other target"],
+    ids=["x too large", "x nearly absent", "y too small", "r too small", "other target"],
 )
 def test_sticks_out_of_range_or_of_others_do_nothing(bench, message):
     bench.receive(message)
