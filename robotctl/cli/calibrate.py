@@ -35,7 +35,7 @@ def odometry(
     robot: RobotName = "diff_drive",
     log: Annotated[
         Path | None,
-        typer.Option(help="Log with reference poses: CARMEN, MRCLAM, LEGO or our own."),
+        typer.Option(help="Log with reference poses: CARMEN, MRCLAM, LEGO, ROS bag or our own."),
     ] = None,
     mrclam_robot: Annotated[
         int | None, typer.Option(help="Which robot of a MRCLAM folder.")

@@ -25,7 +25,7 @@ def characterise(
     robot: RobotName = "diff_drive",
     log: Annotated[
         Path | None,
-        typer.Option(help="CARMEN log with poses, or a recording of ours: a folder of --record."),
+        typer.Option(help="CARMEN log or ROS bag with poses, or our own: a folder of --record."),
     ] = None,
     map_file: Annotated[
         str,

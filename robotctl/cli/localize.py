@@ -23,7 +23,7 @@ def localize(
     log: Annotated[
         Path,
         typer.Option(
-            help="CARMEN log, MRCLAM folder, LEGO log, or a recording of ours; gzip or plain."
+            help="CARMEN log, MRCLAM folder, LEGO log, ROS bag, or a recording of ours; gzip or plain."
         ),
     ],
     out: Annotated[

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def map_log(
     log: Annotated[
-        Path, typer.Option(help="CARMEN log, LEGO folder or recording of robotctl, gzip or plain.")
+        Path, typer.Option(help="CARMEN log, LEGO folder, ROS bag or recording of robotctl.")
     ],
     out: Annotated[Path, typer.Option(metavar="PREFIX", help="Write PREFIX.yaml and PREFIX.pgm.")],
     scans: Annotated[

@@ -41,12 +41,7 @@ from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.carmen_lines import CarmenLines, LaserLine, OdometryLine, sorted_lines
 from robotctl.telemetry.log_text import LogFormatError, read_text
 from robotctl.telemetry.log_times import note_pairs, ordered_stamps
-from robotctl.telemetry.no_echo import no_echo_codes
-
-_UNKNOWN_REACH_M: Final = 81.83
-_TOLERANCE_M: Final = 1e-6
-_DENIED, _FEW = 0.01, 5
-"""A reach that is told is wrong where a larger share, and more, of the echoes lie beyond it."""
+from robotctl.telemetry.no_echo import reaches, valid_ranges
 
 _SAME, _ROUNDED = 1e-5, 2e-3
 _ELSEWHERE_M: Final = 0.2
@@ -151,7 +146,9 @@ def _placed(
         lines.notes.append(f"{word}: the laser's pose is the same in all lines: no reference")
     beams = [scan.fan or _fan(lines, rear, len(scan.ranges_m)) for scan in scans]
     told_m = [told if told > 0.0 else math.inf for _, _, told in beams]
-    reaches_m = _reaches(lines, word, scans, told_m, max_range_m)
+    readings = [scan.ranges_m for scan in scans]
+    places = np.array([scan.robot[:2] for scan in scans])
+    reaches_m = reaches(word, readings, places, told_m, max_range_m, lines.notes)
     fans: dict[tuple[int, float, float], NDArray[np.float64]] = {}
     placed = []
     for scan, (first, step, _), reach_m, odometry, world in zip(
@@ -161,7 +158,9 @@ def _placed(
         angles = fans.setdefault(
             key, mount.theta_rad + first + step * np.arange(key[0], dtype=np.float64)
         )
-        placed.append((angles, _valid(scan.ranges_m, reach_m), reach_m, mount, odometry, world))
+        placed.append(
+            (angles, valid_ranges(scan.ranges_m, reach_m), reach_m, mount, odometry, world)
+        )
     return placed
 
 
@@ -215,49 +214,6 @@ def _fan(lines: CarmenLines, rear: bool, count: int) -> tuple[float, float, floa
         if count in {beams, beams + 1}:
             return math.radians(-0.5 * view_deg), math.radians(view_deg / beams), reach_m
     return -0.5 * math.pi, math.pi / max(count - 1, 1), reach_m
-
-
-def _reaches(
-    lines: CarmenLines,
-    word: str,
-    scans: Sequence[LaserLine],
-    told_m: Sequence[float],
-    max_range_m: float | None,
-) -> list[float]:
-    """Return the reach of each scan [m]; `told_m` is what the log says of it, inf where nothing."""
-    if max_range_m is not None:
-        return [max_range_m] * len(scans)
-    readings = [scan.ranges_m for scan in scans]
-    codes = no_echo_codes(readings, np.array([scan.robot[:2] for scan in scans]))
-    total = sum(map(len, readings))
-    for code in codes:
-        low, high = f"{code.low_m:.6g}", f"{code.high_m:.6g}"
-        lines.notes.append(
-            f"{word}: {code.count} of {total} readings ({code.count / total:.1%}) are "
-            f"{low if low == high else f'{low} to {high}'} m: taken for no echo"
-        )
-    least_m = min((code.reach_m for code in codes), default=math.inf)
-    echoes = beyond = 0
-    for ranges, reach_m in zip(readings, told_m, strict=True):
-        echo = ranges[(ranges > 0.0) & (ranges < least_m - _TOLERANCE_M)]
-        echoes += len(echo)
-        beyond += int(np.count_nonzero(echo > reach_m + _TOLERANCE_M))
-    if beyond > max(_FEW, _DENIED * echoes):
-        lines.notes.append(
-            f"{word}: the log tells of a reach of {min(told_m):g} m, but {beyond / echoes:.0%} of "
-            "the echoes lie beyond it: not believed"
-        )
-        told_m = [math.inf] * len(scans)
-    return [
-        reach_m if math.isfinite(reach_m := min(least_m, each)) else _UNKNOWN_REACH_M
-        for each in told_m
-    ]
-
-
-def _valid(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.float64]:
-    """Return ranges with inf from the reach on and nan for what is none."""
-    ranges = np.where(ranges >= reach_m - _TOLERANCE_M, math.inf, ranges)
-    return np.where(ranges > 0.0, ranges, math.nan)
 
 
 def _stamps(

@@ -23,6 +23,9 @@ KNOWN_CODES_M: Final = ((81.83, 81.91), (51.05, 51.16), (32.759, 32.767), (8.183
 """First and last of the lengths that known lasers give for no echo. Where the longest reading of a
 log is one, a single reading is enough."""
 
+_UNKNOWN_REACH_M: Final = 81.83
+_DENIED, _FEW = 0.01, 5
+"""A reach that is told is wrong where a larger share, and more, of the echoes lie beyond it."""
 _TOLERANCE_M: Final = 1e-6
 _BIN_M: Final = 0.001
 _WIDTH: Final = 120
@@ -68,6 +71,66 @@ class Code:
     high_m: float
     count: int
     reach_m: float
+
+
+def reaches(
+    what: str,
+    scans: Sequence[NDArray[np.float64]],
+    places: NDArray[np.float64],
+    told_m: Sequence[float],
+    max_range_m: float | None,
+    notes: list[str],
+) -> list[float]:
+    """Return the reach of each scan of a laser [m].
+
+    It is the shortest length that stands for no echo, or less where the log tells so and hardly an
+    echo lies beyond; 81.83 m where nothing is known.
+
+    Parameters
+    ----------
+    what
+        The laser, for people.
+    scans, places
+        See `no_echo_codes`.
+    told_m
+        What the log says of each scan's reach [m]; inf where nothing.
+    max_range_m
+        What the user says [m]; None: nothing.
+    notes
+        Sentences for people, to be added to.
+    """
+    if max_range_m is not None:
+        return [max_range_m] * len(scans)
+    codes = no_echo_codes(scans, places)
+    total = sum(map(len, scans))
+    for code in codes:
+        low, high = f"{code.low_m:.6g}", f"{code.high_m:.6g}"
+        notes.append(
+            f"{what}: {code.count} of {total} readings ({code.count / total:.1%}) are "
+            f"{low if low == high else f'{low} to {high}'} m: taken for no echo"
+        )
+    least_m = min((code.reach_m for code in codes), default=math.inf)
+    echoes = beyond = 0
+    for ranges, reach_m in zip(scans, told_m, strict=True):
+        echo = ranges[(ranges > 0.0) & (ranges < least_m - _TOLERANCE_M)]
+        echoes += len(echo)
+        beyond += int(np.count_nonzero(echo > reach_m + _TOLERANCE_M))
+    if beyond > max(_FEW, _DENIED * echoes):
+        notes.append(
+            f"{what}: the log tells of a reach of {min(told_m):g} m, but {beyond / echoes:.0%} of "
+            "the echoes lie beyond it: not believed"
+        )
+        told_m = [math.inf] * len(scans)
+    return [
+        reach_m if math.isfinite(reach_m := min(least_m, each)) else _UNKNOWN_REACH_M
+        for each in told_m
+    ]
+
+
+def valid_ranges(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.float64]:
+    """Return ranges with inf from the reach on and nan for what is none."""
+    ranges = np.where(ranges >= reach_m - _TOLERANCE_M, math.inf, ranges)
+    return np.where(ranges > 0.0, ranges, math.nan)
 
 
 def no_echo_codes(

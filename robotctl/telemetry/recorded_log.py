@@ -20,10 +20,11 @@ from robotctl.telemetry.log_text import LogFormatError, first_words, hint
 from robotctl.telemetry.log_times import check_pace, check_unit
 from robotctl.telemetry.mrclam_log import is_mrclam, read_mrclam, robot_of
 from robotctl.telemetry.own_log import is_mcap, mcap_files, read_own
+from robotctl.telemetry.ros_bag import is_ros_bag, read_ros_bag
 
 KINDS: Final = (
-    "a CARMEN log, a MRCLAM folder, a log of the LEGO robot, or a recording of robotctl "
-    "(a folder of --record, or one robot-*.mcap of it)"
+    "a CARMEN log, a MRCLAM folder, a log of the LEGO robot, a ROS bag, or a recording of "
+    "robotctl (a folder of --record, or one robot-*.mcap of it)"
 )
 """What is read, for messages."""
 
@@ -75,6 +76,9 @@ def read_recording(
     if is_mrclam(path) if path.is_dir() else robot is not None:
         folder = path if path.is_dir() else path.parent
         recording = read_mrclam(folder, mrclam_robot or robot or 1, time_unit or "s")
+    elif not (path.is_dir() and mcap_files(path)) and is_ros_bag(path):
+        tells_unit = False
+        recording = read_ros_bag(path, max_range_m)
     elif mcap_files(path) if path.is_dir() else is_mcap(path):
         tells_unit = False
         recording = read_own(path, with_sonars=with_sonars)
@@ -106,7 +110,7 @@ def is_log(path: Path) -> bool:
     """Return whether a file is a recorded log, by its beginning."""
     try:
         word = _first_word(path)
-        return is_mcap(path) or word in KNOWN or word in LEGO_LINES
+        return is_mcap(path) or is_ros_bag(path) or word in KNOWN or word in LEGO_LINES
     except (LogFormatError, OSError):
         return False
 
