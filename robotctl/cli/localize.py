@@ -22,9 +22,7 @@ from robotctl.model.se2 import SE2
 def localize(
     log: Annotated[
         Path,
-        typer.Option(
-            help="CARMEN log, MRCLAM folder, LEGO log, ROS bag, or a recording of ours; gzip or plain."
-        ),
+        typer.Option(help="CARMEN log, MRCLAM folder, LEGO log, ROS bag, or a recording of ours."),
     ],
     out: Annotated[
         Path | None, typer.Option(help="Write the estimated trajectory here, as TUM file.")
