@@ -110,6 +110,8 @@ class Estimators:
         self._history = history
         self._sonar_news = SonarNews(sonar_range_m)
         self._state: LocalisationState | None = None
+        self.chart = given
+        """The map that the robot localises itself in, where there is one."""
         self._given = None if given is None else live_map(given, 0)
         self._given_ns = -_GIVEN_NS
         self._pictured_ns = 0

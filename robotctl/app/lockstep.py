@@ -202,6 +202,8 @@ class LockstepRun:
         self._stack = stack
         self._pilot = Pilot(self.config, stack)
         self._estimators = load_estimators(self.config, stack)
+        if self._estimators is not None and self._estimators.chart is not None:
+            self._pilot.learn_map(self._estimators.chart)
         self._camera = LockstepCamera.load(self.config)
         walls = WallMap(room.segments)
         seen = camera_score(self.config, options, room)

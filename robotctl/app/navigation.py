@@ -115,6 +115,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     if notes := (*notes, *resume(pilot, options, saved)):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
     estimators = load_estimators(config, options, last_pose(saved, options))
+    if estimators is not None and estimators.chart is not None:
+        pilot.learn_map(estimators.chart)
     place = None if estimators is None else Place(estimators, publisher)
     heard = [endpoints.lidar] if place is not None else []
     heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []

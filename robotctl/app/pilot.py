@@ -14,6 +14,7 @@ from robotctl.app.config import RobotConfig
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.app.options import StackOptions
 from robotctl.drivers.robot_can import DRIVE_NODE
+from robotctl.model.grid_map import GridMap
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.se2 import SE2
 from robotctl.model.twist import Twist
@@ -122,6 +123,10 @@ class Pilot:
     def resume(self, item: int, item_s_m: float) -> None:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
         self._navigator.resume(item, item_s_m)
+
+    def learn_map(self, chart: GridMap) -> None:
+        """Know the map that the robot localises itself in."""
+        self._navigator.learn_map(chart)
 
     def step(
         self,

@@ -8,7 +8,7 @@ from robotctl.model.angles import wrap_angle
 from robotctl.model.drives import Drive
 from robotctl.model.se2 import SE2
 from robotctl.planning.obstacle_guard import ObstacleGuard
-from robotctl.planning.path import Path
+from robotctl.planning.path import Path, Point
 from robotctl.planning.pursuit import (
     Pursuit,
     PursuitConfig,
@@ -20,6 +20,9 @@ from robotctl.planning.pursuit import (
     turn_rate,
 )
 from robotctl.planning.situation import Situation, Step, Stopwatch, done, failed
+
+_TURN_IN_CIRCLES = 1.5
+"""A robot that joins its path has turned along it within so many turning circles of way."""
 
 _REACH_AGAIN = 1.15
 """Backing up for a point out of reach goes on until it is reachable with this share to spare."""
@@ -47,8 +50,20 @@ class FollowPath:
         *,
         reverse: bool = False,
     ) -> None:
+        self._path = path
         self._pursuit = Pursuit(path, config, drive, speed_m_s, reverse=reverse)
         self._off_path_max = config.off_path_max_m
+        self._circle_m = 2.0 * drive.min_turning_radius_m
+        self._joined_s_m = -math.inf
+
+    @property
+    def anchor(self) -> Point:
+        """Where on the path the robot is, or was left, in `world` [m]."""
+        return self._path.point_at(self._pursuit.s_m)
+
+    def join(self) -> None:
+        """Go on from where it was left with any heading, which may take a turning circle."""
+        self._joined_s_m = self._pursuit.s_m
 
     @property
     def s_m(self) -> float:
@@ -62,6 +77,7 @@ class FollowPath:
     def reset(self) -> None:
         """Begin at the start of the path."""
         self._pursuit.reset()
+        self._joined_s_m = -math.inf
 
     def pause(self) -> None:
         """Keep the progress along the path."""
@@ -69,10 +85,10 @@ class FollowPath:
     def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
         """Return the next velocity; fails further off the path than allowed."""
         step = self._pursuit.step(situation.pose, situation.twist)
-        if step.off_path_m > self._off_path_max:
-            return failed(
-                f"{step.off_path_m:.2f} m off the path, {self._off_path_max:g} m are allowed"
-            )
+        joining = self._pursuit.s_m - self._joined_s_m <= _TURN_IN_CIRCLES * self._circle_m
+        most_m = self._off_path_max + (self._circle_m if joining else 0.0)
+        if step.off_path_m > most_m:
+            return failed(f"{step.off_path_m:.2f} m off the path, {most_m:g} m are allowed")
         if step.done:
             return done()
         return Step(step.v_m_s, step.omega_rad_s, text=f"{step.remaining_m:.1f} m to go")
@@ -112,6 +128,11 @@ class GoTo:
         self._sees_back = guard.looks(-1.0)
         self._speed = speed_m_s
         self.reset()
+
+    @property
+    def anchor(self) -> Point:
+        """The goal, in `world` [m]."""
+        return self._goal
 
     def reset(self) -> None:
         """Start anew."""

@@ -110,6 +110,11 @@ class FollowWall:
         """The way along the wall so far [m]."""
         return self._travelled
 
+    @property
+    def anchor(self) -> SE2 | None:
+        """The pose in `world` at which it is, or was left; None before it began."""
+        return self._left if self._last is None else self._last[0]
+
     def resume(self, s_m: float) -> None:
         """Go on from wherever the robot is, with the way `s_m` behind it [m]."""
         self.reset()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from robotctl.planning.behaviours import FollowPath
+from robotctl.planning.behaviours import FollowPath, GoTo
 from robotctl.planning.follow_wall import FollowWall
 from robotctl.planning.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
+from robotctl.planning.rejoin import Anchor
 from robotctl.planning.situation import Behaviour, Situation, Status, Step, Stopwatch, failed
 
 _STANDSTILL_M_S = 0.03
@@ -59,6 +60,21 @@ class Guarded:
         """The way along the path or wall [m]; 0 for a behaviour without one."""
         behaviour = self._behaviour
         return behaviour.s_m if isinstance(behaviour, FollowPath | FollowWall) else 0.0
+
+    @property
+    def anchor(self) -> Anchor | None:
+        """Where it goes on after an interruption; None: it is for no place, or has not begun."""
+        behaviour = self._behaviour
+        if isinstance(behaviour, FollowPath | GoTo):
+            return Anchor(*behaviour.anchor)
+        pose = behaviour.anchor if isinstance(behaviour, FollowWall) else None
+        return None if pose is None else Anchor(pose.x_m, pose.y_m, pose.theta_rad)
+
+    def join(self) -> None:
+        """Go on from about its anchor, with all the time anew."""
+        self.retry()
+        if isinstance(self._behaviour, FollowPath):
+            self._behaviour.join()
 
     def resume(self, s_m: float) -> None:
         """Go on at the way `s_m` along the path or wall [m]; without one it begins anew."""

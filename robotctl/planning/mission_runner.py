@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from robotctl.model.drives import Drive
+from robotctl.model.grid_map import GridMap
+from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.behaviours import FollowPath, GoTo, TurnTo, Wait
 from robotctl.planning.config import NavigationConfig
@@ -22,8 +25,12 @@ from robotctl.planning.mission import (
 )
 from robotctl.planning.mission_check import check_mission, item_title
 from robotctl.planning.obstacle_guard import ObstacleGuard
+from robotctl.planning.rejoin import Anchor, Rejoin
 from robotctl.planning.situation import Behaviour, Situation, Status, Step, done, failed
 from robotctl.planning.sonars import sonar_directions
+
+if TYPE_CHECKING:
+    from robotctl.planning.global_planning.free_way import FreeWays
 
 _SPARE_S = 20.0
 """Default time-outs are three times the way at full speed, and this [s]."""
@@ -64,6 +71,15 @@ class MissionRunner:
         ]
         self.index = 0
         self.failure = ""
+        self._config, self._drive, self._guard = config, drive, guard
+        self._ways: FreeWays | None = None
+        self._pose: SE2 | None = None
+        """That of the last step."""
+        self._under_way = False
+        """Nothing came between the last step and the next."""
+        self._relocated = False
+        self._rejoin: Guarded | None = None
+        """What brings a robot that was carried away back to its item."""
 
     @property
     def completed(self) -> bool:
@@ -99,6 +115,17 @@ class MissionRunner:
         if not self.completed:
             self._behaviours[item].resume(s_m)
 
+    def learn_map(self, chart: GridMap) -> None:
+        """Know the ways through a map, which else are straight lines."""
+        # scipy and numba take a while to load.
+        from robotctl.planning.global_planning.free_way import FreeWays  # noqa: PLC0415
+
+        self._ways = FreeWays(chart, self._config.guard.half_width_m)
+
+    def relocate(self) -> None:
+        """Let a robot that has lost its place and found it come back to where its item stood."""
+        self._relocated = True
+
     def begin(self) -> None:
         """Start, go on where it was left, go on with a failed item or repeat what is completed."""
         if self.completed:
@@ -109,13 +136,31 @@ class MissionRunner:
 
     def pause(self) -> None:
         """Somebody else steers for a while."""
+        self._under_way = False
         if not self.completed:
             self._behaviours[self.index].pause()
+        if self._rejoin is not None:
+            self._rejoin, self._relocated = None, True
 
     def step(self, situation: Situation, now_ns: int) -> Step:
-        """Return the step of the present item; a new item begins in the step that ends the last."""
+        """Return the step of the present item; a new item begins in the step that ends the last.
+
+        An item that was interrupted because the robot had lost its place goes on from where that
+        is, or was found: the robot drives back to where the item stood.
+        """
+        if self._under_way and not self.completed and self._jumps_to(situation.pose):
+            self._behaviours[self.index].pause()
+            self._relocated = True
+        if self._relocated and not self.completed:
+            self._relocated, self._rejoin = False, self._way_back(situation.pose)
+        self._pose, self._under_way = situation.pose, not self.completed
         while not self.completed and not self.failure:
-            step = self._behaviours[self.index].step(situation, now_ns)
+            step = (self._rejoin or self._behaviours[self.index]).step(situation, now_ns)
+            if self._rejoin is not None and step.status is not Status.RUNNING:
+                self._relocated, self._rejoin = step.status is Status.FAILED, None
+                if step.status is Status.DONE:
+                    self._behaviours[self.index].join()
+                    continue
             title = item_title(self.mission, self.index)
             if step.status is Status.FAILED:
                 self.failure = f"{title}: {step.text}"
@@ -128,8 +173,40 @@ class MissionRunner:
             return failed(self.failure)
         return done(f"mission {self.mission.name} completed")
 
+    def _jumps_to(self, pose: SE2) -> bool:
+        """Say whether the localiser found in between that the robot is elsewhere."""
+        before, most_m = self._pose, self._config.pursuit.off_path_max_m
+        return before is not None and (
+            math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m) > most_m
+        )
+
+    def _way_back(self, pose: SE2) -> Guarded | None:
+        """Return what brings the robot to where its item stood; None where it is about there."""
+        anchor = self._behaviours[self.index].anchor
+        if anchor is None and self._pose is not None:
+            anchor = Anchor(self._pose.x_m, self._pose.y_m)
+        if anchor is None:
+            return None
+        off_m = math.hypot(anchor.x_m - pose.x_m, anchor.y_m - pose.y_m)
+        turned = anchor.heading_rad is not None and not self._drive.steered
+        if off_m <= self._config.pursuit.off_path_max_m and not turned:
+            return None
+        goal = (anchor.x_m, anchor.y_m)
+        corners = self._ways.way((pose.x_m, pose.y_m), goal) if self._ways else []
+        config, guard = self._config, self._guard
+        rejoin = Rejoin(
+            corners or [goal],
+            anchor.heading_rad,
+            config.pursuit,
+            self._drive,
+            config.guided_speed_m_s,
+            guard,
+        )
+        return Guarded(rejoin, guard, config.guard)
+
     def _restart(self) -> None:
         """Begin with the first item."""
+        self._relocated, self._rejoin = False, None
         self.index = 0
         self.failure = ""
         for behaviour in self._behaviours:

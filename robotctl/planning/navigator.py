@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.model.drives import Drive
+from robotctl.model.grid_map import GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.twist import Twist
@@ -181,6 +182,11 @@ class Navigator:
         if self._runner is not None:
             self._runner.resume(item, s_m)
 
+    def learn_map(self, chart: GridMap) -> None:
+        """Know a map, to find the way back to a mission in it."""
+        if self._runner is not None:
+            self._runner.learn_map(chart)
+
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty where it can."""
         if not self._attended and mode not in _BY_HAND:
@@ -232,6 +238,8 @@ class Navigator:
         if searching and not self._searching:
             self._pause_mode()
             self._look_around.reset()
+            if self._mode is Mode.AUTO and self._runner is not None:
+                self._runner.relocate()
         self._searching = searching
         return searching
 

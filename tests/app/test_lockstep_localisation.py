@@ -151,3 +151,11 @@ def _distances(points: np.ndarray, walls: np.ndarray) -> np.ndarray:
     to = points[:, None] - a
     share = np.clip(np.sum(to * along, axis=2) / np.sum(along * along, axis=1), 0.0, 1.0)
     return np.hypot(*np.moveaxis(to - share[..., None] * along, 2, 0)).min(axis=1)
+
+
+def test_a_robot_that_is_carried_away_finds_its_place_and_completes_its_mission() -> None:
+    report = drive(
+        localisation=('localisation.method="mcl"',), faults=find_file("carried", "scenarios")
+    )
+    assert report.mission_completed, report.message
+    assert report.collisions == 0
