@@ -30,11 +30,12 @@ from robotctl.app.scan_messages import camera_scan, lidar_scan
 from robotctl.estimation.compiled import COMPILING, cache_is_cold
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
-from robotctl.estimation.free_space import free_poses
+from robotctl.estimation.free_space import free_area_m2, free_poses
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.occupancy_grid import OccupancyGrid
+from robotctl.estimation.search_size import search_size, too_large
 from robotctl.model.grid_map import GridMap
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
@@ -233,6 +234,8 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
             localiser = _mcl(config, chart, start, history, beside)
         if settings.start == "known" and (said := off_map(chart, start)):
             news = [said]
+        if settings.start == "unknown":
+            news += filter(None, [too_large(free_area_m2(chart.grid))])
     if settings.mapping:
         mapper = _mapper(config, history)
     return Estimators(localiser, mapper, history, settings.sonar.max_range_m, news, given)
@@ -266,9 +269,11 @@ def _mcl(
         motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
     )
     sensors = MapSensors(chart, config.sonar, settings)
-    free = free_poses(chart.grid)
+    free, free_m2 = free_poses(chart.grid), free_area_m2(chart.grid)
     tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
     _rehearse(tried, sensors.rehearsal(camera=camera), start)
+    size = max(search_size(free_m2), settings.particles_max)
+    mcl_config = replace(mcl_config, search_particles=size)
     mcl = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(settings.seed))
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))

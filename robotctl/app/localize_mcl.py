@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
+from typing import Final
 
 import numpy as np
 
@@ -24,14 +25,19 @@ from robotctl.app.map_sensors import LIDAR, MapSensors, sonar_name
 from robotctl.app.mapping import choose_scans
 from robotctl.app.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.estimation.echo_share import EchoShare
-from robotctl.estimation.free_space import free_poses
+from robotctl.estimation.free_space import free_area_m2, free_poses
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
+from robotctl.estimation.search_size import search_size, too_large
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
+
+FITS_NOWHERE: Final = (
+    "what was seen fits no place of this map; is it the map of this place, and as it is now?"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +84,8 @@ def run_mcl(
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
     if not options.search and (said := off_map(chart, start.pose)):
         run.notes.append(said)
+    if options.search and options.particles is None:
+        run.notes += filter(None, [too_large(free_area_m2(chart.grid))])
     for done, (moment, delta) in enumerate(
         zip(moments, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
     ):
@@ -91,6 +99,8 @@ def run_mcl(
         share = None if scan is None else echo_share(scan, estimate.pose)
         run.add(estimate, moment.reference, share)
         progress(done, len(moments))
+    if localiser.fits_nowhere:
+        run.notes.append(f"{options.map}: {FITS_NOWHERE}")
     return run
 
 
@@ -140,6 +150,9 @@ def _made(
         sensors = MapSensors(chart, recording.sonar_mounts, settings)
         free = free_poses(chart.grid)
         fewer = replace(config, max_particles=config.min_particles)
+        if options.particles is None:
+            size = search_size(free_area_m2(chart.grid))
+            config = replace(config, search_particles=max(size, most))
         tried = MonteCarloLocaliser(fewer, free, np.random.default_rng(0))
         for sensor in {moment.sensor for moment in moments}:
             first = next(moment for moment in moments if moment.sensor == sensor)

@@ -51,7 +51,8 @@ class LocalizeOptions:
     search
         Start anywhere on the map instead of near the reference.
     particles
-        Most particles; None: `TRACKING_PARTICLES`, or `SEARCHING_PARTICLES` for a search.
+        Most particles; None: `TRACKING_PARTICLES`, with `search` `SEARCHING_PARTICLES`, and while
+        the place is not known as many as the map's area takes.
     beams
         Beams weighed of each scan; None: as `sensors` says.
     scans

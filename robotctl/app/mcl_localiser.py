@@ -26,6 +26,9 @@ _OUTSIDE: Final = "outside"
 _PLACE: Final = "place"
 _BLIND_NS: Final = 500_000_000
 """So long measurements are waited for [ns]; those of the sensors come within a tenth of that."""
+_FITS_NOWHERE: Final = (
+    "what the robot sees fits no place of the map: is it the map of this place, and as it is now?"
+)
 
 
 class MclLocaliser:
@@ -58,6 +61,7 @@ class MclLocaliser:
         self._used = used
         self._history = history
         self._places = places
+        self._fitted_nowhere = False
         self._at: tuple[int, SE2] | None = None
         """Time and odometry pose that the particles stand at."""
 
@@ -67,8 +71,12 @@ class MclLocaliser:
         return self._mcl.poses
 
     def news(self) -> list[str]:
-        """Return which places were recognised since the last call."""
-        return [] if self._places is None else self._places.news()
+        """Return which places were recognised since the last call, and whether no place fits."""
+        said = [] if self._places is None else self._places.news()
+        if self._mcl.fits_nowhere and not self._fitted_nowhere:
+            said.append(_FITS_NOWHERE)
+        self._fitted_nowhere = self._mcl.fits_nowhere
+        return said
 
     def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""

@@ -45,7 +45,10 @@ def localize(
     ] = None,
     particles: Annotated[
         int | None,
-        typer.Option(min=1, help="Most particles: else 2000, with --global 20000."),
+        typer.Option(
+            min=1,
+            help="Most particles: else 2000, for a search as the area takes.",
+        ),
     ] = None,
     beams: Annotated[
         int | None, typer.Option(min=1, help="Beams weighed of each scan, else 60 or as --robot.")

@@ -34,6 +34,16 @@ def free_poses(grid: GridMap, inside: tuple[float, float] | None = None) -> Samp
     ValueError
         If no cell is free, or that of `inside` is not.
     """
+    return _sampler(grid, _region(grid, inside))
+
+
+def free_area_m2(grid: GridMap) -> float:
+    """Return the area of the largest connected region of free cells [m2]."""
+    return len(_region(grid, None)) * grid.resolution_m**2
+
+
+def _region(grid: GridMap, inside: tuple[float, float] | None) -> NDArray[np.int64]:
+    """Return (row, column) of the cells of one region, (n, 2)."""
     regions, count = ndimage.label(grid.free())
     if count == 0:
         raise ValueError("the map has no free cell: a robot can be nowhere")
@@ -45,7 +55,7 @@ def free_poses(grid: GridMap, inside: tuple[float, float] | None = None) -> Samp
         region = int(regions[row, column]) if in_map else 0
         if region == 0:
             raise ValueError(f"inside must be a free point of the map, found {inside}")
-    return _sampler(grid, np.argwhere(regions == region))
+    return np.argwhere(regions == region)
 
 
 def _sampler(grid: GridMap, cells: NDArray[np.int64]) -> SampleFree:

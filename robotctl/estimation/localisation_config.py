@@ -35,7 +35,8 @@ class LocalisationConfig:
     seed
         Of the particles.
     particles_max
-        Most particles; a tracked robot needs far fewer, >= 1000.
+        Most particles, >= 1000; a tracked robot needs far fewer, a search of a large map takes
+        more.
     sensors
         Which sensors particles are weighed by, of those that the robot has.
     places

@@ -24,11 +24,14 @@ from numpy.typing import NDArray
 from robotctl.estimation.belief import Cluster
 from robotctl.estimation.fit_watch import FitWatch
 from robotctl.estimation.free_space import SampleFree
-from robotctl.estimation.log_likelihood import LogLikelihood, evaluated, forgiven
+from robotctl.estimation.log_likelihood import Forgiving, LogLikelihood, evaluated, forgiven
+from robotctl.estimation.look_alikes import look_alikes
 from robotctl.estimation.mcl_config import MclConfig
+from robotctl.estimation.misfit import Misfit
 from robotctl.estimation.particle_belief import ParticleBelief
 from robotctl.estimation.particle_motion import OdometryWay
 from robotctl.estimation.particles import posterior
+from robotctl.estimation.remembered import Remembered
 from robotctl.estimation.rival import Rival, Verdict
 from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.pose_estimate import PoseEstimate
@@ -88,12 +91,15 @@ class MonteCarloLocaliser:
 
     def _anywhere(self) -> ParticleBelief:
         """Return a belief that the robot is anywhere."""
-        poses = self._sample_free(self._rng, self.config.max_particles)
+        poses = self._sample_free(self._rng, self.config.most_searching)
         return ParticleBelief(self.config, poses, searching=True)
 
     def _begin(self, belief: ParticleBelief) -> None:
         self._belief = belief
         self._rival: Rival | None = None
+        self._remembered = Remembered()
+        """Measurements since a search began."""
+        self._misfit = Misfit()
         self._heard: set[str] = set()
         """Sensors that have weighed the belief on this piece of way."""
         self._way.reset()
@@ -138,11 +144,16 @@ class MonteCarloLocaliser:
     @property
     def status(self) -> LocalisationStatus:
         """How far the estimate may be trusted."""
-        if self._lost:
+        if self._lost or self.fits_nowhere:
             return LocalisationStatus.LOST
         if self._rival is None and self._belief.is_sure:
             return LocalisationStatus.LOCALISED
         return LocalisationStatus.SEARCHING
+
+    @property
+    def fits_nowhere(self) -> bool:
+        """Whether what was seen since the place was known fits no place of the map."""
+        return self._misfit.is_bad
 
     def measure(self, log_likelihood: LogLikelihood, sensor: str = "") -> None:
         """Weigh the belief by a measurement, made now.
@@ -166,13 +177,40 @@ class MonteCarloLocaliser:
         self._belief.advance(self._way, self._rng)
         if self._rival is not None:
             self._rival.belief.advance(self._way, self._rng)
+        self._remembered.move(self._way.motion)
         self._way.reset()
         self._lost = False
         if self._belief.searching:
             self._lost = not self._belief.search(log_likelihood, self._sample_free, self._rng)
-            self._belief.searching = not self._belief.is_sure
+            self._remembered.add(log_likelihood)
+            self._see_fit(log_likelihood, self._belief)
+            if self._belief.is_sure and not self.fits_nowhere:
+                self._settle()
         else:
             self._track(log_likelihood, sensor, distance_m, angle_rad)
+
+    def _settle(self) -> None:
+        """Take what a search has found for the place to track, beside others that resemble it."""
+        self._belief.searching = False
+        others = look_alikes(
+            self._belief, self._remembered, self._sample_free, self.config, self._rng
+        )
+        if others is None:
+            self._end_search()
+        else:
+            self._rival = Rival(ParticleBelief(self.config, others, searching=True))
+
+    def _end_search(self) -> None:
+        """Know the place."""
+        self._rival = None
+        self._remembered.clear()
+        self._misfit.reset()
+
+    def _see_fit(self, log_likelihood: LogLikelihood, *beliefs: ParticleBelief) -> None:
+        """Take in how well a measurement fits where it fits best."""
+        if isinstance(log_likelihood, Forgiving):
+            best = np.concatenate([belief.poses[_heaviest(belief)] for belief in beliefs])
+            self._misfit.add(float(log_likelihood.forgiven(best).max()))
 
     def estimate(self, stamp_ns: int) -> PoseEstimate:
         """Return what is believed now, moved on by the odometry since the last measurement.
@@ -207,13 +245,14 @@ class MonteCarloLocaliser:
         elif self._is_doubtful(evidence, elsewhere, watch):
             self._lost = True
             self._rival = Rival(self._anywhere())
+            self._remembered.add(log_likelihood)
             self._rival.belief.search(log_likelihood, self._sample_free, self._rng)
 
     def _forgiveness(
         self, log_likelihood: LogLikelihood, belief: ParticleBelief, logs: NDArray[np.float64]
     ) -> float:
         """Return how much better a measurement fits without what hides the map [nat]."""
-        best = np.argpartition(belief.weights, -_FORGIVEN)[-_FORGIVEN:]
+        best = _heaviest(belief)
         return float(np.mean(forgiven(log_likelihood, belief.poses[best]) - logs[best]))
 
     def _is_doubtful(self, evidence: float, elsewhere: float, watch: FitWatch) -> bool:
@@ -239,14 +278,27 @@ class MonteCarloLocaliser:
             foretold += self._forgiveness(log_likelihood, belief, logs)
         lead = foretold - evidence if foretold > -math.inf else -math.inf
         belief.search(log_likelihood, self._sample_free, self._rng)
+        self._remembered.add(log_likelihood)
+        self._see_fit(log_likelihood, self._belief, belief)
         verdict = rival.compare(lead, distance_m, angle_rad, self._belief.best)
         if verdict is Verdict.OPEN:
             return
-        if verdict is Verdict.PROVEN:
-            self._belief = belief
-            belief.searching = False
-            belief.agreed = self.config.localised_updates // 2  # The rest confirms it.
-        self._rival = None
         self._elsewhere = -math.inf
         for watch in self._watches.values():
             watch.forgive()
+        if verdict is Verdict.PROVEN:
+            self._belief = belief
+            belief.agreed = self.config.localised_updates // 2  # The rest confirms it.
+        if self.fits_nowhere:
+            self._belief.searching = False
+            self._rival = Rival(self._anywhere())
+        elif verdict is Verdict.PROVEN:
+            self._settle()
+        else:
+            self._end_search()
+
+
+def _heaviest(belief: ParticleBelief) -> NDArray[np.intp]:
+    """Return which particles have the greatest weights."""
+    heaviest: NDArray[np.intp] = np.argpartition(belief.weights, -_FORGIVEN)[-_FORGIVEN:]
+    return heaviest

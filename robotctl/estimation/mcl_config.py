@@ -31,8 +31,9 @@ class MclConfig:
     Parameters
     ----------
     min_particles, max_particles
-        Bounds of the number of particles; equal: it is fixed. A search begins with
-        `max_particles`, and adds strangers.
+        Bounds of the number of particles; equal: it is fixed.
+    search_particles
+        A search begins with so many and has at most so many, >= `max_particles`; None: as many.
     motion
         Noise of the odometry.
     update_min_m, update_min_rad
@@ -56,7 +57,7 @@ class MclConfig:
         (0, 1).
     strangers
         Random poses that a search adds before each measurement, for places that it overlooked: as
-        a share of `max_particles`, and of the belief, (0, 1).
+        a share of the particles that it begins with, and of the belief, (0, 1).
     localised_m, localised_rad
         Greatest standard deviations of a localised robot [m], [rad], > 0.
     localised_weight
@@ -72,6 +73,7 @@ class MclConfig:
 
     min_particles: int = 1000
     max_particles: int = 20_000
+    search_particles: int | None = None
     motion: ParticleMotionConfig = field(default_factory=ParticleMotionConfig)
     update_min_m: float = 0.1
     update_min_rad: float = 0.1
@@ -95,6 +97,11 @@ class MclConfig:
                 f"min_particles {self.min_particles} and max_particles {self.max_particles} must "
                 "be 1 <= min <= max"
             )
+        if self.most_searching < self.max_particles:
+            raise ValueError(
+                f"search_particles must be >= max_particles {self.max_particles}, found "
+                f"{self.search_particles}"
+            )
         for key, most in _POSITIVE.items():
             if not 0.0 < getattr(self, key) < most:
                 raise ValueError(f"{key} must be in (0, {most}), found {getattr(self, key)}")
@@ -103,3 +110,8 @@ class MclConfig:
                 raise ValueError(f"{key} must be finite and >= 0, found {getattr(self, key)}")
         if self.localised_updates < 1:
             raise ValueError(f"localised_updates must be >= 1, found {self.localised_updates}")
+
+    @property
+    def most_searching(self) -> int:
+        """Particles of a search at most."""
+        return self.max_particles if self.search_particles is None else self.search_particles

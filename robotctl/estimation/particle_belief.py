@@ -127,7 +127,7 @@ class ParticleBelief:
 
     def _add_strangers(self, sample_free: SampleFree, rng: np.random.Generator) -> None:
         """Mix random poses into the belief."""
-        share, count = self._config.strangers, self._config.max_particles
+        share, count = self._config.strangers, self._config.most_searching
         strangers = sample_free(rng, math.ceil(share * count))
         alike = np.full(len(strangers), share / len(strangers))
         self.poses = np.concatenate([self.poses, strangers])
@@ -140,8 +140,9 @@ class ParticleBelief:
 
     def _wanted_particles(self, rng: np.random.Generator) -> int:
         config = self._config
-        if config.min_particles == config.max_particles:
-            return config.max_particles
+        most = config.most_searching if self.searching else config.max_particles
+        if config.min_particles == most:
+            return most
         return kld_size(
             self.poses,
             self.weights,
@@ -149,6 +150,6 @@ class ParticleBelief:
             config.kld_error,
             config.kld_quantile,
             config.min_particles,
-            config.max_particles,
+            most,
             rng,
         )

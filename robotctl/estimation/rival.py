@@ -11,10 +11,13 @@ summed over a piece of way, is Bayes' factor between the two.
 from __future__ import annotations
 
 import enum
-import math
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robotctl.estimation.belief import Cluster
+from robotctl.estimation.look_alikes import are_apart
 from robotctl.estimation.particle_belief import ParticleBelief
 
 _MARGIN: Final = 10.0
@@ -26,9 +29,6 @@ _LEAST_MEASUREMENTS: Final = 4
 """so many measurements."""
 _GREATEST: Final = 10.0
 """One measurement counts for at most so much [nat]."""
-_SAME_M: Final = 0.5
-_SAME_RAD: Final = 0.3
-"""Places that are nearer are the same."""
 
 
 class Verdict(enum.Enum):
@@ -93,13 +93,11 @@ class Rival:
             return Verdict.REFUTED
         if not self.belief.is_sure:
             return Verdict.OPEN
-        if _are_same(self.belief.best, tracked):
+        if not are_apart(self._place(), tracked)[0]:
             return Verdict.REFUTED
         return Verdict.PROVEN if self.lead > _MARGIN else Verdict.OPEN
 
-
-def _are_same(a: Cluster, b: Cluster) -> bool:
-    """Whether two clusters are one place."""
-    off_m = math.hypot(a.mean.x_m - b.mean.x_m, a.mean.y_m - b.mean.y_m)
-    off_rad = math.remainder(a.mean.theta_rad - b.mean.theta_rad, math.tau)
-    return off_m < _SAME_M and abs(off_rad) < _SAME_RAD
+    def _place(self) -> NDArray[np.float64]:
+        """Return the middle of the heaviest cluster, (1, 3)."""
+        mean = self.belief.best.mean
+        return np.array([[mean.x_m, mean.y_m, mean.theta_rad]])

@@ -218,11 +218,69 @@ def test_two_places_that_look_alike_are_two_clusters_and_no_localisation():
     assert mcl.status is LocalisationStatus.SEARCHING
 
 
+def beacons_of_a_symmetric_room(pose: SE2):
+    """Seen alike from the same place turned by 180 degrees about the middle, (10, 5)."""
+    here, there = (
+        beacons_from(pose),
+        beacons_from(SE2(10.0, 5.0, math.pi) @ SE2(-10.0, -5.0) @ pose),
+    )
+    return lambda poses: np.logaddexp(here(poses), there(poses))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_room_that_looks_the_same_from_both_ends_is_no_place_that_is_known(seed):
+    mcl = localiser(seed, min_particles=300, max_particles=5000)
+    pose = SE2(4.0, 3.0, 0.3)
+    for _ in range(20):
+        pose = pose @ STEP
+        mcl.move(STEP)
+        mcl.measure(beacons_of_a_symmetric_room(pose))
+        assert mcl.status is not LocalisationStatus.LOCALISED
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_tells_two_ends_of_a_room_apart_at_last_decides(seed):
+    mcl = localiser(seed, min_particles=300, max_particles=5000)
+    pose = SE2(4.0, 3.0, 0.3)
+    for i in range(24):
+        pose = pose @ STEP
+        mcl.move(STEP)
+        mcl.measure((beacons_of_a_symmetric_room if i < 10 else beacons_from)(pose))
+        if mcl.status is LocalisationStatus.LOCALISED:
+            assert off_m(mcl, pose) < 0.2
+    assert mcl.status is LocalisationStatus.LOCALISED
+
+
+def test_what_fits_no_place_of_the_map_is_lost_and_not_localised():
+    """A sensor that can forgive, and yet sees walls where the map has none, from everywhere."""
+
+    class Elsewhere:
+        def __init__(self, pose: SE2) -> None:
+            self.right = beacons_from(pose)
+
+        def __call__(self, poses: np.ndarray) -> np.ndarray:
+            return np.maximum(self.right(poses), -5.0) - 15.0
+
+        forgiven = __call__
+
+    mcl = localiser(max_particles=5000)
+    pose, statuses = SE2(3.0, 3.0, 0.3), []
+    for _ in range(25):
+        pose = pose @ STEP
+        mcl.move(STEP)
+        mcl.measure(Elsewhere(pose))
+        statuses.append(mcl.status)
+    assert LocalisationStatus.LOCALISED not in statuses[10:]
+    assert set(statuses[12:]) == {LocalisationStatus.LOST}
+    assert mcl.fits_nowhere
+
+
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
         ({"min_particles": 0}, "min_particles"),
         ({"min_particles": 30, "max_particles": 20}, "max_particles"),
+        ({"max_particles": 3000, "search_particles": 2000}, "search_particles"),
         ({"resample_below": 0.0}, "resample_below"),
         ({"n_eff_floor": 1.0}, "n_eff_floor"),
         ({"carried_away": 0.5}, "carried_away"),
