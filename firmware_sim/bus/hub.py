@@ -83,7 +83,7 @@ class Hub:
         self.bus = bus
         self.channel = channel
         self.origin_ns = origin_ns
-        self.backlog = backlog
+        self._backlog = backlog
         self.path = socket_paths(channel)[0]
         self._restart_ms = restart_ms
         self._queue_limit = queue_limit
@@ -178,27 +178,20 @@ class Hub:
                 client.gone = True
             if client.paused and client.port is not None and client.port.room:
                 client.paused = False
-                self.watch(client)
+                client.watch()
             if client.gone:
                 self._remove(client)
 
     def _handle(self, client: Client, events: int) -> None:
         """Do for a client what its socket is ready for."""
         if events & select.EPOLLOUT:
-            client.flush()
+            client.flush(self.bus.now_ns + self.origin_ns)
         if events & select.EPOLLHUP and client.port is not None:
             client.port.queue_limit = _LAST_FRAMES  # it will not send more than lies there
         if events & ~select.EPOLLOUT:
             client.read()
         if not client.gone:
-            self.watch(client)
-
-    def watch(self, client: Client) -> None:
-        """Wait for what the client can do next: send, unless paused; receive, if it is behind."""
-        events = 0 if client.paused else select.EPOLLIN
-        if client.behind:
-            events |= select.EPOLLOUT
-        self._epoll.modify(client.connection.fileno(), events)
+            client.watch()
 
     def _accept(self, now_ns: int) -> None:
         with contextlib.suppress(BlockingIOError, ConnectionAbortedError):
@@ -212,10 +205,12 @@ class Hub:
                 connection.close()
                 return
             connection.setblocking(False)
-            self._clients[connection.fileno()] = Client(self, connection, now_ns)
+            self._clients[connection.fileno()] = Client(
+                connection, now_ns, epoll=self._epoll, greet=self._greet, backlog=self._backlog
+            )
             self._epoll.register(connection.fileno(), select.EPOLLIN)
 
-    def greet(self, client: Client, name: str, options: wire.Options) -> None:
+    def _greet(self, client: Client, name: str, options: wire.Options) -> None:
         """Make a client a node of the bus, or change the options of one that is."""
         listen_only = bool(options & wire.Options.LISTEN_ONLY)
         if client.port is not None:
@@ -224,9 +219,11 @@ class Hub:
         own = bool(options & wire.Options.RECEIVE_OWN)
         client.port = self.bus.attach(
             self._free_name(name or "client"),
-            client.receive,
+            lambda frame: client.receive(frame, self.origin_ns),
             errors=bool(options & wire.Options.ERRORS),
-            on_sent=client.receive_own if own else None,
+            on_sent=(lambda frame: client.receive(frame, self.origin_ns, wire.OWN))
+            if own
+            else None,
             queue_limit=self._queue_limit,
             restart_ms=self._restart_ms,
             listen_only=listen_only,

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import select
 import socket
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from firmware_sim.bus import wire
 from firmware_sim.bus.errors import ErrorState, overflow_message
 from firmware_sim.bus.frame import Frame
-
-if TYPE_CHECKING:
-    from firmware_sim.bus.hub import Hub
-    from firmware_sim.bus.port import Port
+from firmware_sim.bus.port import Port
 
 _READS_PER_SERVICE = 64
 SEND_FLAGS = socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL
@@ -20,6 +18,19 @@ SEND_FLAGS = socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL
 
 class Client:
     """One connected process: a socket on one side, a port of the bus on the other.
+
+    Parameters
+    ----------
+    connection
+        The socket.
+    since_ns
+        CLOCK_MONOTONIC of its connection (ns).
+    epoll
+        What waits for the socket; it is registered there.
+    greet
+        Called with the client's name and options when it says hello.
+    backlog
+        Frames kept while it is slow.
 
     Attributes
     ----------
@@ -33,7 +44,15 @@ class Client:
         Frames it sent while bus-off or listening only.
     """
 
-    def __init__(self, hub: Hub, connection: socket.socket, since_ns: int) -> None:
+    def __init__(
+        self,
+        connection: socket.socket,
+        since_ns: int,
+        *,
+        epoll: select.epoll,
+        greet: Callable[[Client, str, wire.Options], None],
+        backlog: int,
+    ) -> None:
         self.port: Port | None = None
         self.lost = 0
         self.malformed = 0
@@ -42,27 +61,20 @@ class Client:
         self.connection = connection
         self.since_ns = since_ns
         self.paused = False
-        self._hub = hub
+        self._epoll = epoll
+        self._greet = greet
+        self._backlog_limit = backlog
         self._backlog: deque[bytes] = deque()
         self._overflown = False
 
-    def receive(self, frame: Frame) -> None:
-        """Take a frame from the bus."""
-        arbitration_id, data, stamp_ns = frame
-        stamp_ns += self._hub.origin_ns
-        self._pass_on(wire.STAMPED_FRAME.pack(arbitration_id, len(data), 0, 0, 0, data, stamp_ns))
-
-    def receive_own(self, frame: Frame) -> None:
-        """Take back a frame of its own."""
-        arbitration_id, data, stamp_ns = frame
-        stamp_ns += self._hub.origin_ns
-        self._pass_on(
-            wire.STAMPED_FRAME.pack(arbitration_id, len(data), wire.OWN, 0, 0, data, stamp_ns)
-        )
-
-    def _pass_on(self, message: bytes) -> None:
+    def receive(self, frame: Frame, origin_ns: int, flags: int = 0) -> None:
+        """Take a frame from the bus, whose time 0 is `origin_ns`; `wire.OWN` flags its own."""
         if self.gone:
             return
+        arbitration_id, data, stamp_ns = frame
+        message = wire.STAMPED_FRAME.pack(
+            arbitration_id, len(data), flags, 0, 0, data, stamp_ns + origin_ns
+        )
         if not self._backlog:
             try:
                 self.connection.send(message, SEND_FLAGS)
@@ -73,20 +85,22 @@ class Client:
                 return
             else:
                 return
-        if len(self._backlog) >= self._hub.backlog:
+        if len(self._backlog) >= self._backlog_limit:
             self.lost += 1
             self._overflown = True
             return
         self._backlog.append(message)
-        self._hub.watch(self)
+        self.watch()
 
-    @property
-    def behind(self) -> bool:
-        """Whether frames wait for the client."""
-        return bool(self._backlog) or self._overflown
+    def watch(self) -> None:
+        """Wait for what it can do next: send, unless paused; receive, if it is behind."""
+        events = 0 if self.paused else select.EPOLLIN
+        if self._backlog or self._overflown:
+            events |= select.EPOLLOUT
+        self._epoll.modify(self.connection.fileno(), events)
 
-    def flush(self) -> None:
-        """Pass on what waits, and word of what has been lost."""
+    def flush(self, now_ns: int) -> None:
+        """Pass on what waits, and word of what has been lost; `now_ns` is CLOCK_MONOTONIC."""
         backlog = self._backlog
         try:
             while backlog:
@@ -99,7 +113,7 @@ class Client:
             return
         if self._overflown:
             self._overflown = False
-            self.receive(Frame(*overflow_message(), self._hub.bus.now_ns))
+            self.receive(Frame(*overflow_message(), now_ns), 0)
 
     def read(self) -> None:
         """Take what the client has sent, as far as its queue on the bus has room."""
@@ -134,7 +148,7 @@ class Client:
         filters = wire.unpack_filters(message)
         hello = wire.unpack_hello(message)
         if hello is not None:
-            self._hub.greet(self, *hello)
+            self._greet(self, *hello)
         elif filters is not None and port is not None:
             port.set_filters(filters)
         else:

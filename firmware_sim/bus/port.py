@@ -2,44 +2,18 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable
 
 from firmware_sim.bus.bits import arbitration_key
-from firmware_sim.bus.errors import ErrorCounters, ErrorState
-from firmware_sim.bus.frame import MAX_DATA_LENGTH, Filter, Frame, check_id, exact_filters
-from firmware_sim.bus.statistics import IdStatistics, PortStatistics
-
-if TYPE_CHECKING:
-    from firmware_sim.bus.core import Bus
-
-Receive = Callable[[Frame], None]
-"""Called with each accepted frame when it is complete."""
-
-Offer = tuple[int, int, bytes]
-"""A frame to send: arbitration key, id with flags, data."""
-
-DEFAULT_QUEUE_LIMIT = 64
-
-
-class Route(NamedTuple):
-    """Where frames of one sender and one id go; made once, thrown away when the bus changes."""
-
-    receivers: tuple[Receive, ...]
-    ports: tuple[Port, ...]
-    statistics: IdStatistics
-
-
-class Tap(NamedTuple):
-    """An observer and the ids that it sees; None: all, and errors."""
-
-    observe: Receive
-    ids: frozenset[int] | None
+from firmware_sim.bus.errors import ErrorState
+from firmware_sim.bus.frame import MAX_DATA_LENGTH, Filter, check_id, exact_filters
+from firmware_sim.bus.frame_faults import FrameFaults
+from firmware_sim.bus.recovery import Recovery
+from firmware_sim.bus.state import BusState, Offer, PortState
 
 
 class Port:
-    """A node's CAN controller and its driver's transmit queue. Made by `Bus.attach`.
+    """What a node's program has of its CAN controller and driver. Made by `Bus.attach`.
 
     The queue is first in, first out, as Linux's default queue for CAN interfaces with a single
     transmit mailbox: an urgent frame waits behind the same node's earlier ones. It takes
@@ -51,74 +25,22 @@ class Port:
         Name of the node, unique on the bus.
     counters
         Error counters and state of the controller.
-    queue_limit
-        Frames which wait besides the one being sent.
     statistics
         Counters since the port was attached.
     """
 
-    __slots__ = (
-        "_acknowledges",
-        "_babble",
-        "_bus",
-        "_closing",
-        "_cut",
-        "_detached",
-        "_direct",
-        "_errors",
-        "_filters",
-        "_heard",
-        "_joining",
-        "_listen_only",
-        "_muted",
-        "_on_sent",
-        "_queue",
-        "_ready_ns",
-        "_receive",
-        "_recovery",
-        "_restart_ns",
-        "_routes",
-        "_sent_ids",
-        "_unanswered",
-        "counters",
-        "name",
-        "queue_limit",
-        "statistics",
-    )
+    __slots__ = ("_bus", "_faults", "_recovery", "_state", "counters", "name", "statistics")
 
     def __init__(
-        self,
-        bus: Bus,
-        name: str,
-        receive: Receive,
-        *,
-        accept: Iterable[int | Filter] | None,
-        errors: bool,
-        on_sent: Receive | None,
-        queue_limit: int,
-        restart_ns: int | None,
-        listen_only: bool,
+        self, state: PortState, bus: BusState, faults: FrameFaults, recovery: Recovery
     ) -> None:
-        self.name = name
-        self.counters = ErrorCounters()
-        self.statistics = PortStatistics()
+        self.name = state.name
+        self.counters = state.counters
+        self.statistics = state.statistics
+        self._state = state
         self._bus = bus
-        self._receive = receive
-        self._filters = None if accept is None else exact_filters(accept)
-        self._errors = errors
-        self._on_sent = on_sent
-        self._queue: deque[Offer] = deque()
-        self.queue_limit = queue_limit
-        self._restart_ns = restart_ns
-        self._listen_only = listen_only
-        self._routes: dict[int, Route] = {}
-        self._sent_ids: set[int] = set()
-        self._babble: Offer | None = None
-        self._ready_ns = 0
-        self._recovery = 0
-        self._acknowledges = True
-        self._closing = self._cut = self._detached = self._joining = self._muted = False
-        self._direct = self._heard = self._unanswered = False
+        self._faults = faults
+        self._recovery = recovery
 
     def send(self, arbitration_id: int, data: bytes | bytearray = b"") -> bool:
         """Queue a frame at the bus's present time.
@@ -151,15 +73,30 @@ class Port:
             check_id(arbitration_id)
             key = arbitration_key(arbitration_id)
         offer = key, arbitration_id, bytes(data)
-        if not self._direct:
-            return self._bus._send_checked(self, offer)
-        queue = self._queue
+        state = self._state
+        if not state.direct:
+            return self._send_checked(offer)
+        queue = state.queue
         if not queue:
-            self._bus._offers.append(self)
-        elif len(queue) >= self.queue_limit:
+            self._bus.offers.append(state)
+        elif len(queue) >= state.queue_limit:
             self.statistics.refused += 1
             return False
         queue.append(offer)
+        return True
+
+    def _send_checked(self, offer: Offer) -> bool:
+        """Take a frame where the port is not in the plain state."""
+        state = self._state
+        if state.detached or state.closing:
+            raise RuntimeError(f"port {self.name!r} has left the bus")
+        if state.counters.bus_off or state.listen_only or not self.room:
+            self.statistics.refused += 1
+            return False
+        if self._bus.watches_sending:
+            self._faults.sending(state, offer)
+        else:
+            self._bus.enqueue(state, offer)
         return True
 
     @property
@@ -168,87 +105,69 @@ class Port:
         return self.counters.state
 
     @property
+    def queue_limit(self) -> int:
+        """Frames which wait besides the one being sent."""
+        return self._state.queue_limit
+
+    @queue_limit.setter
+    def queue_limit(self, limit: int) -> None:
+        self._state.queue_limit = limit
+
+    @property
     def pending(self) -> int:
         """Frames in the queue, without the one being sent."""
-        return len(self._queue)
+        return len(self._state.queue)
 
     @property
     def room(self) -> int:
         """Frames which the queue still takes."""
-        return max(0, self.queue_limit - len(self._queue))
+        return max(0, self._state.queue_limit - len(self._state.queue))
 
     def has_sent(self, arbitration_id: int) -> bool:
         """Tell whether a frame of this id (with flags) has got through since the attachment.
 
         Of a port that has sent more than 4096 ids only the first of them are known.
         """
-        return arbitration_id in self._sent_ids
+        return arbitration_id in self._state.sent_ids
 
     @property
     def attached(self) -> bool:
         """Whether the port is on the bus (a cut wire or bus-off does not change that)."""
-        return not self._detached
+        return not self._state.detached
 
     @property
     def listen_only(self) -> bool:
         """Whether the controller neither sends nor acknowledges."""
-        return self._listen_only
-
-    def accepts(self, arbitration_id: int) -> bool:
-        """Tell whether frames of this id (with flags) pass the acceptance filters."""
-        filters = self._filters
-        return filters is None or any(entry.passes(arbitration_id) for entry in filters)
+        return self._state.listen_only
 
     def set_filters(self, accept: Iterable[int | Filter] | None) -> None:
         """Replace the acceptance filters: ids or `Filter`s; None accepts every frame."""
-        self._filters = None if accept is None else exact_filters(accept)
-        self._bus._rewire()
+        self._state.filters = None if accept is None else exact_filters(accept)
+        self._bus.rewire()
 
     def set_listen_only(self, listen_only: bool) -> None:
         """Only listen: send and acknowledge nothing. Frames still queued are discarded."""
-        self._listen_only = listen_only
+        self._state.listen_only = listen_only
         if listen_only:
-            self._discard_queue()
-        self._bus._rewire()
+            self._state.discard_queue()
+        self._bus.rewire()
 
     def restart(self) -> None:
         """Leave bus-off by hand: error-active after 128 x 11 recessive bits.
 
         Does nothing when the node is not bus-off or is recovering already.
         """
-        self._bus._recovery.restart(self)
+        self._recovery.restart(self._state)
 
     def close(self) -> None:
         """Stop receiving, send what is queued, then leave the bus.
 
         What nobody acknowledges is given up, so that no ghost keeps on sending.
         """
-        self._closing = True
-        self._bus._rewire()
-        self._bus._leave_if_done(self)
+        self._state.closing = True
+        self._bus.rewire()
+        self._bus.detach_if_done(self._state)
 
     def detach(self) -> None:
         """Leave the bus now; queued frames are discarded, one being sent is completed."""
-        self._detached = True
-        self._direct = False
-        self._discard_queue()
-        self._bus._remove(self)
-
-    def _discard_queue(self) -> None:
-        self.statistics.discarded += len(self._queue)
-        self._queue.clear()
-
-    @property
-    def _on_bus(self) -> bool:
-        """Whether the node's controller takes part in the traffic."""
-        return not (self._cut or self._detached or self.counters.bus_off)
-
-    @property
-    def _listens(self) -> bool:
-        """Whether frames reach the node's program."""
-        return self._on_bus and not (self._joining or self._closing)
-
-    @property
-    def _answers(self) -> bool:
-        """Whether the controller acknowledges frames of others."""
-        return self._listens and self._acknowledges and not self._listen_only
+        self._bus.detach(self._state)

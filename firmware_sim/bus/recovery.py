@@ -5,13 +5,8 @@ Source: ISO 11898-1:2015, clause 12.1.4.4; the waiting time before it is Linux's
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from firmware_sim.bus.errors import restarted_message
-
-if TYPE_CHECKING:
-    from firmware_sim.bus.core import Bus
-    from firmware_sim.bus.port import Port
+from firmware_sim.bus.state import BusState, Message, PortState
 
 RECOVERY_SEQUENCES = 128
 RECESSIVE_SEQUENCE_BITS = 11
@@ -23,73 +18,70 @@ class Recovery:
     Parameters
     ----------
     bus
-        The bus this belongs to.
+        The bus's state.
     """
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: BusState) -> None:
         self._bus = bus
-        self._recovering: list[Port] = []
-        self._from_ns: dict[str, int] = {}
+        self._recovering: list[PortState] = []
+        self._sequence_ns = RECESSIVE_SEQUENCE_BITS * bus.bit_ns
 
-    def leave(self, port: Port) -> None:
+    def leave(self, port: PortState) -> None:
         """Take note that a node went bus-off, and of when its recovery begins."""
         port.statistics.bus_offs += 1
-        port._discard_queue()
-        if port._restart_ns is not None:
-            self._bus.schedule(self._bus.now_ns + port._restart_ns, lambda: self.restart(port))
+        port.discard_queue()
+        if port.restart_ns is not None:
+            self._bus.schedule(self._bus.now_ns + port.restart_ns, lambda: self.restart(port))
 
-    def restart(self, port: Port) -> None:
+    def restart(self, port: PortState) -> None:
         """Begin the recovery of a node that is bus-off."""
-        if not port.counters.bus_off or port._recovery or not port.attached:
+        if not port.counters.bus_off or port.recovery or port.detached:
             return
-        port._recovery = RECOVERY_SEQUENCES
-        self._from_ns[port.name] = self._bus.now_ns
+        port.recovery = RECOVERY_SEQUENCES
+        port.recovery_ns = self._bus.now_ns
         self._recovering.append(port)
-        self._check_recovery(port)
+        self._check(port)
 
-    def _sequence_ns(self) -> int:
-        return RECESSIVE_SEQUENCE_BITS * self._bus.bit_ns
-
-    def _recessive_since(self, port: Port) -> int:
+    def _recessive_since(self, port: PortState) -> int:
         """Time from which the idle bus is recessive, as far as this node has watched it.
 
         Acknowledge delimiter, end of frame and intermission are one sequence of 11 already; so
         are error delimiter and intermission.
         """
-        since = self._bus._free_ns - self._sequence_ns()
-        return max(since, self._from_ns[port.name])
+        return max(self._bus.free_ns - self._sequence_ns, port.recovery_ns)
 
     def count_recessive(self, start_ns: int) -> None:
         """Credit the pause before a start of frame to the nodes in recovery."""
         for port in tuple(self._recovering):
             pause = start_ns - self._recessive_since(port)
-            port._recovery -= max(0, pause // self._sequence_ns())
-            if port._recovery <= 0:
+            port.recovery -= max(0, pause // self._sequence_ns)
+            if port.recovery <= 0:
                 self._recovered(port)
 
-    def _check_recovery(self, port: Port) -> None:
+    def _check(self, port: PortState) -> None:
         """Look whether the pauses so far suffice; else come back when they could."""
         if port not in self._recovering:
             return
         bus = self._bus
-        rest = port._recovery * self._sequence_ns()
-        if bus._senders:
-            due = bus._done_ns + rest
-        elif bus._disturbance.dominant:
+        rest = port.recovery * self._sequence_ns
+        if bus.senders:
+            due = bus.done_ns + rest
+        elif bus.dominant:
             due = bus.now_ns + rest
         else:
             due = self._recessive_since(port) + rest
         if due <= bus.now_ns:
             self._recovered(port)
         else:
-            bus.schedule(due, lambda: self._check_recovery(port))
+            bus.schedule(due, lambda: self._check(port))
 
-    def _recovered(self, port: Port) -> None:
+    def _recovered(self, port: PortState) -> None:
         self._recovering.remove(port)
-        port._recovery = 0
-        if not port.attached:
+        port.recovery = 0
+        if port.detached:
             return
         port.counters.reset()
-        self._bus._rewire()
-        self._bus._confinement.deliver([(port, *restarted_message())])
-        self._bus._injector.sent(port)
+        self._bus.rewire()
+        self._bus.deliver([Message(port, *restarted_message())])
+        for offer in port.babbles:
+            self._bus.babble(port, offer)

@@ -296,3 +296,16 @@ def test_two_nodes_sending_the_same_frame_at_once_succeed_both():
     assert [(frame.arbitration_id, frame.data) for frame in received] == [(0x100, b"same")]
     assert (a.statistics.sent, b.statistics.sent) == (1, 1)
     assert not bus.statistics.errors
+
+
+def test_remote_requests_of_one_length_are_one_frame_whatever_data_they_were_given():
+    """Of a remote request only the length is sent, so these two never differ on the wire."""
+    bus = Bus()
+    received = listening(bus)
+    a, b = bus.attach("a", lambda frame: None), bus.attach("b", lambda frame: None)
+    a.send(0x100 | REMOTE_FLAG, b"one")
+    b.send(0x100 | REMOTE_FLAG, b"two")
+    bus.advance(MILLISECOND)
+    assert [frame.arbitration_id for frame in received] == [0x100 | REMOTE_FLAG]
+    assert (a.statistics.sent, b.statistics.sent) == (1, 1)
+    assert not bus.statistics.errors

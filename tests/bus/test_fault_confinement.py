@@ -156,7 +156,7 @@ def counters_after(error, *, receiver=None, passive=(), ack_less=()):
     for port in (a, b, c):
         if port.name in passive:
             port.counters.tec = 130
-    bus._rewire()
+    bus._state.rewire()
     a.send(0x100, b"data")
     bus.advance(1000 * (frame_bits(0x100, b"data") + 10))
     assert bus.statistics.errors == {error: 1}
@@ -211,7 +211,7 @@ def test_an_error_passive_listener_cannot_destroy_a_frame_for_the_others():
     others = []
     bus.attach("c", others.append)
     b.counters.rec = 200
-    bus._rewire()
+    bus._state.rewire()
     for number in range(16):
         b.counters.rec = 200
         a.send(0x100, bytes([number]))
@@ -286,7 +286,7 @@ def test_an_error_passive_sender_lets_the_others_go_first():
     order = []
     bus.attach("c", order.append)
     a.counters.tec = 150
-    bus._rewire()
+    bus._state.rewire()
     a.send(0x100)
     a.send(0x101)
     bus.advance(frame_bits(0x100, b"") * 1000)
@@ -364,6 +364,20 @@ def test_a_bus_cut_everywhere_leaves_everybody_alone():
     assert a.counters.tec == b.counters.tec == 128
     bus.advance(11 * MILLISECOND)
     assert a.statistics.sent == b.statistics.sent == 1
+
+
+def test_a_node_that_boots_on_a_cut_wire_sends_alone_whatever_it_sent_before():
+    bus, a, _, _ = two_nodes(Cut(end_ns=10 * MILLISECOND))
+    a.send(0x100)
+    bus.advance(10_000)
+    a.detach()
+    a = bus.attach("a", quiet)
+    a.send(0x100)
+    attempt_ns = 1000 * (frame_bits(0x100, b"") - 8 + 6 + 8 + 3)
+    bus.advance(bus.now_ns + attempt_ns - 1)
+    assert a.counters.tec == 0
+    bus.advance(bus.now_ns + 1)
+    assert a.counters.tec == 8
 
 
 def test_a_listener_without_acknowledge_still_hears_what_another_acknowledges():

@@ -1,0 +1,326 @@
+"""The state of a bus and of each of its ports: one value, on which all parts of the bus work.
+
+The parts import this file and it imports none of them; what they tell each other stands here.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+from firmware_sim.bus.errors import BusError, ErrorClass, ErrorCounters
+from firmware_sim.bus.frame import ERROR_FLAG, Filter, Frame
+from firmware_sim.bus.statistics import BusStatistics, IdStatistics, LoadMeter, PortStatistics
+
+Receive: TypeAlias = Callable[[Frame], None]
+"""Called with each accepted frame when it is complete."""
+
+Offer: TypeAlias = tuple[int, int, bytes]
+"""A frame to send: arbitration key, id with flags, data."""
+
+NEVER_NS = 1 << 62
+"""A time that does not come (146 years)."""
+
+
+class Route(NamedTuple):
+    """Where frames of one sender and one id go; made once, thrown away when the bus changes."""
+
+    receivers: tuple[Receive, ...]
+    ports: tuple[PortState, ...]
+    statistics: IdStatistics
+
+
+class Tap(NamedTuple):
+    """An observer and the ids that it sees; None: all, and errors."""
+
+    observe: Receive
+    ids: frozenset[int] | None
+
+
+class Message(NamedTuple):
+    """An error message that a port is to get."""
+
+    port: PortState
+    classes: ErrorClass
+    data: bytearray
+
+
+class Failure(NamedTuple):
+    """Decided at the start of a frame: how it will be destroyed.
+
+    Attributes
+    ----------
+    error
+        What the first to see it sees.
+    transmitters
+        Nodes which send and see their frame destroyed.
+    first
+        Receivers which see it first.
+    others
+        Receivers which see the first ones' error flag.
+    flag_bits
+        Length of the superposed error flags.
+    outlasted
+        Whether another's active flag goes on behind those of `first` (rule b).
+    """
+
+    error: BusError
+    transmitters: tuple[PortState, ...]
+    first: tuple[PortState, ...]
+    others: tuple[PortState, ...]
+    flag_bits: int
+    outlasted: bool = False
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class PortState:
+    """State of a node's controller and of its driver.
+
+    Attributes
+    ----------
+    name, receive, errors, on_sent, queue_limit, listen_only
+        As given to `Bus.attach`.
+    filters
+        Acceptance filters; None: all frames pass.
+    restart_ns
+        Pause between bus-off and recovery (ns); None: it needs a restart by hand.
+    counters, statistics
+        Error counters and state of the controller, and counters since the attachment.
+    queue
+        Frames that wait.
+    routes, sent_ids
+        By id: where its frames go, and which have got through.
+    ready_ns
+        Time from which it may start a frame.
+    recovery, recovery_ns
+        Sequences of recessive bits that are left of a recovery, and when that began (ns).
+    babbles
+        Frames that it sends again and again without a pause.
+    acknowledges, muted, cut, unanswered
+        As the faults of nodes have it.
+    joining
+        Whether it came during a frame, which it does not hear.
+    closing, detached
+        Whether it leaves once its queue is empty, and whether it has left.
+    alone
+        Whether it tries to send on a cut wire.
+    heard
+        Whether somebody acknowledges its frames.
+    direct
+        Whether its frames may go into the queue without a further look.
+    """
+
+    name: str
+    receive: Receive
+    filters: tuple[Filter, ...] | None
+    errors: bool
+    on_sent: Receive | None
+    queue_limit: int
+    restart_ns: int | None
+    listen_only: bool
+    joining: bool
+    counters: ErrorCounters = field(default_factory=ErrorCounters)
+    statistics: PortStatistics = field(default_factory=PortStatistics)
+    queue: deque[Offer] = field(default_factory=deque)
+    routes: dict[int, Route] = field(default_factory=dict)
+    sent_ids: set[int] = field(default_factory=set)
+    ready_ns: int = 0
+    recovery: int = 0
+    recovery_ns: int = 0
+    babbles: tuple[Offer, ...] = ()
+    acknowledges: bool = True
+    muted: bool = False
+    cut: bool = False
+    unanswered: bool = False
+    closing: bool = False
+    detached: bool = False
+    alone: bool = False
+    heard: bool = False
+    direct: bool = False
+
+    @property
+    def on_bus(self) -> bool:
+        """Whether the node's controller takes part in the traffic."""
+        return not (self.cut or self.detached or self.counters.bus_off)
+
+    @property
+    def listens(self) -> bool:
+        """Whether frames reach the node's program."""
+        return self.on_bus and not (self.joining or self.closing)
+
+    @property
+    def answers(self) -> bool:
+        """Whether the controller acknowledges frames of others."""
+        return self.listens and self.acknowledges and not self.listen_only
+
+    def accepts(self, arbitration_id: int) -> bool:
+        """Tell whether frames of this id (with flags) pass the acceptance filters."""
+        filters = self.filters
+        return filters is None or any(entry.passes(arbitration_id) for entry in filters)
+
+    def discard_queue(self) -> None:
+        """Throw away what waits."""
+        self.statistics.discarded += len(self.queue)
+        self.queue.clear()
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class BusState:
+    """State of the wire, and the ports on it.
+
+    Attributes
+    ----------
+    bit_ns, now_ns
+        Length of a bit and present time (ns).
+    until_ns
+        Time up to which it goes without anybody from outside sending (ns).
+    meter, statistics
+        Load, and counters of the bus.
+    ports
+        By name, in the order of their attachment.
+    offers
+        Ports on the bus whose queue is not empty.
+    taps
+        Observers.
+    senders
+        Who sends at present: several where they send one and the same frame.
+    offer, bits
+        The frame on the wire and its length (bits).
+    failure
+        How it will be destroyed; None: it gets through.
+    start_ns, done_ns
+        When it began and when it is over (ns).
+    free_ns
+        Time from which the wire is free (ns).
+    slow
+        Whether an attempt needs a look at each port.
+    hopeless
+        Whether the last attempt was a lone error-passive node's: nothing comes of the next ones
+        either, until somebody else comes or sends.
+    dominant
+        How many causes hold the wire dominant.
+    watches_sending, watches_wire
+        Whether faults look at frames before they are queued, and on the wire.
+    babbling
+        Whether a fault lets some node babble.
+    cut_off
+        Called with a port on a cut wire when it has something to send.
+    timers, timer_ns, timer_number
+        Heap of what is to happen, the time of the first (ns), and how many there have been.
+    """
+
+    bit_ns: int
+    now_ns: int
+    until_ns: int
+    start_ns: int
+    free_ns: int
+    meter: LoadMeter
+    statistics: BusStatistics = field(default_factory=BusStatistics)
+    ports: dict[str, PortState] = field(default_factory=dict)
+    offers: list[PortState] = field(default_factory=list)
+    taps: list[Tap] = field(default_factory=list)
+    senders: tuple[PortState, ...] = ()
+    offer: Offer = (0, 0, b"")
+    bits: int = 0
+    failure: Failure | None = None
+    done_ns: int = 0
+    slow: bool = False
+    hopeless: bool = False
+    dominant: int = 0
+    watches_sending: bool = False
+    watches_wire: bool = False
+    babbling: bool = False
+    cut_off: Callable[[PortState], None] = field(init=False)
+    timers: list[tuple[int, int, Callable[[], None]]] = field(default_factory=list)
+    timer_ns: int = NEVER_NS
+    timer_number: int = 0
+
+    def schedule(self, due_ns: int, action: Callable[[], None]) -> None:
+        """Have `action` called when time reaches `due_ns` (at once where it has passed)."""
+        self.timer_number += 1
+        heapq.heappush(self.timers, (max(due_ns, self.now_ns), self.timer_number, action))
+        self.timer_ns = self.timers[0][0]
+
+    def rewire(self) -> None:
+        """Work out anew what depends on who is on the bus and in which state."""
+        self.hopeless = False
+        ports = self.ports.values()
+        answering = [port for port in ports if port.answers]
+        for port in ports:
+            port.routes.clear()
+            port.heard = not port.unanswered and any(other is not port for other in answering)
+            port.direct = (
+                port.on_bus
+                and not (port.muted or port.closing or port.listen_only)
+                and not self.watches_sending
+            )
+        self.offers[:] = [port for port in ports if port.queue and port.on_bus]
+        self.reconsider()
+
+    def reconsider(self) -> None:
+        """Decide whether frames may take the short way."""
+        now_ns = self.now_ns
+        self.slow = (
+            self.watches_wire
+            or self.babbling
+            or any(
+                port.counters.tec
+                or port.counters.rec
+                or port.joining
+                or port.closing
+                or port.ready_ns > now_ns
+                for port in self.ports.values()
+            )
+        )
+
+    def enqueue(self, port: PortState, offer: Offer, *, first: bool = False) -> None:
+        """Put a frame into a port's queue, whatever its limit, and offer it to the bus."""
+        if port.muted or port.detached or port.counters.bus_off:
+            port.statistics.discarded += 1
+            return
+        if first:
+            port.queue.appendleft(offer)
+        else:
+            port.queue.append(offer)
+        if len(port.queue) == 1:
+            if port.cut:
+                self.cut_off(port)
+            else:
+                self.offers.append(port)
+
+    def babble(self, port: PortState, offer: Offer) -> None:
+        """Put a frame before all others of a port, unless it is there already."""
+        if not (port.queue and port.queue[0] == offer):
+            self.enqueue(port, offer, first=True)
+
+    def detach(self, port: PortState) -> None:
+        """Take a port off the bus; its queue is discarded, a frame being sent is completed."""
+        port.detached = True
+        port.direct = False
+        port.babbles = ()
+        port.discard_queue()
+        if self.ports.get(port.name) is port:
+            del self.ports[port.name]
+        self.rewire()
+
+    def detach_if_done(self, port: PortState) -> None:
+        """Take a closing port off the bus once all its frames are out or cannot get out."""
+        done = not port.queue and port not in self.senders
+        if done or not port.on_bus:
+            self.detach(port)
+
+    def observers(self, arbitration_id: int) -> tuple[Receive, ...]:
+        """Return who sees frames or error messages of an id without being a node."""
+        return tuple(
+            tap.observe for tap in self.taps if tap.ids is None or arbitration_id in tap.ids
+        )
+
+    def deliver(self, messages: list[Message]) -> None:
+        """Hand error messages to those who want them; last of all, for they may send."""
+        now_ns = self.now_ns
+        for port, classes, data in messages:
+            if port.errors and not port.detached:
+                port.receive(Frame(ERROR_FLAG | classes, bytes(data), now_ns))
