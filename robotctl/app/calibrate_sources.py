@@ -18,6 +18,7 @@ from robotctl.model.drives import DifferentialDrive
 from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.trajectory import Trajectory
+from robotctl.telemetry.log_times import is_timeless
 from robotctl.telemetry.recorded_log import read_recording
 
 SPACING_M: Final = 0.25
@@ -143,6 +144,11 @@ def run_of_recording(recording: Recording, model: OdometryModel) -> tuple[Odomet
             "calibrated; with a tape measure use --runs, see docs/calibration.md"
         )
     stamps_ns, wheels = wheels_of(recording, model)
+    if is_timeless(stamps_ns) or is_timeless(recording.reference.stamps_ns):
+        raise CalibrationError(
+            f"{recording.name}: all its odometry or reference has one time, so nobody knows which "
+            "belong together"
+        )
     # from the first stamp on: a float64 of the wall time is too coarse for a search in time
     stamps_s = _seconds(stamps_ns - stamps_ns[0])
     reference_s = _seconds(recording.reference.stamps_ns - stamps_ns[0])

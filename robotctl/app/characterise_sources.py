@@ -27,6 +27,7 @@ from robotctl.model.recording import Recording
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
+from robotctl.telemetry.log_times import is_timeless
 from robotctl.telemetry.recorded_log import read_recording
 
 Progress: TypeAlias = Callable[[str], None]
@@ -116,6 +117,10 @@ def source_of_log(
         If the log has no such readings or no poses.
     """
     recording = read_recording(log, max_range_m=max_range_m, time_unit=time_unit)
+    if is_timeless(np.array([entry.scan.stamp_ns for entry in recording.scans])):
+        raise CalibrationError(
+            f"{log}: all scans in it have one time, so nobody knows where each was taken"
+        )
     sensor = sensor or (SONAR if recording.sonars else LIDAR)
     if sensor == SONAR and not recording.sonars:
         raise CalibrationError(f"{log}: no sonar readings in it{_has(recording)}")

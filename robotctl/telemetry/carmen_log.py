@@ -4,10 +4,11 @@ Whose pose: in FLASER lines `x y theta` is the pose of the *laser* in `world`, t
 `odom_x odom_y odom_theta` that of the *robot* by odometry (CARMEN's messages). The data agree: a
 map of Freiburg 079, whose laser stands 0.04 m behind the centre, is crispest when the beams start
 in `x y theta` itself. Where both are the same in every line, both are the laser's: in a log that
-was corrected in place the reference, in one as it was recorded odometry. The program that corrects
-leaves its traces, NEFF lines or ODOM lines at the time 0, or ODOM lines that lie elsewhere; where
-they lie where the scans are, there is no reference, nor where the laser never moves while the robot
-does. ROBOTLASER lines hold the pose of the laser, then of the robot.
+was corrected in place the reference, in one as it was recorded odometry. Where the robot comes by
+again, scans tell which: at right poses they agree. Else the program that corrects leaves its
+traces, NEFF lines or ODOM lines at the time 0, or ODOM lines that lie elsewhere; where they lie
+where the scans are, there is no reference, nor where the laser never moves while the robot does.
+ROBOTLASER lines hold the pose of the laser, then of the robot.
 
 Mounting: PARAM `robot_frontlaser_offset`, `_side_offset` and `_angular_offset`, likewise
 `robot_rearlaser_...`; RLASER and ROBOTLASER2 look backwards. Without them, ROBOTLASER lines tell it
@@ -27,12 +28,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.estimation.revisits import revisit_agreement
 from robotctl.model.angles import wrap_angle
 from robotctl.model.range_scan import RangeScan
 from robotctl.model.recording import RecordedScan, Recording
@@ -45,6 +48,7 @@ from robotctl.telemetry.no_echo import reaches, valid_ranges
 
 _SAME, _ROUNDED = 1e-5, 2e-3
 _ELSEWHERE_M: Final = 0.2
+_AGREEMENT: Final = 0.4
 _STEADY_M, _STEADY_RAD = 0.005, 0.005
 _MAX_MOUNT_M: Final = 1.5
 
@@ -103,22 +107,18 @@ def _all_scans(lines: CarmenLines, unit: str, max_range_m: float | None) -> list
     found.sort(key=lambda entry: entry[0].number)
     stamps_ns = _stamps(lines, [entry[0] for entry in found], unit, "scans")
     return [
-        RecordedScan(
-            RangeScan(stamp_ns, angles, ranges, reach_m, mount.x_m, mount.y_m), odometry, reference
-        )
-        for stamp_ns, (_, angles, ranges, reach_m, mount, odometry, reference) in zip(
-            stamps_ns.tolist(), found, strict=True
-        )
+        RecordedScan(replace(scan, stamp_ns=stamp_ns), odometry, reference)
+        for stamp_ns, (_, scan, odometry, reference) in zip(stamps_ns.tolist(), found, strict=True)
     ]
 
 
-_Placed = tuple[NDArray[np.float64], NDArray[np.float64], float, SE2, SE2, SE2 | None]
+_Placed = tuple[RangeScan, SE2, SE2 | None]
 
 
 def _placed(
     lines: CarmenLines, word: str, scans: Sequence[LaserLine], max_range_m: float | None
 ) -> list[_Placed]:
-    """Return angles, ranges, reach, mounting, odometry and reference of each scan of one laser."""
+    """Return each scan of one laser at the time 0, with its odometry and reference."""
     note_pairs(np.array([scan.time for scan in scans]), f"{word} scans", lines.notes)
     laser = [SE2(*scan.laser.tolist()) for scan in scans]
     robot = [SE2(*scan.robot.tolist()) for scan in scans]
@@ -127,41 +127,55 @@ def _placed(
         laser = [pose @ SE2(0.0, 0.0, math.pi) for pose in laser]  # the heading is the robot's
     mount = _mount(lines, word, rear, [a.inverse() @ b for a, b in zip(robot, laser, strict=True)])
     reference = [pose @ mount.inverse() for pose in laser]
-    known: list[SE2] | list[None] = reference
     in_place = all(np.all(np.abs(scan.laser - scan.robot) < _SAME) for scan in scans)
-    if in_place or all(map(_is_same, reference, robot)):
-        robot = reference if in_place else robot
-        if _is_as_recorded(lines, scans):
-            known = [None] * len(scans)
-        lines.notes.append(
-            f"{word}: both poses of all lines are the same: "
-            + (
-                "a log corrected in place has no odometry of its own"
-                if known is reference
-                else "a log as it was recorded, by odometry, has no reference"
-            )
-        )
-    elif len(scans) > 1 and not np.any(np.ptp([scan.laser for scan in scans], axis=0)):
-        known = [None] * len(scans)
-        lines.notes.append(f"{word}: the laser's pose is the same in all lines: no reference")
+    robot = reference if in_place else robot
     beams = [scan.fan or _fan(lines, rear, len(scan.ranges_m)) for scan in scans]
     told_m = [told if told > 0.0 else math.inf for _, _, told in beams]
     readings = [scan.ranges_m for scan in scans]
     places = np.array([scan.robot[:2] for scan in scans])
     reaches_m = reaches(word, readings, places, told_m, max_range_m, lines.notes)
     fans: dict[tuple[int, float, float], NDArray[np.float64]] = {}
-    placed = []
-    for scan, (first, step, _), reach_m, odometry, world in zip(
-        scans, beams, reaches_m, robot, known, strict=True
-    ):
+    shapes = []
+    for scan, (first, step, _), reach_m in zip(scans, beams, reaches_m, strict=True):
         key = len(scan.ranges_m), first, step
         angles = fans.setdefault(
             key, mount.theta_rad + first + step * np.arange(key[0], dtype=np.float64)
         )
-        placed.append(
-            (angles, valid_ranges(scan.ranges_m, reach_m), reach_m, mount, odometry, world)
+        ranges = valid_ranges(scan.ranges_m, reach_m)
+        shapes.append(RangeScan(0, angles, ranges, reach_m, mount.x_m, mount.y_m))
+    lacks = _lacks_reference(lines, word, scans, shapes, robot, reference)
+    known = [None] * len(scans) if lacks else reference
+    return list(zip(shapes, robot, known, strict=True))
+
+
+def _lacks_reference(
+    lines: CarmenLines,
+    word: str,
+    scans: Sequence[LaserLine],
+    shapes: Sequence[RangeScan],
+    robot: Sequence[SE2],
+    reference: Sequence[SE2],
+) -> bool:
+    """Return whether what stands for a reference is none, and note it."""
+    if len(scans) > 1 and not np.any(np.ptp([scan.laser for scan in scans], axis=0)) and (
+        np.any(np.ptp([scan.robot for scan in scans], axis=0))
+    ):  # fmt: skip
+        lines.notes.append(f"{word}: the laser's pose is the same in all lines: no reference")
+        return True
+    if not all(map(_is_same, reference, robot)):
+        return False
+    agreement = revisit_agreement(shapes, reference)
+    is_none = _is_as_recorded(lines, scans) if agreement is None else agreement < _AGREEMENT
+    seen = "" if agreement is None else f" ({agreement:.0%} of the echoes agree at later visits)"
+    lines.notes.append(
+        f"{word}: both poses of all lines are the same: "
+        + (
+            f"a log as it was recorded, by odometry, has no reference{seen}"
+            if is_none
+            else f"a log corrected in place has no odometry of its own{seen}"
         )
-    return placed
+    )
+    return is_none
 
 
 def _is_same(one: SE2, other: SE2) -> bool:

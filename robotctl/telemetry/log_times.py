@@ -74,8 +74,12 @@ def in_order(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     return ordered, int(np.count_nonzero(ordered != stamps_ns))
 
 
-def checked_stamps(times: NDArray[np.float64], unit: str, error_at: ErrorAt) -> NDArray[np.int64]:
+def checked_stamps(
+    times: NDArray[np.float64], unit: str, error_at: ErrorAt, *, can_tell: bool = True
+) -> NDArray[np.int64]:
     """Return times of a log in `unit`, (n,) finite, as [ns].
+
+    `can_tell` is whether the user can tell their unit.
 
     Raises
     ------
@@ -90,17 +94,23 @@ def checked_stamps(times: NDArray[np.float64], unit: str, error_at: ErrorAt) -> 
             at,
             f"time {times[at]:.15g} {unit}: allowed are {FIRST_S / TIME_UNITS[unit]:g} to "
             f"{LAST_S / TIME_UNITS[unit]:g} {unit}"
-            f"{_hint(float(seconds[at]) / TIME_UNITS[unit])}",
+            f"{_hint(float(seconds[at]) / TIME_UNITS[unit], can_tell=can_tell)}",
         )
     return stamps(seconds)
 
 
-def _hint(time: float) -> str:
+def _hint(time: float, *, can_tell: bool) -> str:
     """Return which unit a time has, if it is one of today."""
     for unit, unit_s in TIME_UNITS.items():
         if 1e8 < time * unit_s <= LAST_S:
-            return f"; are the times of the log {unit}? Then give --time-unit {unit}"
+            advice = f"? Then give --time-unit {unit}" if can_tell else ", which this file must not"
+            return f"; are the times {unit}{advice}"
     return ""
+
+
+def is_timeless(stamps_ns: NDArray[np.int64]) -> bool:
+    """Return whether several times are all the same, so that they tell no order."""
+    return len(stamps_ns) > 1 and bool(stamps_ns[0] == stamps_ns[-1])
 
 
 def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -133,7 +143,7 @@ def ordered_stamps(
     stamps_ns, held = in_order(checked_stamps(going_on, unit, error_at))
     if held:
         notes.append(f"{held} of {len(times)} {what}: their clock goes back, time held")
-    if len(times) > 1 and stamps_ns[0] == stamps_ns[-1]:
+    if is_timeless(stamps_ns):
         at_s = 1e-9 * int(stamps_ns[0])
         notes.append(
             f"all {len(times)} {what} have one time, {at_s:.15g} s: only their order is known"

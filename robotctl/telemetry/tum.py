@@ -44,15 +44,8 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
     path.write_text(text, encoding="ascii")
 
 
-def read_tum(path: Path, unit: str = "s") -> Trajectory:
+def read_tum(path: Path) -> Trajectory:
     """Read a trajectory; its heading is the yaw of the quaternion, what is not planar is dropped.
-
-    Parameters
-    ----------
-    path
-        The file.
-    unit
-        Of its times, one of `TIME_UNITS`.
 
     Raises
     ------
@@ -74,7 +67,10 @@ def read_tum(path: Path, unit: str = "s") -> Trajectory:
             f"{path}: pose {wrong[0] + 1}: quaternion of length {norm[wrong[0]]:.3f}, not 1"
         )
     stamps_ns = checked_stamps(
-        rows[:, 0], unit, lambda at, problem: text.error(row_number(text, at), problem)
+        rows[:, 0],
+        "s",
+        lambda at, problem: text.error(row_number(text, at), problem),
+        can_tell=False,
     )
     back = np.flatnonzero(np.diff(stamps_ns) < 0)
     if len(back):

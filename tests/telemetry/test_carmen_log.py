@@ -334,3 +334,22 @@ def test_a_laser_that_never_moves_is_no_reference(tmp_path):
     recording = read_carmen(log(tmp_path, *lines))
     assert recording.reference is None
     assert any("the laser's pose is the same in all lines" in note for note in recording.notes)
+
+
+@pytest.mark.recordings("carmen/intel-odometry.log.gz", "carmen/seattle-corrected.log.gz")
+def test_where_the_robot_comes_by_again_scans_tell_a_raw_log_from_a_corrected_one(
+    recordings, tmp_path
+):
+    lines = []
+    with gzip.open(recordings / "carmen" / "intel-odometry.log.gz", "rt") as file:
+        for line in file:
+            words = line.split()
+            if words[0] == "FLASER":
+                words[-9:-6] = words[-6:-3]
+                lines.append(" ".join(words))
+    (tmp_path / "raw.log").write_text("\n".join(lines) + "\n")
+    recording = read_recording(tmp_path / "raw.log")
+    assert recording.reference is None
+    assert any("a log as it was recorded" in note for note in recording.notes)
+    corrected = read_recording(recordings / "carmen" / "seattle-corrected.log.gz")
+    assert corrected.reference is not None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotctl.errors import ConfigError
+from robotctl.errors import CalibrationError, ConfigError
 from robotctl.model.trajectory import Trajectory
 from robotctl.telemetry.log_text import LogFormatError
 from robotctl.telemetry.log_times import unwrapped, usual_pace
@@ -62,7 +62,8 @@ def test_wall_times_of_another_unit_are_refused_with_line_range_and_unit(
     else:
         path, read, name = mrclam(tmp_path / "set", times), read_recording, r"Odometry\.dat:2"
     allowed = r"time 1\.?3\S+ s: allowed are -100000 to 9.2e\+09 s"
-    message = rf"{name}: {allowed}; .* Then give --time-unit {unit}$"
+    advice = r", which this file must not" if kind == "tum" else rf"\? Then give --time-unit {unit}"
+    message = rf"{name}: {allowed}; are the times {unit}{advice}$"
     with pytest.raises(LogFormatError, match=message):
         read(path)
 
@@ -164,3 +165,15 @@ def test_equal_times_are_said(tmp_path):
 def test_a_unit_that_is_none_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"--time-unit m: must be one of s, ms, us, ns"):
         read_recording(carmen(tmp_path, SECONDS), time_unit="m")
+
+
+def test_nothing_is_calibrated_by_a_log_without_times(tmp_path):
+    from robotctl.app.calibrate_odometry import CalibrateOptions, calibrate_odometry
+    from robotctl.app.characterise_sources import source_of_log
+    from robotctl.app.config import find_file, load_robot
+
+    path = carmen(tmp_path, np.zeros(40), np.zeros(40))
+    with pytest.raises(CalibrationError, match="all scans in it have one time"):
+        source_of_log(path, "", "", load_robot(find_file("diff_drive")))
+    with pytest.raises(CalibrationError, match="one time, so nobody knows which belong together"):
+        calibrate_odometry(CalibrateOptions(find_file("diff_drive"), log=path))
