@@ -33,6 +33,12 @@ RETRY_NS: Final = 1_000_000_000
 UNREAD_MAX: Final = 5
 """So many readings of a setting in a row may fail: somebody else may use the node's SDO channel."""
 
+QUIET_NS: Final = 500_000_000
+"""So long behind a request of somebody else nothing is read: both would get both answers [ns]."""
+
+QUIET_MAX_NS: Final = 1_000_000_000
+"""Who asks without an end keeps the robot from reading for no longer [ns]."""
+
 
 class Phase(enum.Enum):
     """How far a node has come."""
@@ -78,6 +84,8 @@ class Node:
         self._doubted = False
         """Whether the last reading differed: one alone may be an answer that was damaged."""
         self._unread = 0
+        self._read_ns = self._quiet_ns = 0
+        """When a setting was read last; until when the SDO channel is left to others [ns]."""
         self._nmt_state = NMT_BOOT_UP
         self._heartbeat_ns = 0
         self._boots = 0
@@ -146,12 +154,23 @@ class Node:
         self.busy = True
         return True
 
-    def read_back(self) -> None:
+    def on_foreign_sdo(self, stamp_ns: int) -> None:
+        """Leave the node's one SDO channel for a while to whoever else has made a request [ns]."""
+        self._quiet_ns = stamp_ns + QUIET_NS
+
+    def read_back(self, now_ns: int) -> None:
         """Begin to read the next setting of a node in service, if nothing else is under way."""
+        if now_ns < self._quiet_ns and now_ns - self._read_ns < QUIET_MAX_NS:
+            return
         if self.phase is Phase.READY and self._sdo.idle and self._kept:
-            self._is_reading = True
-            self._sdo.start(self._kept[0].reading)
-            self.busy = True
+            self._read_ns = now_ns
+            self._read()
+
+    def _read(self) -> None:
+        """Begin to read the next setting."""
+        self._is_reading = True
+        self._sdo.start(self._kept[0].reading)
+        self.busy = True
 
     def withdraw(self) -> None:
         """Give up a transfer beside the script."""
@@ -251,7 +270,7 @@ class Node:
             self._refuse(f"{setting.differs(response.value)}: it was changed", self._heartbeat_ns)
         else:
             self._doubted = True
-            self.read_back()
+            self._read()
 
     def _refuse(self, problem: str, now_ns: int) -> None:
         """Keep the node out of service and say why; try again later."""

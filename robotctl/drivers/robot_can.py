@@ -31,7 +31,7 @@ from robotctl.drivers.robot_codec import (
     drive_state,
     fault_bits,
 )
-from robotctl.drivers.sdo import RESPONSE_BASE
+from robotctl.drivers.sdo import REQUEST_BASE, RESPONSE_BASE
 from robotctl.runtime.messages import (
     BatteryFeedback,
     BusStatus,
@@ -191,7 +191,11 @@ class CanRobot:
                 code = int.from_bytes(data[:2], "little")
                 self._emergencies.append(EmergencyMessage(stamp_ns, node_id, code, data[2]))
 
+        def on_foreign_sdo(_: bytes, stamp_ns: int) -> None:
+            node.on_foreign_sdo(stamp_ns)
+
         self._handlers[HEARTBEAT_BASE + node_id] = on_heartbeat
+        self._handlers[REQUEST_BASE + node_id] = on_foreign_sdo
         self._handlers[RESPONSE_BASE + node_id] = on_sdo
         self._handlers[EMERGENCY_BASE + node_id] = on_emergency
 
@@ -313,7 +317,7 @@ class CanRobot:
         if now_ns >= self._read_back_ns:
             self._read_back_ns = now_ns + READ_BACK_NS
             for node in self._nodes:
-                node.read_back()
+                node.read_back(now_ns)
         for node in self._waiting:
             if node.busy:
                 frame = node.poll(now_ns)

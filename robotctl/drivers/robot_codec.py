@@ -13,6 +13,7 @@ from typing import Final
 
 from robotctl.drivers.codec import Decoder, compile_decoder, compile_encoder, data_id_crc
 from robotctl.drivers.dbc import HOST, Dbc, Message
+from robotctl.drivers.sdo import NODE_ID_MAX, REQUEST_BASE
 from robotctl.errors import ConfigError
 from robotctl.runtime.messages import DriveFault, DriveState, EmergencyStopSource
 
@@ -58,9 +59,10 @@ class RobotCodec:
         self.sync_id = dbc.message(SYNC).arbitration_id
         self.nmt_id = dbc.message(NMT).arbitration_id
         self.emergency_stop_id = dbc.message(EMERGENCY_STOP).arbitration_id
-        foreign = {self.emergency_stop_id, self.nmt_id}
+        foreign = {self.emergency_stop_id, self.nmt_id, *_sdo_requests(dbc)}
         self.arbitration_ids = tuple(sorted({*foreign, *dbc.received_by(HOST)}))
-        """What the host listens to: what is meant for it; emergency stops and NMT by others."""
+        """What the host listens to: what is meant for it; emergency stops, NMT and SDO requests by
+        others."""
         for name in (COMMAND, WHEELS, MOTOR, DRIVE, BATTERY, *SONARS):
             dbc.protection(name)
         _check_data_ids(dbc)
@@ -142,6 +144,12 @@ def _sonar_decoder(
         )
 
     return decode_ranges
+
+
+def _sdo_requests(dbc: Dbc) -> list[int]:
+    """Return the identifiers of requests to the SDO servers of the nodes."""
+    numbers = (message.arbitration_id for message in dbc.messages.values())
+    return [each for each in numbers if REQUEST_BASE < each <= REQUEST_BASE + NODE_ID_MAX]
 
 
 def _present(dbc: Dbc, message: str, *signals: str) -> tuple[str, ...]:

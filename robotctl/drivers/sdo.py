@@ -11,6 +11,7 @@ from typing import Final
 
 REQUEST_BASE: Final = 0x600
 RESPONSE_BASE: Final = 0x580
+NODE_ID_MAX: Final = 127
 TIMEOUT_NS: Final = 50_000_000
 """Time that a server has for its answer [ns]."""
 

@@ -151,3 +151,32 @@ def test_nmt_that_takes_no_node_out_of_service_changes_nothing(bus, data):
     bus.deliver(0x000, data)
     bus.run(500)
     assert bus.problems() == ["", "", ""]
+
+
+READ_1018 = bytes.fromhex("4018100100000000")
+
+
+def requests_to(bus, node_id, first):
+    return [data for _, can_id, data in bus.sent[first:] if can_id == 0x600 + node_id]
+
+
+def test_a_node_that_somebody_else_asks_is_left_to_him_for_half_a_second(bus):
+    bus.run(300)
+    bus.deliver(0x601, READ_1018)
+    bus.run(5)
+    first = len(bus.sent)
+    bus.run(480)
+    assert not requests_to(bus, 1, first)
+    assert len(requests_to(bus, 2, first)) >= 4
+    bus.run(120)
+    assert requests_to(bus, 1, first)
+
+
+def test_who_asks_without_an_end_hides_no_change(bus):
+    bus.drive.objects[0x2000, 0] = 2000
+    for _ in range(8_500 // 100):
+        bus.deliver(0x601, READ_1018)
+        bus.run(100)
+        if bus.status(1).problem:
+            break
+    assert "command time-out reads back 2000 ms" in bus.status(1).problem
