@@ -1,5 +1,6 @@
 """Each script of `examples` runs, is short, and finds what it should."""
 
+import gzip
 import os
 import re
 import subprocess
@@ -87,3 +88,13 @@ def test_signals_are_heard_on_simcan(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "SonarRangesA: " in done.stdout
     assert "NmtState=operational" in done.stdout
+
+
+def test_the_recorded_robot_is_found_and_drawn(tmp_path):
+    log, plot = EXAMPLES / "data" / "patrol.log.gz", tmp_path / "path.png"
+    found, scans, x_m, y_m = run("localise_in_a_log", str(log), str(plot))[0]
+    assert 0.9 * scans < found <= scans
+    last = gzip.decompress(log.read_bytes()).decode().splitlines()[-1].split()
+    # FLASER ends in the true pose, the odometry's, two times and a name.
+    assert (x_m, y_m) == pytest.approx((float(last[-9]), float(last[-8])), abs=0.1)
+    assert plot.read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,39 @@
+"""Monte Carlo localisation of a recorded drive, from an unknown start in a known flat, and a plot.
+
+python examples/localise_in_a_log.py examples/data/patrol.log.gz path.png
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from robotctl.app.world import load_walls
+from robotctl.estimation.free_space import free_poses
+from robotctl.estimation.likelihood_field import LikelihoodField
+from robotctl.estimation.mcl import MonteCarloLocaliser
+from robotctl.estimation.mcl_config import MclConfig
+from robotctl.estimation.wall_raster import grid_of_walls
+from robotctl.model.localisation import LocalisationStatus
+from robotctl.telemetry.recorded_log import read_recording
+
+log = read_recording(Path(sys.argv[1]))
+walls = load_walls(Path("configs/worlds/flat.toml"))
+grid = grid_of_walls(walls)
+field = LikelihoodField(grid)
+localiser = MonteCarloLocaliser(MclConfig(), free_poses(grid), np.random.default_rng(1))
+found, before = [], log.scans[0].odometry
+for entry in log.scans:
+    localiser.move(before.inverse() @ entry.odometry)
+    before = entry.odometry
+    if localiser.due():
+        localiser.measure(field.measurement(entry.scan))
+    estimate = localiser.estimate(entry.scan.stamp_ns)
+    if estimate.status is LocalisationStatus.LOCALISED:
+        found.append((estimate.pose.x_m, estimate.pose.y_m))
+print(f"localised in {len(found)} of {len(log.scans)} scans, last at {found[-1]}")
+axes = Figure(figsize=(6, 5)).add_subplot(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+axes.plot(walls.segments[:, ::2].T, walls.segments[:, 1::2].T, "k")
+axes.plot(*np.transpose(found))
+axes.figure.savefig(sys.argv[2])
