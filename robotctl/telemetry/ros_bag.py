@@ -299,10 +299,14 @@ def _of_laser(
     max_range_m: float | None,
 ) -> Iterator[RecordedScan]:
     """Yield the scans of one laser."""
-    if content.frames.lookup(base, frame, 0) is None:
+    known = [each for each in (base, *_BASES) if content.frames.lookup(each, frame, 0) is not None]
+    if not known:
         content.notes.append(
             f"{topic}: tf does not say where {frame} is in {base}: taken for the same"
         )
+    elif known[0] != base:
+        content.notes.append(f"{topic}: tf says where {frame} is in {known[0]}: taken for {base}")
+    base = known[0] if known else base
     begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
     at = [odometry.at(min(max(stamp_ns, begin_ns), end_ns)) or SE2() for stamp_ns, _ in messages]
     readings = [np.asarray(message.ranges, np.float64) for _, message in messages]

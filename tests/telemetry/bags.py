@@ -69,14 +69,15 @@ class Bag:
         )  # fmt: skip
         return self.types["geometry_msgs/msg/Quaternion"](sr * cy, sr * sy, cr * sy, cr * cy)
 
-    def transform(self, parent, child, stamp_ns, pose, z=0.0, roll=0.0, static=False):
+    def stamped(self, parent, child, stamp_ns, pose, z=0.0, roll=0.0):
         x, y, yaw = pose
         vector = self.types["geometry_msgs/msg/Vector3"](x, y, z)
         motion = self.types["geometry_msgs/msg/Transform"](vector, self.quaternion(roll, yaw))
-        stamped = self.types["geometry_msgs/msg/TransformStamped"](
-            self.header(parent, stamp_ns), child, motion
-        )
-        message = self.types[TF]([stamped])
+        kind = self.types["geometry_msgs/msg/TransformStamped"]
+        return kind(self.header(parent, stamp_ns), child, motion)
+
+    def transform(self, parent, child, stamp_ns, pose, z=0.0, roll=0.0, static=False):
+        message = self.types[TF]([self.stamped(parent, child, stamp_ns, pose, z, roll)])
         self.write("/tf_static" if static else "/tf", TF, message, stamp_ns)
 
     def odometry(self, topic, frame, child, stamp_ns, pose):

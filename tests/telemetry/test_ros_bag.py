@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from rosbags.typesys import get_types_from_msg
 
 from robotctl.errors import ConfigError
 from robotctl.telemetry.log_text import LogFormatError
@@ -181,3 +182,34 @@ def test_without_rosbags_the_error_names_the_extra(tmp_path, monkeypatch, kind):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     with pytest.raises(ConfigError, match=r"rosbags is needed.*\n.*robotctl-source\[bags\]"):
         read_recording(path_of(tmp_path, kind))
+
+
+def test_a_laser_on_another_frame_of_the_robot_is_where_that_says(tmp_path):
+    bag = Bag(tmp_path / "drive", "mcap")
+    bag.transform("base_link", "laser", stamp(0), (0.3, 0.1, 0.5), static=True)
+    for i in range(3):
+        bag.odometry("/odom", "odom", "base_footprint", stamp(i), (0.2 * i, 0.0, 0.0))
+        bag.scan(Laser(), stamp(i), np.full(181, 2.0))
+    bag.close()
+    recording = read_recording(tmp_path / "drive")
+    scan = recording.scans[0].scan
+    assert (scan.x_m, scan.y_m) == pytest.approx((0.3, 0.1))
+    assert scan.angles_rad[90] == pytest.approx(0.5)
+    assert any("laser is in base_link: taken for base_footprint" in n for n in recording.notes)
+
+
+def test_the_tf_messages_of_old_ros_1_bags_are_read(tmp_path):
+    bag = Bag(tmp_path / "drive.bag", "ros1")
+    kind = "tf/msg/tfMessage"
+    bag.store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind))
+    for i in range(12):
+        for parent, child, pose in (
+            ("/odom", "/base_link", (0.2 * i, 0.0, 0.1)), ("/base_link", "/laser", (0.3, 0.0, 0.0))
+        ):  # fmt: skip
+            message = bag.types[kind]([bag.stamped(parent, child, stamp(i), pose)])
+            bag.write("/tf", kind, message, stamp(i))
+        bag.scan(Laser(frame="/laser"), stamp(i), np.full(181, 2.0))
+    bag.close()
+    recording = read_recording(tmp_path / "drive.bag")
+    assert recording.odometry.poses[:, 0] == pytest.approx(0.2 * np.arange(12))
+    assert [entry.scan.x_m for entry in recording.scans] == pytest.approx([0.3] * 12)
