@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.app.calibrate_odometry import CalibrateOptions, CalibrateResult, calibrate_odometry
-from robotctl.app.calibrate_patch import patch_text, patch_values
-from robotctl.app.config import find_file
 from robotctl.cli.arguments import Overrides, RobotName, TimeUnit, refuse_unused
-from robotctl.cli.calibrate_plot import save_plot
-from robotctl.cli.calibrate_view import check_table, drive_table, reference_lines
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
 from robotctl.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from robotctl.app.calibrate_odometry import CalibrateResult
 
 ABORTED = 1
 WORSE = 3
@@ -63,6 +61,16 @@ def odometry(
         refuse_unused(ctx, "where the drives are recorded ones", "seed")
     if log is None:
         refuse_unused(ctx, "without --log", "mrclam_robot", "time_unit")
+    # They take a second to load, for which those who ask for help need not wait.
+    from robotctl.app.calibrate_odometry import CalibrateOptions, calibrate_odometry  # noqa: PLC0415
+    from robotctl.app.config import find_file  # noqa: PLC0415
+    from robotctl.cli.calibrate_plot import save_plot  # noqa: PLC0415
+    from robotctl.cli.calibrate_view import (  # noqa: PLC0415
+        check_table,
+        drive_table,
+        reference_lines,
+    )
+
     options = CalibrateOptions(
         find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs, time_unit
     )
@@ -87,6 +95,8 @@ def odometry(
 
 def _conclude(result: CalibrateResult, out: Path | None) -> int:
     """Say whether to use the values, and how; return the exit status."""
+    from robotctl.app.calibrate_patch import patch_text, patch_values  # noqa: PLC0415
+
     for sentence in (*result.notes, *result.hidden):
         print(sentence)
     if result.objections:

@@ -7,11 +7,8 @@ import sys
 import typer
 from rich.table import Table
 
-from robotctl.app.config import config_directory, find_file, load_robot
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
-from robotctl.drivers.bus_load import MAX_LOAD, budget
-from robotctl.drivers.dbc import load_dbc
 
 app = typer.Typer(help="The CAN bus.", no_args_is_help=True)
 
@@ -26,6 +23,10 @@ def can() -> None:
 @app.command("budget")
 def show_budget(robot: RobotName = "diff_drive", overrides: Overrides = None) -> None:
     """Print the worst-case load of each cyclic frame; status 1 where the sum is over 50 %."""
+    from robotctl.app.config import config_directory, find_file, load_robot  # noqa: PLC0415
+    from robotctl.drivers.bus_load import MAX_LOAD, budget  # noqa: PLC0415
+    from robotctl.drivers.dbc import load_dbc  # noqa: PLC0415
+
     config = load_robot(find_file(robot), overrides or ())
     load = budget(
         load_dbc(config_directory() / "robot.dbc"),

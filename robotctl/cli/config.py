@@ -5,12 +5,8 @@ from __future__ import annotations
 import json
 from typing import Annotated
 
-import msgspec
-import pydantic
 import typer
 
-from robotctl.app.config import RobotConfig, find_file, load_robot
-from robotctl.app.sim_options import simulated_robot
 from robotctl.cli.arguments import Overrides
 
 RobotFile = Annotated[str, typer.Argument(help="Robot file, or the name of one that comes along.")]
@@ -27,6 +23,9 @@ def check(
 
     One line for each error.
     """
+    from robotctl.app.config import find_file, load_robot  # noqa: PLC0415 - pydantic
+    from robotctl.app.sim_options import simulated_robot  # noqa: PLC0415
+
     path = find_file(file)
     config = load_robot(path, overrides or ())
     if config.simulation:
@@ -45,6 +44,10 @@ def check(
 @app.command()
 def show(file: RobotFile = "diff_drive", overrides: Overrides = None) -> None:
     """Print a robot's whole configuration as JSON, defaults and overrides included."""
+    import msgspec  # noqa: PLC0415
+
+    from robotctl.app.config import find_file, load_robot  # noqa: PLC0415 - pydantic
+
     config = load_robot(find_file(file), overrides or ())
     print(msgspec.json.format(msgspec.json.encode(config)).decode())
 
@@ -52,4 +55,8 @@ def show(file: RobotFile = "diff_drive", overrides: Overrides = None) -> None:
 @app.command()
 def schema() -> None:
     """Print the JSON schema of a robot's file: every key, its type and its default."""
+    import pydantic  # noqa: PLC0415
+
+    from robotctl.app.config import RobotConfig  # noqa: PLC0415
+
     print(json.dumps(pydantic.TypeAdapter(RobotConfig).json_schema(), indent=2))

@@ -32,7 +32,14 @@ def _plainly(error: UnicodeError) -> tuple[str | bytes, int]:
     return _PLAIN.get(character, "?"), error.start + 1
 
 
+def _escaped(error: UnicodeError) -> tuple[str | bytes, int]:
+    r"""Return as `_plainly`, but bytes of names as Python shows them in errors: `\\udce9`."""
+    what, behind = _plainly(error)
+    return f"\\udc{what[0]:02x}" if isinstance(what, bytes) else what, behind
+
+
 codecs.register_error("plainly", _plainly)
+codecs.register_error("plainly, escaped", _escaped)
 
 
 class Output:
@@ -45,8 +52,9 @@ class Output:
     """
 
     def __init__(self, stream: TextIO) -> None:
-        if getattr(stream, "errors", "") in ("strict", "surrogateescape"):  # so not of errors
-            cast("TextIOWrapper", stream).reconfigure(errors="plainly")
+        if isinstance(stream, TextIOWrapper):
+            is_of_errors = stream.errors == "backslashreplace"
+            stream.reconfigure(errors="plainly, escaped" if is_of_errors else "plainly")
         self._stream = stream
         self.failure: OSError | None = None
         """Why the rest is not written."""

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 import robotctl
-from robotctl.app.replay import differences, replay_file
 
 DIFFERENT = 1
 
@@ -20,6 +19,8 @@ def replay(
     ],
 ) -> None:
     """Compute every output of a record anew; status 1 and the first tick where they differ."""
+    from robotctl.app.replay import differences, replay_file  # noqa: PLC0415 - the control core
+
     replayed = replay_file(file)
     result = replayed.result
     if replayed.version != robotctl.__version__:

@@ -8,26 +8,20 @@ import signal
 import sys
 import tempfile
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from robotctl.app.config import MAPS, find_file, load_robot
-from robotctl.app.lockstep import run_lockstep
-from robotctl.app.log_folder import LogError, make_folder, refusal
-from robotctl.app.score import Report
-from robotctl.app.signals import StopFlag
-from robotctl.app.sim import SimRun
-from robotctl.app.sim_options import SimOptions
-from robotctl.app.world import find_world, straight_mission
 from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.keys import Keys
-from robotctl.cli.score_view import score_table
-from robotctl.cli.sim_keys import obey
-from robotctl.cli.view import make_view
 from robotctl.errors import ConfigError, DiskError
+
+if TYPE_CHECKING:
+    from robotctl.app.score import Report
+    from robotctl.app.signals import StopFlag
+    from robotctl.app.sim_options import SimOptions
 
 NOT_COMPLETED = 3
 PATROL = "patrol"
@@ -123,6 +117,14 @@ def sim(
     it could not, or the run was over before its time. 2: bad input. 4: the disk did not take all.
     130: interrupted before the robot was ready.
     """
+    # They take a second to load, for which those who ask for help need not wait.
+    from robotctl.app.config import find_file  # noqa: PLC0415
+    from robotctl.app.lockstep import run_lockstep  # noqa: PLC0415
+    from robotctl.app.log_folder import LogError, make_folder, refusal  # noqa: PLC0415
+    from robotctl.app.signals import StopFlag  # noqa: PLC0415
+    from robotctl.app.sim_options import SimOptions  # noqa: PLC0415
+    from robotctl.cli.score_view import score_table  # noqa: PLC0415
+
     check_files(report)
     if record is not None:
         make_folder(record)
@@ -170,6 +172,8 @@ def _refuse_what_has_no_effect(
     ConfigError
         With the first of them.
     """
+    from robotctl.app.config import load_robot  # noqa: PLC0415
+
     if lockstep and options.bus != OWN_BUS:
         raise ConfigError(
             f"--bus {options.bus}: found with --lockstep, whose bus is in its one process and "
@@ -187,6 +191,9 @@ def _refuse_what_has_no_effect(
 
 def _mission(name: str, world: str) -> Path:
     """Return the mission's file; where none is asked for, one that fits into the world."""
+    from robotctl.app.config import MAPS, find_file  # noqa: PLC0415
+    from robotctl.app.world import find_world, straight_mission  # noqa: PLC0415
+
     if name or not world or find_world(world).suffix.lower() not in MAPS:
         return find_file(name or PATROL, "missions")
     folder = tempfile.mkdtemp(prefix="robotctl-mission-")
@@ -200,6 +207,8 @@ def _localisation(
     localiser: str | None, start: str, chart: str, sensors: str, *, mapping: bool
 ) -> tuple[str, ...]:
     """Return the options of the localiser as settings of the robot."""
+    from robotctl.app.world import find_world  # noqa: PLC0415
+
     settings = []
     if localiser is not None:
         settings.append(f'localisation.method="{localiser}"')
@@ -217,6 +226,10 @@ def _localisation(
 
 def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
+    from robotctl.app.sim import SimRun  # noqa: PLC0415
+    from robotctl.cli.sim_keys import obey  # noqa: PLC0415
+    from robotctl.cli.view import make_view  # noqa: PLC0415
+
     run, keys = SimRun(options, stopped), Keys()
     print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)
     signal.signal(signal.SIGUSR1, lambda _number, _frame: run.emergency_stop())

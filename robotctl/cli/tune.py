@@ -5,21 +5,17 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.app.config import find_file
 from robotctl.app.patch import as_overrides
-from robotctl.app.tune import TuneOptions, TuneResult
-from robotctl.app.tune import tune as run_tuning
-from robotctl.app.tune_patch import patch_values
-from robotctl.app.tune_track import ExperimentError
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, give_patch, write_file
-from robotctl.cli.tune_plot import save_plot
-from robotctl.cli.tune_view import response_table, wheel_table
+
+if TYPE_CHECKING:
+    from robotctl.app.tune import TuneResult
 
 ABORTED = 1
 WORSE = 3
@@ -46,6 +42,14 @@ def tune(
     Status 0: measured, and the new gains are no worse. 1: an experiment was stopped. 3: the new
     gains are worse, no patch. 2: bad input.
     """
+    # They take a second to load, for which those who ask for help need not wait.
+    from robotctl.app.config import find_file  # noqa: PLC0415
+    from robotctl.app.tune import TuneOptions  # noqa: PLC0415
+    from robotctl.app.tune import tune as run_tuning  # noqa: PLC0415
+    from robotctl.app.tune_track import ExperimentError  # noqa: PLC0415
+    from robotctl.cli.tune_plot import save_plot  # noqa: PLC0415
+    from robotctl.cli.tune_view import response_table, wheel_table  # noqa: PLC0415
+
     options = TuneOptions(find_file(robot), method, wheel, tuple(overrides or ()), seed)
     check_files(out, plot=plot)
     progress = plain_console(stderr=True)
@@ -65,6 +69,8 @@ def tune(
 
 def _conclude(result: TuneResult, out: Path | None) -> int:
     """Say whether to use the gains, and how; return the exit status."""
+    from robotctl.app.tune_patch import patch_values  # noqa: PLC0415
+
     if result.objections:
         print("The new gains are worse than the present ones, keep those:")
         for objection in result.objections:

@@ -47,7 +47,7 @@ def test_values_that_make_it_worse_are_not_written(monkeypatch, capsys, tmp_path
         result = calibrate_odometry(options, progress)
         return dataclasses.replace(result, checks=(Check("this", 0.1, 0.2),))
 
-    monkeypatch.setattr(calibrate, "calibrate_odometry", worse)
+    monkeypatch.setattr("robotctl.app.calibrate_odometry.calibrate_odometry", worse)
     assert run("--log", log, *settings(), "--out", patch) == calibrate.WORSE
     printed = capsys.readouterr().out
     assert "worse with the new values" in printed

@@ -20,7 +20,10 @@ def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
     assert inspect.cleandoc(command.help).split("\n\n")[0].replace("\n", " ") == COMMANDS[name][1]
 
 
-@pytest.mark.parametrize("arguments", ["version", "--help", "--show-completion"])
+HELP = ("--help", "sim --help", "tune --help", "calibrate odometry --help", "config show --help")
+
+
+@pytest.mark.parametrize("arguments", ["version", "--show-completion", *HELP, "can budget --help"])
 def test_nothing_heavy_is_imported_where_nothing_is_computed(arguments: str) -> None:
     done = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "robotctl", *arguments.split()],

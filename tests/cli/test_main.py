@@ -139,9 +139,14 @@ def test_characters_that_an_encoding_has_not_are_written_plainly() -> None:
     assert printed("utf-8", os.fsdecode(b"caf\xe9 \xc2\xb0")) == b"caf\xe9 \xc2\xb0"
 
 
-def printed(encoding: str, text: str) -> bytes:
+def test_errors_are_written_plainly_too_and_names_as_before() -> None:
+    name = os.fsdecode(b"caf\xe9")
+    assert printed("ascii", f"fitting … {name}", "backslashreplace") == rb"fitting ... caf\udce9"
+
+
+def printed(encoding: str, text: str, errors: str = "strict") -> bytes:
     """Return what a stream of an encoding makes of a text."""
-    stream = TextIOWrapper(BytesIO(), encoding)
+    stream = TextIOWrapper(BytesIO(), encoding, errors)
     output = Output(stream)
     output.write(text)
     output.flush()
@@ -209,7 +214,7 @@ def refused_with(number: int) -> "subprocess.CompletedProcess[str]":
     """Run a command in which a write fails with this error number."""
     program = f"""
 import os
-from robotctl.cli import config
+from robotctl.app import config
 def refuse(*_):
     raise OSError({number}, os.strerror({number}))
 config.load_robot = refuse
