@@ -104,7 +104,7 @@ def test_a_host_that_falls_silent_is_stopped_by_the_drive_and_waits_for_arming(
     reaction(fault, taken_ms)
     assert_in_time(rig, taken_ms)
     state = rig.wait_for_state(SafetyState.FAULT, 3.0)
-    assert state.reason
+    assert state.reason.startswith("control was held up for "), state.reason
     assert any(state.reason in notice for notice in rig.notices)
     assert_stays(rig)
 
@@ -263,6 +263,8 @@ def test_without_navigation_the_robot_stops_and_a_new_navigation_does_not_drive_
     rig.heard(1.0)
     rig.listen()
     assert rig.navigation.mode == Mode.HOLD
+    if fault == "frozen":
+        assert any("hold: navigation was held up for" in notice for notice in rig.notices)
     assert rig.fresh_truth().distance_m - before.distance_m < 1e-3
     navigation_drives(rig)
 
