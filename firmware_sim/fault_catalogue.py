@@ -6,6 +6,8 @@ sit between the true robot and its firmware, in `firmware_sim.faulty_parts`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_sim import fault_actions as act
@@ -24,9 +26,52 @@ from firmware_sim.bus.faults import (
     Stale,
     Unanswered,
 )
-from firmware_sim.fault_kinds import DURATION, Kind, Parameter
+from firmware_sim.errors import SimulationError
+from firmware_sim.fault_parameters import DURATION, Parameter, Value, nearest, shown
 from firmware_sim.faulty_parts import RELEASE_V, RESET_V, REVERSED, STUCK
 from firmware_sim.nodes import wire
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One kind of fault.
+
+    Attributes
+    ----------
+    help
+        What happens, in a line.
+    begin
+        Lets it begin; returns what ends it, or None where nothing is left to end.
+    parameters
+        By name.
+    fits
+        Yields the arguments that a robot cannot have.
+    """
+
+    help: str
+    begin: act.Begin
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    fits: fits.Fits = fits.anything
+
+    def value(self, key: str, given: object) -> Value:
+        """Return the value of one parameter; raises SimulationError where it is unknown or wrong.
+
+        The message begins with the key as it is `shown`.
+        """
+        parameter = self.parameters.get(key)
+        if parameter is None:
+            allowed = ", ".join(self.parameters) or "none"
+            hint = nearest(key, self.parameters)
+            raise SimulationError(f"{shown(key)}: unknown, allowed: {allowed}{hint}")
+        try:
+            return parameter.value(given)
+        except SimulationError as error:
+            raise SimulationError(f"{shown(key)}: {error}") from None
+
+    def complete(self, given: Mapping[str, Value]) -> dict[str, Value]:
+        """Return all arguments, defaults in the place of those that are not given."""
+        return {key: given.get(key, each.default) for key, each in self.parameters.items()}
+
 
 DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS)
 
@@ -62,7 +107,7 @@ DRIVE: Final[dict[str, Kind]] = {
     ),
     "wheels_swapped": Kind(
         "the encoders' cables are in each other's sockets",
-        lambda faults, _: faults.stage.swap(), _LASTING, fits.exchange,
+        lambda robot, _: robot.stage.swap(), _LASTING, fits.exchange,
     ),
     "feedback_frozen": Kind(
         "the drive's feedback goes on with the counts of long ago", act.freeze, _LASTING
@@ -103,7 +148,7 @@ SONARS: Final[dict[str, Kind]] = {
         act.lose(*wire.SONAR_RANGES), _FOR, fits.sonars,
     ),
     "sonar_stuck": Kind(
-        "the sonar ring repeats its last ranges", lambda faults, _: faults.ring.stick(), _LASTING,
+        "the sonar ring repeats its last ranges", lambda robot, _: robot.ring.stick(), _LASTING,
         fits.sonars,
     ),
     "sonar_crosstalk": Kind(

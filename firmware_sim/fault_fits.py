@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final, TypeAlias
 
+from firmware_sim.fault_parameters import Arguments
 from firmware_sim.nodes import drive_objects, power, sonar, wire
 from firmware_sim.parameters import DifferentialDrive
 
 if TYPE_CHECKING:
     from firmware_sim.config import RobotConfig
-    from firmware_sim.fault_kinds import Arguments
 
 Misfits: TypeAlias = Iterator[tuple[str, str]]
 Fits: TypeAlias = "Callable[[RobotConfig, Arguments], Misfits]"

@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from firmware_sim.errors import SimulationError
-from firmware_sim.fault_kinds import Undo
+from firmware_sim.fault_parameters import Undo
 from firmware_sim.nodes.sonar import GROUP_SIZE, Ranges
 from firmware_sim.parameters import SonarMount
 

@@ -30,9 +30,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from firmware_sim.errors import SimulationError
-from firmware_sim.fault_catalogue import CATALOGUE
+from firmware_sim.fault_catalogue import CATALOGUE, Kind
 from firmware_sim.fault_fits import KIND
-from firmware_sim.fault_kinds import DURATION, FAILED, Kind, Value, nearest, shown
+from firmware_sim.fault_parameters import DURATION, FAILED, Value, nearest, shown
 from firmware_sim.toml_lines import Key, key_lines
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ class _Player:
         self._faults = faults
         self._announce = announce
         self._rng = rng
-        self._bus = faults.simulation.bus
+        self._bus = faults.robot.bus
         self._start_ns = self._bus.now_ns
 
     def start(self) -> None:

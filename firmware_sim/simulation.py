@@ -23,6 +23,7 @@ from firmware_sim.bus.port import Port
 from firmware_sim.config import RobotConfig, load_robot
 from firmware_sim.faults import Faults
 from firmware_sim.faulty_parts import FaultyRing, FaultyStage
+from firmware_sim.faulty_robot import FaultyRobot
 from firmware_sim.lidar import Lidar
 from firmware_sim.monitor import FORBIDS, TIMEOUT_MARGIN_NS, Allowed, Motion, SafetyMonitor
 from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
@@ -109,9 +110,8 @@ class Simulation:
         self._plant_ns = start_ns
         sonar_m = config.simulation.sonar.z_m
         self._ring = SonarRing(config, room.seen_from(sonar_m), streams[2])
-        self.faults = Faults(
-            self, FaultyStage(self.plant), FaultyRing(self._ring, config.sonar), streams[4]
-        )
+        self._stage = FaultyStage(self.plant)
+        self._faulty_ring = FaultyRing(self._ring, config.sonar)
         lidar = config.simulation.lidar
         self._seed = seed
         self._camera: Camera | None = None
@@ -128,6 +128,22 @@ class Simulation:
         )
         self.power = PowerNode(
             self._measure_battery, config.simulation.battery.cells, self._store("power", memory)
+        )
+        self.faults = Faults(
+            FaultyRobot(
+                config=config,
+                world=room,
+                bus=self.bus,
+                plant=self.plant,
+                nodes=self.nodes,
+                stores=self.stores,
+                stage=self._stage,
+                ring=self._faulty_ring,
+                rng=streams[4],
+                run_to=self.run_to,
+                supervise=self.supervise,
+                power_cycle=self.power_cycle,
+            )
         )
         self.monitor = SafetyMonitor(self._motion, _allowed(config))
         self.bus.tap(self.monitor.on_bus, accept=FORBIDS)
@@ -185,7 +201,7 @@ class Simulation:
     def supervise(self) -> None:
         """Hold the drive in reset, or let it boot, as its supply is now."""
         drive = self.drive
-        held = self.faults.stage.holds_in_reset()
+        held = self._stage.holds_in_reset()
         if held and self.runs(drive):
             self._shut_down(drive)
         elif not held and not self.runs(drive) and drive.name in self._supplied:
@@ -201,7 +217,7 @@ class Simulation:
             port.detach()
         if node is self.drive:
             self.run_to(self.bus.now_ns)
-            stage = self.faults.stage
+            stage = self._stage
             stage.command(0.0, 0.0, stage.steering_rad, Bridge.COAST)
 
     def _boot(self, node: Node) -> None:
@@ -309,7 +325,7 @@ class Simulation:
             counts_per_revolution=self.config.drive.counts_per_revolution,
         )
         return DriveNode(
-            self.faults.stage,
+            self._stage,
             self.run_to,
             model,
             self._store("drive", memory),
@@ -346,7 +362,7 @@ class Simulation:
     def _fire(self, group: int, now_ns: int) -> Ranges:
         self.run_to(now_ns)
         plant = self.plant
-        return self.faults.ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
+        return self._faulty_ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
 
     def _measure_battery(self, now_ns: int) -> BatterySample:
         self.run_to(now_ns)

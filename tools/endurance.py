@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_sim.fault_catalogue import CATALOGUE
-from firmware_sim.fault_kinds import DURATION, Kind, Parameter, Value
+from firmware_sim.fault_catalogue import CATALOGUE, Kind
+from firmware_sim.fault_parameters import DURATION, Parameter, Value
 from robotctl.app.config import find_file
 from robotctl.app.lockstep import Bench, make_simulation
 from robotctl.app.options import StackOptions

@@ -112,7 +112,7 @@ class Run:
 
         def begin() -> None:
             simulation.faults.inject(row.fault)
-            simulation.faults.repeat(self._look)
+            simulation.faults.robot.repeat(self._look)
 
         simulation.bus.schedule(begin_ns, begin)
         limit_ns = begin_ns + round(2 * row.limit_ms * 1e6)

@@ -9,7 +9,7 @@ from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from firmware_sim.fault_kinds import FAILED
+from firmware_sim.fault_parameters import FAILED
 from robotctl.model.angles import wrap_angle
 from robotctl.model.motion import between
 from robotctl.model.se2 import SE2

@@ -1,18 +1,14 @@
-"""What a kind of fault is made of: its parameters, their allowed values, how it begins and ends."""
+"""Parameters of faults: their allowed values, and how a fault that is given some is named."""
 
 from __future__ import annotations
 
 import difflib
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, TypeAlias
+from dataclasses import dataclass
+from typing import Final, TypeAlias
 
 from firmware_sim.errors import SimulationError
-from firmware_sim.fault_fits import Fits, anything
-
-if TYPE_CHECKING:
-    from firmware_sim.faults import Faults
 
 Value: TypeAlias = str | float
 Arguments: TypeAlias = Mapping[str, Value]
@@ -71,47 +67,6 @@ class Parameter:
         if not self.low <= number <= self.high:
             raise SimulationError(f"{number:g}, allowed: {self.low:g} to {self.high:g}")
         return number
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """One kind of fault.
-
-    Attributes
-    ----------
-    help
-        What happens, in a line.
-    begin
-        Lets it begin; returns what ends it, or None where nothing is left to end.
-    parameters
-        By name.
-    fits
-        Yields the arguments that a robot cannot have.
-    """
-
-    help: str
-    begin: Callable[[Faults, Arguments], Undo | None]
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    fits: Fits = anything
-
-    def value(self, key: str, given: object) -> Value:
-        """Return the value of one parameter; raises SimulationError where it is unknown or wrong.
-
-        The message begins with the key as it is `shown`.
-        """
-        parameter = self.parameters.get(key)
-        if parameter is None:
-            allowed = ", ".join(self.parameters) or "none"
-            hint = nearest(key, self.parameters)
-            raise SimulationError(f"{shown(key)}: unknown, allowed: {allowed}{hint}")
-        try:
-            return parameter.value(given)
-        except SimulationError as error:
-            raise SimulationError(f"{shown(key)}: {error}") from None
-
-    def complete(self, given: Mapping[str, Value]) -> dict[str, Value]:
-        """Return all arguments, defaults in the place of those that are not given."""
-        return {key: given.get(key, each.default) for key, each in self.parameters.items()}
 
 
 def nearest(word: str, allowed: Iterable[str]) -> str:
