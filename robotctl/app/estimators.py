@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeAlias, TypeVar
@@ -27,7 +25,6 @@ from robotctl.app.mcl_localiser import MclLocaliser
 from robotctl.app.odometry_history import OdometryHistory
 from robotctl.app.place_watch import load_place_watch
 from robotctl.app.scan_messages import camera_scan, lidar_scan
-from robotctl.estimation.compiled import COMPILING, cache_is_cold
 from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
 from robotctl.estimation.free_space import free_area_m2, free_poses
@@ -284,7 +281,6 @@ def _mcl(
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
     """Return the mapper of a robot, its kernels compiled or loaded from the cache."""
-    _say_if_cold()
     rehearsed = OccupancyGrid(config.localisation.grid)
     rehearsed.update_scan(SE2(), RangeScan(0, np.array([0.0]), np.array([1.0]), 2.0))
     for mount in config.sonar:
@@ -295,17 +291,9 @@ def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
 
 def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:
     """Let particles that nobody needs afterwards search and track once with each sensor."""
-    _say_if_cold()
     for measurement in measurements:
         mcl.measure(measurement)
     mcl.start_at(start, 0.1, 0.1)
     for measurement in measurements:
         mcl.move(SE2(0.2, 0.0, 0.1))
         mcl.measure(measurement)
-
-
-def _say_if_cold() -> None:
-    """Say why the first start takes so long."""
-    if cache_is_cold():
-        with suppress(OSError):  # whoever does not read it
-            print(COMPILING, file=sys.stderr, flush=True)  # noqa: T201

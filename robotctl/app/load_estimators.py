@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -23,12 +24,16 @@ if TYPE_CHECKING:
 
 
 def load_estimators(
-    config: RobotConfig, options: StackOptions, last: SE2 | None = None
+    config: RobotConfig,
+    options: StackOptions,
+    last: SE2 | None = None,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Estimators | None:
     """Return localiser and mapper, compiled and ready; None where neither is wanted.
 
     `last` is where the robot was last in this run, if it has begun before: a known start is there
-    then, and less certain, since nobody looked while the robot came to rest.
+    then, and less certain, since nobody looked while the robot came to rest. `say` is given what
+    people should know while it compiles.
 
     Raises
     ------
@@ -49,9 +54,11 @@ def load_estimators(
         config, start = replace(config, localisation=settings), last
     try:
         # numba, scipy and filterpy take a second to load and 100 MB of memory.
+        from robotctl.app.compile_progress import compile_progress  # noqa: PLC0415
         from robotctl.app.estimators import make_estimators  # noqa: PLC0415
 
-        return make_estimators(config, start, Path(options.robot).resolve().parent)
+        with compile_progress(say):
+            return make_estimators(config, start, Path(options.robot).resolve().parent)
     except OSError as error:
         place = "" if error.filename is None else f"{error.filename}: "
         why = error.strerror or error

@@ -18,6 +18,7 @@ from firmware_sim.errors import SimulationError
 from firmware_sim.scenario import not_begun, play
 from firmware_sim.world import World
 from robotctl.app.camera_score import camera_score
+from robotctl.app.compile_progress import compile_progress
 from robotctl.app.config import RobotConfig
 from robotctl.app.load_estimators import load_estimators
 from robotctl.app.lockstep_camera import LockstepCamera
@@ -229,11 +230,12 @@ class LockstepRun:
         self.bench = Bench(self.config, stack, simulation)
         play(self._scenario, simulation.faults, self._faults.append)
 
-    def run(self) -> Report:
-        """Drive until the mission is over or the time is up."""
+    def run(self, tell: Callable[[ControlState, NavigationState], None] | None = None) -> Report:
+        """Drive until the mission is over or the time is up; `tell` is given all states."""
         begin_s = time.perf_counter()
-        for _ in self.steps():
-            pass
+        for control, navigation in self.steps():
+            if tell is not None:
+                tell(control, navigation)
         return self._report(time.perf_counter() - begin_s)
 
     def steps(self) -> Iterator[tuple[ControlState, NavigationState]]:
@@ -371,15 +373,29 @@ class LockstepRun:
         )
 
 
-def run_lockstep(options: SimOptions, say: Callable[[str], None] = lambda _: None) -> Report:
-    """Drive a mission in lockstep and score it; `say` is given what the user should know before.
+def run_lockstep(
+    options: SimOptions,
+    say: Callable[[str], None] = lambda _: None,
+    tell: Callable[[ControlState, NavigationState], None] | None = None,
+) -> Report:
+    """Drive a mission in lockstep and score it.
+
+    Parameters
+    ----------
+    options
+        What to run.
+    say
+        Given what the user should know before.
+    tell
+        Given the states after each step of the navigator.
 
     Raises
     ------
     ConfigError, MissionError, SimulatorError
         If a file is wrong or robot, mission and world do not fit.
     """
-    run = LockstepRun(options)
-    for notice in run.notices:
-        say(notice)
-    return run.run()
+    with compile_progress(say):
+        run = LockstepRun(options)
+        for notice in run.notices:
+            say(notice)
+        return run.run(tell)

@@ -114,7 +114,11 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     saved, notes = load_progress(options)
     if notes := (*notes, *resume(pilot, options, saved)):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
-    estimators = load_estimators(config, options, last_pose(saved, options))
+
+    def say(text: str) -> None:
+        publisher.send(Notice(clock.now_ns(), Severity.NOTICE, text))
+
+    estimators = load_estimators(config, options, last_pose(saved, options), say)
     if estimators is not None and estimators.chart is not None:
         pilot.learn_map(estimators.chart)
     place = None if estimators is None else Place(estimators, publisher)

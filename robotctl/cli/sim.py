@@ -123,6 +123,7 @@ def sim(
     from robotctl.app.log_folder import LogError, make_folder, refusal  # noqa: PLC0415
     from robotctl.app.signals import StopFlag  # noqa: PLC0415
     from robotctl.app.sim_options import SimOptions  # noqa: PLC0415
+    from robotctl.cli.lockstep_progress import LockstepProgress  # noqa: PLC0415
     from robotctl.cli.score_view import score_table  # noqa: PLC0415
 
     check_files(report)
@@ -145,7 +146,8 @@ def sim(
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
     if lockstep:
-        result = run_lockstep(options, lambda said: print(said, file=sys.stderr))
+        with LockstepProgress(plain_console(stderr=True), max_seconds) as progress:
+            result = run_lockstep(options, progress.say, progress.tell)
         stayed = False
     else:
         stopped = StopFlag()
