@@ -139,17 +139,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace, signals: list[int]) -> None:
     # They load numba; without it this is an error like others.
-    from firmware_sim.compiled import is_cached  # noqa: PLC0415
+    from firmware_sim.compiled import NOT_KEPT  # noqa: PLC0415
     from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
     from firmware_sim.realtime import RealTime  # noqa: PLC0415
     from firmware_sim.scenario import Scenario, load_scenario, play  # noqa: PLC0415
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
-    if not is_cached():
-        sys.stderr.write(
-            "note: no folder takes the compiled code, so each start compiles for half a minute; "
-            "NUMBA_CACHE_DIR=FOLDER names one that does\n"
-        )
+    if NOT_KEPT:
+        sys.stderr.write(f"{NOT_KEPT}\n")
     _check_bus(options.bus)
     _check_addresses(options)
     robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))

@@ -91,9 +91,13 @@ def _remove_old(parent: Path) -> None:
 _FOLDER = _cache_folder()
 
 
-def is_cached() -> bool:
-    """Whether compiled code is kept for the next start."""
-    return bool(_FOLDER)
+NOT_KEPT = (
+    ""
+    if _FOLDER
+    else "note: no folder takes the compiled code, so each start compiles for half a minute; "
+    "NUMBA_CACHE_DIR=FOLDER names one that does"
+)
+"""What to tell people where compiled code is not kept for the next start; else empty."""
 
 
 class _Cache(_FUNCTION_CACHE):  # type: ignore[misc] # numba has no types

@@ -31,9 +31,12 @@ def map_log(
     """Map the lidar scans of a recorded log, at its reference poses or else at its odometry."""
     # It loads numba and OpenCV, which other subcommands can do without.
     from robotctl.app.mapping import MapOptions, make_map  # noqa: PLC0415
+    from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
 
     options = MapOptions(log, out, scans, resolution, max_range, time_unit)
     console = plain_console(stderr=True)
+    if cache_is_cold():
+        console.print(COMPILING, soft_wrap=True)
     with progress_bar(console, log.name, "mapping") as tell:
         result = make_map(options, tell)
     for note in result.notes:

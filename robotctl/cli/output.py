@@ -33,7 +33,7 @@ def _plainly(error: UnicodeError) -> tuple[str | bytes, int]:
 
 
 def _escaped(error: UnicodeError) -> tuple[str | bytes, int]:
-    r"""Return as `_plainly`, but bytes of names as Python shows them in errors: `\\udce9`."""
+    r"""Return as `_plainly`, but bytes of names as Python shows them in errors: `\udce9`."""
     what, behind = _plainly(error)
     return f"\\udc{what[0]:02x}" if isinstance(what, bytes) else what, behind
 

@@ -119,7 +119,6 @@ def sim(
     """
     # They take a second to load, for which those who ask for help need not wait.
     from robotctl.app.config import find_file  # noqa: PLC0415
-    from robotctl.app.lockstep import run_lockstep  # noqa: PLC0415
     from robotctl.app.log_folder import LogError, make_folder, refusal  # noqa: PLC0415
     from robotctl.app.signals import StopFlag  # noqa: PLC0415
     from robotctl.app.sim_options import SimOptions  # noqa: PLC0415
@@ -146,6 +145,8 @@ def sim(
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
     if lockstep:
+        from robotctl.app.lockstep import run_lockstep  # noqa: PLC0415 - numba
+
         with LockstepProgress(plain_console(stderr=True), max_seconds) as progress:
             result = run_lockstep(options, progress.say, progress.tell)
         stayed = False

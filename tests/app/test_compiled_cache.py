@@ -146,6 +146,22 @@ def test_a_disk_that_is_full_only_costs_time(
     assert hits == 0
 
 
+def test_a_run_in_lockstep_says_once_that_nothing_is_kept(installed: Path) -> None:
+    code = (
+        "import sys, tempfile; tempfile.tempdir = '/proc'\n"
+        "sys.argv[1:] = ['sim', '--lockstep', '--max-seconds', '1']\n"
+        "from robotctl.cli.main import main; main()"
+    )
+    shutil.copytree(ROOT / "configs", installed / "configs")
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=installed, env={"HOME": "/proc"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("NUMBA_CACHE_DIR") == 1
+
+
 @pytest.mark.parametrize(("temporary", "said"), [("/proc", "NUMBA_CACHE_DIR"), ("/tmp", "kept in")])
 def test_people_are_told_where_it_is_kept(installed: Path, temporary: str, said: str) -> None:
     code = (
