@@ -29,6 +29,7 @@ from robotctl.estimation.ekf import PoseEkf
 from robotctl.estimation.ekf_config import EkfConfig
 from robotctl.estimation.free_space import free_area_m2, free_poses
 from robotctl.estimation.log_likelihood import LogLikelihood
+from robotctl.estimation.map_symmetry import symmetries
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.occupancy_grid import OccupancyGrid
@@ -271,7 +272,8 @@ def _mcl(
     _rehearse(tried, sensors.rehearsal(camera=camera), start)
     size = max(search_size(free_m2), settings.particles_max)
     mcl_config = replace(mcl_config, search_particles=size)
-    mcl = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(settings.seed))
+    seeded = np.random.default_rng(settings.seed)
+    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(chart.grid))
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
     area_m2 = float(chart.grid.free().sum()) * chart.grid.resolution_m**2

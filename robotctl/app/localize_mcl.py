@@ -28,6 +28,7 @@ from robotctl.estimation.echo_share import EchoShare
 from robotctl.estimation.free_space import free_area_m2, free_poses
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.log_likelihood import LogLikelihood
+from robotctl.estimation.map_symmetry import symmetries
 from robotctl.estimation.mcl import MonteCarloLocaliser
 from robotctl.estimation.mcl_config import MclConfig
 from robotctl.estimation.search_size import search_size, too_large
@@ -157,6 +158,6 @@ def _made(
         for sensor in {moment.sensor for moment in moments}:
             first = next(moment for moment in moments if moment.sensor == sensor)
             tried.measure(first.measurement(sensors))
-        return MonteCarloLocaliser(config, free, rng), sensors
+        return MonteCarloLocaliser(config, free, rng, symmetries(chart.grid)), sensors
     except ValueError as error:
         raise LocalizeError(f"{options.map}: {error}") from error

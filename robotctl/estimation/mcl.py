@@ -17,6 +17,7 @@ All randomness comes from one generator, so the same seed and inputs give the sa
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,11 +55,18 @@ class MonteCarloLocaliser:
         Where the robot can be.
     rng
         The only source of chance.
+    symmetries
+        Motions that carry the map nearly onto itself (`map_symmetry.py`).
     """
 
     def __init__(
-        self, config: MclConfig, sample_free: SampleFree, rng: np.random.Generator
+        self,
+        config: MclConfig,
+        sample_free: SampleFree,
+        rng: np.random.Generator,
+        symmetries: Sequence[SE2] = (),
     ) -> None:
+        self._symmetries = symmetries
         self.config = config
         self._sample_free = sample_free
         self._rng = rng
@@ -193,7 +201,12 @@ class MonteCarloLocaliser:
         """Take what a search has found for the place to track, beside others that resemble it."""
         self._belief.searching = False
         others = look_alikes(
-            self._belief, self._remembered, self._sample_free, self.config, self._rng
+            self._belief,
+            self._remembered,
+            self._sample_free,
+            self.config,
+            self._rng,
+            self._symmetries,
         )
         if others is None:
             self._end_search()
