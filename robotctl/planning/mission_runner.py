@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robotctl.model.drives import Drive
-from robotctl.model.grid_map import GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.planning.behaviours import FollowPath, GoTo, TurnTo, Wait
@@ -30,6 +29,7 @@ from robotctl.planning.situation import Behaviour, Situation, Status, Step, done
 from robotctl.planning.sonars import sonar_directions
 
 if TYPE_CHECKING:
+    from robotctl.model.grid_map import GridMap  # numpy, which control must not load
     from robotctl.planning.global_planning.free_way import FreeWays
 
 _SPARE_S = 20.0

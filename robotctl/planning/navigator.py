@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.model.drives import Drive
-from robotctl.model.grid_map import GridMap
 from robotctl.model.se2 import SE2
 from robotctl.model.sonar import SonarMount
 from robotctl.model.twist import Twist
@@ -32,6 +31,9 @@ from robotctl.planning.requests import (
 from robotctl.planning.return_home import ReturnHome
 from robotctl.planning.situation import Situation, Status, Step
 from robotctl.planning.towards import towards
+
+if TYPE_CHECKING:
+    from robotctl.model.grid_map import GridMap  # numpy, which control must not load
 
 __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
