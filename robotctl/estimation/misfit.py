@@ -3,7 +3,7 @@
 On the wrong map a search ends somewhere, too. But from the best place that it finds the beams of a
 lidar go through walls: of the likelihood of its scans, with what is hidden forgiven, the mean over
 twenty is -13 to -24 nat on maps of other buildings, and not below -10 nat where the map was right
-(five public logs, in one of which visitors hide half the beams; benchmarks/RESULTS.md).
+(four public logs, in one of which visitors hide half the beams).
 """
 
 from __future__ import annotations

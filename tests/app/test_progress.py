@@ -207,7 +207,7 @@ def test_navigation_that_starts_again_tells_its_estimators_where_the_robot_was(
 ) -> None:
     told: list[SE2 | None] = []
 
-    def load(_config: object, _options: object, last: SE2 | None = None) -> None:
+    def load(_config: object, _options: object, last: SE2 | None, _say: object) -> None:
         told.append(last)
 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
