@@ -195,8 +195,9 @@ def test_a_drive_that_restarts_makes_the_floor_unknown(tmp_path: Path) -> None:
     robot.stop(SafetyState.FAULT)
     robot.arm()
     assert waits(robot.auto())
-    (said,) = robot.pilot.news()
-    assert "what was seen of the floor is forgotten" in said
+    floor, mode = robot.pilot.news()
+    assert "what was seen of the floor is forgotten" in floor
+    assert mode == "hold: the robot was stopped"
 
 
 def test_a_robot_that_was_never_armed_begins_with_a_free_floor(tmp_path: Path) -> None:
