@@ -65,7 +65,7 @@ reactions: $(STAMP) ## how soon the wheels are without power after each fault, i
 endurance: $(STAMP) ## a simulated mission of many hours with random faults; ARGS="--hours 24"
 	@$(PY) tools/endurance.py $(ARGS)
 
-mutants: $(STAMP) ## change the safety modules in small ways: do the tests notice? ARGS="'robotctl.runtime.health*'"
+mutants: $(STAMP) ## change the safety modules in small ways: do the tests notice? ARGS="'robotctl.safety.health*'"
 	@$(PY) tools/mutants.py $(ARGS)
 
 bench: $(STAMP) ## measure; ARGS are passed on

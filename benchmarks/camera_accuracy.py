@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from benchmarks import machine
 from benchmarks.camera_homography import spread
 from benchmarks.camera_scenes import Shot, cluttered_shots, geometry, office_shots
-from firmware_sim.shapes import Thing
-from robotctl.estimation.camera_config import GroundCameraConfig
-from robotctl.estimation.camera_ground import GroundCamera, GroundView
-from robotctl.estimation.camera_homography import PointNoise
-from robotctl.estimation.camera_mount import fit_mount
-from robotctl.estimation.camera_obstacles import GroundObstacle
-from robotctl.model.camera_geometry import CameraGeometry
+from firmware_sim.world.shapes import Thing
+from robotctl.estimation.camera.calibration.homography import PointNoise
+from robotctl.estimation.camera.calibration.mount import fit_mount
+from robotctl.estimation.camera.config import GroundCameraConfig
+from robotctl.estimation.camera.ground import GroundCamera, GroundView
+from robotctl.estimation.camera.obstacles import GroundObstacle
+from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 NEAR_M, FAR_M = 0.5, 3.0
 REACH_M = 2.0

@@ -16,10 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import machine
-from robotctl.estimation.camera_homography import PointNoise, find_homography, fit_homography
-from robotctl.estimation.camera_mount import fit_mount
-from robotctl.model.camera import CameraIntrinsics, CameraMount
-from robotctl.model.camera_geometry import CameraGeometry
+from robotctl.estimation.camera.calibration.homography import (
+    PointNoise,
+    find_homography,
+    fit_homography,
+)
+from robotctl.estimation.camera.calibration.mount import fit_mount
+from robotctl.model.sensors.camera import CameraIntrinsics, CameraMount
+from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 MOUNT = CameraMount(0.0, 0.0, 0.30, 0.0, 22.0, 0.0)
 WIDE, NARROW = (

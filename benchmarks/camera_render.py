@@ -19,16 +19,16 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import machine
-from firmware_sim.camera import Camera
-from firmware_sim.camera_process import CameraProcess
-from firmware_sim.config import load_robot
+from firmware_sim.camera.camera import Camera
+from firmware_sim.camera.process import CameraProcess
+from firmware_sim.config.config import load_robot
 from firmware_sim.errors import SimulationError
-from firmware_sim.plant import Plant
+from firmware_sim.plant.plant import Plant
 from firmware_sim.realtime import RealTime
 from firmware_sim.simulation import Simulation
-from firmware_sim.world import World, load_world
-from robotctl.app.config import find_file
-from robotctl.drivers.simulated_camera import SimulatedCamera
+from firmware_sim.world.world import World, load_world
+from robotctl.config.robot_file import find_file
+from robotctl.drivers.camera.simulated_camera import SimulatedCamera
 
 WORLDS = ("empty_room", "office", "clutter")
 GOAL_MS = 15.0

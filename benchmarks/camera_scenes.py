@@ -16,13 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_sim.camera import Camera
-from firmware_sim.camera_parameters import CameraParameters
-from firmware_sim.config import load_robot as load_simulated_robot
-from firmware_sim.shapes import Box, Obstacle, Pillar, Thing
-from firmware_sim.world import Floor, Lamp, World, load_world
-from robotctl.app.config import find_file, load_robot
-from robotctl.model.camera_geometry import CameraGeometry
+from firmware_sim.camera.camera import Camera
+from firmware_sim.config.camera_parameters import CameraParameters
+from firmware_sim.config.config import load_robot as load_simulated_robot
+from firmware_sim.world.shapes import Box, Obstacle, Pillar, Thing
+from firmware_sim.world.world import Floor, Lamp, World, load_world
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 TEXTURES = ("tiles", "wood", "carpet", "concrete")
 _CLEARANCE_M = 0.3

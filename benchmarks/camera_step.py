@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks import machine
 from benchmarks.camera_scenes import Shot, cluttered_shots, geometry, office_shots
-from robotctl.estimation import camera_colour
-from robotctl.estimation.camera_config import GroundCameraConfig
-from robotctl.estimation.camera_ground import GroundCamera
+from robotctl.estimation.camera import colour as camera_colour
+from robotctl.estimation.camera.config import GroundCameraConfig
+from robotctl.estimation.camera.ground import GroundCamera
 
 
 def run(rounds: int, _seconds: float) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import machine
-from robotctl.app.config import find_file, load_robot
-from robotctl.app.lockstep import LockstepRun
-from robotctl.app.sim_options import SimOptions
-from robotctl.app.tune_track import Track, speed_step
-from robotctl.control.step_metrics import step_metrics
+from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.control.identification.step_metrics import step_metrics
+from robotctl.workbench.tuning.track import Track, speed_step
 
 CHARGES = (1.0, 0.7)
 STEP_M_S = 0.5

@@ -10,13 +10,13 @@ from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from benchmarks import machine
-from robotctl.estimation.ekf import PoseEkf
-from robotctl.estimation.ekf_config import EkfConfig
-from robotctl.estimation.ekf_models import bearing_residual, landmark_sighting
-from robotctl.estimation.robust_kalman import RobustKalman
-from robotctl.model.pose_estimate import LocalisationStatus, PoseEstimate
-from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
+from robotctl.estimation.kalman.ekf import PoseEkf
+from robotctl.estimation.kalman.ekf_config import EkfConfig
+from robotctl.estimation.kalman.ekf_models import bearing_residual, landmark_sighting
+from robotctl.estimation.kalman.robust_kalman import RobustKalman
+from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
 
 TARGET = 1.2

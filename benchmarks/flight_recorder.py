@@ -13,17 +13,17 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from benchmarks import machine
-from robotctl.app.config import find_file, load_robot
-from robotctl.app.lockstep import LockstepRun
-from robotctl.app.logs import FLUSH_NS, scene_of
-from robotctl.app.options import StackOptions
-from robotctl.app.replay import replay_file
-from robotctl.app.robot import record_header
-from robotctl.app.sim_options import SimOptions
-from robotctl.runtime.checkpoint import checkpoint
-from robotctl.runtime.flight_ring import FlightRing, dump
-from robotctl.telemetry.log_entries import Published
-from robotctl.telemetry.mcap_log import McapLog
+from robotctl.app.processes.robot import record_header
+from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.core.checkpoint import checkpoint
+from robotctl.logs.logs import FLUSH_NS, scene_of
+from robotctl.logs.mcap.entries import Published
+from robotctl.logs.mcap.log import McapLog
+from robotctl.runtime.flight.ring import FlightRing, dump
+from robotctl.workbench.replay.replay import replay_file
 
 RATES_HZ = (200, 1000)
 TARGET_SHARE = 0.01

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks import machine
-from robotctl.estimation.occupancy_config import OccupancyGridConfig
-from robotctl.estimation.occupancy_grid import OccupancyGrid
+from robotctl.estimation.grid.config import OccupancyGridConfig
+from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.logs.formats.carmen_log import read_carmen
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.model.range_scan import RangeScan
-from robotctl.model.se2 import SE2
-from robotctl.telemetry.carmen_log import read_carmen
+from robotctl.model.sensors.range_scan import RangeScan
 
 LOGS = {
     "Intel": "intel-odometry.log.gz",

@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import machine
-from robotctl.estimation.consistency import pose_nees, share_inside
-from robotctl.estimation.ekf import PoseEkf
-from robotctl.estimation.ekf_config import EkfConfig
-from robotctl.estimation.landmark_config import LandmarkConfig
-from robotctl.estimation.landmark_localisation import CountedOdometry, localise_by_landmarks
-from robotctl.model.pose_estimate import LocalisationStatus, PoseEstimate
+from robotctl.estimation.kalman.consistency import pose_nees, share_inside
+from robotctl.estimation.kalman.ekf import PoseEkf
+from robotctl.estimation.kalman.ekf_config import EkfConfig
+from robotctl.estimation.landmarks.config import LandmarkConfig
+from robotctl.estimation.landmarks.localisation import CountedOdometry, localise_by_landmarks
+from robotctl.logs.formats.mrclam_log import ROBOTS, read_mrclam
+from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
 from robotctl.model.recording import Recording, Sighting
-from robotctl.telemetry.mrclam_log import ROBOTS, read_mrclam
 
 GOAL_M, GOAL_INSIDE = 0.15, 0.90
 START_SIGMA = np.array([0.25, 0.25, 0.1])

@@ -20,19 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import machine
-from robotctl.app.mapping import choose_scans
-from robotctl.app.recorded_motion import increments, noisy
-from robotctl.estimation.free_space import free_poses
-from robotctl.estimation.likelihood_field import LikelihoodField
-from robotctl.estimation.mcl import MonteCarloLocaliser
-from robotctl.estimation.mcl_config import MclConfig
-from robotctl.estimation.occupancy_grid import OccupancyGrid
-from robotctl.model.angles import wrap_angle
+from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import free_poses
+from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.ranging.likelihood_field import LikelihoodField
+from robotctl.logs.formats.carmen_log import read_carmen
+from robotctl.logs.recorded_motion import increments, noisy
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.model.localisation import LocalisationStatus
 from robotctl.model.recording import RecordedScan
-from robotctl.model.se2 import SE2
-from robotctl.telemetry.carmen_log import read_carmen
+from robotctl.workbench.localize.mapping import choose_scans
 
 LOGS = {
     "Intel": ("intel-odometry.log.gz", (0.0, 0.0)),

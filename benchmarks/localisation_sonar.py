@@ -18,20 +18,20 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks import machine
-from firmware_sim.config import load_robot as load_simulated_robot
-from firmware_sim.sonar import SonarRing
-from firmware_sim.world import load_world
-from robotctl.app.config import find_file, load_robot
-from robotctl.estimation.free_space import free_poses
-from robotctl.estimation.mcl import MonteCarloLocaliser
-from robotctl.estimation.mcl_config import MclConfig
-from robotctl.estimation.sonar_model import SonarModel
-from robotctl.estimation.wall_raster import grid_of_walls
-from robotctl.model.angles import wrap_angle
+from firmware_sim.config.config import load_robot as load_simulated_robot
+from firmware_sim.sensors.sonar import SonarRing
+from firmware_sim.world.world import load_world
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.estimation.grid.wall_raster import grid_of_walls
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import free_poses
+from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.ranging.sonar_model import SonarModel
+from robotctl.model.drives.motion import arc
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.model.localisation import LocalisationStatus
-from robotctl.model.motion import arc
-from robotctl.model.se2 import SE2
 from robotctl.model.wall_map import WallMap
 
 WORLDS = ("flat", "office")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 
 from benchmarks import machine
-from robotctl.app.config import find_file
-from robotctl.app.lockstep import LockstepRun
-from robotctl.app.score import Report
-from robotctl.app.sim_options import SimOptions
+from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.score import Report
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.robot_file import find_file
 
 TARGET = 50.0
 

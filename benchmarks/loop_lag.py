@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from benchmarks import machine
 from benchmarks.rig import Driven, busy
-from robotctl.runtime.messages import LoopStatistics
+from robotctl.messages.control import LoopStatistics
 from robotctl.runtime.realtime import LoopConfig
 
 RATES_HZ = (200, 1000)

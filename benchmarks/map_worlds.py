@@ -16,17 +16,17 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import machine
-from firmware_sim.camera import Camera
-from firmware_sim.config import load_robot
-from firmware_sim.lidar import Lidar
-from firmware_sim.sonar import SonarRing
-from firmware_sim.world import World, load_world
-from robotctl.app.config import find_file
-from robotctl.app.lockstep import LockstepRun
-from robotctl.app.map_file import save_map
-from robotctl.app.sim_options import SimOptions
-from robotctl.app.world import load_walls, straight_mission
-from robotctl.estimation.wall_raster import grid_of_walls
+from firmware_sim.camera.camera import Camera
+from firmware_sim.config.config import load_robot
+from firmware_sim.sensors.lidar import Lidar
+from firmware_sim.sensors.sonar import SonarRing
+from firmware_sim.world.world import World, load_world
+from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.robot_file import find_file
+from robotctl.estimation.grid.wall_raster import grid_of_walls
+from robotctl.maps.map_file import save_map
+from robotctl.maps.world import load_walls, straight_mission
 
 ROBOT = find_file("diff_drive")
 POSES = 200

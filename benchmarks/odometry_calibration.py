@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import machine
-from robotctl.app.calibrate_squares import Campaign
-from robotctl.app.config import find_file, load_robot
-from robotctl.estimation.odometry_calibration import Calibration, calibrate
-from robotctl.estimation.odometry_fit import Reference
-from robotctl.estimation.odometry_model import OdometryModel, arcs_of
-from robotctl.estimation.odometry_runs import OdometryRun, poses_at
-from robotctl.model.drives import DifferentialDrive, Drive
-from robotctl.model.odometry_noise import MotionNoise
-from robotctl.model.se2 import SE2
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.estimation.odometry.calibration import Calibration, calibrate
+from robotctl.estimation.odometry.fit import Reference
+from robotctl.estimation.odometry.model import OdometryModel, arcs_of
+from robotctl.estimation.odometry.runs import OdometryRun, poses_at
+from robotctl.model.drives.drives import DifferentialDrive, Drive
+from robotctl.model.drives.odometry_noise import MotionNoise
+from robotctl.model.geometry.se2 import SE2
+from robotctl.workbench.odometry.calibrate_squares import Campaign
 
 ROBOTS = ("diff_drive", "tricycle", "ackermann")
 SEEDS, FULL_SEEDS = 100, 5

@@ -14,13 +14,12 @@ from typing import Any
 import can
 import cantools.database
 
-from robotctl.app import control
-from robotctl.app.config import RobotConfig, config_directory
-from robotctl.app.robot import make_codec, node_parameters
-from robotctl.drivers.can_port import CAN_SFF_MASK, NODE_NAME
-from robotctl.drivers.codec import compile_syndrome
-from robotctl.drivers.robot_can import CanRobot
-from robotctl.drivers.robot_codec import (
+from robotctl.app.processes import control
+from robotctl.app.processes.robot import make_codec, node_parameters
+from robotctl.config.robot_file import RobotConfig, config_directory
+from robotctl.drivers.can.codec import compile_syndrome
+from robotctl.drivers.can.nodes.robot_can import CanRobot
+from robotctl.drivers.can.nodes.robot_codec import (
     BATTERY,
     COMMAND,
     DRIVE,
@@ -29,8 +28,9 @@ from robotctl.drivers.robot_codec import (
     WHEELS,
     RobotCodec,
 )
-from robotctl.runtime.messages import BusStatus
-from robotctl.runtime.ports import Clock, Frame
+from robotctl.drivers.can.port import CAN_SFF_MASK, NODE_NAME
+from robotctl.messages.control import BusStatus
+from robotctl.messages.ports import Clock, Frame
 
 
 class OrdinaryPort:

@@ -23,25 +23,25 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks import machine
-from firmware_sim.config import load_robot as load_simulated_robot
-from firmware_sim.sonar import GROUP, SonarRing
-from firmware_sim.world import load_world
-from robotctl.app.config import find_file, load_robot
-from robotctl.app.place_sim import simulated_turn
-from robotctl.app.places import marked
-from robotctl.estimation.free_space import free_poses
-from robotctl.estimation.mcl import MonteCarloLocaliser
-from robotctl.estimation.mcl_config import MclConfig
-from robotctl.estimation.place_book import PlaceBook
-from robotctl.estimation.place_fix import place_fix
-from robotctl.estimation.signature_turn import Turn, TurnCollector
-from robotctl.estimation.signatures import SignatureConfig
-from robotctl.estimation.wall_raster import grid_of_walls
-from robotctl.model.angles import wrap_angle
-from robotctl.model.motion import arc
-from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarReading
+from firmware_sim.config.config import load_robot as load_simulated_robot
+from firmware_sim.sensors.sonar import GROUP, SonarRing
+from firmware_sim.world.world import load_world
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.estimation.grid.wall_raster import grid_of_walls
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import free_poses
+from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.places.database import PlaceBook
+from robotctl.estimation.places.fix import place_fix
+from robotctl.estimation.places.signature_turn import Turn, TurnCollector
+from robotctl.estimation.places.signatures import SignatureConfig
+from robotctl.model.drives.motion import arc
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.wall_map import WallMap
+from robotctl.workbench.places.places import marked
+from robotctl.workbench.places.sim import simulated_turn
 
 WORLDS = ("office", "flat", "corridor_loop", "hall")
 MARKS = ("south_room", "meeting_room", "kitchen", "lounge", "open_area")

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import zmq
 
-from robotctl.app.config import find_file
-from robotctl.app.options import StackOptions
-from robotctl.app.stack import CONTROL
-from robotctl.runtime.messages import Arm, ControlState, Notice, SafetyState, VelocityCommand
-from robotctl.runtime.safety import LATCHED, POWERED
-from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
+from robotctl.app.supervision.stack import CONTROL
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import find_file
+from robotctl.messages.control import Arm, ControlState, Notice, SafetyState, VelocityCommand
+from robotctl.runtime.ipc.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
+from robotctl.safety.state_machine import LATCHED, POWERED
 
 _COMMAND_S = 0.05
 _numbers = itertools.count()

@@ -15,9 +15,9 @@ import numpy as np
 
 from benchmarks import machine
 from benchmarks.localisation_accuracy import LOGS
-from robotctl.estimation.scan_lines import ScanLines, find_lines
+from robotctl.estimation.landmarks.scan_lines import ScanLines, find_lines
+from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.model.recording import RecordedScan
-from robotctl.telemetry.recorded_log import read_recording
 
 EVERY = 5
 LONG_M = 1.5

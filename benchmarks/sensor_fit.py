@@ -16,16 +16,16 @@ import numpy as np
 from scipy import ndimage
 
 from benchmarks import machine
-from firmware_sim.config import RobotConfig
-from firmware_sim.config import load_robot as load_simulated_robot
-from firmware_sim.sonar import SonarRing
-from firmware_sim.world import World, load_world
-from robotctl.app.config import find_file
-from robotctl.estimation.echo_expectations import EchoExpectations, Sightlines
-from robotctl.estimation.range_fit import Fitted, fit_ranges
-from robotctl.estimation.range_mixture import BeamMixture
-from robotctl.estimation.sensor_fit import Readings, fit_sensor, reach_m
-from robotctl.estimation.wall_raster import grid_of_walls
+from firmware_sim.config.config import RobotConfig
+from firmware_sim.config.config import load_robot as load_simulated_robot
+from firmware_sim.sensors.sonar import SonarRing
+from firmware_sim.world.world import World, load_world
+from robotctl.config.robot_file import find_file
+from robotctl.estimation.grid.wall_raster import grid_of_walls
+from robotctl.estimation.ranging.fit.expected_ranges import EchoExpectations, Sightlines
+from robotctl.estimation.ranging.fit.range_fit import Fitted, fit_ranges
+from robotctl.estimation.ranging.fit.sensor_fit import Readings, fit_sensor, reach_m
+from robotctl.estimation.ranging.range_mixture import BeamMixture
 from robotctl.model.wall_map import WallMap
 
 SEEDS = 100

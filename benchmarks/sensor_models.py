@@ -21,19 +21,19 @@ from numpy.typing import NDArray
 
 from benchmarks import machine
 from benchmarks.localisation_accuracy import LOGS, Errors, Log, load, track
-from firmware_sim.world import load_world
-from robotctl.app.config import find_file, load_robot
-from robotctl.app.map_file import load_map
-from robotctl.estimation.beam_model import BeamModel
-from robotctl.estimation.beam_selection import evenly_chosen
-from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
-from robotctl.estimation.likelihood_field import LikelihoodField
-from robotctl.estimation.range_casting import RangeCaster
-from robotctl.estimation.range_mixture import BeamMixture, learned
-from robotctl.estimation.sonar_model import SonarModel
-from robotctl.estimation.wall_raster import grid_of_walls
+from firmware_sim.world.world import load_world
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.estimation.grid.wall_raster import grid_of_walls
+from robotctl.estimation.ranging.beam_model import BeamModel
+from robotctl.estimation.ranging.beam_selection import evenly_chosen
+from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
+from robotctl.estimation.ranging.likelihood_field import LikelihoodField
+from robotctl.estimation.ranging.range_casting import RangeCaster
+from robotctl.estimation.ranging.range_mixture import BeamMixture, learned
+from robotctl.estimation.ranging.sonar_model import SonarModel
+from robotctl.maps.map_file import load_map
 from robotctl.model.grid_map import GridMap
-from robotctl.model.range_scan import RangeScan
+from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.wall_map import WallMap
 
 MAPS = ("tb3_sandbox", "warehouse")

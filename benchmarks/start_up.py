@@ -16,9 +16,9 @@ COMMANDS = {
     "robotctl version": (ROBOTCTL, "version"),
     "robotctl sim --help": (ROBOTCTL, "sim", "--help"),
     "robotctl config check": (ROBOTCTL, "config", "check", "diff_drive"),
-    "import robotctl.app.control": ("-c", "import robotctl.app.control"),
-    "import robotctl.app.sim": ("-c", "import robotctl.app.sim"),
-    "import robotctl.app.lockstep": ("-c", "import robotctl.app.lockstep"),
+    "import robotctl.app.processes.control": ("-c", "import robotctl.app.processes.control"),
+    "import robotctl.app.simulation.sim": ("-c", "import robotctl.app.simulation.sim"),
+    "import robotctl.app.simulation.lockstep": ("-c", "import robotctl.app.simulation.lockstep"),
 }
 
 

@@ -7,8 +7,8 @@ from contextlib import nullcontext
 
 from benchmarks import machine
 from benchmarks.rig import Driven, busy
-from robotctl.app.stack import CONTROL
-from robotctl.runtime.messages import LoopStatistics
+from robotctl.app.supervision.stack import CONTROL
+from robotctl.messages.control import LoopStatistics
 
 TARGET_US = 150.0
 RATES_HZ = (200, 1000)

@@ -5,9 +5,9 @@ python examples/drive_and_odometry.py
 
 import math
 
-from robotctl.estimation.odometry import Odometry
-from robotctl.model.drives import AckermannDrive, DifferentialDrive
-from robotctl.model.se2 import SE2
+from robotctl.estimation.odometry.odometry import Odometry
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive
+from robotctl.model.geometry.se2 import SE2
 
 DRIVES = {
     "differential": DifferentialDrive("differential", 0.4, 0.08, counts_per_revolution=4096),

@@ -8,15 +8,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from robotctl.estimation.ekf import PoseEkf
-from robotctl.estimation.ekf_config import EkfConfig
-from robotctl.estimation.ekf_models import wall_range
-from robotctl.estimation.sonar_config import SonarModelConfig
-from robotctl.model.localisation import LocalisationStatus
-from robotctl.model.motion import arc
-from robotctl.model.pose_estimate import PoseEstimate
-from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
+from robotctl.estimation.kalman.ekf import PoseEkf
+from robotctl.estimation.kalman.ekf_config import EkfConfig
+from robotctl.estimation.kalman.ekf_models import wall_range
+from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.model.drives.motion import arc
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.pose_estimate import PoseEstimate
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
 
 corners = [(0.0, 0.0), (5.0, 0.0), (5.0, 4.0), (0.0, 4.0), (0.0, 0.0)]

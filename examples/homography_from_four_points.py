@@ -5,7 +5,7 @@ python examples/homography_from_four_points.py
 
 import numpy as np
 
-from robotctl.estimation.camera_homography import PointNoise, fit_homography
+from robotctl.estimation.camera.calibration.homography import PointNoise, fit_homography
 
 # x forward, y left [m]; u right, v down [px].
 marks_m = np.array([[0.5, 0.3], [0.5, -0.3], [2.0, 0.5], [2.0, -0.5]])

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from robotctl.app.world import load_walls
-from robotctl.estimation.free_space import free_poses
-from robotctl.estimation.likelihood_field import LikelihoodField
-from robotctl.estimation.mcl import MonteCarloLocaliser
-from robotctl.estimation.mcl_config import MclConfig
-from robotctl.estimation.wall_raster import grid_of_walls
-from robotctl.model.localisation import LocalisationStatus
-from robotctl.telemetry.recorded_log import read_recording
+from robotctl.estimation.grid.wall_raster import grid_of_walls
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import free_poses
+from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.ranging.likelihood_field import LikelihoodField
+from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.maps.world import load_walls
+from robotctl.model.geometry.localisation import LocalisationStatus
 
 log = read_recording(Path(sys.argv[1]))
 walls = load_walls(Path("configs/worlds/flat.toml"))

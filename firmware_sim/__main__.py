@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from firmware_sim.bus.bridge import Bridge
 from firmware_sim.bus.hub import Hub, HubError
 from firmware_sim.bus.log import LogWriter
-from firmware_sim.camera_process import CameraProcess
+from firmware_sim.camera.process import CameraProcess
 from firmware_sim.command_line import (
     POSE,
     WORLD,
@@ -28,11 +28,11 @@ from firmware_sim.command_line import (
     parse_pose,
     tell,
 )
-from firmware_sim.config import load_robot, parse_override
+from firmware_sim.config.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
 from firmware_sim.pace import SharedClock
-from firmware_sim.truth import Publisher
+from firmware_sim.world.truth import Publisher
 
 if TYPE_CHECKING:
     from firmware_sim.simulation import Simulation
@@ -141,8 +141,8 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     # They load numba; without it this is an error like others.
     from firmware_sim.compiled import NOT_KEPT  # noqa: PLC0415
     from firmware_sim.fault_console import FaultConsole  # noqa: PLC0415
+    from firmware_sim.faults.scenario import Scenario, load_scenario, play  # noqa: PLC0415
     from firmware_sim.realtime import RealTime  # noqa: PLC0415
-    from firmware_sim.scenario import Scenario, load_scenario, play  # noqa: PLC0415
     from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
     if NOT_KEPT:

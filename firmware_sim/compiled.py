@@ -57,7 +57,7 @@ def _is_made_private(folder: Path) -> bool:
 def _cache_folder() -> str:
     """Folder of this package for compiled code of exactly these sources; "" where none takes it."""
     digest = hashlib.sha256()
-    for source in sorted(_PACKAGE.glob("*.py")):
+    for source in sorted(_PACKAGE.rglob("*.py")):
         text = source.read_bytes()
         if b"@compiled" in text or b"Final = " in text:
             digest.update(text)

@@ -1,7 +1,7 @@
 """Faults at run time: one line on standard input each, one line on standard output in answer.
 
 The answer is `fault KIND at NANOSECONDS`, CLOCK_MONOTONIC of the moment at which the fault began,
-or `error: ` and what is wrong. See `firmware_sim.faults`.
+or `error: ` and what is wrong. See `firmware_sim.faults.faults`.
 """
 
 from __future__ import annotations

@@ -21,10 +21,10 @@ from pathlib import Path
 from firmware_sim.bus.hub import Hub
 from firmware_sim.bus.log import LogWriter
 from firmware_sim.bus.serve import Service, sharpen_timers
-from firmware_sim.camera_process import CameraProcess
+from firmware_sim.camera.process import CameraProcess
 from firmware_sim.pace import MonotonicPace, Pace
 from firmware_sim.simulation import Simulation
-from firmware_sim.truth import Publisher, Scan, Truth
+from firmware_sim.world.truth import Publisher, Scan, Truth
 
 LATE_NS = 50_000_000
 """Lag from which lost time is let go."""

@@ -20,13 +20,13 @@ from firmware_sim.bus.core import Bus
 from firmware_sim.bus.faults import FaultPlan
 from firmware_sim.bus.frame import Frame
 from firmware_sim.bus.port import Port
-from firmware_sim.config import RobotConfig, load_robot
-from firmware_sim.faults import Faults
-from firmware_sim.faulty_parts import FaultyRing, FaultyStage
-from firmware_sim.faulty_robot import FaultyRobot
-from firmware_sim.lidar import Lidar
-from firmware_sim.monitor import FORBIDS, TIMEOUT_MARGIN_NS, Allowed, Motion, SafetyMonitor
-from firmware_sim.monitor import PERIOD_NS as MONITOR_PERIOD_NS
+from firmware_sim.config.config import RobotConfig, load_robot
+from firmware_sim.config.parameters import DifferentialDrive
+from firmware_sim.faults.faults import Faults
+from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
+from firmware_sim.faults.faulty_robot import FaultyRobot
+from firmware_sim.faults.monitor import FORBIDS, TIMEOUT_MARGIN_NS, Allowed, Motion, SafetyMonitor
+from firmware_sim.faults.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
 from firmware_sim.nodes.node import Node
@@ -38,14 +38,14 @@ from firmware_sim.nodes.parameter_store import (
 )
 from firmware_sim.nodes.power import BatterySample, PowerNode
 from firmware_sim.nodes.sonar import Ranges, SonarNode
-from firmware_sim.parameters import DifferentialDrive
-from firmware_sim.plant import STEP_NS, Bridge, Plant
-from firmware_sim.sonar import SonarRing
-from firmware_sim.truth import Picture, Scan, Truth
-from firmware_sim.world import World, load_world
+from firmware_sim.plant.plant import STEP_NS, Bridge, Plant
+from firmware_sim.sensors.lidar import Lidar
+from firmware_sim.sensors.sonar import SonarRing
+from firmware_sim.world.truth import Picture, Scan, Truth
+from firmware_sim.world.world import World, load_world
 
 if TYPE_CHECKING:
-    from firmware_sim.camera import Camera
+    from firmware_sim.camera.camera import Camera
 
 Memory: TypeAlias = Callable[[str], ParameterStore]
 """Gives each node, by its name, its non-volatile memory."""
@@ -299,7 +299,7 @@ class Simulation:
         if self.config.camera is None:
             return None
         if self._camera is None:
-            from firmware_sim.camera import Camera  # noqa: PLC0415 - most simulations take none
+            from firmware_sim.camera.camera import Camera  # noqa: PLC0415 - most simulations take none
 
             self._camera = Camera(self.config, self.world, self._seed)
         stamp_ns = self.run_to(self.bus.now_ns) + origin_ns

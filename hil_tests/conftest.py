@@ -18,9 +18,9 @@ from hil_tests.floods import calm
 from hil_tests.ground_station import GroundStation
 from hil_tests.pauses import PauseWitness
 from hil_tests.rig import GUEST_TIME, PATIENT_S, Rig, UnsafeMotionError, is_exact
-from robotctl.app.config import find_file
-from robotctl.app.stack import CONTROL, NAVIGATION, TELEMETRY
-from robotctl.runtime.messages import SafetyState
+from robotctl.app.supervision.stack import CONTROL, NAVIGATION, TELEMETRY
+from robotctl.config.robot_file import find_file
+from robotctl.messages.control import SafetyState
 
 if TYPE_CHECKING:
     from xdist.workermanage import WorkerController

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import can
 
 from hil_tests.rig import EMERGENCY_STOP, Rig
-from robotctl.app.stack import CONTROL
-from robotctl.runtime.messages import SafetyState
+from robotctl.app.supervision.stack import CONTROL
+from robotctl.messages.control import SafetyState
 
 OPERATOR_FRAME = can.Message(arbitration_id=EMERGENCY_STOP, data=b"\x01", is_extended_id=False)
 ON_THE_BUS = "frame on the bus"

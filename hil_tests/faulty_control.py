@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
-from robotctl.app import control
+from robotctl.app.processes import control
 
 HANG, SPIN, COLLECT = signal.SIGRTMIN, signal.SIGRTMIN + 1, signal.SIGRTMIN + 2
 PAUSE_S = 0.2

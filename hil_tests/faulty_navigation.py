@@ -9,7 +9,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from robotctl.app import navigation
+from robotctl.app.processes import navigation
 
 LEAK = signal.SIGRTMIN
 _ROOM_BYTES = 64 * 2**20

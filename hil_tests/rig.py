@@ -24,14 +24,13 @@ import zmq
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import crc8, data_id_crc
 from hil_tests.firmware import Firmware
-from robotctl.app.children import start_child
-from robotctl.app.config import config_directory, find_file
-from robotctl.app.options import StackOptions
-from robotctl.app.sim import BEST_EFFORT, PATIENCE, Truth
-from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
-from robotctl.drivers.dbc import load_dbc
-from robotctl.model.angles import wrap_angle
-from robotctl.runtime.messages import (
+from robotctl.app.simulation.sim import BEST_EFFORT, PATIENCE, Truth
+from robotctl.app.supervision.child_process import start_child
+from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import config_directory, find_file
+from robotctl.drivers.can.dbc import load_dbc
+from robotctl.messages.control import (
     Ack,
     Arm,
     ControlState,
@@ -44,7 +43,8 @@ from robotctl.runtime.messages import (
     SetMode,
     VelocityCommand,
 )
-from robotctl.runtime.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.runtime.ipc.topics import Endpoints, RequestSender, Subscriber, endpoint_directory
 
 DBC = load_dbc(config_directory() / "robot.dbc")
 DRIVE, SONAR, POWER = 1, 2, 3

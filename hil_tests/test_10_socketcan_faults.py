@@ -11,7 +11,7 @@ import pytest
 
 import can_link
 from hil_tests.rig import GUEST_TIME, PATIENT_S, Rig
-from robotctl.runtime.messages import SafetyState
+from robotctl.messages.control import SafetyState
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 
 from hil_tests.emergency_stop import ON_THE_BUS, SOURCES, assert_latched
 from hil_tests.rig import EMERGENCY_STOP, Rig
-from robotctl.runtime.messages import SafetyState
+from robotctl.messages.control import SafetyState
 
 ON_THE_BUS_MS = 50.0
 """A tick, and as long as a process may be late before the machine counts as standing, twice."""

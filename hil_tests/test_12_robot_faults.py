@@ -23,8 +23,8 @@ from hil_tests.rig import (
     enabled,
     is_sound,
 )
-from robotctl.model.angles import wrap_angle
-from robotctl.runtime.messages import SafetyState
+from robotctl.messages.control import SafetyState
+from robotctl.model.geometry.angles import wrap_angle
 
 STATUS = 0x281
 ENABLED = 2

@@ -15,13 +15,13 @@ from typing import Any, cast
 import pytest
 from pymavlink import mavutil
 
-from robotctl.app.config import find_file
-from robotctl.app.sim import Progress, SimRun
-from robotctl.app.sim_options import SimOptions
-from robotctl.app.stack import NAVIGATION
-from robotctl.model.localisation import LocalisationStatus
-from robotctl.runtime.messages import Mode, SafetyState
-from tests.firmware.cell_rooms import room_map
+from robotctl.app.simulation.sim import Progress, SimRun
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.app.supervision.stack import NAVIGATION
+from robotctl.config.robot_file import find_file
+from robotctl.messages.control import Mode, SafetyState
+from robotctl.model.geometry.localisation import LocalisationStatus
+from tests.firmware_sim.world.cell_rooms import room_map
 
 PATIENT_S = 60.0
 QUIET_S = 2.0

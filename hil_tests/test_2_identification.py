@@ -5,8 +5,8 @@ import zlib
 import pytest
 
 from hil_tests.rig import DRIVE, NODE_NAMES, Rig
-from robotctl.app.config import config_directory
-from robotctl.runtime.messages import SafetyState
+from robotctl.config.robot_file import config_directory
+from robotctl.messages.control import SafetyState
 
 
 @pytest.mark.parametrize("node", NODE_NAMES)

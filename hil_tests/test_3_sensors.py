@@ -5,7 +5,7 @@ import math
 import pytest
 
 from hil_tests.rig import Rig
-from robotctl.runtime.messages import SafetyState
+from robotctl.messages.control import SafetyState
 
 
 def test_sonars_measure_the_walls_of_the_empty_room(rig: Rig) -> None:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import pytest
 
 from hil_tests.rig import Rig
-from robotctl.app.robot import make_robot
+from robotctl.app.processes.robot import make_robot
+from robotctl.messages.control import WheelCommand
 from robotctl.runtime.clock import RealClock
-from robotctl.runtime.messages import WheelCommand
 
 
 class OpenLoop:

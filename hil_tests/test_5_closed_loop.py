@@ -5,7 +5,7 @@ import math
 import pytest
 
 from hil_tests.rig import Rig
-from robotctl.runtime.messages import SafetyState
+from robotctl.messages.control import SafetyState
 
 
 def test_it_drives_straight_at_the_speed_it_is_told(armed: Rig) -> None:

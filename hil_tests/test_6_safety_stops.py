@@ -11,9 +11,9 @@ import pytest
 from hil_tests.emergency_stop import SOURCES, assert_latched
 from hil_tests.ground_station import GroundStation, mavlink
 from hil_tests.rig import COMMAND, EMERGENCY_STOP, PATIENT_S, Rig, enabled
-from robotctl.app.config import config_directory
-from robotctl.app.stack import CONTROL
-from robotctl.runtime.messages import SafetyState
+from robotctl.app.supervision.stack import CONTROL
+from robotctl.config.robot_file import config_directory
+from robotctl.messages.control import SafetyState
 
 
 def test_a_host_that_comes_back_does_not_move_before_it_is_armed(armed: Rig) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil_tests.ground_station import GroundStation, mavlink
 from hil_tests.rig import PATIENT_S
-from robotctl.runtime.messages import SafetyState
+from robotctl.messages.control import SafetyState
 
 GUIDED = 15
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robotctl.app.replay import replay_file
+from robotctl.workbench.replay.replay import replay_file
 
 STOPPED = "stopped: "
 """So begins what control says of a fault."""

@@ -28,9 +28,9 @@ from hil_tests.rig import (
     Rig,
     enabled,
 )
-from robotctl.app.pilot import PRESENCE_MAX_AGE_NS
-from robotctl.app.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
-from robotctl.runtime.messages import Mode, SafetyState
+from robotctl.app.processes.pilot import PRESENCE_MAX_AGE_NS
+from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
+from robotctl.messages.control import Mode, SafetyState
 
 React = Callable[[str, float], None]
 

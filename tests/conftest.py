@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 import pytest
 from hypothesis import Phase, settings
+
+from robotctl.messages.mavlink_port import LinkConfig
 
 TESTS = Path(__file__).resolve().parent
 # Run by `make test` where they can be: on a kernel with vcan0, and on a host that boots guests.
@@ -33,6 +36,27 @@ def recordings_folder() -> Path:
 def recordings() -> Path:
     """The folder of public recordings, for tests marked `recordings`."""
     return recordings_folder()
+
+
+@pytest.fixture(scope="session")
+def eventually():
+    """Return a function that steps until a condition holds, for tests with real sockets."""
+
+    def wait(condition, step, deadline_s=10.0):
+        end = time.monotonic() + deadline_s
+        while not (result := condition()):
+            assert time.monotonic() < end, "did not happen in time"
+            step()
+            time.sleep(0.002)
+        return result
+
+    return wait
+
+
+@pytest.fixture(scope="session")
+def link_config():
+    """Return a function that makes link configurations from URLs."""
+    return lambda *urls: tuple(LinkConfig(url) for url in urls)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

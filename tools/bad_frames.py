@@ -28,8 +28,8 @@ from firmware_sim.bus.faults import Corrupt, Delay, Duplicate, FrameFault, Reord
 from firmware_sim.bus.frame import Frame
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import COUNTER_MODULUS, Checker, crc8, data_id_crc
-from robotctl.drivers.dbc import Dbc, load_dbc
-from robotctl.drivers.e2e import E2eCounters, E2eReceiver
+from robotctl.drivers.can.dbc import Dbc, load_dbc
+from robotctl.drivers.can.e2e import E2eCounters, E2eReceiver
 
 DBC = Path(__file__).parents[1] / "configs" / "robot.dbc"
 FEEDBACK, COMMAND = wire.WHEEL_FEEDBACK, wire.MOTOR_COMMAND

@@ -8,10 +8,10 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robotctl.app.config import find_file
-from robotctl.app.lockstep import LockstepRun
-from robotctl.app.sim_options import SimOptions
-from robotctl.app.world import load_walls
+from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.robot_file import find_file
+from robotctl.maps.world import load_walls
 
 TARGET = Path(__file__).parents[1] / "docs" / "patrol.png"
 

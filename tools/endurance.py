@@ -21,14 +21,14 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_sim.fault_catalogue import CATALOGUE, Kind
-from firmware_sim.fault_parameters import DURATION, Parameter, Value
-from robotctl.app.config import find_file
-from robotctl.app.lockstep import Bench, make_simulation
-from robotctl.app.options import StackOptions
-from robotctl.app.pilot import Pilot, load_mission
-from robotctl.estimation.odometry import Odometry
-from robotctl.runtime.messages import (
+from firmware_sim.faults.catalogue import CATALOGUE, Kind
+from firmware_sim.faults.parameters import DURATION, Parameter, Value
+from robotctl.app.processes.pilot import Pilot, load_mission
+from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import find_file
+from robotctl.estimation.odometry.odometry import Odometry
+from robotctl.messages.control import (
     Arm,
     ControlRequest,
     ControlState,
@@ -38,7 +38,7 @@ from robotctl.runtime.messages import (
     NavigationState,
     SetMode,
 )
-from robotctl.runtime.safety import LATCHED, POWERED
+from robotctl.safety.state_machine import LATCHED, POWERED
 
 SECOND_NS = 1_000_000_000
 LAP_NS = 120 * SECOND_NS

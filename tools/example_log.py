@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from robotctl.app.config import find_file
-from robotctl.app.lockstep import run_lockstep
-from robotctl.app.sim_options import SimOptions
+from robotctl.app.simulation.lockstep import run_lockstep
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.robot_file import find_file
+from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import RecordedScan, Recording
-from robotctl.model.se2 import SE2
-from robotctl.telemetry.recorded_log import read_recording
 
 LOG = Path(__file__).resolve().parents[1] / "examples" / "data" / "patrol.log.gz"
 EVERY = 4

@@ -51,7 +51,7 @@ def main() -> int:
     """Run the command; 1 where a module has too many survivors."""
     parser = argparse.ArgumentParser(prog="tools/mutants.py", description=__doc__)
     add = parser.add_argument
-    add("names", nargs="*", help="only these, in the copy of last time: 'robotctl.runtime.health*'")
+    add("names", nargs="*", help="only these, in the copy of last time: 'robotctl.safety.health*'")
     add("--workers", type=int, default=os.cpu_count(), help="mutants side by side (%(default)s)")
     options = parser.parse_args()
     if not options.names:

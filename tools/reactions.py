@@ -20,15 +20,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from firmware_sim.config import RobotConfig as SimulatedRobot
-from firmware_sim.faults import check
+from firmware_sim.config.config import RobotConfig as SimulatedRobot
+from firmware_sim.faults.faults import check
 from hil_tests.fault_rows import ROWS, Row
-from robotctl.app.config import find_file
-from robotctl.app.lockstep import Bench, make_simulation
-from robotctl.app.options import StackOptions
-from robotctl.app.sim_options import simulated_robot
-from robotctl.runtime.messages import Arm, SafetyState, VelocityCommand
-from robotctl.runtime.safety import POWERED
+from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.app.simulation.sim_options import simulated_robot
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import find_file
+from robotctl.messages.control import Arm, SafetyState, VelocityCommand
+from robotctl.safety.state_machine import POWERED
 
 BUS = "simcan, lockstep"
 V_M_S = 0.4

@@ -31,7 +31,7 @@ GUEST = str(ROOT / "tools" / "vcan-guest")
 PYTEST = (sys.executable, "-m", "pytest")
 INTERFACE = "vcan0"
 # Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
-DRIVERS = ("tests/vcan", "tests/drivers/test_can_port_contract.py")
+DRIVERS = ("tests/vcan", "tests/drivers/can/test_can_port_contract.py")
 HIL = tuple(sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("hil_tests/test_*.py")))
 LONG = tuple(
     f"hil_tests/test_{name}.py"

@@ -18,10 +18,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from robotctl.estimation.known_places import Place, Visit
-from robotctl.estimation.place_book import PlaceBook
-from robotctl.estimation.signatures import Signature, SignatureConfig, SignatureIndex
-from robotctl.model.se2 import SE2
+from robotctl.estimation.places.database import PlaceBook
+from robotctl.estimation.places.places import Place, Visit
+from robotctl.estimation.places.signatures import Signature, SignatureConfig, SignatureIndex
+from robotctl.model.geometry.se2 import SE2
 
 FILE = "scitos_24_sonars.data.gz"
 CONFIG = SignatureConfig(bearings=24, max_range_m=5.0)

@@ -19,10 +19,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from robotctl.estimation.occupancy_config import OccupancyGridConfig
-from robotctl.estimation.occupancy_grid import OccupancyGrid
-from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
+from robotctl.estimation.grid.config import OccupancyGridConfig
+from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
 
 NO_ECHO = 5110.0
 """What the sonars read where they hear nothing [units of the file]."""

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmware_sim.fault_catalogue import describe
-from robotctl.runtime.messages import SafetyState
-from robotctl.runtime.safety import POWERED, TRANSITIONS, SafetyMachine
+from firmware_sim.faults.catalogue import describe
+from robotctl.messages.control import SafetyState
+from robotctl.safety.state_machine import POWERED, TRANSITIONS, SafetyMachine
 
 DOCS = Path(__file__).parents[1] / "docs"
 BEGIN = "<!-- written by tools/write_docs.py -->"

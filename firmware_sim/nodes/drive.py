@@ -41,7 +41,7 @@ from firmware_sim.nodes.object_dictionary import ObjectDictionary
 from firmware_sim.nodes.parameter_store import ParameterStore
 from firmware_sim.nodes.power_stage import PowerStage
 from firmware_sim.nodes.variables import AbortCode, SdoAbortError
-from firmware_sim.plant import Bridge
+from firmware_sim.plant.plant import Bridge
 
 GUARD_PERIOD_NS: Final = 20 * MILLISECOND_NS
 """The guards look at the power stage this often, at a frame that touches it,"""

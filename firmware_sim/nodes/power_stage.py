@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from firmware_sim.plant import Bridge
+from firmware_sim.plant.plant import Bridge
 
 
 class PowerStage(Protocol):

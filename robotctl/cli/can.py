@@ -23,9 +23,9 @@ def can() -> None:
 @app.command("budget")
 def show_budget(robot: RobotName = "diff_drive", overrides: Overrides = None) -> None:
     """Print the worst-case load of each cyclic frame; status 1 where the sum is over 50 %."""
-    from robotctl.app.config import config_directory, find_file, load_robot  # noqa: PLC0415
-    from robotctl.drivers.bus_load import MAX_LOAD, budget  # noqa: PLC0415
-    from robotctl.drivers.dbc import load_dbc  # noqa: PLC0415
+    from robotctl.config.robot_file import config_directory, find_file, load_robot  # noqa: PLC0415
+    from robotctl.drivers.can.bus_load import MAX_LOAD, budget  # noqa: PLC0415
+    from robotctl.drivers.can.dbc import load_dbc  # noqa: PLC0415
 
     config = load_robot(find_file(robot), overrides or ())
     load = budget(

@@ -18,7 +18,7 @@ COMMANDS: Final = {
         "Run control, navigation and telemetry until Ctrl-C; arm from a ground station.",
     ),
     "tune": (
-        "tune:tune",
+        "tune.tune:tune",
         "Measure the simulated robot's wheels, compute gains, show the responses before and after.",
     ),
     "doctor": (
@@ -34,15 +34,15 @@ COMMANDS: Final = {
         "Stop the service and remove what `install` wrote; logs and state stay.",
     ),
     "replay": (
-        "replay:replay",
+        "logs.replay:replay",
         "Compute every output of a record anew; status 1 and the first tick where they differ.",
     ),
     "plot": (
-        "plot:plot",
+        "logs.plot:plot",
         "Show fields of a recording over time, with the robot's states, restarts and gaps.",
     ),
     "localize": (
-        "localize:localize",
+        "localize.localize:localize",
         "Run a filter of the live robot on a recorded log, and compare with the log's reference.",
     ),
     "map": (
@@ -50,15 +50,15 @@ COMMANDS: Final = {
         "Map the lidar scans of a recorded log, at its reference poses or else at its odometry.",
     ),
     "characterise": (
-        "characterise:characterise",
+        "characterise.characterise:characterise",
         "Find noise, outliers and limits of sonars or lidar, with 95 % intervals.",
     ),
     "config": ("config:app", "Check and show robot configurations."),
     "can": ("can:app", "The CAN bus."),
-    "record": ("record:app", "The flight recorder and the logs."),
-    "calibrate": ("calibrate:app", "Find out how the robot really is."),
+    "record": ("logs.record:app", "The flight recorder and the logs."),
+    "calibrate": ("calibrate.calibrate:app", "Find out how the robot really is."),
     "places": ("places:app", "Places that the robot knows by its sonars."),
-    "camera": ("camera:app", "Measure on the floor with a camera."),
+    "camera": ("camera.camera:app", "Measure on the floor with a camera."),
 }
 """Of each subcommand, module and function (or group) below `robotctl.cli`, and how its help begins.
 

@@ -23,8 +23,8 @@ def check(
 
     One line for each error.
     """
-    from robotctl.app.config import find_file, load_robot  # noqa: PLC0415 - pydantic
-    from robotctl.app.sim_options import simulated_robot  # noqa: PLC0415
+    from robotctl.app.simulation.sim_options import simulated_robot  # noqa: PLC0415
+    from robotctl.config.robot_file import find_file, load_robot  # noqa: PLC0415 - pydantic
 
     path = find_file(file)
     config = load_robot(path, overrides or ())
@@ -32,7 +32,7 @@ def check(
         simulated_robot(path, overrides or ())
     if config.localisation.map or config.localisation.places:
         # It loads numba.
-        from robotctl.app.localisation_files import check_localisation  # noqa: PLC0415
+        from robotctl.app.localisation.localisation_files import check_localisation  # noqa: PLC0415
 
         check_localisation(config, path)
     print(
@@ -46,7 +46,7 @@ def show(file: RobotFile = "diff_drive", overrides: Overrides = None) -> None:
     """Print a robot's whole configuration as JSON, defaults and overrides included."""
     import msgspec  # noqa: PLC0415
 
-    from robotctl.app.config import find_file, load_robot  # noqa: PLC0415 - pydantic
+    from robotctl.config.robot_file import find_file, load_robot  # noqa: PLC0415 - pydantic
 
     config = load_robot(find_file(file), overrides or ())
     print(msgspec.json.format(msgspec.json.encode(config)).decode())
@@ -57,6 +57,6 @@ def schema() -> None:
     """Print the JSON schema of a robot's file: every key, its type and its default."""
     import pydantic  # noqa: PLC0415
 
-    from robotctl.app.config import RobotConfig  # noqa: PLC0415
+    from robotctl.config.robot_file import RobotConfig  # noqa: PLC0415
 
     print(json.dumps(pydantic.TypeAdapter(RobotConfig).json_schema(), indent=2))

@@ -12,11 +12,11 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from robotctl.app.config import find_file
-from robotctl.app.doctor import LAG_SECONDS, LOGS, examine
-from robotctl.app.finding import Finding, Verdict
 from robotctl.cli.arguments import Overrides, RobotName
 from robotctl.cli.console import plain_console
+from robotctl.config.robot_file import find_file
+from robotctl.deploy.check_result import Finding, Verdict
+from robotctl.deploy.doctor import LAG_SECONDS, LOGS, examine
 
 NOT_FIT = 1
 _STYLE = {

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from robotctl.app.patch import Tables, as_overrides
+from robotctl.config.patch import Tables, as_overrides
 from robotctl.errors import DISK, ConfigError, DiskError
 
 PLOTS: Final = (".png", ".svg", ".pdf")

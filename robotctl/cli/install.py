@@ -11,12 +11,12 @@ from typing import Annotated, Final
 
 import typer
 
-from robotctl.app.config import find_file, load_robot
-from robotctl.app.install import conflicts, installed_mission, read_manifest
-from robotctl.app.install import install as install_files
-from robotctl.app.install import uninstall as uninstall_files
-from robotctl.app.service_files import ROBOT, check_executable, service_files
 from robotctl.cli.arguments import RobotName
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.deploy.install import conflicts, installed_mission, read_manifest
+from robotctl.deploy.install import install as install_files
+from robotctl.deploy.install import uninstall as uninstall_files
+from robotctl.deploy.service_files import ROBOT, check_executable, service_files
 from robotctl.errors import ConfigError
 
 INCOMPLETE = 1

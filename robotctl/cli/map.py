@@ -13,7 +13,7 @@ from robotctl.cli.progress import progress_bar
 from robotctl.model.grid_map import count_values
 
 if TYPE_CHECKING:
-    from robotctl.app.mapping import MapResult
+    from robotctl.workbench.localize.mapping import MapResult
 
 
 def map_log(
@@ -30,8 +30,8 @@ def map_log(
 ) -> None:
     """Map the lidar scans of a recorded log, at its reference poses or else at its odometry."""
     # It loads numba and OpenCV, which other subcommands can do without.
-    from robotctl.app.mapping import MapOptions, make_map  # noqa: PLC0415
-    from robotctl.estimation.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+    from robotctl.workbench.localize.mapping import MapOptions, make_map  # noqa: PLC0415
 
     options = MapOptions(log, out, scans, resolution, max_range, time_unit)
     console = plain_console(stderr=True)

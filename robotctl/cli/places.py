@@ -17,10 +17,10 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 
 if TYPE_CHECKING:
-    from robotctl.app.place_turns import Progress
-    from robotctl.app.places import PlaceSource, Recognised
-    from robotctl.estimation.known_places import Candidate
-    from robotctl.estimation.place_book import PlaceBook
+    from robotctl.estimation.places.database import PlaceBook
+    from robotctl.estimation.places.places import Candidate
+    from robotctl.workbench.places.places import PlaceSource, Recognised
+    from robotctl.workbench.places.turns import Progress
 
 REFUSED = 3
 
@@ -65,7 +65,7 @@ def learn(
     Give one of --log, --world and --live. Without --at the log's reference or the robot's own
     localiser says where the place is; without these it can be recognised, but not located.
     """
-    from robotctl.app import places  # noqa: PLC0415 - it loads numba
+    from robotctl.workbench.places import places  # noqa: PLC0415 - it loads numba
 
     check_files(book)
     if not world:
@@ -102,7 +102,7 @@ def recognise(
 
     Status 0: recognised. 3: refused, with the reason. 2: bad input.
     """
-    from robotctl.app import places  # noqa: PLC0415 - it loads numba
+    from robotctl.workbench.places import places  # noqa: PLC0415 - it loads numba
 
     check_files(plot=plot)
     if not world:
@@ -113,8 +113,8 @@ def recognise(
     for each in found:
         print("\n".join(_lines(each)))
     if plot is not None:
-        from robotctl.app.place_file import load_book  # noqa: PLC0415
         from robotctl.cli.places_plot import save_recognition  # noqa: PLC0415
+        from robotctl.maps.place_file import load_book  # noqa: PLC0415
 
         write_file(plot, lambda file: save_recognition(load_book(book), found, file))
         print(f"plot: {plot}")
@@ -124,7 +124,7 @@ def recognise(
 @app.command("list")
 def list_places(book: Book, plot: Plot = None) -> None:
     """List the known places, and how well they can be told apart."""
-    from robotctl.app.place_file import load_book  # noqa: PLC0415 - it loads scipy
+    from robotctl.maps.place_file import load_book  # noqa: PLC0415 - it loads scipy
 
     check_files(plot=plot)
     known = load_book(book)
@@ -149,7 +149,7 @@ def _source(
     seed: int,
     overrides: list[str] | None,
 ) -> PlaceSource:
-    from robotctl.app.places import PlaceSource  # noqa: PLC0415 - it loads numba
+    from robotctl.workbench.places.places import PlaceSource  # noqa: PLC0415 - it loads numba
 
     return PlaceSource(log, world, live, at, robot, tuple(overrides or ()), seed)
 

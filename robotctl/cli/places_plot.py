@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from robotctl.app.places import Recognised
-from robotctl.estimation.place_book import PlaceBook
-from robotctl.estimation.signatures import Signature
+from robotctl.estimation.places.database import PlaceBook
+from robotctl.estimation.places.signatures import Signature
+from robotctl.workbench.places.places import Recognised
 
 _IN_A_ROW: Final = 4
 

@@ -13,21 +13,21 @@ from typing import Annotated
 import typer
 import zmq
 
-from robotctl.app.config import find_file
-from robotctl.app.exit_log import ExitLog
-from robotctl.app.log_folder import refusal
-from robotctl.app.options import StackOptions
-from robotctl.app.pilot import load_mission
-from robotctl.app.progress import Progress, resumed, state_directory
-from robotctl.app.service import ServiceNotifier
-from robotctl.app.signals import EmergencySignal, StopFlag
-from robotctl.app.stack import Stack
-from robotctl.app.supervisor import POLL_S, Supervisor
+from robotctl.app.processes.pilot import load_mission
+from robotctl.app.processes.progress import Progress, resumed, state_directory
+from robotctl.app.supervision.exit_log import ExitLog
+from robotctl.app.supervision.service import ServiceNotifier
+from robotctl.app.supervision.signals import EmergencySignal, StopFlag
+from robotctl.app.supervision.stack import Stack
+from robotctl.app.supervision.supervisor import POLL_S, Supervisor
 from robotctl.cli.arguments import Overrides, RobotName
-from robotctl.cli.keys import AFTERWARDS, HINT, Keys
-from robotctl.cli.voice import Voice
-from robotctl.runtime.messages import ControlState, NavigationState, Notice
-from robotctl.runtime.topics import Endpoints, Subscriber, endpoint_directory
+from robotctl.cli.live.keys import AFTERWARDS, HINT, Keys
+from robotctl.cli.live.voice import Voice
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import find_file
+from robotctl.messages.control import ControlState, NavigationState, Notice
+from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
+from robotctl.runtime.storage.log_folder import refusal
 
 
 def place_of(saved: Progress, items: int) -> str:

@@ -15,13 +15,13 @@ import typer
 from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.cli.keys import Keys
+from robotctl.cli.live.keys import Keys
 from robotctl.errors import ConfigError, DiskError
 
 if TYPE_CHECKING:
-    from robotctl.app.score import Report
-    from robotctl.app.signals import StopFlag
-    from robotctl.app.sim_options import SimOptions
+    from robotctl.app.simulation.score import Report
+    from robotctl.app.simulation.sim_options import SimOptions
+    from robotctl.app.supervision.signals import StopFlag
 
 NOT_COMPLETED = 3
 PATROL = "patrol"
@@ -118,12 +118,12 @@ def sim(
     130: interrupted before the robot was ready.
     """
     # They take a second to load, for which those who ask for help need not wait.
-    from robotctl.app.config import find_file  # noqa: PLC0415
-    from robotctl.app.log_folder import LogError, make_folder, refusal  # noqa: PLC0415
-    from robotctl.app.signals import StopFlag  # noqa: PLC0415
-    from robotctl.app.sim_options import SimOptions  # noqa: PLC0415
-    from robotctl.cli.lockstep_progress import LockstepProgress  # noqa: PLC0415
-    from robotctl.cli.score_view import score_table  # noqa: PLC0415
+    from robotctl.app.simulation.sim_options import SimOptions  # noqa: PLC0415
+    from robotctl.app.supervision.signals import StopFlag  # noqa: PLC0415
+    from robotctl.cli.live.lockstep_progress import LockstepProgress  # noqa: PLC0415
+    from robotctl.cli.live.score_view import score_table  # noqa: PLC0415
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
+    from robotctl.runtime.storage.log_folder import LogError, make_folder, refusal  # noqa: PLC0415
 
     check_files(report)
     if record is not None:
@@ -145,7 +145,7 @@ def sim(
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
     if lockstep:
-        from robotctl.app.lockstep import run_lockstep  # noqa: PLC0415 - numba
+        from robotctl.app.simulation.lockstep import run_lockstep  # noqa: PLC0415 - numba
 
         with LockstepProgress(plain_console(stderr=True), max_seconds) as progress:
             result = run_lockstep(options, progress.say, progress.tell)
@@ -175,7 +175,7 @@ def _refuse_what_has_no_effect(
     ConfigError
         With the first of them.
     """
-    from robotctl.app.config import load_robot  # noqa: PLC0415
+    from robotctl.config.robot_file import load_robot  # noqa: PLC0415
 
     if lockstep and options.bus != OWN_BUS:
         raise ConfigError(
@@ -194,8 +194,8 @@ def _refuse_what_has_no_effect(
 
 def _mission(name: str, world: str) -> Path:
     """Return the mission's file; where none is asked for, one that fits into the world."""
-    from robotctl.app.config import MAPS, find_file  # noqa: PLC0415
-    from robotctl.app.world import find_world, straight_mission  # noqa: PLC0415
+    from robotctl.config.robot_file import MAPS, find_file  # noqa: PLC0415
+    from robotctl.maps.world import find_world, straight_mission  # noqa: PLC0415
 
     if name or not world or find_world(world).suffix.lower() not in MAPS:
         return find_file(name or PATROL, "missions")
@@ -210,7 +210,7 @@ def _localisation(
     localiser: str | None, start: str, chart: str, sensors: str, *, mapping: bool
 ) -> tuple[str, ...]:
     """Return the options of the localiser as settings of the robot."""
-    from robotctl.app.world import find_world  # noqa: PLC0415
+    from robotctl.maps.world import find_world  # noqa: PLC0415
 
     settings = []
     if localiser is not None:
@@ -229,9 +229,9 @@ def _localisation(
 
 def _run(options: SimOptions, stopped: StopFlag, *, headless: bool, until_done: bool) -> Report:
     """Run the processes behind a live view; Ctrl-C ends the run and still scores it."""
-    from robotctl.app.sim import SimRun  # noqa: PLC0415
-    from robotctl.cli.sim_keys import obey  # noqa: PLC0415
-    from robotctl.cli.view import make_view  # noqa: PLC0415
+    from robotctl.app.simulation.sim import SimRun  # noqa: PLC0415
+    from robotctl.cli.live.sim_keys import obey  # noqa: PLC0415
+    from robotctl.cli.live.view import make_view  # noqa: PLC0415
 
     run, keys = SimRun(options, stopped), Keys()
     print("starting firmware_sim; its first run compiles for half a minute", file=sys.stderr)

@@ -22,7 +22,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Final
 
-from robotctl.model.twist import Twist
+from robotctl.model.geometry.twist import Twist
 
 _LANDED: Final = 1e-9
 """A remaining way below this is taken in one step [m/s, rad/s]."""

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from robotctl.estimation.likelihood_config import LikelihoodFieldConfig
-from robotctl.estimation.occupancy_config import OccupancyGridConfig
-from robotctl.estimation.sonar_config import SonarModelConfig
+from robotctl.estimation.grid.config import OccupancyGridConfig
+from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
+from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 
 _FEWEST: Final = 1000
 

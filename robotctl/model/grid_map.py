@@ -9,7 +9,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.se2 import SE2
+from robotctl.model.geometry.se2 import SE2
 
 FREE: Final = 0
 OCCUPIED: Final = 100

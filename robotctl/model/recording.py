@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.range_scan import RangeScan
-from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount, SonarReading
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.model.sensors.sonar import SonarMount, SonarReading
 from robotctl.model.trajectory import Trajectory
 
 UNKNOWN_LANDMARK: Final = -1

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.angles import wrap_angle
-from robotctl.model.motion import between
-from robotctl.model.se2 import SE2
+from robotctl.model.drives.motion import between
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
 
 
 @dataclass(frozen=True, slots=True, eq=False)

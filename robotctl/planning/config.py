@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from robotctl.planning.follow_wall import WallConfig
-from robotctl.planning.obstacle_guard import GuardConfig
-from robotctl.planning.pursuit import PursuitConfig
+from robotctl.planning.behaviours.follow_wall import WallConfig
+from robotctl.planning.guard.obstacle_guard import GuardConfig
+from robotctl.planning.local.pursuit import PursuitConfig
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,20 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from robotctl.control.limiter import LimitsConfig
-from robotctl.model.drives import Drive
-from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
-from robotctl.model.twist import Twist
-from robotctl.planning.behaviours import GoTo
-from robotctl.planning.breadcrumbs import Breadcrumbs
-from robotctl.planning.config import NavigationConfig
-from robotctl.planning.guarded import Guarded, limited
-from robotctl.planning.look_around import LookAround
-from robotctl.planning.mission import Mission
-from robotctl.planning.mission_runner import MissionRunner
-from robotctl.planning.mode import Mode
-from robotctl.planning.obstacle_guard import ObstacleGuard, Point
-from robotctl.planning.requests import (
+from robotctl.messages.mode import Mode
+from robotctl.messages.requests import (
     FARTHEST_M,
     ModeRequest,
     PositionRequest,
@@ -28,9 +16,21 @@ from robotctl.planning.requests import (
     StickRequest,
     VelocityRequest,
 )
-from robotctl.planning.return_home import ReturnHome
-from robotctl.planning.situation import Situation, Status, Step
-from robotctl.planning.towards import towards
+from robotctl.model.drives.drives import Drive
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.behaviours import GoTo
+from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
+from robotctl.planning.behaviours.guarded import Guarded, limited
+from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.relocalise import LookAround
+from robotctl.planning.behaviours.return_home import ReturnHome
+from robotctl.planning.config import NavigationConfig
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard, Point
+from robotctl.planning.guard.situation import Situation, Status, Step
+from robotctl.planning.local.heading_control import towards
+from robotctl.planning.mission.runner import MissionRunner
 
 if TYPE_CHECKING:
     from robotctl.model.grid_map import GridMap  # numpy, which control must not load

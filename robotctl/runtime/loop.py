@@ -11,9 +11,9 @@ from collections.abc import Callable
 from itertools import cycle
 from typing import Protocol
 
+from robotctl.messages.control import LoopStatistics
+from robotctl.messages.ports import Clock
 from robotctl.runtime.histogram import Histogram
-from robotctl.runtime.messages import LoopStatistics
-from robotctl.runtime.ports import Clock
 
 STAGES = ("receive", "control", "send", "publish")
 SCHEDULER = "scheduler"

@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
-from tests.app.recorded_room import write_map
-from tests.telemetry.bags import KINDS, Laser, write_bag
+from tests.logs.formats.bags import KINDS, Laser, write_bag
+from tests.workbench.localize.recorded_room import write_map
 
 MOUNTED = Laser(0.25, -0.1, 0.4, upside_down=True)
 

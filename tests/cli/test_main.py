@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from robotctl.app.config import find_file
 from robotctl.cli.output import Output
+from robotctl.config.robot_file import find_file
 
 DEADLINE_S = 90.0
 ROBOTCTL = [sys.executable, "-c", "from robotctl.cli.main import main; main()"]
@@ -214,7 +214,7 @@ def refused_with(number: int) -> "subprocess.CompletedProcess[str]":
     """Run a command in which a write fails with this error number."""
     program = f"""
 import os
-from robotctl.app import config
+from robotctl.config import robot_file as config
 def refuse(*_):
     raise OSError({number}, os.strerror({number}))
 config.load_robot = refuse
@@ -228,7 +228,7 @@ main()
 def test_a_simulated_run_whose_record_fills_the_disk_goes_on_and_is_scored(tmp_path: Path) -> None:
     program = """
 from pathlib import Path
-from robotctl.app.log_folder import LogFolder
+from robotctl.runtime.storage.log_folder import LogFolder
 new = LogFolder.new
 def on_a_full_disk(self, kind, suffix):
     return Path("/dev/full") if kind == "control" else new(self, kind, suffix)

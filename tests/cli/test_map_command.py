@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
-from tests.app.test_mapping import write_log
 from tests.cli.command import status_of
+from tests.workbench.localize.test_mapping import write_log
 
 
 def test_the_command_writes_both_files_and_says_what_they_hold(tmp_path):

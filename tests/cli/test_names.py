@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from robotctl.app.config import config_directory, find_file
-from robotctl.app.localisation_files import files_beside
-from robotctl.app.localisation_map import find_map
-from robotctl.app.world import find_world
+from robotctl.app.localisation.localisation_files import files_beside
+from robotctl.config.robot_file import config_directory, find_file
 from robotctl.errors import ConfigError
+from robotctl.maps.localisation_map import find_map
+from robotctl.maps.world import find_world
 from tests.cli.command import status_of
 
 ROOM = """
@@ -83,7 +83,7 @@ def test_a_map_beside_the_robots_file_goes_along_by_its_name(here: Path) -> None
     robot = here / "mine" / "rover.toml"
     text = (config_directory() / "diff_drive.toml").read_text()
     robot.write_text(f'{text}\n[localisation]\nmethod = "mcl"\nmap = "room"\n')
-    from robotctl.app.config import load_robot
+    from robotctl.config.robot_file import load_robot
 
     assert files_beside(load_robot(robot), robot) == {Path("room.toml"): ROOM.encode()}
 

@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 from robotctl.cli.commands import app
 from robotctl.errors import ConfigError
-from tests.app.test_places import Shifted, write_log
-from tests.app.turning_robot import hallway, kitchen, turning
+from tests.workbench.places.test_places import Shifted, write_log
+from tests.workbench.places.turning_robot import hallway, kitchen, turning
 
 
 @pytest.fixture(scope="module")

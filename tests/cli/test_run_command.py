@@ -9,9 +9,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from robotctl.app.config import find_file
-from robotctl.app.progress import NAME, Progress, progress_file
+from robotctl.app.processes.progress import NAME, Progress, progress_file
 from robotctl.cli.run import place_of
+from robotctl.config.robot_file import find_file
 from robotctl.errors import RobotctlError
 from tests.cli.command import status_of
 
@@ -77,7 +77,7 @@ def test_what_is_damaged_is_said_where_the_generation_before_is_resumed(
 
 
 SPEAKS = """
-from robotctl.cli.voice import Voice
+from robotctl.cli.live.voice import Voice
 with Voice() as voice:
     for _ in range(10_000):
         voice.say("x" * 80)

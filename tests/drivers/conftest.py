@@ -7,9 +7,9 @@ from pathlib import Path
 import cantools.database
 import pytest
 
-from robotctl.drivers.can_config import NodeParameters
-from robotctl.drivers.dbc import load_dbc
-from robotctl.drivers.robot_codec import RobotCodec
+from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.dbc import load_dbc
+from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.runtime.clock import VirtualClock
 
 ROBOT_DBC = Path(__file__).parents[2] / "configs" / "robot.dbc"

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from robotctl.control.limiter import LimitsConfig
-from robotctl.model.drives import AckermannDrive, DifferentialDrive, Drive, TricycleDrive
-from robotctl.model.motion import integrate
-from robotctl.model.se2 import SE2
-from robotctl.model.sonar import SonarMount
-from robotctl.model.twist import Twist
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, Drive, TricycleDrive
+from robotctl.model.drives.motion import integrate
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig, NavigationInputs, Navigator
 
 

@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from robotctl.errors import MissionError
-from robotctl.model.se2 import SE2
-from robotctl.model.twist import Twist
-from robotctl.planning.mission import (
+from robotctl.messages.mode import Mode
+from robotctl.messages.requests import (
+    ModeRequest,
+    PositionRequest,
+    StickRequest,
+    VelocityRequest,
+)
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.planning.behaviours.mission import (
     DriveItem,
     GoToItem,
     Mission,
@@ -18,14 +25,7 @@ from robotctl.planning.mission import (
     TurnToItem,
     WaitItem,
 )
-from robotctl.planning.mode import Mode
 from robotctl.planning.navigator import NavigationInputs
-from robotctl.planning.requests import (
-    ModeRequest,
-    PositionRequest,
-    StickRequest,
-    VelocityRequest,
-)
 
 LATER = 10**15
 AUTO = ModeRequest(Mode.AUTO)

@@ -4,8 +4,8 @@ import pytest
 
 import endurance
 from endurance import Endurance
-from robotctl.app.config import find_file
-from robotctl.runtime.messages import EmergencyStop, EmergencyStopSource, SafetyState
+from robotctl.config.robot_file import find_file
+from robotctl.messages.control import EmergencyStop, EmergencyStopSource, SafetyState
 
 MINUTE_NS = 60 * endurance.SECOND_NS
 

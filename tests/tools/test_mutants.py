@@ -10,10 +10,10 @@ from mutants import row, table, tally
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["mutmut"]
 RESULTS = [
-    "    robotctl.runtime.health.xǁHealthǁupdate__mutmut_1: killed",
-    "    robotctl.runtime.health.xǁHealthǁupdate__mutmut_2: survived",
-    "    robotctl.runtime.health.x_is_fresh__mutmut_1: timeout",
-    "    robotctl.runtime.health.x_is_fresh__mutmut_2: no tests",
+    "    robotctl.safety.health.xǁHealthǁupdate__mutmut_1: killed",
+    "    robotctl.safety.health.xǁHealthǁupdate__mutmut_2: survived",
+    "    robotctl.safety.health.x_is_fresh__mutmut_1: timeout",
+    "    robotctl.safety.health.x_is_fresh__mutmut_2: no tests",
     "    robotctl.control.limiter.x_step__mutmut_1: killed",
     "    robotctl.control.limiter.x_step__mutmut_2: not checked",
 ]
@@ -22,7 +22,7 @@ RESULTS = [
 def test_each_module_has_a_row_and_what_no_test_noticed_counts_as_survived():
     assert table(tally(RESULTS)).splitlines()[2:] == [
         "| `robotctl.control.limiter` | 1 | 1 | 0 | 100.0% |",
-        "| `robotctl.runtime.health` | 4 | 2 | 2 | 50.0% |",
+        "| `robotctl.safety.health` | 4 | 2 | 2 | 50.0% |",
         "| all | 5 | 3 | 2 | 60.0% |",
     ]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from example_log import LOG, lines
-from robotctl.telemetry.recorded_log import read_recording
+from robotctl.logs.formats.recorded_log import read_recording
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"

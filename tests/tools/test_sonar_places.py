@@ -5,7 +5,7 @@ import gzip
 import numpy as np
 import pytest
 
-from robotctl.estimation.signatures import Signature, SignatureIndex, histograms
+from robotctl.estimation.places.signatures import Signature, SignatureIndex, histograms
 from sonar_places import CONFIG, FILE, Ring, likeness, read_ring, revisits, round_rows, turned
 
 RECORDED = f"sonar/{FILE}"

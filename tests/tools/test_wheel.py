@@ -13,11 +13,11 @@ ROOT = Path(__file__).parents[2]
 SCRIPT = """
 from pathlib import Path
 
-from firmware_sim.world import load_world
-from robotctl.app.config import find_file, load_robot
-from robotctl.app.lockstep import run_lockstep
-from robotctl.app.sim_options import SimOptions
-from robotctl.model.se2 import SE2
+from firmware_sim.world.world import load_world
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.app.simulation.lockstep import run_lockstep
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.model.geometry.se2 import SE2
 
 
 def drive(robot: str, seconds: float) -> float:
@@ -59,7 +59,7 @@ def checked(site: Path, folder: Path, script: str) -> "subprocess.CompletedProce
 
 def test_types_of_a_users_script_are_checked(site: Path, tmp_path: Path) -> None:
     right = checked(site, tmp_path, SCRIPT)
-    assert 'Revealed type is "robotctl.app.config.RobotConfig"' in right.stdout
+    assert 'Revealed type is "robotctl.config.robot_file.RobotConfig"' in right.stdout
     assert "Success: no issues found in 1 source file" in right.stdout
     wrong = checked(
         site, tmp_path, SCRIPT.replace("seconds)", "'two')").replace("place.x_m", "place.x")

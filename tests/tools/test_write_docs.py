@@ -5,14 +5,14 @@ import tomllib
 
 import pytest
 
-from firmware_sim.config import load_robot
-from firmware_sim.fault_catalogue import CATALOGUE
-from firmware_sim.faults import check
-from firmware_sim.scenario import load_scenario
-from robotctl.app.config import find_file
-from robotctl.runtime.messages import SafetyState
-from robotctl.runtime.plausibility import PlausibilityConfig
-from robotctl.runtime.safety import TRANSITIONS, SafetyConfig
+from firmware_sim.config.config import load_robot
+from firmware_sim.faults.catalogue import CATALOGUE
+from firmware_sim.faults.faults import check
+from firmware_sim.faults.scenario import load_scenario
+from robotctl.config.robot_file import find_file
+from robotctl.messages.control import SafetyState
+from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.state_machine import TRANSITIONS, SafetyConfig
 from write_docs import BEGIN, END, FAULTS, STATES, diagram
 
 SAFETY = STATES.page.read_text(encoding="utf-8")

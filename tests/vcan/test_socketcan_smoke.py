@@ -15,7 +15,7 @@ import pytest
 import zmq
 
 from robotctl.errors import LinkError
-from robotctl.runtime.claim import claim_bus
+from robotctl.runtime.ipc.process_lock import claim_bus
 
 INTERFACE = "vcan0"
 TIMER_SLACK_NS = 50_000  # what Linux adds to sleeps of ordinary processes

@@ -24,8 +24,8 @@ import numpy as np
 import serial
 
 from robotctl.errors import LinkError
-from robotctl.runtime.lidar_port import LidarSweep
-from robotctl.runtime.ports import Clock
+from robotctl.messages.lidar_port import LidarSweep
+from robotctl.messages.ports import Clock
 
 STOP: Final = b"\xa5\x25"
 RESET: Final = b"\xa5\x40"

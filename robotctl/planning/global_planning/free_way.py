@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.cost_map import INSCRIBED, CostMapConfig, cost_map
 from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.cost_map import INSCRIBED, CostMapConfig, cost_map
 from robotctl.planning.global_planning.grid_search import search_cells
-from robotctl.planning.path import Point
+from robotctl.planning.local.path import Point
 
 MARGIN_M: Final = 0.1
 """Kept from walls beside the robot's half width [m]."""

@@ -20,8 +20,8 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.compiled import compiled
-from robotctl.estimation.cost_map import LETHAL
+from robotctl.compiled import compiled
+from robotctl.planning.costmap.cost_map import LETHAL
 
 Corners: TypeAlias = Literal["both", "one", "none"]
 """How many of the two cells beside a diagonal step must be free."""

@@ -1,0 +1,1 @@
+"""The simulator's reading of a robot's file, independent of robotctl's."""

@@ -1,0 +1,299 @@
+"""Reads what the simulator needs from a robot's TOML.
+
+The file is shared with robotctl, which owns the sections on control, limits, run time, safety,
+MAVLink and navigation: of them only what the safety monitor judges by is looked at here. In the
+sections read here an unknown key is an
+error; all errors of a file are reported at once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import re
+import reprlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from firmware_sim.config.camera_parameters import CameraSection
+from firmware_sim.config.parameters import Drive, SimulationParameters, SonarMount
+from firmware_sim.config.quantities import Positive
+from firmware_sim.config.toml_lines import Key, key_lines
+from firmware_sim.errors import SimulationError
+
+T = TypeVar("T")
+
+_KEY_FIRST = re.compile(r"([a-z]\w*(?:\.\w+)*): ")
+
+
+@dataclass(frozen=True, slots=True)
+class TomlFile:
+    """The tables of a file, and where each key of it was set.
+
+    Attributes
+    ----------
+    path
+        The file.
+    data
+        Its tables.
+    lines
+        Of its keys, counted from 1.
+    settings
+        `--set KEY=VALUE` of the keys that do not come from the file.
+    """
+
+    path: Path
+    data: dict[str, Any]
+    lines: Mapping[Key, int]
+    settings: dict[Key, str] = field(default_factory=dict)
+
+    def put(self, dotted: str, value: Any) -> None:
+        """Set a dotted key in nested tables; raises SimulationError where one is no table."""
+        setting = f"--set {dotted}={_toml(value)}"
+        key = tuple(dotted.split("."))
+        *tables, last = key
+        data = self.data
+        for table in tables:
+            data = data.setdefault(table, {})
+            if not isinstance(data, dict):
+                raise SimulationError(f"{setting}: {dotted}: {table} is not a table")
+        data[last] = value
+        self.settings[key] = setting
+
+    def place(self, key: Key) -> str:
+        """Return where a key was set: the setting, or file and line of it or of its table."""
+        for length in range(len(key), 0, -1):
+            if setting := self.settings.get(key[:length]):
+                return setting
+            if length == len(key) and (within := self._set_within(key)):
+                return within
+            if line := self.lines.get(key[:length]):
+                return f"{self.path}:{line}"
+        return str(self.path)
+
+    def _set_within(self, table: Key) -> str:
+        """Return the settings of a table's keys."""
+        within = (text for key, text in self.settings.items() if key[: len(table)] == table)
+        return " ".join(within)
+
+    def value(self, key: Key) -> Any:
+        """Return what the file has at a key; raises LookupError or TypeError without."""
+        value: Any = self.data
+        for part in key:
+            value = value[part]
+        return value
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSection:
+    """The table `[robot]`, as far as the simulator is concerned."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class CanSection:
+    """The table `[can]`, as far as the simulator is concerned."""
+
+    interface: str = "socketcan"
+    channel: str = "can0"
+    bitrate: Annotated[int, Field(strict=True, ge=10_000, le=1_000_000)] = 1_000_000
+
+    def __post_init__(self) -> None:
+        if 1_000_000_000 % self.bitrate:
+            raise ValueError(f"bitrate: {self.bitrate}: a bit must last whole nanoseconds")
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsSection:
+    """The table `[limits]`, as far as the simulator's safety monitor is concerned."""
+
+    v_max_m_s: Positive = 1.0
+    omega_max_rad_s: Positive = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class SafetySection:
+    """The table `[safety]`, as far as the simulator's safety monitor is concerned."""
+
+    command_timeout_ms: Annotated[int, Field(strict=True, ge=10, le=1000)] = 90
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """One robot: geometry, sonars, camera and physics."""
+
+    robot: RobotSection
+    drive: Drive
+    simulation: SimulationParameters
+    sonar: Annotated[tuple[SonarMount, ...], Field(max_length=16)] = ()
+    can: CanSection = CanSection()
+    limits: LimitsSection = LimitsSection()
+    safety: SafetySection = SafetySection()
+    camera: CameraSection | None = None
+
+    def __post_init__(self) -> None:
+        if self.camera is not None:
+            self.simulation.camera.true_mount(self.camera.mount)
+
+
+_ROBOT: TypeAdapter[RobotConfig] = TypeAdapter(RobotConfig)
+
+
+def load_robot(path: Path, overrides: Mapping[str, Any] | None = None) -> RobotConfig:
+    """Read and validate a robot's file.
+
+    Parameters
+    ----------
+    path
+        A TOML as those in `configs/`.
+    overrides
+        Values that replace those of the file, by dotted key: `{"simulation.battery.charge": 0.7}`.
+
+    Raises
+    ------
+    SimulationError
+        The file cannot be read or is wrong; one line for each error.
+    """
+    file = read_toml(path)
+    for key, value in (overrides or {}).items():
+        file.put(key, value)
+    return validate(_ROBOT, file)
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """Return key and value of `key=value`, the value in TOML.
+
+    Raises
+    ------
+    SimulationError
+        If the text is not of that form, or the simulator reads no such table: the setting would
+        do nothing.
+    """
+    key, _, value = text.partition("=")
+    key = key.strip()
+    table, *rest = key.split(".")
+    try:
+        parsed = tomllib.loads(f"value = {value}")["value"]
+    except (ValueError, RecursionError):
+        parsed = None
+    if parsed is None or not all((table, *rest)):
+        raise SimulationError(
+            f"--set {text}: not of the form key.subkey=value, the value in TOML: text in quotes"
+        )
+    tables = [field.name for field in dataclasses.fields(RobotConfig)]
+    if table not in tables:
+        own = [field.name for field in dataclasses.fields(SimulationParameters)]
+        hint = f'; did you mean "simulation.{key}"?' if table in own else _hint(table, tables)
+        raise SimulationError(
+            f"--set {text}: the simulator reads no table {table}, allowed: "
+            f"{', '.join(tables)}{hint}"
+        )
+    return key, parsed
+
+
+def read_toml(path: Path) -> TomlFile:
+    """Parse a TOML file; raises SimulationError naming the file."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        return TomlFile(path, tomllib.loads(text), key_lines(text))
+    except (OSError, UnicodeDecodeError) as error:
+        raise SimulationError(f"{path}: cannot be read: {error}") from error
+    except (ValueError, RecursionError) as error:  # ValueError: numbers beyond all sense too
+        raise SimulationError(f"{path}: {error}") from error
+
+
+def validate(adapter: TypeAdapter[T], file: TomlFile) -> T:
+    """Turn the tables of a file into values; raises SimulationError with all of its errors."""
+    try:
+        return adapter.validate_python(file.data)
+    except ValidationError as error:
+        known = _known_keys(adapter)
+        items = error.errors()
+        # What is wrong in a list makes the list wrong: that is said once.
+        within = {item["loc"][:n] for item in items for n in range(len(item["loc"]))}
+        lines = [_line(file, item, known) for item in items if item["loc"] not in within]
+        raise SimulationError("\n".join(lines)) from error
+
+
+def _line(file: TomlFile, item: Any, known: list[str]) -> str:
+    """One error of pydantic as `file:line: key: rule, found value`."""
+    # The tag of a union appears in the location, but is not part of the key.
+    tags = {"differential", "tricycle", "ackermann", "box", "pillar"}
+    head, *rest = item["loc"] or ("",)
+    key: Key = (head, *(part for part in rest if part not in tags)) if item["loc"] else ()
+    key, problem = _problem(file, key, item, known)
+    dotted = ".".join(map(str, key))
+    return ": ".join(part for part in (file.place(key), dotted, problem) if part)
+
+
+def _problem(file: TomlFile, key: Key, item: Any, known: list[str]) -> tuple[Key, str]:
+    """Return the key to blame and what is wrong with it."""
+    kind, found, context = item["type"], item["input"], item.get("ctx", {})
+    if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
+        return key, f"unknown key{_hint(str(item['loc'][-1]), known)}"
+    if kind == "missing":
+        return key, "missing"
+    if kind == "union_tag_not_found":
+        return (*key, "kind"), "missing"
+    if kind == "value_error":
+        return _named_key(file, key, str(context["error"]))
+    hint = ""
+    if kind == "union_tag_invalid":
+        key, found = (*key, "kind"), context["tag"]
+        allowed = context["expected_tags"].replace("'", "")
+        rule, hint = f"must be one of {allowed}", _hint(found, allowed.split(", "))
+    elif kind in {"dataclass_type", "model_attributes_type"}:
+        rule = "must be a table"
+    elif kind == "tuple_type":
+        is_table, dotted = isinstance(found, dict), ".".join(map(str, key))
+        rule = f"each must be a table of its own, [[{dotted}]]" if is_table else "must be a list"
+    elif kind in {"too_long", "too_short"}:
+        end, words = ("max", "at most") if kind == "too_long" else ("min", "at least")
+        rule, found = f"must have {words} {context[f'{end}_length']} entries", len(found)
+    else:
+        rule = item["msg"].replace("Input should be", "must be")
+        rule = rule.replace("String should match pattern", "must match")
+    return key, f"{rule}, found {reprlib.repr(found)}{hint}"
+
+
+def _named_key(file: TomlFile, table: Key, message: str) -> tuple[Key, str]:
+    """Return the key that a constructor's message begins with, and the rest of it.
+
+    Its table and the whole message where it begins with none.
+    """
+    named = _KEY_FIRST.match(message)
+    if named is None:
+        return table, message
+    key, rule = (*table, *named[1].split(".")), message[named.end() :]
+    try:
+        found = file.value(key)
+    except (LookupError, TypeError):  # its default, which the message tells where it matters
+        return key, rule
+    is_told = isinstance(found, dict | list) or reprlib.repr(found) in rule
+    return key, rule if is_told else f"{rule}, found {found!r}"
+
+
+def _toml(value: Any) -> str:
+    """Write a value about as the user has."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else str(value)
+
+
+def _hint(word: str, allowed: list[str]) -> str:
+    near = difflib.get_close_matches(word, allowed, n=1)
+    return f'; did you mean "{near[0]}"?' if near else ""
+
+
+def _known_keys(adapter: TypeAdapter[T]) -> list[str]:
+    """Names of all keys that a file may have."""
+    schema = adapter.json_schema()
+    tables = [schema, *schema.get("$defs", {}).values()]
+    return sorted({key for table in tables for key in table.get("properties", {})})

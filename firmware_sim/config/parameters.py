@@ -1,0 +1,314 @@
+"""What the physics needs to know: frozen values, validated when a robot's TOML is read.
+
+Units stand in the names. All lengths are in the base frame (x forward, y left) of the robot; the
+base of a drive-and-steer robot is the centre of its rear axle. The defaults are those of a small
+12 V robot.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from firmware_sim.config.camera_parameters import CameraParameters
+from firmware_sim.config.quantities import (
+    Counts,
+    NotNegative,
+    Point,
+    Positive,
+    Rate,
+    Real,
+    RelativeError,
+    Share,
+    closed,
+)
+
+FARTHEST_CORNER_M = 10.0
+SHORTEST_HEATING_S = 0.01
+"""The winding's and the case's heat are integrated in steps of 1 ms."""
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class DifferentialDrive:
+    """Two driven wheels on one axle and a castor; base in the middle of the axle.
+
+    `wheel_radius_m` is the mean of both wheels, `wheel_radius_ratio` right over left.
+    """
+
+    kind: Literal["differential"]
+    track_width_m: Positive
+    wheel_radius_m: Positive
+    counts_per_revolution: Counts
+    wheel_radius_ratio: Annotated[float, Field(strict=True, ge=0.5, le=2.0)] = 1.0
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class TricycleDrive:
+    """One steered front wheel, two rear wheels; one motor, at the front wheel or the rear axle."""
+
+    kind: Literal["tricycle"]
+    driven: Literal["front", "rear"]
+    wheelbase_m: Positive
+    wheel_radius_m: Positive
+    steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
+    steering_rate_max_rad_s: Positive
+    counts_per_revolution: Counts
+    steering_offset_rad: Real = 0.0
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class AckermannDrive:
+    """A car: Ackermann steering at the front, one motor on a rear differential."""
+
+    kind: Literal["ackermann"]
+    wheelbase_m: Positive
+    track_width_m: Positive
+    wheel_radius_m: Positive
+    steering_max_rad: Annotated[float, Field(strict=True, gt=0, lt=math.pi / 2)]
+    steering_rate_max_rad_s: Positive
+    counts_per_revolution: Counts
+    steering_offset_rad: Real = 0.0
+
+
+Drive: TypeAlias = Annotated[
+    DifferentialDrive | TricycleDrive | AckermannDrive, Field(discriminator="kind")
+]
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class SonarMount:
+    """Where a sonar sits on the robot and where it looks, counter-clockwise from forward."""
+
+    name: str
+    x_m: Real
+    y_m: Real
+    heading_deg: Real
+
+    @property
+    def heading_rad(self) -> float:
+        """Heading of the beam's axis in base [rad]."""
+        return math.radians(self.heading_deg)
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class MotorParameters:
+    """A brushed DC motor with gearbox. Friction and inertia are those of the motor shaft.
+
+    `gear_efficiency` acts as friction in proportion to the motor's torque, so a gear never
+    delivers energy: driving forwards the wheel gets that share of the torque.
+    `inductance_h` = 0 selects the quasi-static limit. `stiction_ratio` is static over sliding
+    Coulomb friction. The winding is heated by its copper loss and cools to the case, the case to
+    the air; its resistance rises by 0.39 % per kelvin.
+    """
+
+    resistance_ohm: Positive = 1.5
+    inductance_h: NotNegative = 1.0e-3
+    back_emf_v_s_rad: Positive = 0.0225
+    gear_ratio: Positive = 20.0
+    gear_efficiency: Annotated[float, Field(strict=True, gt=0, le=1)] = 0.9
+    rotor_inertia_kg_m2: Positive = 5.0e-6
+    viscous_n_m_s_rad: NotNegative = 2.0e-6
+    coulomb_n_m: NotNegative = 3.0e-3
+    stiction_ratio: Annotated[float, Field(strict=True, ge=1, le=100)] = 1.2
+    current_limit_a: Positive = 10.0
+    winding_heat_j_k: Positive = 12.0
+    case_heat_j_k: Positive = 150.0
+    winding_to_case_k_w: Positive = 2.5
+    case_to_air_k_w: Positive = 8.0
+    air_c: Real = 25.0
+
+    def __post_init__(self) -> None:
+        outward = 1.0 / self.winding_to_case_k_w
+        winding_s = self.winding_heat_j_k / outward
+        case_s = self.case_heat_j_k / (outward + 1.0 / self.case_to_air_k_w)
+        if min(winding_s, case_s) < SHORTEST_HEATING_S:
+            raise ValueError(
+                f"the winding warms within {winding_s:.2g} s, the case within {case_s:.2g} s by "
+                "*_heat_j_k and *_k_w; allowed are times (heat times thermal resistance) from "
+                f"{SHORTEST_HEATING_S} s on"
+            )
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class BridgeParameters:
+    """The H-bridge: PWM bits, no output below the duty `deadband`, resistance of two switches."""
+
+    resistance_ohm: NotNegative = 0.02
+    pwm_bits: Annotated[int, Field(strict=True, ge=4, le=16)] = 12
+    deadband: Annotated[float, Field(strict=True, ge=0, lt=0.5)] = 0.02
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class BatteryParameters:
+    """Lithium-ion cells in series: open-circuit voltage over charge, resistance, one RC pair.
+
+    `charge` is the state at power-on (1 full). `voltage_scale` multiplies the open-circuit voltage:
+    a plain way to test with 70 % of the voltage. `electronics_current_a` always flows.
+    """
+
+    cells: Annotated[int, Field(strict=True, gt=0, le=1000)] = 3
+    capacity_ah: Positive = 5.0
+    internal_resistance_ohm: NotNegative = 0.06
+    polarisation_resistance_ohm: NotNegative = 0.03
+    polarisation_time_s: Positive = 20.0
+    charge: Share = 1.0
+    voltage_scale: Positive = 1.0
+    electronics_current_a: NotNegative = 0.5
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class WheelParameters:
+    """Contact of tyre and floor.
+
+    Force grows in proportion to the slip velocity, up to `friction` times the load, which it
+    reaches at `slip_speed_m_s` + `slip_ratio` · |speed|. `floor_noise` is the standard deviation
+    of the relative change of the rolling radius from bumps and dust, correlated over
+    `floor_length_m`; on it dead reckoning drifts with a variance of
+    2 · floor_noise² · floor_length_m per metre of each wheel. `inertia_kg_m2` is that of one
+    driven wheel.
+    """
+
+    inertia_kg_m2: NotNegative = 2.0e-4
+    friction: Positive = 0.8
+    slip_ratio: NotNegative = 0.03
+    slip_speed_m_s: Positive = 0.002
+    rolling_resistance: NotNegative = 0.01
+    floor_noise: NotNegative = 0.002
+    floor_length_m: Positive = 0.05
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class CastorParameters:
+    """The castor of a differential drive: it carries what the axle does not, and drags a little."""
+
+    position_m: Point = (-0.12, 0.0)
+    drag: NotNegative = 0.01
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class SteeringParameters:
+    """The steering servo: first-order lag, its rate limited by the drive's."""
+
+    time_constant_s: NotNegative = 0.03
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class GeometryErrors:
+    """How the true robot differs from its configuration: relative, 0 for a calibrated one."""
+
+    wheel_radius: tuple[RelativeError, RelativeError] = (0.0, 0.0)
+    track_width: RelativeError = 0.0
+    wheelbase: RelativeError = 0.0
+    steering_offset_rad: Annotated[float, Field(strict=True, gt=-0.5, lt=0.5)] = 0.0
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class SonarParameters:
+    """The ultrasonic sensors of the ring, all alike, `z_m` above the floor.
+
+    The cone of `beam_deg` (full angle) is a fan of `rays`; a ray that meets a surface at more than
+    `max_incidence_deg` from its normal is lost, except in concave corners, which reflect back.
+    Noise has the standard deviation `sigma_m` + `sigma_per_m` · range. Nearer than `min_range_m`
+    the sensor reports `min_range_m`, farther than `max_range_m` nothing.
+    """
+
+    z_m: Positive = 0.1
+    beam_deg: Annotated[float, Field(strict=True, gt=0, le=120)] = 25.0
+    rays: Annotated[int, Field(strict=True, ge=3, le=101)] = 15
+    max_incidence_deg: Annotated[float, Field(strict=True, gt=0, le=90)] = 35.0
+    min_range_m: NotNegative = 0.03
+    max_range_m: Annotated[float, Field(strict=True, gt=0, le=8.0)] = 4.0
+    sigma_m: NotNegative = 0.003
+    sigma_per_m: NotNegative = 0.004
+    outlier_probability: Share = 0.005
+    dropout_probability: Share = 0.005
+    crosstalk_probability: Share = 0.05
+    corner_echo: bool = True
+
+    def __post_init__(self) -> None:
+        _check_ranges(self.min_range_m, self.max_range_m)
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class LidarParameters:
+    """A planar lidar: `beams` over `fov_deg`, the first at the right, in scans of `rate_hz`."""
+
+    x_m: Real = 0.0
+    y_m: Real = 0.0
+    z_m: Positive = 0.2
+    heading_deg: Real = 0.0
+    beams: Annotated[int, Field(strict=True, ge=2, le=10_000)] = 360
+    fov_deg: Annotated[float, Field(strict=True, gt=0, le=360)] = 360.0
+    rate_hz: Rate = 10.0
+    min_range_m: NotNegative = 0.05
+    max_range_m: Positive = 12.0
+    sigma_m: NotNegative = 0.01
+    dropout_probability: Share = 0.002
+
+    def __post_init__(self) -> None:
+        _check_ranges(self.min_range_m, self.max_range_m)
+
+
+def _check_ranges(min_range_m: float, max_range_m: float) -> None:
+    if min_range_m >= max_range_m:
+        raise ValueError(f"min_range_m: {min_range_m} is not less than max_range_m, {max_range_m}")
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class SimulationParameters:
+    """The table `[simulation]`. `body` is the convex outline in base, `centre_of_mass_m` too."""
+
+    mass_kg: Positive
+    yaw_inertia_kg_m2: Positive
+    body: tuple[Point, ...]
+    centre_of_mass_m: Point = (-0.015, 0.0)
+    wall_friction: NotNegative = 0.3
+    motor: MotorParameters = field(default_factory=MotorParameters)
+    bridge: BridgeParameters = field(default_factory=BridgeParameters)
+    battery: BatteryParameters = field(default_factory=BatteryParameters)
+    wheels: WheelParameters = field(default_factory=WheelParameters)
+    castor: CastorParameters = field(default_factory=CastorParameters)
+    steering: SteeringParameters = field(default_factory=SteeringParameters)
+    errors: GeometryErrors = field(default_factory=GeometryErrors)
+    sonar: SonarParameters = field(default_factory=SonarParameters)
+    lidar: LidarParameters | None = None
+    camera: CameraParameters = field(default_factory=CameraParameters)
+
+    def __post_init__(self) -> None:
+        if len(self.body) < 3:
+            raise ValueError(f"body: {len(self.body)} corners; an outline needs at least 3")
+        farthest = max(max(map(abs, corner)) for corner in self.body)
+        if farthest > FARTHEST_CORNER_M:
+            raise ValueError(
+                f"body: a corner at {farthest:g} m; allowed are {FARTHEST_CORNER_M:g} m from base"
+            )
+        sides = [
+            (b[0] - a[0], b[1] - a[1])
+            for a, b in zip(self.body, self.body[1:] + self.body[:1], strict=True)
+        ]
+        turns = [
+            math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
+            for a, b in zip(sides, sides[1:] + sides[:1], strict=True)
+        ]
+        once = math.isclose(abs(sum(turns)), 2.0 * math.pi)
+        if not (once and (all(t > 0 for t in turns) or all(t < 0 for t in turns))):
+            raise ValueError(
+                "body: the outline is not convex, crosses itself or has a corner on a straight side"
+            )

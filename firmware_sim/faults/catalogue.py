@@ -1,0 +1,300 @@
+"""Every kind of fault there is: `CATALOGUE`; `docs/faults.md` is written from it.
+
+Faults of frames and bus are those of `firmware_sim.bus.faults`; those of the drive and the sonars
+sit between the true robot and its firmware, in `firmware_sim.faults.faulty_parts`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from firmware_sim.bus.errors import BusError
+from firmware_sim.bus.faults import (
+    Babble,
+    Corrupt,
+    Cut,
+    Destroy,
+    Dominant,
+    Drop,
+    Duplicate,
+    Mute,
+    Reorder,
+    Stale,
+    Unanswered,
+)
+from firmware_sim.errors import SimulationError
+from firmware_sim.faults import actions as act
+from firmware_sim.faults import fits
+from firmware_sim.faults.faulty_parts import RELEASE_V, RESET_V, REVERSED, STUCK
+from firmware_sim.faults.parameters import DURATION, Parameter, Value, nearest, shown
+from firmware_sim.nodes import wire
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One kind of fault.
+
+    Attributes
+    ----------
+    help
+        What happens, in a line.
+    begin
+        Lets it begin; returns what ends it, or None where nothing is left to end.
+    parameters
+        By name.
+    fits
+        Yields the arguments that a robot cannot have.
+    """
+
+    help: str
+    begin: act.Begin
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    fits: fits.Fits = fits.anything
+
+    def value(self, key: str, given: object) -> Value:
+        """Return the value of one parameter; raises SimulationError where it is unknown or wrong.
+
+        The message begins with the key as it is `shown`.
+        """
+        parameter = self.parameters.get(key)
+        if parameter is None:
+            allowed = ", ".join(self.parameters) or "none"
+            hint = nearest(key, self.parameters)
+            raise SimulationError(f"{shown(key)}: unknown, allowed: {allowed}{hint}")
+        try:
+            return parameter.value(given)
+        except SimulationError as error:
+            raise SimulationError(f"{shown(key)}: {error}") from None
+
+    def complete(self, given: Mapping[str, Value]) -> dict[str, Value]:
+        """Return all arguments, defaults in the place of those that are not given."""
+        return {key: given.get(key, each.default) for key, each in self.parameters.items()}
+
+
+DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS)
+
+_LASTING: Final = {DURATION: Parameter(0.0, "s, 0: until `clear`", 0.0, 3600.0)}
+_FOR: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
+_NODE: Final = {"node": Parameter("drive", "which", words=("drive", "sonar", "power"))}
+_WHEEL: Final = {"wheel": Parameter("left", "whose", words=tuple(act.WHEELS))}
+_FRAMES: Final = {
+    "id": Parameter(0.0, "identifier, 0x201 or 513, 0: any", 0.0, 0x7FF, whole=True),
+    "probability": Parameter(1.0, "for each frame", 0.001, 1.0),
+    **_FOR,
+}
+
+DRIVE: Final[dict[str, Kind]] = {
+    "encoder_stuck": Kind(
+        "an encoder counts no more", act.encoder(STUCK), {**_WHEEL, **_LASTING},
+        fits.wheel,
+    ),
+    "encoder_reversed": Kind(
+        "an encoder counts backwards", act.encoder(REVERSED), {**_WHEEL, **_LASTING},
+        fits.wheel,
+    ),
+    "encoder_glitch": Kind(
+        "an encoder's count jumps once", act.glitch,
+        {**_WHEEL, "counts": Parameter(500.0, "counts", -32000.0, 32000.0, whole=True)},
+        fits.wheel,
+    ),
+    "encoder_disconnected": Kind(
+        "an encoder's cable is open: it counts at random what its inputs pick up while the bridges "
+        "switch, and nothing while they do not", act.disconnect_encoder,
+        {**_WHEEL, "edges": Parameter(2000.0, "1/s, 0: none", 0.0, 50000.0), **_LASTING},
+        fits.wheel,
+    ),
+    "wheels_swapped": Kind(
+        "the encoders' cables are in each other's sockets",
+        lambda robot, _: robot.stage.swap(), _LASTING, fits.exchange,
+    ),
+    "feedback_frozen": Kind(
+        "the drive's feedback goes on with the counts of long ago", act.freeze, _LASTING
+    ),
+    "carried": Kind(
+        "somebody carries the robot to another place of the room, drawn from the seed", act.carry
+    ),
+    "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}, fits.wheel),
+    "over_current": Kind(
+        "a motor draws more current than it shows torque", act.draw_current,
+        {**_WHEEL, "amperes": Parameter(20.0, "A", 0.1, 100.0), **_LASTING},
+        fits.wheel,
+    ),
+    "over_temperature": Kind(
+        "a winding is hotter", act.heat,
+        {**_WHEEL, "kelvin": Parameter(150.0, "K", 1.0, 200.0), **_LASTING},
+        fits.wheel,
+    ),
+    "under_voltage": Kind(
+        "the supply at the drive breaks down", act.under_voltage,
+        {"volts": Parameter(5.0, "V less", 0.1, 12.0), **_LASTING},
+    ),
+    "brown_out": Kind(
+        f"the supply at the drive sags evenly; below {RESET_V:g} V its processor is held in "
+        f"reset, above {RELEASE_V:g} V it boots", act.brown_out,
+        {
+            "volts": Parameter(4.0, "V that are left", 0.0, 60.0),
+            "sag": Parameter(0.2, "s until then", 0.001, 60.0),
+            **_LASTING,
+        },
+        fits.sag,
+    ),
+}  # fmt: skip
+
+SONARS: Final[dict[str, Kind]] = {
+    "sonar_silent": Kind(
+        "the sonar ring sends no ranges, its heartbeat goes on",
+        act.lose(*wire.SONAR_RANGES), _FOR, fits.sonars,
+    ),
+    "sonar_stuck": Kind(
+        "the sonar ring repeats its last ranges", lambda robot, _: robot.ring.stick(), _LASTING,
+        fits.sonars,
+    ),
+    "sonar_crosstalk": Kind(
+        "a sonar takes the echo of another of its group of four for its own: it reads too near",
+        act.leak,
+        {
+            "sonar": Parameter(0.0, "number of the one that hears", 0.0, 15.0, whole=True),
+            "other": Parameter(1.0, "number of the one that is heard", 0.0, 15.0, whole=True),
+            **_LASTING,
+        },
+        fits.crosstalk,
+    ),
+}  # fmt: skip
+
+NODES: Final[dict[str, Kind]] = {
+    "node_reset": Kind("a node loses its supply for a moment and boots", act.reset, _NODE),
+    "node_silent": Kind(
+        "a node's program hangs: it sends nothing, heartbeat neither",
+        act.on_node(Mute), {**_NODE, **_FOR},
+    ),
+    "feedback_lost": Kind(
+        "the drive's feedback is missing, its heartbeat goes on", act.lose(*DRIVE_FEEDBACK), _FOR
+    ),
+    "parameter_lost": Kind(
+        "a node's stored parameters are damaged and it boots, with its defaults and saying so; so "
+        "does each boot until they are stored anew",
+        act.lose_parameters, _NODE,
+    ),
+    "parameter_changed": Kind(
+        "a parameter in a node's memory becomes another, as by a bit that flips or a write that "
+        "should have been refused",
+        act.change_parameter,
+        {
+            "parameter": Parameter("command_timeout", "which", words=tuple(act.PARAMETERS)),
+            "value": Parameter(
+                2000.0, "in the unit of the object dictionary", 0.0, 65535.0, whole=True
+            ),
+        },
+    ),
+    "wrong_firmware": Kind(
+        "a node boots with another major revision, and the drive with another wire version; "
+        "in the end it boots with its own", act.flash, {**_NODE, **_LASTING},
+    ),
+    "clock_drift": Kind(
+        "a node's oscillator is off: its periods, its time-out and its time stamps", act.drift,
+        {**_NODE, "ppm": Parameter(50000.0, "ppm too fast", -100000.0, 100000.0), **_LASTING},
+    ),
+}  # fmt: skip
+
+BUS: Final[dict[str, Kind]] = {
+    "bus_cut": Kind("the wire is cut everywhere", act.on_bus(Cut), _FOR),
+    "bus_short": Kind("the bus is held dominant", act.on_bus(Dominant), _FOR),
+    "node_cut": Kind("a node is cut off", act.on_node(Cut), {**_NODE, **_FOR}),
+    "host_cut": Kind("the host is cut off", act.on_host(Cut), _FOR),
+    "node_bus_off": Kind(
+        "a node's transmitter breaks each of its frames: it goes bus-off, as often as it comes "
+        "back", act.on_node(Destroy, error=BusError.BIT_ERROR), {**_NODE, **_FOR},
+    ),
+    "host_bus_off": Kind(
+        "the host's transmitter breaks each of its frames: it goes bus-off, as often as it comes "
+        "back", act.on_host(Destroy, error=BusError.BIT_ERROR), _FOR,
+    ),
+    "node_error_passive": Kind(
+        "a node's transmitter breaks so many frames that it stays error-passive; all get through",
+        act.node_passive, {**_NODE, **_LASTING},
+    ),
+    "host_error_passive": Kind(
+        "the host's transmitter breaks so many frames that it stays error-passive; all get through",
+        act.host_passive, _LASTING,
+    ),
+    "no_ack": Kind(
+        "nobody acknowledges the host: its frames are lost, it hears the others",
+        act.on_host(Unanswered), _FOR,
+    ),
+    "babble": Kind(
+        "a node sends identifier 0 without a pause", act.on_node(Babble), {**_NODE, **_FOR}
+    ),
+    "overload": Kind(
+        "a stranger's frames fill a share of the bus, behind all others or before them; it "
+        "acknowledges nobody's",
+        act.overload,
+        {
+            "priority": Parameter("low", "of its frames", words=tuple(act.OVERLOAD_IDS)),
+            "load": Parameter(0.95, "share", 0.05, 1.0),
+            **_FOR,
+        },
+    ),
+}  # fmt: skip
+
+FRAMES: Final[dict[str, Kind]] = {
+    "frames_destroyed": Kind(
+        "frames break on the wire: CAN's own CRC sees it and they are sent again",
+        act.on_frames(Destroy, error=BusError.CRC_ERROR), _FRAMES, fits.frames,
+    ),
+    "frames_corrupt": Kind(
+        "one bit of the payload changes before the frame is sent: only E2E sees it",
+        act.on_frames(Corrupt), _FRAMES, fits.frames,
+    ),
+    "frames_lost": Kind("receivers lose frames", act.on_frames(Drop), _FRAMES, fits.frames),
+    "frames_repeated": Kind(
+        "frames are sent twice", act.on_frames(Duplicate), _FRAMES, fits.frames
+    ),
+    "frames_stale": Kind(
+        "instead of a frame the last true one is sent once more", act.on_frames(Stale), _FRAMES,
+        fits.frames,
+    ),
+    "frames_reordered": Kind(
+        "a frame is sent after the next one of its identifier", act.on_frames(Reorder), _FRAMES,
+        fits.frames,
+    ),
+    "frames_late": Kind(
+        "frames are handed to the controller late; others overtake them", act.delay,
+        {**_FRAMES, "delay": Parameter(0.02, "s", 0.0001, 10.0)}, fits.frames,
+    ),
+    "masquerade": Kind(
+        "the sonar node sends motor commands, with a CRC that does not fit", act.masquerade, _FOR
+    ),
+}  # fmt: skip
+
+GROUPS: Final = {
+    "The drive and its sensors": DRIVE,
+    "The sonars": SONARS,
+    "Nodes": NODES,
+    "The bus": BUS,
+    "Frames": FRAMES,
+}
+CATALOGUE: Final[dict[str, Kind]] = {
+    name: kind for group in GROUPS.values() for name, kind in group.items()
+}
+
+
+def describe() -> str:
+    """Return the catalogue in Markdown, a table for each group."""
+    return "\n\n".join(f"### {title}\n\n{_table(group)}" for title, group in GROUPS.items())
+
+
+def _table(group: dict[str, Kind]) -> str:
+    rows = ["| kind | what happens | parameters, their defaults and bounds |", "|---|---|---|"]
+    for name, kind in group.items():
+        parameters = ", ".join(_parameter(key, each) for key, each in kind.parameters.items())
+        rows.append(f"| `{name}` | {kind.help} | {parameters} |")
+    return "\n".join(rows)
+
+
+def _parameter(key: str, parameter: Parameter) -> str:
+    if parameter.words:
+        return f"`{key}={parameter.default}` ({parameter.help}: {', '.join(parameter.words)})"
+    bounds = f"{parameter.low:g} to {parameter.high:g}"
+    return f"`{key}={parameter.default:g}` ({parameter.help}; {bounds})"

@@ -1,0 +1,139 @@
+"""The robot as faults get at it, and what all of them do with it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from firmware_sim.bus.faults import Fault as BusFault
+from firmware_sim.errors import SimulationError
+from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
+from firmware_sim.faults.parameters import DURATION, Arguments, Undo
+from firmware_sim.nodes import wire
+
+if TYPE_CHECKING:
+    from firmware_sim.bus.core import Bus
+    from firmware_sim.config.config import RobotConfig
+    from firmware_sim.nodes.node import Node
+    from firmware_sim.nodes.parameter_store import FragileStore
+    from firmware_sim.plant.plant import Plant
+    from firmware_sim.world.world import World
+
+_HOST: Final = re.compile(r"host(#\d+)?|bridge:.*")
+"""Name of a port that host programs have, with a number where there are several."""
+MILLISECOND_NS: Final = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultyRobot:
+    """A simulated robot in its room, all of which can break.
+
+    Attributes
+    ----------
+    config, world, bus, plant
+        The true ones.
+    nodes
+        Its drive, sonar and power node.
+    stores
+        Their non-volatile memories, by name.
+    stage
+        What its drive reads.
+    ring
+        What its sonars hear.
+    rng
+        Of the noise of broken sensors.
+    run_to
+        Brings the plant to a time [ns].
+    supervise
+        Holds the drive in reset, or lets it boot, as its supply is now.
+    power_cycle
+        Takes the supply from a node, by name, and gives it back.
+    """
+
+    config: RobotConfig
+    world: World
+    bus: Bus
+    plant: Plant
+    nodes: tuple[Node, ...]
+    stores: Mapping[str, FragileStore]
+    stage: FaultyStage
+    ring: FaultyRing
+    rng: np.random.Generator
+    run_to: Callable[[int], int]
+    supervise: Callable[[], None]
+    power_cycle: Callable[[str], None]
+
+    def node(self, name: str) -> Node:
+        """Return a node by its name."""
+        return next(each for each in self.nodes if each.name == name)
+
+    def catch_up(self) -> None:
+        """Bring the robot to the present: what changes now has not been so before."""
+        self.run_to(self.bus.now_ns)
+
+    def repeat(self, action: Callable[[], None], period_ns: int = MILLISECOND_NS) -> Undo:
+        """Do something now and then each period; return what ends that."""
+        bus = self.bus
+        goes_on = True
+
+        def tick() -> None:
+            if goes_on:
+                self.catch_up()
+                action()
+                bus.schedule(bus.now_ns + period_ns, tick)
+
+        def end() -> None:
+            nonlocal goes_on
+            goes_on = False
+
+        tick()
+        return end
+
+    def end_ns(self, arguments: Arguments) -> int:
+        """Return the time at which a fault with these arguments ends if it begins now [ns]."""
+        return self.bus.now_ns + round(float(arguments[DURATION]) * 1e9)
+
+    def on_bus(self, make: Callable[..., BusFault], arguments: Arguments, **more: object) -> None:
+        """Inject a fault of the bus from now for its duration."""
+        self.bus.inject(make(start_ns=self.bus.now_ns, end_ns=self.end_ns(arguments), **more))
+
+    def on_frames(
+        self, make: Callable[..., BusFault], arguments: Arguments, **more: object
+    ) -> None:
+        """Inject a fault of frames: with the identifier and the probability of the arguments."""
+        number = int(float(arguments["id"]))
+        self.on_bus(
+            make,
+            arguments,
+            arbitration_id=number or None,
+            probability=float(arguments["probability"]),
+            **more,
+        )
+
+    def host(self) -> str:
+        """Name of the host's port: it has the name of one and commands the motors.
+
+        Where none does both, the port that commands them, or has the name.
+
+        Raises
+        ------
+        SimulationError
+            Where no host is on the bus, or several could be it.
+        """
+        nodes = {node.name for node in self.nodes}
+        guests = [port for port in self.bus.ports if port.name not in nodes]
+        commanding = [port for port in guests if port.has_sent(wire.MOTOR_COMMAND)]
+        named = [port for port in guests if _HOST.fullmatch(port.name)]
+        both = [port for port in named if port in commanding]
+        found = [port.name for port in both or commanding or named]
+        if not found:
+            raise SimulationError("no host is on the bus")
+        if len(found) > 1:
+            raise SimulationError(
+                f"{', '.join(found)} could be the host, allowed: one that sends motor commands"
+            )
+        return found[0]

@@ -1,0 +1,106 @@
+"""Which arguments of a fault a robot cannot have, though the bounds of the catalogue allow them.
+
+A fault that a robot cannot feel would leave a test of it green without having been applied. Each
+function yields the key and what is wrong with it, and what this robot allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from firmware_sim.config.parameters import DifferentialDrive
+from firmware_sim.faults.parameters import Arguments
+from firmware_sim.nodes import drive_objects, power, sonar, wire
+
+if TYPE_CHECKING:
+    from firmware_sim.config.config import RobotConfig
+
+Misfits: TypeAlias = Iterator[tuple[str, str]]
+Fits: TypeAlias = "Callable[[RobotConfig, Arguments], Misfits]"
+
+KIND: Final = "kind"
+"""The key to blame where no argument would do."""
+
+FULL_CELL_V: Final = 4.2
+"""Of `firmware_sim.plant.battery`, which loads numba."""
+
+
+def anything(_robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield nothing: every robot feels it."""
+    return iter(())
+
+
+def wheel(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no such motor."""
+    if arguments["wheel"] == "right" and not isinstance(robot.drive, DifferentialDrive):
+        yield "wheel", f"'right', the {robot.drive.kind} drive has one motor, allowed: left, drive"
+
+
+def exchange(robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield where the robot has no two motors, whose encoders could be exchanged."""
+    if not isinstance(robot.drive, DifferentialDrive):
+        yield KIND, f"the {robot.drive.kind} drive has one motor, whose encoder has no other socket"
+
+
+def sonars(robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield where the robot has no sonar at all."""
+    if not robot.sonar:
+        yield KIND, "the robot has no sonars"
+
+
+def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no such sonars, or the two do not fire together."""
+    yield from sonars(robot, arguments)
+    count = len(robot.sonar)
+    numbers = {key: int(float(arguments[key])) for key in ("sonar", "other")}
+    missing = [key for key, number in numbers.items() if number >= count > 0]
+    for key in missing:
+        yield key, f"{numbers[key]}, the robot has {count} sonars, allowed: 0 to {count - 1}"
+    if missing or not count:
+        return
+    listener, speaker = numbers["sonar"], numbers["other"]
+    first = listener // sonar.GROUP_SIZE * sonar.GROUP_SIZE
+    group = [
+        each for each in range(first, min(first + sonar.GROUP_SIZE, count)) if each != listener
+    ]
+    if speaker not in group:
+        allowed = ", ".join(map(str, group)) or "none"
+        rule = f"must be another that fires together with sonar {listener}"
+        yield "other", f"{speaker}, {rule}, allowed: {allowed}"
+
+
+def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where no frame of the robot or its host has the identifier; 0 is any."""
+    given, there = int(float(arguments["id"])), _identifiers(len(robot.sonar))
+    if given == 0 or given in there:
+        return
+    nearest = min(there, key=lambda each: abs(each - given))
+    allowed = ", ".join(f"{each:#05x}" for each in sorted(there))
+    yield (
+        "id",
+        f"{given:#05x}, nobody sends it, nearest is {nearest:#05x}; allowed: 0 for any, {allowed}",
+    )
+
+
+def _identifiers(sonars: int) -> set[int]:
+    """Return the identifiers of a robot with so many sonars, but that of NMT, which is 0."""
+    nodes = (drive_objects.NODE_ID, sonar.NODE_ID, power.NODE_ID)
+    bases = (
+        wire.EMERGENCY_BASE, wire.SDO_RESPONSE_BASE, wire.SDO_REQUEST_BASE, wire.HEARTBEAT_BASE,
+    )  # fmt: skip
+    return {
+        wire.EMERGENCY_STOP, wire.SYNC, wire.MOTOR_COMMAND,
+        wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS, wire.BATTERY,
+        *sonar.range_identifiers(sonars),
+        *(base + node for base in bases for node in nodes),
+    }  # fmt: skip
+
+
+def sag(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the battery never has more than the voltage that is left."""
+    battery = robot.simulation.battery
+    full_v = battery.cells * FULL_CELL_V * battery.voltage_scale
+    volts = float(arguments["volts"])
+    if volts >= full_v:
+        yield "volts", f"{volts:g}, the battery has {full_v:g} V, allowed: less"

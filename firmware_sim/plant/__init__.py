@@ -1,0 +1,1 @@
+"""The machine: motors, battery, body and its contact with walls."""

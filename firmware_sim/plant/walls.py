@@ -1,0 +1,201 @@
+"""Where the robot's outline may touch a wall: a grid for the far walls, exact gaps for the near.
+
+The grid lists for each cell the walls that the outline can reach while its base is in that cell;
+most cells list none, so that driving in the open costs one look-up.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from firmware_sim.compiled import compiled
+from firmware_sim.plant.contact import JW, JX, JY, MAX_WALLS, SLOP_M, SOFT, TARGET, TYRES, put_row
+from firmware_sim.plant.plant_state import DT_S
+
+CELL_M = 0.25
+NEAR_M = 0.05
+"""Gap within which the grid lists a wall; must exceed what the robot drives in one step."""
+END_M = 5.0e-4
+"""A wall's end this near to a corner of the outline makes no contact: the corner itself does."""
+
+
+def body_outline(corners: tuple[tuple[float, float], ...]) -> np.ndarray:
+    """Convex outline, counter-clockwise, (m, 5): corner, outward normal and length of its side."""
+    points = np.array(corners, dtype=np.float64)
+    following = np.roll(points, -1, axis=0)
+    area = np.sum(points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0])
+    if area < 0:
+        points = points[::-1]
+        following = np.roll(points, -1, axis=0)
+    side = following - points
+    length = np.hypot(side[:, 0], side[:, 1])[:, None]
+    normal = np.stack([side[:, 1], -side[:, 0]], axis=1) / length
+    return np.ascontiguousarray(np.hstack([points, normal, length]))
+
+
+def wall_grid(segments: np.ndarray, reach_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Build the grid of walls within reach, large enough for all of them.
+
+    Returns
+    -------
+    tuple
+        Origin x, y and reach (3,) [m]; table of int32: columns, rows, then the starts of each
+        cell's list (one more than there are cells), then the lists of wall numbers.
+    """
+    margin = reach_m + NEAR_M
+    ends = segments.reshape(-1, 2) if len(segments) else np.zeros((1, 2))
+    low, high = ends.min(axis=0) - 2 * margin, ends.max(axis=0) + 2 * margin
+    origin = np.array([*low, reach_m])
+    columns, rows = (math.ceil(side) for side in (high - low) / CELL_M)
+    limit = margin + CELL_M / math.sqrt(2.0)
+    x = origin[0] + (np.arange(columns) + 0.5) * CELL_M
+    y = origin[1] + (np.arange(rows) + 0.5) * CELL_M
+    cells, numbers = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for number, (ax, ay, bx, by) in enumerate(segments):
+        near_x = np.flatnonzero((x >= min(ax, bx) - limit) & (x <= max(ax, bx) + limit))
+        near_y = np.flatnonzero((y >= min(ay, by) - limit) & (y <= max(ay, by) + limit))
+        off_x, off_y = x[near_x] - ax, y[near_y, None] - ay
+        dx, dy = bx - ax, by - ay
+        t = np.clip((off_x * dx + off_y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
+        row, column = np.nonzero(np.hypot(off_x - t * dx, off_y - t * dy) <= limit)
+        cells.append(near_y[row] * columns + near_x[column])
+        numbers.append(np.full(len(row), number))
+    cell = np.concatenate(cells)
+    entries = np.concatenate(numbers)[np.argsort(cell, kind="stable")]
+    count = columns * rows
+    starts = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=count))]) + 3 + count
+    return origin, np.concatenate([[columns, rows], starts, entries]).astype(np.int32)
+
+
+@compiled
+def cell_walls(x: float, y: float, origin: np.ndarray, grid: np.ndarray) -> tuple[int, int]:
+    """Range in `grid` of the numbers of the walls near a base position; empty outside the grid."""
+    column = math.floor((x - origin[0]) / CELL_M)
+    row = math.floor((y - origin[1]) / CELL_M)
+    if column < 0 or row < 0 or column >= grid[0] or row >= grid[1]:
+        return 0, 0
+    cell = 2 + row * grid[0] + column
+    return int(grid[cell]), int(grid[cell + 1])
+
+
+@compiled
+def wall_rows(
+    body: np.ndarray,
+    p: np.ndarray,
+    outline: np.ndarray,
+    segments: np.ndarray,
+    origin: np.ndarray,
+    grid: np.ndarray,
+    rows: np.ndarray,
+) -> int:
+    """Append rows for the walls that may be touched within the next step; returns their number."""
+    b, c = body[0], p[0]
+    first, last = cell_walls(b.x, b.y, origin, grid)
+    if first == last:
+        return 0
+    cos, sin = math.cos(b.theta), math.sin(b.theta)
+    ahead = 1.0e-3 + 1.5 * DT_S * (abs(b.vx) + abs(b.vy) + abs(b.omega) * origin[2])
+    count = 0
+    for entry in range(first, last):
+        wall = segments[grid[entry]]
+        ax, ay = wall[0] - b.x, wall[1] - b.y
+        bx, by = wall[2] - b.x, wall[3] - b.y
+        dx, dy = bx - ax, by - ay
+        length = math.hypot(dx, dy)
+        dx, dy = dx / length, dy / length
+        along = min(max(-(ax * dx + ay * dy), 0.0), length)
+        if math.hypot(ax + along * dx, ay + along * dy) > origin[2] + ahead:
+            continue
+        # From here in base.
+        ax, ay = cos * ax + sin * ay, -sin * ax + cos * ay
+        bx, by = cos * bx + sin * by, -sin * bx + cos * by
+        count = corner_rows(
+            c.com_x, c.com_y, c, ax, ay, bx, by, length, ahead, outline, rows, count
+        )
+        count = end_row(c.com_x, c.com_y, ax, ay, ahead, outline, rows, count)
+        count = end_row(c.com_x, c.com_y, bx, by, ahead, outline, rows, count)
+    return count
+
+
+@compiled
+def corner_rows(
+    com_x: float,
+    com_y: float,
+    c: np.ndarray,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    length: float,
+    ahead: float,
+    outline: np.ndarray,
+    rows: np.ndarray,
+    count: int,
+) -> int:
+    """Rows of the outline's corners against the face of a wall from a to b, all in base."""
+    dx, dy = (bx - ax) / length, (by - ay) / length
+    nx, ny = -dy, dx
+    if (c.centre_x - ax) * nx + (c.centre_y - ay) * ny < 0.0:  # type: ignore[attr-defined]
+        nx, ny = -nx, -ny
+    for i in range(len(outline)):
+        vx, vy = outline[i, 0], outline[i, 1]
+        gap = (vx - ax) * nx + (vy - ay) * ny
+        along = (vx - ax) * dx + (vy - ay) * dy
+        if gap < ahead and 0.0 <= along <= length:
+            count = put_wall(rows, count, nx, ny, vx - com_x, vy - com_y, gap)
+    return count
+
+
+@compiled
+def end_row(
+    com_x: float,
+    com_y: float,
+    ex: float,
+    ey: float,
+    ahead: float,
+    outline: np.ndarray,
+    rows: np.ndarray,
+    count: int,
+) -> int:
+    """Row of a wall's end at e against the sides of the outline, in base."""
+    best, side = -np.inf, -1
+    for i in range(len(outline)):
+        gap = (ex - outline[i, 0]) * outline[i, 2] + (ey - outline[i, 1]) * outline[i, 3]
+        if gap > best:
+            best, side = gap, i
+    if best >= ahead:
+        return count
+    nx, ny = outline[side, 2], outline[side, 3]
+    along = (ex - outline[side, 0]) * -ny + (ey - outline[side, 1]) * nx
+    if along < END_M or along > outline[side, 4] - END_M:
+        return count
+    return put_wall(rows, count, -nx, -ny, ex - com_x, ey - com_y, best)
+
+
+@compiled
+def put_wall(
+    rows: np.ndarray, count: int, nx: float, ny: float, px: float, py: float, gap: float
+) -> int:
+    """Append the pair of rows of one wall contact, if there is room; returns the new number.
+
+    The body may close no more than the gap within the step. Where it is already too deep it is
+    moved out, at no more than 0.1 m/s.
+    """
+    if count >= MAX_WALLS:
+        return count
+    i = TYRES + 2 * count
+    put_row(rows, i, nx, ny, px, py, -1)
+    put_row(rows, i + 1, -ny, nx, px, py, -1)
+    rows[i, TARGET] = min(-(gap - SLOP_M) / DT_S, 0.1)
+    rows[i, SOFT] = 0.0
+    rows[i + 1, SOFT] = 0.0
+    return count + 1
+
+
+@compiled
+def approach_speed(body: np.ndarray, rows: np.ndarray, i: int) -> float:
+    """Speed of the body along the direction of a row [m/s]."""
+    b = body[0]
+    return float(rows[i, JX] * b.vx + rows[i, JY] * b.vy + rows[i, JW] * b.omega)

@@ -1,0 +1,1 @@
+"""What sonars and the lidar measure in a world."""

@@ -1,0 +1,1 @@
+"""Rooms and maps, and where the robot really is in them."""

@@ -1,0 +1,366 @@
+"""The room: walls, boxes, furniture and obstacles of a TOML.
+
+A world's file has a table `[world]` (name, bounds, start pose), perhaps a table `[floor]`
+(`texture`, `seed`), `[[lamp]]` (`at`, `power`) and `[[board]]` (a chessboard on the floor) for the
+camera, and any number of
+
+- `[[wall]]`: `points` of a polyline, `closed` or not, `thickness_m` (0: a bare line, else each
+  straight part becomes a rectangle about it),
+- `[[box]]`: `centre`, `size`, `heading_deg`,
+- `[[furniture]]`: a named `kind = "box"`, or a round `kind = "pillar"` with `centre` and
+  `radius_m`, drawn as a polygon of `sides` sides about the circle,
+- `[[obstacle]]`: what lies about and is on no map: `centre`, `radius_m` or `size`, `height_m`.
+
+Each may have a `height_m` (default 2.5 m for walls, 0.8 m for boxes and furniture) and a `colour`
+(`#rrggbb`, default drawn from the floor's seed). The robot touches all of them and the camera sees
+all of them; a sonar or a lidar sees what is higher than it is mounted. The map that robotctl makes
+of a world has walls, boxes and furniture, not the obstacles. All stands within 500 m of the origin.
+
+A map as ROS has it, `.yaml`, is a world too: its occupied cells are walls of 2.5 m, on an evenly
+lit floor of tiles; the robot starts where there is the most room.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from pydantic import Field, TypeAdapter
+
+from firmware_sim.config.config import read_toml, validate
+from firmware_sim.config.quantities import Positive, Real, closed
+from firmware_sim.errors import SimulationError
+from firmware_sim.world.cells import Cells
+from firmware_sim.world.ros_map import SUFFIXES, load_cells
+from firmware_sim.world.shapes import WALL_M, Board, Box, Obstacle, Pillar, Thing, Wall
+
+OBSTACLE = "obstacle"
+FARTHEST_M = 500.0
+"""Of anything from the origin: collisions are found in a grid over all that stands there."""
+_TOUCHING_M = 1.0e-6
+_PLACES_M = 0.1
+_MOST_PLACES = 250_000
+_CELLS_COLOUR = "#d6d2ca"
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class StartPose:
+    """Where the robot starts."""
+
+    x_m: Real
+    y_m: Real
+    heading_deg: Real = 0.0
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class WorldSection:
+    """The table `[world]`.
+
+    `bounds` is min x, min y, max x, max y of where a robot may be put; if absent, those of all
+    that stands there.
+    """
+
+    name: str
+    start: StartPose
+    bounds: tuple[Real, Real, Real, Real] | None = None
+
+    def __post_init__(self) -> None:
+        if self.bounds is None:
+            return
+        low_x, low_y, high_x, high_y = self.bounds
+        if not (low_x < high_x and low_y < high_y):
+            raise ValueError("bounds: allowed are min x, min y, max x, max y")
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """The table `[floor]`: what it is of, and the seed of its pattern and of all colours."""
+
+    texture: Literal["carpet", "concrete", "tiles", "wood"] = "tiles"
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+
+
+@closed
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """A lamp at x, y, z [m]; one of `power` 1 lights the floor below it as any other does."""
+
+    at: tuple[Real, Real, Positive]
+    power: Positive = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class WorldFile:
+    """A world's file as it is written."""
+
+    world: WorldSection
+    wall: tuple[Wall, ...] = ()
+    box: tuple[Box, ...] = ()
+    furniture: tuple[Annotated[Box | Pillar, Field(discriminator="kind")], ...] = ()
+    obstacle: tuple[Obstacle, ...] = ()
+    floor: Floor = Floor()
+    lamp: tuple[Lamp, ...] = ()
+    board: tuple[Board, ...] = ()
+
+    __pydantic_config__ = {"extra": "forbid"}  # noqa: RUF012
+
+
+_FILE: TypeAdapter[WorldFile] = TypeAdapter(WorldFile)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """A room in the plane.
+
+    Attributes
+    ----------
+    name
+        For messages.
+    segments
+        Walls, (n, 4): from x, y to x, y [m] in world; those of boxes and furniture too, those of
+        obstacles not.
+    corners
+        Square or nearly square corners as seen from inside, (m, 6): x, y of the corner [m] and the
+        unit vectors of both arms. A sonar's echo comes back from them from any direction between
+        the arms.
+    bounds
+        Min x, min y, max x, max y [m] of where a robot may be put.
+    start
+        x [m], y [m], heading [rad].
+    things
+        All that stands here, in the order of the segments; the obstacles last.
+    floor
+        What the camera sees below.
+    lamps
+        What lights it; none: lamps under the ceiling, some 3.6 m apart.
+    boards
+        Printed chessboards on it.
+    cells
+        Of a world that is a map; else None.
+    """
+
+    name: str
+    segments: np.ndarray
+    corners: np.ndarray
+    bounds: tuple[float, float, float, float]
+    start: tuple[float, float, float]
+    things: tuple[Thing, ...] = ()
+    floor: Floor = Floor()
+    lamps: tuple[Lamp, ...] = ()
+    boards: tuple[Board, ...] = ()
+    cells: Cells | None = None
+
+    @property
+    def solids(self) -> tuple[tuple[str, np.ndarray], ...]:
+        """Name and corners, (k, 2) [m], of what has an inside."""
+        return tuple((thing.name, thing.corners) for thing in self.things if thing.solid)
+
+    @property
+    def touchable(self) -> np.ndarray:
+        """Sides of all that a robot can drive against, (n, 4) [m]: the segments, then obstacles."""
+        low = _sides(thing for thing in self.things if thing.kind == OBSTACLE)
+        return np.ascontiguousarray(np.vstack([self.segments, low]))
+
+    def seen_from(self, height_m: float) -> World:
+        """Return what a level sensor at a height sees: only what is higher than that."""
+        seen = tuple(thing for thing in self.things if thing.height_m > height_m)
+        if seen == tuple(thing for thing in self.things if thing.kind != OBSTACLE):
+            return self
+        segments = _sides(seen)
+        corners = _inner_corners(segments)
+        return dataclasses.replace(self, segments=segments, corners=corners, things=seen)
+
+    def solid_at(self, x_m: float, y_m: float) -> str:
+        """Name of the box, furniture or thick wall that a point is inside of; "" if none."""
+        if self.cells is not None and self.cells.is_occupied(np.array([[x_m, y_m]]))[0]:
+            return "a wall"
+        for name, ring in self.solids:
+            following = np.roll(ring, -1, axis=0)
+            crosses = (ring[:, 1] > y_m) != (following[:, 1] > y_m)
+            a, b = ring[crosses], following[crosses]
+            at = a[:, 0] + (y_m - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
+            if np.count_nonzero(at > x_m) % 2:
+                return name
+        return ""
+
+    def is_known(self, x_m: float, y_m: float) -> bool:
+        """Whether a point is in the room: in a map, in a free cell."""
+        return self.cells is None or bool(self.cells.is_free(np.array([[x_m, y_m]]))[0])
+
+    def places(self, x_m: float, y_m: float) -> np.ndarray:
+        """Points where a robot might be put, the nearest to x, y [m] first, (n, 2) [m].
+
+        They lie 0.1 m apart, or more in a large world, and may have a wall near by.
+        """
+        low_x, low_y, high_x, high_y = self.bounds
+        step_m = max(_PLACES_M, math.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_PLACES))
+        x, y = np.arange(low_x, high_x, step_m), np.arange(low_y, high_y, step_m)
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        if self.cells is not None:
+            points = points[self.cells.is_free(points)]
+        order = np.argsort(np.hypot(*(points - (x_m, y_m)).T), kind="stable")
+        chosen: np.ndarray = points[order]
+        return chosen
+
+    @staticmethod
+    def from_segments(
+        segments: np.ndarray | list[tuple[float, float, float, float]],
+        start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        name: str = "segments",
+    ) -> World:
+        """Build a world of bare wall segments, (n, 4) [m]; n may be 0."""
+        array = np.ascontiguousarray(segments, dtype=np.float64).reshape(-1, 4)
+        if not np.all(np.isfinite(array)):
+            raise ValueError("segments: not finite")
+        if np.any(np.hypot(array[:, 2] - array[:, 0], array[:, 3] - array[:, 1]) < _TOUCHING_M):
+            raise ValueError("segments: a wall without length")
+        things = tuple(
+            Thing(f"wall {i}", "wall", row.reshape(2, 2), solid=False, height_m=WALL_M)
+            for i, row in enumerate(array)
+        )
+        return World(name, array, _inner_corners(array), _extent(array, start), start, things)
+
+
+_OTHERS: Final = {"item": "mission", "fault": "scenario of faults", "drive": "robot's file"}
+"""What a file with such a table is, if it is no world."""
+
+
+def load_world(path: Path) -> World:
+    """Read and validate a world's file, or a map.
+
+    Raises
+    ------
+    SimulationError
+        The file cannot be read or is wrong; one line for each error.
+    """
+    if path.suffix.lower() in SUFFIXES:
+        return _world_of(load_cells(path), path)
+    table = read_toml(path)
+    other = next((_OTHERS[key] for key in _OTHERS if key in table.data), None)
+    if other is not None and not isinstance(table.data.get("world"), dict):
+        raise SimulationError(f"{path}: is a {other}; a world is needed")
+    file = validate(_FILE, table)
+    things = tuple(_things(file, path))
+    for thing in things:
+        _check_near(thing.corners, thing.name, path)
+    segments = _sides(thing for thing in things if thing.kind != OBSTACLE)
+    start = file.world.start
+    pose = (start.x_m, start.y_m, math.radians(start.heading_deg))
+    low_x, low_y, high_x, high_y = bounds = file.world.bounds or _extent(_sides(things), pose)
+    _check_near(np.array([*pose[:2], *bounds]), "world.start or world.bounds", path)
+    if not (low_x <= pose[0] <= high_x and low_y <= pose[1] <= high_y):
+        raise SimulationError(
+            f"{path}: world.start: ({pose[0]}, {pose[1]}) is outside the bounds {bounds}"
+        )
+    return World(
+        name=file.world.name,
+        segments=segments,
+        corners=_inner_corners(segments),
+        bounds=bounds,
+        start=pose,
+        things=things,
+        floor=file.floor,
+        lamps=file.lamp,
+        boards=file.board,
+    )
+
+
+def _world_of(cells: Cells, path: Path) -> World:
+    """Return the world that a map's cells are."""
+    if not cells.free.any():
+        raise SimulationError(
+            f"{path}: no cell is free, so a robot can be nowhere: are negate, free_thresh and "
+            "occupied_thresh right?"
+        )
+    segments = cells.walls()
+    ends = segments.reshape(-1, 2)
+    if len(ends):
+        _check_near(ends, "origin and size", path)
+    walls = Thing("walls", "wall", ends, False, WALL_M, _CELLS_COLOUR, chained=False)
+    *start, _ = cells.clear_way()
+    return World(
+        name=path.stem,
+        segments=segments,
+        corners=cells.corners(),
+        bounds=cells.bounds(),
+        start=(start[0], start[1], start[2]),
+        things=(walls,) if len(ends) else (),
+        cells=cells,
+    )
+
+
+def _check_near(places: np.ndarray, what: str, path: Path) -> None:
+    """Raise SimulationError where a coordinate [m] is too far from the origin."""
+    farthest = float(np.abs(places).max())
+    if farthest > FARTHEST_M:
+        raise SimulationError(
+            f"{path}: {what}: has a coordinate of {farthest:g} m; allowed are {FARTHEST_M:g} m "
+            "either side of the origin"
+        )
+
+
+def _sides(things: Iterable[Thing]) -> np.ndarray:
+    """Sides of all things, (n, 4): from x, y to x, y [m]."""
+    return np.ascontiguousarray(np.vstack([np.empty((0, 4)), *(each.sides() for each in things)]))
+
+
+def _extent(
+    sides: np.ndarray, start: tuple[float, float, float]
+) -> tuple[float, float, float, float]:
+    """Min x, min y, max x, max y of sides and start [m]."""
+    points = np.vstack([sides.reshape(-1, 2), [start[:2]]])
+    (low_x, low_y), (high_x, high_y) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    return low_x, low_y, high_x, high_y
+
+
+def _things(file: WorldFile, path: Path) -> Iterator[Thing]:
+    """Yield what the file describes; raises SimulationError where two of its points coincide."""
+    groups: tuple[tuple[str, Sequence[Wall | Box | Pillar | Obstacle]], ...] = (
+        ("wall", file.wall),
+        ("box", file.box),
+        ("furniture", file.furniture),
+        (OBSTACLE, file.obstacle),
+    )
+    for key, group in groups:
+        for i, each in enumerate(group):
+            kind = each.kind if isinstance(each, Box | Pillar) else key
+            solid = not isinstance(each, Wall) or each.thickness_m > 0.0
+            for chain in each.outlines():
+                corners = np.array(chain[:-1] if solid else chain)
+                thing = Thing(each.name, kind, corners, solid, each.height_m, each.colour or "")
+                sides = thing.sides()
+                if np.any(np.hypot(*(sides[:, 2:] - sides[:, :2]).T) < _TOUCHING_M):
+                    raise SimulationError(f"{path}: {key}.{i} ({each.name}): two points coincide")
+                yield thing
+
+
+def _inner_corners(segments: np.ndarray) -> np.ndarray:
+    """Corners of 60° to 120° where two walls meet, or one ends at another, (m, 6)."""
+    found: list[tuple[float, ...]] = []
+    length = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
+    unit = (segments[:, 2:] - segments[:, :2]) / length[:, None]
+    for i in range(len(segments)):
+        for end, arm in ((segments[i, :2], unit[i]), (segments[i, 2:], -unit[i])):
+            offset = end - segments[:, :2]
+            along = np.sum(offset * unit, axis=1)
+            aside = np.abs(offset[:, 0] * unit[:, 1] - offset[:, 1] * unit[:, 0])
+            near = (aside < 1.0e-6) & (along > -1.0e-6) & (along < length + 1.0e-6)
+            square = np.abs(unit @ arm) <= 0.5
+            for j in np.flatnonzero(near & square):
+                other = [-unit[j]] if along[j] > 1.0e-6 else []
+                if along[j] < length[j] - 1.0e-6:
+                    other.append(unit[j])
+                # A corner of two ends is met twice, once from each wall.
+                both_ends = len(other) == 1
+                if both_ends and j < i:
+                    continue
+                found += [(*end, *arm, *direction) for direction in other]
+    return np.array(found, dtype=np.float64).reshape(-1, 6)

@@ -1,0 +1,79 @@
+"""The extended Kalman filter in the navigation process."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.app.localisation.localiser import Seen, external_covariance, localisation_state
+from robotctl.estimation.kalman.ekf import PoseEkf
+from robotctl.estimation.kalman.robust_kalman import Innovation
+from robotctl.estimation.odometry.estimate import arc_between
+from robotctl.messages.control import ControlState
+from robotctl.messages.estimation import LocalisationState
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.model.wall_map import WallMap
+
+
+class EkfLocaliser:
+    """Predicts by the odometry, corrects by sonar ranges to walls and by poses from outside.
+
+    It has no use for lidar scans.
+
+    Parameters
+    ----------
+    ekf
+        The filter, where it starts.
+    mounts
+        The sonars, in the order of the ranges.
+    walls
+        The map.
+    """
+
+    def __init__(self, ekf: PoseEkf, mounts: Sequence[SonarMount], walls: WallMap) -> None:
+        self._ekf = ekf
+        self._mounts = tuple(mounts)
+        self._walls = walls
+        self._odometry: SE2 | None = None
+        self._innovation: Innovation | None = None
+
+    @property
+    def particles(self) -> NDArray[np.float64]:
+        """No particles: (0, 3)."""
+        return np.empty((0, 3))
+
+    def news(self) -> list[str]:
+        """Nothing that its state does not say."""
+        return []
+
+    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
+        """Take in all that came since the last step; return what is believed now."""
+        ekf, self._innovation = self._ekf, None
+        odometry = SE2(control.x_m, control.y_m, control.theta_rad)
+        if self._odometry is None:
+            ekf.reset(dataclasses.replace(ekf.estimate(), stamp_ns=control.stamp_ns))
+        elif control.stamp_ns > ekf.stamp_ns:
+            arc = arc_between(self._odometry.inverse() @ odometry)
+            self._keep(*ekf.predict(control.stamp_ns, *arc))
+        self._odometry = odometry
+        for reading in seen.sonars:
+            for mount, range_m in zip(self._mounts, reading.ranges_m, strict=True):
+                self._keep(ekf.update_sonar(reading.stamp_ns, mount, range_m, self._walls))
+        for pose in seen.poses:
+            where = SE2(pose.x_m, pose.y_m, pose.theta_rad)
+            self._keep(ekf.update_pose(pose.stamp_ns, where, external_covariance(pose)))
+        state = localisation_state("ekf", ekf.estimate(), odometry, now_ns)
+        last = self._innovation
+        if last is None:
+            return state
+        return msgspec.structs.replace(state, nis=last.nis, nis_dof=last.dof)
+
+    def _keep(self, *innovations: Innovation | None) -> None:
+        for innovation in innovations:
+            if innovation is not None:
+                self._innovation = innovation

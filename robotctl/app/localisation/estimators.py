@@ -1,0 +1,301 @@
+"""The estimating half of navigation: a place in the world and a map, from sensors and odometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final, TypeAlias, TypeVar
+
+import numpy as np
+
+from robotctl.app.localisation.ekf_localiser import EkfLocaliser
+from robotctl.app.localisation.localiser import Localiser, Seen
+from robotctl.app.localisation.map_sensors import MapSensors
+from robotctl.app.localisation.mapper import Mapper, live_map
+from robotctl.app.localisation.mcl_localiser import MclLocaliser
+from robotctl.app.localisation.odometry_history import OdometryHistory
+from robotctl.app.localisation.place_watch import load_place_watch
+from robotctl.app.localisation.scan_messages import camera_scan, lidar_scan
+from robotctl.config.robot_file import RobotConfig
+from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.kalman.ekf import PoseEkf
+from robotctl.estimation.kalman.ekf_config import EkfConfig
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
+from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.mcl.map_symmetry import symmetries
+from robotctl.estimation.mcl.search_size import search_size, too_large
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.maps.localisation_map import (
+    LocalisationMap,
+    load_localisation_map,
+    off_map,
+    walls_for_ekf,
+)
+from robotctl.messages.control import ControlState, ExternalPose
+from robotctl.messages.estimation import (
+    CameraView,
+    GivenMap,
+    LidarScan,
+    LiveMap,
+    LocalisationState,
+    ParticleCloud,
+)
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.pose_estimate import PoseEstimate
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+from robotctl.model.sensors.new_sonar_readings import SonarNews
+from robotctl.model.sensors.range_scan import RangeScan
+
+Picture: TypeAlias = ParticleCloud | LiveMap
+T = TypeVar("T")
+Stamped = TypeVar("Stamped", bound=LidarScan | CameraView | ExternalPose)
+
+_PICTURE_NS: Final = 500_000_000
+_GIVEN_NS: Final = 10_000_000_000
+"""The map that does not change is told so often, for who begins to listen later [ns]."""
+_SHOWN: Final = 300
+"""Particles in a picture."""
+_OLDEST_NS: Final = 2_000_000_000
+"""Where the robot was before is not known any more [ns]."""
+
+_WORDS: Final = {
+    LocalisationStatus.SEARCHING: "the robot does not know where it is; it looks around",
+    LocalisationStatus.LOCALISED: "the robot knows where it is",
+    LocalisationStatus.LOST: "what the robot sees does not fit to where it believed to be",
+}
+
+
+class Estimators:
+    """Localiser and mapper of one robot, either of which may be missing.
+
+    Attributes
+    ----------
+    rejected
+        Scans that were no scans.
+    untimely
+        Scans, views and poses from after now, or too old.
+
+    Parameters
+    ----------
+    localiser, mapper
+        Both of the same `history`.
+    history
+        Of the odometry.
+    sonar_range_m
+        For so far the sonars listen [m].
+    news
+        What is to be said at once.
+    given
+        The map that the robot localises itself in; None: there is none.
+    """
+
+    def __init__(
+        self,
+        localiser: Localiser | None,
+        mapper: Mapper | None,
+        history: OdometryHistory,
+        sonar_range_m: float,
+        news: Sequence[str] = (),
+        given: GridMap | None = None,
+    ) -> None:
+        self.localiser = localiser
+        self.mapper = mapper
+        self.rejected = 0
+        self.untimely = 0
+        self._history = history
+        self._sonar_news = SonarNews(sonar_range_m)
+        self._state: LocalisationState | None = None
+        self.chart = given
+        """The map that the robot localises itself in, where there is one."""
+        self._given = None if given is None else live_map(given, 0)
+        self._given_ns = -_GIVEN_NS
+        self._pictured_ns = 0
+        self._status: LocalisationStatus | None = None
+        self._said_rejected = False
+        self._said_untimely = False
+        self._news = list(news)
+
+    def step(
+        self,
+        control: ControlState,
+        scans: Sequence[LidarScan | CameraView],
+        poses: Sequence[ExternalPose],
+        now_ns: int,
+    ) -> LocalisationState | None:
+        """Take in all that came since the last step; return what the localiser believes."""
+        self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+        scans, poses = self._timely(scans, now_ns), self._timely(poses, now_ns)
+        seen = Seen(
+            self._good(lidar_scan, [each for each in scans if isinstance(each, LidarScan)]),
+            self._good(
+                camera_scan,
+                [each for each in scans if isinstance(each, CameraView) and not each.trouble],
+            ),
+            self._sonar_news.take(control.stamp_ns, control.sonar_stamp_ns, control.sonar_m),
+            poses,
+        )
+        if self.localiser is not None:
+            self._state = self.localiser.step(control, seen, now_ns)
+        if self.mapper is not None:
+            self.mapper.step(self._state, seen)
+        return self._state
+
+    def _timely(self, messages: Sequence[Stamped], now_ns: int) -> list[Stamped]:
+        """Return messages that may be of now; the others are left out, counted, and said once.
+
+        Who stamps by another clock than CLOCK_MONOTONIC would move the robot to a time that has
+        not come, where all that comes in time counts as late.
+        """
+        timely = [each for each in messages if 0 <= now_ns - each.stamp_ns <= _OLDEST_NS]
+        self.untimely += len(messages) - len(timely)
+        if len(timely) < len(messages) and not self._said_untimely:
+            self._said_untimely = True
+            wrong = next(each for each in messages if each not in timely)
+            late_s = (now_ns - wrong.stamp_ns) / 1e9
+            when = f"{late_s:.1f} s old" if late_s > 0.0 else f"{-late_s:.3f} s ahead of its time"
+            self._news.append(
+                f"a {type(wrong).__name__} is {when} and is left out, as those like it will be: "
+                "by which clock does its sender stamp?"
+            )
+        return timely
+
+    def _good(self, scan_of: Callable[[T], RangeScan], messages: Sequence[T]) -> list[RangeScan]:
+        """Return messages as scans; those that are none are left out and counted."""
+        good = []
+        for message in messages:
+            try:
+                good.append(scan_of(message))
+            except ValueError:
+                self.rejected += 1
+        return good
+
+    def news(self) -> list[str]:
+        """Return sentences on what has changed since the last call."""
+        said, self._news = self._news, []
+        said += [] if self.localiser is None else self.localiser.news()
+        if self._state is not None and self._state.status is not self._status:
+            self._status = self._state.status
+            said.append(_WORDS[self._status])
+        if self.rejected and not self._said_rejected:
+            self._said_rejected = True
+            said.append("a scan was no scan and is left out, as those like it will be")
+        return said
+
+    def pictures(self, now_ns: int) -> list[Picture]:
+        """Return what people see of the estimators, twice a second."""
+        if now_ns - self._pictured_ns < _PICTURE_NS:
+            return []
+        self._pictured_ns = now_ns
+        found: list[Picture] = []
+        if self.localiser is not None and len(self.localiser.particles):
+            every = math.ceil(len(self.localiser.particles) / _SHOWN)
+            shown = self.localiser.particles[::every].astype(np.dtype("<f4"))
+            found.append(ParticleCloud(now_ns, shown.tobytes()))
+        if self.mapper is not None:
+            grid = self.mapper.live_map(now_ns)
+            if grid is not None:
+                found.append(grid)
+        return found
+
+    def given_map(self, now_ns: int) -> list[GivenMap]:
+        """Return the map that the robot localises itself in, if it is time to tell it again."""
+        if self._given is None or now_ns - self._given_ns < _GIVEN_NS:
+            return []
+        self._given_ns = now_ns
+        return [GivenMap(now_ns, self._given)]
+
+
+def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators:
+    """Return the estimators of a robot that starts at a pose, compiled and ready.
+
+    `beside` is the folder of the robot's file, where its map may lie.
+
+    Raises
+    ------
+    ConfigError
+        If the map cannot be read or does not fit the method.
+    """
+    settings = config.localisation
+    history = OdometryHistory()
+    localiser: Localiser | None = None
+    mapper, given, news = None, None, []
+    if settings.method != "none":
+        chart = load_localisation_map(settings.map, beside)
+        given = chart.grid
+        if settings.method == "ekf":
+            localiser = _ekf(config, chart, start)
+        else:
+            localiser = _mcl(config, chart, start, history, beside)
+        if settings.start == "known" and (said := off_map(chart, start)):
+            news = [said]
+        if settings.start == "unknown":
+            news += filter(None, [too_large(free_area_m2(chart.grid))])
+    if settings.mapping:
+        mapper = _mapper(config, history)
+    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, news, given)
+
+
+def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocaliser:
+    """Return the EKF of a robot."""
+    settings = config.localisation
+    walls = walls_for_ekf(chart, settings.map)
+    sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
+    covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
+    known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
+    ekf = PoseEkf(EkfConfig(motion=config.odometry, sonar=settings.sonar), known)
+    return EkfLocaliser(ekf, config.sonar, walls)
+
+
+def _mcl(
+    config: RobotConfig,
+    chart: LocalisationMap,
+    start: SE2,
+    history: OdometryHistory,
+    beside: Path,
+) -> MclLocaliser:
+    """Return the particles of a robot, their kernels compiled or loaded from the cache."""
+    settings = config.localisation
+    known = MclConfig()
+    camera = config.camera is not None and config.camera.enabled
+    mcl_config = replace(
+        known,
+        max_particles=settings.particles_max,
+        motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
+    )
+    sensors = MapSensors(chart, config.sonar, settings)
+    free, free_m2 = free_poses(chart.grid), free_area_m2(chart.grid)
+    tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
+    _rehearse(tried, sensors.rehearsal(camera=camera), start)
+    size = max(search_size(free_m2), settings.particles_max)
+    mcl_config = replace(mcl_config, search_particles=size)
+    seeded = np.random.default_rng(settings.seed)
+    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(chart.grid))
+    if settings.start == "known":
+        mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
+    area_m2 = float(chart.grid.free().sum()) * chart.grid.resolution_m**2
+    places = load_place_watch(settings.places, beside, config.sonar, area_m2)
+    return MclLocaliser(mcl, sensors, settings.sensors, history, places)
+
+
+def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
+    """Return the mapper of a robot, its kernels compiled or loaded from the cache."""
+    rehearsed = OccupancyGrid(config.localisation.grid)
+    rehearsed.update_scan(SE2(), RangeScan(0, np.array([0.0]), np.array([1.0]), 2.0))
+    for mount in config.sonar:
+        rehearsed.update_sonar(SE2(), mount, 1.5)
+    rehearsed.to_map()
+    return Mapper(OccupancyGrid(config.localisation.grid), config.sonar, history)
+
+
+def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:
+    """Let particles that nobody needs afterwards search and track once with each sensor."""
+    for measurement in measurements:
+        mcl.measure(measurement)
+    mcl.start_at(start, 0.1, 0.1)
+    for measurement in measurements:
+        mcl.move(SE2(0.2, 0.0, 0.1))
+        mcl.measure(measurement)

@@ -1,0 +1,71 @@
+"""The estimators of a robot that has some; nothing heavy is loaded for one that has none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig
+from robotctl.errors import ConfigError
+from robotctl.model.geometry.se2 import SE2
+
+AGAIN_SIGMA_M: Final = 0.5
+AGAIN_SIGMA_DEG: Final = 10.0
+"""Of a start in the middle of a run: 0.3 s until the pose is saved, and the way of braking."""
+
+_STILL_M, _STILL_RAD = 1e-3, 1e-3
+
+if TYPE_CHECKING:
+    from robotctl.app.localisation.estimators import Estimators
+
+
+def load_estimators(
+    config: RobotConfig,
+    options: StackOptions,
+    last: SE2 | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Estimators | None:
+    """Return localiser and mapper, compiled and ready; None where neither is wanted.
+
+    `last` is where the robot was last in this run, if it has begun before: a known start is there
+    then, and less certain, since nobody looked while the robot came to rest. `say` is given what
+    people should know while it compiles.
+
+    Raises
+    ------
+    ConfigError
+        If the map cannot be read or does not fit the method, or the estimators cannot be loaded
+        or compiled: a file cannot be read, the disk takes no more.
+    """
+    if config.localisation.method == "none" and not config.localisation.mapping:
+        return None
+    start = SE2(options.x_m, options.y_m, options.theta_rad)
+    if last is not None and _moved(start, last):
+        settings = config.localisation
+        settings = replace(
+            settings,
+            start_sigma_m=max(settings.start_sigma_m, AGAIN_SIGMA_M),
+            start_sigma_deg=max(settings.start_sigma_deg, AGAIN_SIGMA_DEG),
+        )
+        config, start = replace(config, localisation=settings), last
+    try:
+        # numba, scipy and filterpy take a second to load and 100 MB of memory.
+        from robotctl.app.localisation.estimators import make_estimators  # noqa: PLC0415
+        from robotctl.app.supervision.compile_progress import compile_progress  # noqa: PLC0415
+
+        with compile_progress(say):
+            return make_estimators(config, start, Path(options.robot).resolve().parent)
+    except OSError as error:
+        place = "" if error.filename is None else f"{error.filename}: "
+        why = error.strerror or error
+        raise ConfigError(f"{options.robot}: localisation: {place}{why}") from error
+
+
+def _moved(start: SE2, last: SE2) -> bool:
+    """Return whether the robot has left its start."""
+    way = start.inverse() @ last
+    return math.hypot(way.x_m, way.y_m) > _STILL_M or abs(way.theta_rad) > _STILL_RAD

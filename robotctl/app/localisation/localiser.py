@@ -1,0 +1,93 @@
+"""What the localisers of the navigation process have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.messages.control import ControlState, ExternalPose
+from robotctl.messages.estimation import LocalisationState
+from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.model.sensors.sonar import SonarReading
+
+_EXTERNAL_SIGMA_M: Final = 0.1
+_EXTERNAL_SIGMA_RAD: Final = 0.1
+"""Of a pose from outside that comes without covariance."""
+
+_LEAST_VARIANCE: Final = 1e-6
+"""Nobody measures better than 1 mm and 1 mrad [m^2, rad^2]."""
+_MOST_VARIANCE: Final = 1e6
+"""A pose within 1 km and 1000 rad says nothing, however much worse it is [m^2, rad^2]."""
+_LEAST_OF_CORRELATION: Final = 1e-9
+_LEAST_OF_COVARIANCE: Final = 1e-12
+"""Shares that the smallest eigenvalue has at least of the largest: less is rounding."""
+
+
+class Seen(NamedTuple):
+    """What came from the sensors since the last step, each with its own time."""
+
+    scans: Sequence[RangeScan] = ()
+    views: Sequence[RangeScan] = ()
+    sonars: Sequence[SonarReading] = ()
+    poses: Sequence[ExternalPose] = ()
+
+
+class Localiser(Protocol):
+    """Estimates where `base` is in `world`."""
+
+    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
+        """Take in all that came since the last step; return what is believed now."""
+
+    @property
+    def particles(self) -> NDArray[np.float64]:
+        """Particles, (n, 3) [m, m, rad]; (0, 3) where there are none."""
+
+    def news(self) -> list[str]:
+        """Return sentences for people since the last call."""
+
+
+def localisation_state(
+    method: str, estimate: PoseEstimate, odometry: SE2, now_ns: int
+) -> LocalisationState:
+    """Return an estimate as a message; `odometry` is where the odometry had `base` at its time."""
+    T_world_odom = estimate.pose @ odometry.inverse()
+    return LocalisationState(
+        stamp_ns=now_ns,
+        method=method,
+        status=estimate.status,
+        x_m=T_world_odom.x_m,
+        y_m=T_world_odom.y_m,
+        theta_rad=T_world_odom.theta_rad,
+        covariance=upper_triangle(estimate.covariance),
+    )
+
+
+def external_covariance(pose: ExternalPose) -> NDArray[np.float64]:
+    """Return the covariance (3, 3) of a pose from outside, its diagonal where it is none.
+
+    It can be inverted: variances are kept within 1e-6 and 1e6, and correlations that leave no
+    room, or come near it by 1e-9, are not believed.
+    """
+    if len(pose.covariance) != 6:
+        return np.diag([_EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_M**2, _EXTERNAL_SIGMA_RAD**2])
+    matrix = from_upper_triangle(pose.covariance)
+    variances = np.clip(np.diag(matrix), _LEAST_VARIANCE, _MOST_VARIANCE)
+    np.fill_diagonal(matrix, variances)
+    sigmas = np.sqrt(variances)
+    correlation = matrix / np.outer(sigmas, sigmas)
+    if _is_positive(correlation, _LEAST_OF_CORRELATION) and _is_positive(
+        matrix, _LEAST_OF_COVARIANCE
+    ):
+        return matrix
+    return np.diag(variances)
+
+
+def _is_positive(matrix: NDArray[np.float64], least: float) -> bool:
+    """Say whether the smallest eigenvalue is more than `least` of the largest."""
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return bool(eigenvalues[0] > least * eigenvalues[-1])

@@ -1,0 +1,89 @@
+"""What scans and sonars say of places on one map, live and on recorded logs alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.estimation.ranging.likelihood_field import LikelihoodField
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.estimation.ranging.sonar_model import SonarModel
+from robotctl.maps.localisation_map import LocalisationMap
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.model.sensors.sonar import SonarMount, SonarReading
+
+LIDAR: Final = "lidar"
+CAMERA: Final = "camera"
+SONAR: Final = "sonar"
+"""Names of the sensors for the particle filter."""
+
+_SCAN: Final = RangeScan(0, np.linspace(-1.0, 1.0, 21), np.full(21, 2.0), 10.0)
+"""Of no meaning, for rehearsals."""
+_VAGUE_M: Final = 0.5
+"""Ranges of a camera are seldom less sure [m]."""
+
+
+class MapSensors:
+    """Makes measurements for the particle filter.
+
+    Parameters
+    ----------
+    chart
+        The map; sonars go by its walls where it has some.
+    mounts
+        Where the sonars sit; may be empty.
+    settings
+        What is known of the sensors.
+
+    Raises
+    ------
+    ValueError
+        If the map has no obstacle.
+    """
+
+    def __init__(
+        self, chart: LocalisationMap, mounts: Sequence[SonarMount], settings: LocalisationConfig
+    ) -> None:
+        self._grid = chart.grid
+        self._settings = settings
+        self._field = LikelihoodField(chart.grid, settings.lidar)
+        room = chart.grid if chart.walls is None else chart.walls
+        self._sonars = SonarModel(room, mounts, settings.sonar)
+        self._count = len(mounts)
+
+    def scan(self, scan: RangeScan) -> LogLikelihood:
+        """Return what a scan of the lidar says of poses."""
+        return self._field.measurement(scan)
+
+    def view(self, scan: RangeScan) -> LogLikelihood:
+        """Return what the ranges that a camera sees say of poses."""
+        return self._camera_field.measurement(scan)
+
+    def sonar(self, reading: SonarReading) -> LogLikelihood:
+        """Return what a reading of sonars says of poses."""
+        return self._sonars.measurement(np.array(reading.ranges_m))
+
+    def rehearsal(self, *, camera: bool) -> list[LogLikelihood]:
+        """Return a measurement of no meaning by each sensor, to compile what it takes."""
+        measurements = [self.scan(_SCAN)]
+        if camera:
+            # Vague ranges, so that the fields for them are made now.
+            sigmas = np.full(len(_SCAN.ranges_m), _VAGUE_M)
+            measurements.append(self.view(replace(_SCAN, sigmas_m=sigmas)))
+        if self._count:
+            measurements.append(self._sonars.measurement(np.full(self._count, 1.5)))
+        return measurements
+
+    @cached_property
+    def _camera_field(self) -> LikelihoodField:
+        return LikelihoodField(self._grid, self._settings.camera)
+
+
+def sonar_name(reading: SonarReading) -> str:
+    """Return the name of a group of sonars for the particle filter."""
+    return f"{SONAR} {reading.first}"

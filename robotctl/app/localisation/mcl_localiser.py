@@ -1,0 +1,148 @@
+"""Monte Carlo localisation in the navigation process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
+from operator import itemgetter
+from typing import Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.app.localisation.localiser import Seen, external_covariance, localisation_state
+from robotctl.app.localisation.map_sensors import CAMERA, LIDAR, SONAR, MapSensors, sonar_name
+from robotctl.app.localisation.odometry_history import OdometryHistory
+from robotctl.app.localisation.place_watch import Fix, PlaceWatch
+from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.messages.control import ControlState, ExternalPose
+from robotctl.messages.estimation import LocalisationState
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarReading
+
+_OUTSIDE: Final = "outside"
+_PLACE: Final = "place"
+_BLIND_NS: Final = 500_000_000
+"""So long measurements are waited for [ns]; those of the sensors come within a tenth of that."""
+_FITS_NOWHERE: Final = (
+    "what the robot sees fits no place of the map: is it the map of this place, and as it is now?"
+)
+
+
+class MclLocaliser:
+    """Moves the particles to the time of each measurement, then weighs them by it.
+
+    Parameters
+    ----------
+    mcl
+        The particles, where they start.
+    sensors
+        What scans and sonars say.
+    used
+        Which sensors are listened to.
+    history
+        Of the odometry; whoever steps the localiser keeps it up to date.
+    places
+        Recognises places; None: it knows none.
+    """
+
+    def __init__(
+        self,
+        mcl: MonteCarloLocaliser,
+        sensors: MapSensors,
+        used: Collection[str],
+        history: OdometryHistory,
+        places: PlaceWatch | None = None,
+    ) -> None:
+        self._mcl = mcl
+        self._sensors = sensors
+        self._used = used
+        self._history = history
+        self._places = places
+        self._fitted_nowhere = False
+        self._at: tuple[int, SE2] | None = None
+        """Time and odometry pose that the particles stand at."""
+
+    @property
+    def particles(self) -> NDArray[np.float64]:
+        """Particles, (n, 3) [m, m, rad]."""
+        return self._mcl.poses
+
+    def news(self) -> list[str]:
+        """Return which places were recognised since the last call, and whether no place fits."""
+        said = [] if self._places is None else self._places.news()
+        if self._mcl.fits_nowhere and not self._fitted_nowhere:
+            said.append(_FITS_NOWHERE)
+        self._fitted_nowhere = self._mcl.fits_nowhere
+        return said
+
+    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
+        """Take in all that came since the last step; return what is believed now."""
+        if self._at is None:
+            self._at = (control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+        for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
+            if self._move_to(stamp_ns) and self._mcl.due(sensor):
+                self._mcl.measure(measurement(), sensor)
+        # Without measurements the belief still moves on, and says that it fades.
+        self._move_to(control.stamp_ns - _BLIND_NS)
+        state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
+        return msgspec.structs.replace(state, particles=len(self._mcl.poses))
+
+    def _measurements(self, seen: Seen) -> Iterator[tuple[int, str, Callable[[], LogLikelihood]]]:
+        """Yield what was measured when, by which sensor, and what makes a measurement of it."""
+        for scan in seen.scans if LIDAR in self._used else ():
+            yield scan.stamp_ns, LIDAR, partial(self._sensors.scan, scan)
+        for view in seen.views if CAMERA in self._used else ():
+            yield view.stamp_ns, CAMERA, partial(self._sensors.view, view)
+        for reading in seen.sonars if SONAR in self._used else ():
+            yield reading.stamp_ns, sonar_name(reading), partial(self._sensors.sonar, reading)
+        for fix in self._recognised(seen.sonars):
+            yield fix.stamp_ns, _PLACE, partial(_given, fix.log_likelihood)
+        for pose in seen.poses:
+            yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose)
+
+    def _recognised(self, readings: Sequence[SonarReading]) -> Iterator[Fix]:
+        """Yield what places say that the robot has turned at."""
+        if self._places is None:
+            return
+        for reading in readings:
+            odometry = self._history.at(reading.stamp_ns)
+            fix = None if odometry is None else self._places.hear(reading, odometry)
+            if fix is not None:
+                yield fix
+
+    def _move_to(self, stamp_ns: int) -> bool:
+        """Move the particles to a time; False where that is too long ago.
+
+        What comes a little late counts where they stand: between two steps a robot moves by
+        centimetres. What is newer than the odometry counts at the last pose of that, from which
+        the next way begins.
+        """
+        odometry, newest_ns = self._history.at(stamp_ns), self._history.newest_ns
+        if odometry is None or newest_ns is None or self._at is None:
+            return False
+        stamp_ns = min(stamp_ns, newest_ns)
+        if stamp_ns > self._at[0]:
+            self._mcl.move(self._at[1].inverse() @ odometry)
+            self._at = (stamp_ns, odometry)
+        return True
+
+
+def _given(log_likelihood: LogLikelihood) -> LogLikelihood:
+    return log_likelihood
+
+
+def pose_measurement(pose: ExternalPose) -> LogLikelihood:
+    """Return what a pose from outside says of poses: a Gaussian, the heading on the circle."""
+    # covariance = L L^T: as a sum of squares the log-likelihood is never above 0.
+    whitening = np.linalg.inv(np.linalg.cholesky(external_covariance(pose)))
+
+    def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        off = poses - (pose.x_m, pose.y_m, pose.theta_rad)
+        off[:, 2] = np.arctan2(np.sin(off[:, 2]), np.cos(off[:, 2]))
+        logs: NDArray[np.float64] = -0.5 * np.sum((off @ whitening.T) ** 2, axis=1)
+        return logs
+
+    return log_likelihood

@@ -1,0 +1,1 @@
+"""The processes of a robot: control, navigation, telemetry, camera, recorder."""

@@ -1,0 +1,119 @@
+"""The camera process: pictures in, what they say of the floor out.
+
+A picture is never kept: of those that came while one was looked at only the newest counts.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import zmq
+
+from robotctl.app.processes.camera_source import open_source
+from robotctl.app.processes.floor_pipeline import GroundWatch
+from robotctl.app.supervision.signals import StopFlag
+from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.robot_file import RobotConfig
+from robotctl.drivers.camera.simulated_camera import picture_message
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.messages.control import ControlState, Notice, Severity
+from robotctl.model.sensors.camera import SIMULATED
+from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoint_directory
+
+_LOOK_NS = 5_000_000
+_SILENT_NS = 2_000_000_000
+_TELL_NS = 5_000_000_000
+_SILENT = "no picture comes"
+
+
+class CameraNews:
+    """Decides what people are told of the camera, and how often."""
+
+    def __init__(self) -> None:
+        self._told: str | None = None  # the trouble, empty for none; None: nothing yet
+        self._told_ns = 0
+
+    def step(self, trouble: str, now_ns: int) -> Notice | None:
+        """Return what to say of the present trouble, empty for none; None: nothing new, or later.
+
+        A floor at the edge of what is trusted would fill a slow link with every picture's verdict.
+        """
+        if trouble == self._told or (self._told is not None and now_ns - self._told_ns < _TELL_NS):
+            return None
+        self._told, self._told_ns = trouble, now_ns
+        if trouble:
+            text = f"the camera does not judge the floor: {trouble}"
+            return Notice(now_ns, Severity.WARNING, text)
+        return Notice(now_ns, Severity.INFORMATION, "the camera sees the floor")
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Look until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    ConfigError
+        If the robot has no camera, or it sees too little of the floor.
+    LinkError
+        If the camera cannot be opened, or gives no more pictures.
+    """
+    stopped = StopFlag()
+    clock = options.open_clock()
+    if config.camera is None:
+        raise ConfigError("camera: missing; a robot that is to look needs the table [camera]")
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    camera = open_source(config.camera, endpoints.camera_frames)
+    context = zmq.Context()
+    try:
+        publisher = Publisher(context, endpoints.camera)
+        onlookers: Publisher | None = None
+        if config.camera.source != SIMULATED:
+            onlookers = Publisher(context, endpoints.camera_frames, queue=1)
+        states = Subscriber[ControlState | Notice](
+            context, (endpoints.control_state,), ControlState | Notice
+        )
+        watch = GroundWatch(config.camera, config.ground_camera)
+        heartbeat = Heartbeat(os.environ)
+        news = CameraNews()
+        trouble: str | None = None  # before the first picture
+        seen_ns = clock.now_ns()
+        while not stopped():
+            heartbeat.beat()
+            for message in states.receive():
+                if isinstance(message, ControlState):
+                    watch.attend(message)
+            frame = camera.read()
+            if frame is not None:
+                view = watch.look(frame.image, frame.stamp_ns)
+                publisher.send(view)
+                if onlookers is not None:
+                    onlookers.send_bytes(picture_message(frame))
+                trouble, seen_ns = view.trouble, clock.now_ns()
+            else:
+                clock.sleep_until(clock.now_ns() + _LOOK_NS)
+                if clock.now_ns() - seen_ns > _SILENT_NS:
+                    trouble = _SILENT
+            notice = None if trouble is None else news.step(trouble, clock.now_ns())
+            if notice is not None:
+                publisher.send(notice)
+                publisher.greet(notice)
+    finally:
+        camera.close()
+        context.destroy(linger=0)
+
+
+def main() -> int:
+    """Entry point of the process; a camera that is not there may come: status 1 tries again."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl camera: {error}", file=sys.stderr)  # noqa: T201
+        return 2 if isinstance(error, ConfigError) else 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,224 @@
+"""The control process: one thread, one fixed-rate loop between the CAN bus and the wheels."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import sys
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import zmq
+
+from robotctl.app.processes.arming_checks import Fitness
+from robotctl.app.processes.progress import last_pose, load_progress
+from robotctl.app.processes.robot import make_core, make_robot, record_header
+from robotctl.app.supervision.signals import EmergencySignal, StopFlag
+from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.robot_file import RobotConfig, config_directory
+from robotctl.core.checkpoint import checkpoint
+from robotctl.core.control_core import ControlCore, Inputs, Outputs
+from robotctl.core.warmup import rehearse
+from robotctl.errors import LinkError, RobotctlError
+from robotctl.messages.control import (
+    Arm,
+    ControlRequest,
+    EmergencyStop,
+    EmergencyStopSource,
+    Feedback,
+    Notice,
+    Severity,
+    WheelCommand,
+)
+from robotctl.messages.ports import RobotPort
+from robotctl.runtime.flight.ring import FlightRing
+from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.process_lock import claim, claim_bus
+from robotctl.runtime.ipc.topics import (
+    Endpoints,
+    Publisher,
+    RequestReceiver,
+    endpoint_directory,
+    ring_path,
+)
+from robotctl.runtime.loop import Loop
+from robotctl.runtime.realtime import acquire_realtime
+
+PUBLISH_HZ: Final = 50
+
+
+class ControlTicker:
+    """The work of one control period.
+
+    Parameters
+    ----------
+    robot, core
+        The wire and what thinks.
+    requests, publisher
+        The other processes.
+    loop
+        The loop that calls, for its statistics.
+    ring
+        The flight recorder; None where it could not be had.
+    emergency
+        SIGUSR1, the emergency stop that works without requests.
+    heartbeat
+        Tells the supervisor of each tick.
+    fitness
+        What of this computer speaks against arming.
+    """
+
+    def __init__(
+        self,
+        robot: RobotPort,
+        core: ControlCore,
+        requests: RequestReceiver[ControlRequest],
+        publisher: Publisher,
+        loop: Loop,
+        ring: FlightRing | None,
+        emergency: EmergencySignal,
+        heartbeat: Heartbeat,
+        fitness: Fitness,
+    ) -> None:
+        self._robot = robot
+        self._core = core
+        self._requests = requests
+        self._publisher = publisher
+        self._loop = loop
+        self._ring = ring
+        self._emergency = emergency
+        self._heartbeat = heartbeat
+        self._fitness = fitness
+        self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
+        self._published_ns = 0
+        self._inputs = Inputs(Feedback())
+        self._outputs = Outputs(WheelCommand())
+
+    def receive(self, now_ns: int) -> None:
+        """Take in frames and requests."""
+        requests = tuple(self._requests.receive())
+        if self._emergency.take():
+            requests += (EmergencyStop(now_ns, EmergencyStopSource.OPERATOR),)
+        objections: tuple[str, ...] = ()
+        if any(isinstance(request, Arm) and request.arm for request in requests):
+            objections = self._fitness.objections()
+        self._inputs = Inputs(self._robot.receive(now_ns), requests, objections)
+
+    def control(self, now_ns: int) -> None:
+        """Step the core."""
+        self._outputs = self._core.step(self._inputs, now_ns)
+
+    def send(self, now_ns: int) -> None:
+        """Send the command; an emergency stop goes first."""
+        outputs = self._outputs
+        if outputs.emergency_stop is not None:
+            self._robot.emergency_stop(outputs.emergency_stop)
+        if outputs.clear_faults:
+            self._robot.clear_faults()
+        self._robot.send(outputs.command, now_ns)
+
+    def publish(self, now_ns: int) -> None:
+        """Record each tick; publish notices at once and the state at its own rate."""
+        self._heartbeat.beat()
+        if self._ring is not None:
+            loop = self._loop
+            self._ring.record(now_ns, self._inputs, self._outputs, loop.lag_ns, loop.step_ns)
+        for notice in self._outputs.notices:
+            self._publisher.send(notice)
+        if now_ns - self._published_ns >= self._publish_period_ns:
+            self._published_ns = now_ns
+            self._loop.refresh()
+            self._publisher.send(self._core.snapshot(now_ns, self._loop.statistics()))
+
+
+def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ...]]:
+    """Return where this process goes on from: pose within the same run, odometer [m], notices."""
+    saved, notes = load_progress(options)
+    if saved is None:
+        return options, 0.0, notes
+    pose = last_pose(saved, options)
+    if pose is None:
+        return options, saved.odometer_m, notes
+    note = (
+        f"the pose is that of before the restart: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, "
+        f"{math.degrees(pose.theta_rad):.0f} deg; how the robot moved since is not in it"
+    )
+    options = msgspec.structs.replace(options, x_m=pose.x_m, y_m=pose.y_m, theta_rad=pose.theta_rad)
+    return options, saved.odometer_m, (*notes, note)
+
+
+def open_ring(
+    config: RobotConfig, options: StackOptions, core: ControlCore
+) -> tuple[FlightRing | None, tuple[str, ...]]:
+    """Return the flight recorder; where it cannot be had, None and a sentence that says so."""
+    try:
+        ring = FlightRing(
+            ring_path(options.instance),
+            record_header(config, options),
+            functools.partial(checkpoint, core),
+        )
+    except LinkError as error:
+        return None, (f"no flight recorder: {error}",)
+    return ring, ()
+
+
+def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
+    """Run the control loop until SIGTERM or SIGINT; the motors go off first."""
+    stopped = StopFlag()
+    emergency = EmergencySignal()
+    options, odometer_m, notes = continued(options)
+    clock = options.open_clock(paces=True)
+    folder = endpoint_directory(options.instance)
+    claims = [claim_bus(config.can.interface, config.can.channel)]
+    claims += [claim(each) for each in sorted({str(folder), options.state} - {""})]
+    endpoints = Endpoints(folder)
+    context = zmq.Context()
+    publisher = Publisher(context, endpoints.control_state)
+    requests = RequestReceiver[ControlRequest](context, endpoints.control_requests, ControlRequest)
+    robot = make_robot(config, clock)
+    rehearse(make_core(config, options), config.runtime.period_ns)
+    core = make_core(config, options)
+    core.odometer_start_m = odometer_m
+    loop = Loop(clock, config.runtime.period_ns)
+    heartbeat = Heartbeat(os.environ)
+    ring, ring_notes = open_ring(config, options, core)
+    ticker = ControlTicker(
+        robot, core, requests, publisher, loop, ring, emergency, heartbeat, fitness
+    )  # fmt: skip
+    refused = acquire_realtime(config.runtime)
+    if not config.runtime.allow_best_effort:
+        fitness.refused_rights = tuple(refused)
+    if sentences := (*notes, *ring_notes, *refused):
+        publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(sentences)))
+    in_order = False
+    try:
+        loop.run(ticker, stopped)
+        in_order = True
+    finally:
+        robot.close()
+        loop.refresh(whole=True)
+        publisher.send(core.snapshot(clock.now_ns(), loop.statistics()))
+        if ring is not None and in_order:  # else what led here is wanted
+            ring.close()
+        publisher.close()
+        context.destroy(linger=200)
+        for held in claims:
+            held.close()
+
+
+def main() -> int:
+    """Entry point of the process."""
+    options = options_of_command_line(sys.argv)
+    try:
+        fitness = Fitness(Path(options.robot), config_directory() / "robot.dbc")
+        run(options.load(), options, fitness)
+    except RobotctlError as error:
+        print(f"robotctl control: {error}", file=sys.stderr)  # noqa: T201
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

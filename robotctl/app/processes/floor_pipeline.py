@@ -1,0 +1,126 @@
+"""What the robot makes of each picture of its camera, live and in lockstep alike."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.errors import ConfigError
+from robotctl.estimation.camera.config import GroundCameraConfig
+from robotctl.estimation.camera.ground import GroundCamera, GroundView
+from robotctl.estimation.camera.obstacles import GroundObstacle
+from robotctl.messages.control import ControlState
+from robotctl.messages.estimation import CameraView, SeenObstacle
+from robotctl.model.sensors.camera import CameraConfig, CameraIntrinsics, CameraMount
+from robotctl.model.sensors.camera_geometry import CameraGeometry
+
+# Blue, green, red; as unlike as can be.
+_WALL = (200, 40, 40)
+_THING = (40, 40, 200)
+
+
+class GroundWatch:
+    """Looks at the floor and says it as messages.
+
+    Another floor than the one that was learnt is not trusted, since a thing that fills the picture
+    looks the same. So the floor is learnt anew when somebody arms the robot, who sees it.
+
+    Parameters
+    ----------
+    camera
+        Lens and mount.
+    settings
+        How the floor is told from the rest.
+
+    Raises
+    ------
+    ConfigError
+        If the camera sees too little of the floor.
+    """
+
+    def __init__(self, camera: CameraConfig, settings: GroundCameraConfig) -> None:
+        self._size = (camera.intrinsics.height_px, camera.intrinsics.width_px)
+        try:
+            self._camera = GroundCamera(CameraGeometry.of(camera), settings)
+        except ValueError as error:
+            raise ConfigError(f"camera: {error}") from error
+        strip = self._camera.strip
+        rows = np.minimum(strip.first_rows, len(strip.ranges_m) - 1)
+        self._bearings_rad, self._nearest_m = strip.bearings_rad[::-1], strip.ranges_m[rows][::-1]
+        self._armings = 0
+        _rehearse()
+
+    def attend(self, control: ControlState) -> None:
+        """Take in what the robot is at."""
+        if control.armings > self._armings:
+            self._camera.reset()
+        self._armings = control.armings
+
+    def look(self, image_bgr: NDArray[np.uint8], stamp_ns: int) -> CameraView:
+        """Return what a picture says.
+
+        Parameters
+        ----------
+        image_bgr
+            The picture, (height, width, 3).
+        stamp_ns
+            Its time [ns].
+        """
+        height, width = image_bgr.shape[:2]
+        begin_ns = time.thread_time_ns()
+        if (height, width) != self._size:
+            return _blind(stamp_ns, f"a picture of {width} x {height} px, not as calibrated")
+        view = self._camera.step(image_bgr, stamp_ns)
+        took_us = (time.thread_time_ns() - begin_ns) / 1000.0
+        nearest = np.interp(view.scan.angles_rad, self._bearings_rad, self._nearest_m)
+        return camera_view(view, nearest, took_us)
+
+
+def _rehearse() -> None:
+    """Compile, or load from the cache, all that any picture needs: that takes seconds.
+
+    By a small camera of its own: what is compiled depends on no lens, no mount and no setting, but
+    only before a wall and a thing is all of it reached.
+    """
+    lens = CameraIntrinsics(320, 240, 250.0, 250.0, 159.5, 119.5)
+    camera = GroundCamera(
+        CameraGeometry(lens, CameraMount(0.0, 0.0, 0.3, 0.0, 20.0, 0.0)), GroundCameraConfig()
+    )
+    picture = np.random.default_rng(0).integers(90, 110, (240, 320, 3), dtype=np.uint8)
+    picture[:50] = _WALL
+    picture[75:110, 140:180] = _THING
+    for _ in range(2):
+        camera.step(picture, 0)
+
+
+def camera_view(view: GroundView, nearest_m: NDArray[np.float64], step_us: float) -> CameraView:
+    """Return what was seen as a message; floor nearer than `nearest_m` (n,) is not in sight."""
+    scan = view.scan
+    sigmas = np.full(len(scan.ranges_m), np.nan) if scan.sigmas_m is None else scan.sigmas_m
+    return CameraView(
+        stamp_ns=scan.stamp_ns,
+        x_m=float(scan.x_m),
+        y_m=float(scan.y_m),
+        max_range_m=float(scan.max_range_m),
+        angles_rad=tuple(scan.angles_rad.tolist()),
+        ranges_m=tuple(scan.ranges_m.tolist()),
+        sigmas_m=tuple(sigmas.tolist()),
+        nearest_m=tuple(nearest_m.tolist()),
+        obstacles=tuple(map(_seen, view.obstacles)),
+        trouble=view.why,
+        step_us=step_us,
+    )
+
+
+def _seen(obstacle: GroundObstacle) -> SeenObstacle:
+    """Return a thing on the floor as a message."""
+    (xx, xy), (_, yy) = obstacle.foot_covariance.tolist()
+    x_m, y_m = obstacle.foot_base.tolist()
+    return SeenObstacle(x_m, y_m, (xx, xy, yy), float(obstacle.width_m))
+
+
+def _blind(stamp_ns: int, trouble: str) -> CameraView:
+    """Return a view of a picture that says nothing."""
+    return CameraView(stamp_ns, 0.0, 0.0, 1.0, (), (), (), (), trouble=trouble)

@@ -1,0 +1,81 @@
+"""The lidar process: revolutions in, scans for localisation and map out."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Final
+
+import zmq
+
+from robotctl.app.processes.lidar_scans import LidarScans
+from robotctl.app.supervision.signals import StopFlag
+from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.robot_file import RobotConfig
+from robotctl.drivers.lidar.rplidar import Rplidar
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.messages.control import ControlState, Notice
+from robotctl.messages.lidar_port import LidarPort
+from robotctl.messages.ports import Clock
+from robotctl.model.sensors.lidar import SOCKET, LidarConfig
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoint_directory
+
+LIDAR_DRIVERS: Final[dict[str, Callable[[LidarConfig, Clock], LidarPort]]] = {
+    "rplidar": lambda config, clock: Rplidar(config.device, config.baud, clock),
+}
+"""By `lidar.driver`."""
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Scan until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    ConfigError
+        If the robot's file names no lidar that has a driver here.
+    LinkError
+        If the lidar cannot be opened, or falls silent.
+    """
+    stopped = StopFlag()
+    clock = RealClock()
+    if config.lidar is None or config.lidar.driver == SOCKET:
+        raise ConfigError(f"lidar.driver: allowed are here: {', '.join(LIDAR_DRIVERS)}")
+    lidar = LIDAR_DRIVERS[config.lidar.driver](config.lidar, clock)
+    context = zmq.Context()
+    try:
+        endpoints = Endpoints(endpoint_directory(options.instance))
+        publisher = Publisher(context, endpoints.lidar)
+        states = Subscriber[ControlState | Notice](
+            context, (endpoints.control_state,), ControlState | Notice
+        )
+        scans = LidarScans(config.lidar)
+        heartbeat = Heartbeat(os.environ)
+        while not stopped():
+            heartbeat.beat()
+            sweep = lidar.read()
+            for message in states.receive():
+                if isinstance(message, ControlState):
+                    scans.attend(message)
+            if sweep is not None:
+                publisher.send(scans.scan(sweep))
+    finally:
+        lidar.close()
+        context.destroy(linger=0)
+
+
+def main() -> int:
+    """Entry point of the process; a lidar that is not there may come: status 1 tries again."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl lidar: {error}", file=sys.stderr)  # noqa: T201
+        return 2 if isinstance(error, ConfigError) else 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

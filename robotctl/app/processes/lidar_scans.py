@@ -1,0 +1,101 @@
+"""From the revolutions of a lidar to scans: as seen from one place, in even steps."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.app.localisation.odometry_history import OdometryHistory
+from robotctl.messages.control import ControlState
+from robotctl.messages.estimation import LidarScan
+from robotctl.messages.lidar_port import LidarSweep
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.lidar import LidarConfig
+
+_KNOTS: Final = 9
+"""The way during a revolution is taken as straight between so many places."""
+
+
+class LidarScans:
+    """Makes scans.
+
+    A revolution takes 0.1 to 0.2 s, in which the robot drives on and turns: each sample is moved
+    to where it lies from the lidar's place at the last one, by odometry.
+
+    Parameters
+    ----------
+    config
+        Where the lidar sits, and what of its samples counts.
+    """
+
+    def __init__(self, config: LidarConfig) -> None:
+        self._config = config
+        self._odometry = OdometryHistory()
+        self._step_rad = 2.0 * math.pi / config.beams
+        angles = -math.pi + self._step_rad * np.arange(config.beams)
+        self._hidden = np.zeros(config.beams, dtype=np.bool_)
+        for begin, end in np.radians(np.array(config.hidden_deg, dtype=np.float64).reshape(-1, 2)):
+            self._hidden |= (angles - begin) % (2.0 * math.pi) <= (end - begin) % (2.0 * math.pi)
+
+    def attend(self, control: ControlState) -> None:
+        """Take in where the odometry is."""
+        self._odometry.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+
+    def scan(self, sweep: LidarSweep) -> LidarScan:
+        """Return a revolution as a scan from where the robot was at its end.
+
+        Beams are nan where nothing was measured, inf where the echo lies beyond `max_range_m`.
+        Without an echo an RPLIDAR does not say whether that is for want of anything to hit, so
+        that counts as nothing measured, never as free.
+        """
+        config = self._config
+        sign = -1.0 if config.upside_down else 1.0
+        angles = math.radians(config.yaw_deg) + sign * sweep.angles_rad
+        ranges = np.where(sweep.ranges_m < config.min_range_m, np.nan, sweep.ranges_m)
+        angles, ranges = self._from_last_place(sweep.stamps_ns, angles, ranges)
+        beams = np.full(config.beams, np.nan)
+        places = (angles + math.pi) / self._step_rad
+        nearest = np.floor(places + 0.5)
+        # The last to be written stays: the sample nearest to the middle of its beam.
+        order = np.argsort(-np.abs(places - nearest), kind="stable")
+        order = order[np.isfinite(ranges[order])]
+        beams[nearest[order].astype(np.int64) % config.beams] = ranges[order]
+        beams[beams > config.max_range_m] = np.inf
+        beams[self._hidden] = np.nan
+        return LidarScan(
+            int(sweep.stamps_ns[-1]),
+            config.x_m,
+            config.y_m,
+            -math.pi,
+            self._step_rad,
+            config.max_range_m,
+            beams.astype("<f4").tobytes(),
+        )
+
+    def _from_last_place(
+        self,
+        stamps_ns: NDArray[np.int64],
+        angles: NDArray[np.float64],
+        ranges: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return directions in `base` and ranges as from the place of the last sample."""
+        knots_ns = np.linspace(stamps_ns[0], stamps_ns[-1], _KNOTS)
+        poses = [self._odometry.at(int(each)) for each in knots_ns]
+        last = poses[-1]
+        known = [pose for pose in poses if pose is not None]
+        if last is None or len(known) < _KNOTS:
+            return angles, ranges
+        moves = [last.inverse() @ pose for pose in known]
+        x, y, theta = (
+            np.interp(stamps_ns, knots_ns, each)
+            for each in np.array([(move.x_m, move.y_m, move.theta_rad) for move in moves]).T
+        )
+        config = self._config
+        seen_x = config.x_m + ranges * np.cos(angles)
+        seen_y = config.y_m + ranges * np.sin(angles)
+        from_x = x + np.cos(theta) * seen_x - np.sin(theta) * seen_y - config.x_m
+        from_y = y + np.sin(theta) * seen_x + np.cos(theta) * seen_y - config.y_m
+        return np.arctan2(from_y, from_x), np.hypot(from_x, from_y)

@@ -1,0 +1,291 @@
+"""The navigator between messages: control state and requests in, velocity and own state out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotctl import toml_source
+from robotctl.app.localisation.odometry_history import OdometryHistory
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig
+from robotctl.drivers.can.nodes.robot_can import DRIVE_NODE
+from robotctl.messages.control import (
+    ControlState,
+    ExternalPose,
+    GroundStationPresence,
+    ManualControl,
+    NavigationRequest,
+    NavigationState,
+    PositionTarget,
+    SetMode,
+    VelocityCommand,
+    VelocityTarget,
+)
+from robotctl.messages.estimation import CameraView, LocalisationState
+from robotctl.messages.located import located
+from robotctl.messages.mode import Mode
+from robotctl.messages.requests import (
+    REQUEST_LIFE_NS,
+    ModeRequest,
+    PositionRequest,
+    Request,
+    StickRequest,
+    VelocityRequest,
+)
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
+from robotctl.planning.guard.obstacle_guard import Point
+from robotctl.planning.navigator import NavigationInputs, Navigator
+from robotctl.safety.state_machine import POWERED
+
+COMMAND_LIFE_PERIODS: Final = 4
+"""A velocity command expires after so many periods of the navigator."""
+
+STATE_MAX_AGE_NS: Final = 200_000_000
+"""An older control state is not acted on [ns]."""
+
+PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
+"""A ground station that telemetry has not told of for longer is not there [ns]."""
+
+_HOLD: Final = "hold: "
+"""What a message begins with that says why nobody's wish stopped the robot."""
+
+_UNSEEN: Final = (
+    "what was seen of the floor is forgotten: the robot does not drive forwards by itself until "
+    "the camera has seen what lies right before it; back it up a little by hand"
+)
+
+_UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
+"""Before the first control state; the navigator then stands and drops no breadcrumb."""
+
+
+def load_mission(path: Path) -> Mission:
+    """Read a mission file.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each error.
+    """
+    return toml_source.load(path, Mission)
+
+
+class Pilot:
+    """Runs a `Navigator` on messages.
+
+    Parameters
+    ----------
+    config
+        The robot.
+    options
+        Mission and start pose.
+    """
+
+    def __init__(self, config: RobotConfig, options: StackOptions) -> None:
+        self._mission = load_mission(Path(options.mission)) if options.mission else None
+        self._navigator = Navigator(
+            config.navigation,
+            config.drive,
+            config.limits,
+            config.sonar,
+            self._mission,
+            SE2(options.x_m, options.y_m, options.theta_rad),
+        )
+        self.period_ns = round(1e9 / config.navigation.rate_hz)
+        self._odometry = OdometryHistory()
+        self._floor = FloorMemory()
+        self._looks = config.camera is not None and config.camera.enabled
+        self._guard = config.navigation.guard
+        self._way: tuple[int, float] | None = None
+        """Boots of the drive and distance [m] of the last state: odometry goes on from there."""
+        self._news: list[str] = []
+        self._message = ""
+        self._armings: int | None = None
+        """The count in the last state, None where that was not enabled."""
+        self._needs_station = config.mavlink.hold_without_gcs
+        self._station_ns: int | None = None
+        """When a ground station was there last."""
+
+    @property
+    def mission_completed(self) -> bool:
+        """AUTO would begin the mission anew."""
+        return self._navigator.mission_completed
+
+    def resume(self, item: int, item_s_m: float) -> None:
+        """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
+        self._navigator.resume(item, item_s_m)
+
+    def learn_map(self, chart: GridMap) -> None:
+        """Know the map that the robot localises itself in."""
+        self._navigator.learn_map(chart)
+
+    def step(
+        self,
+        control: ControlState | None,
+        localisation: LocalisationState | None,
+        requests: Sequence[NavigationRequest],
+        now_ns: int,
+        views: Sequence[CameraView] = (),
+    ) -> tuple[VelocityCommand, NavigationState]:
+        """Return the velocity command of this step and what to publish.
+
+        A request for a mode or a position that waited for longer than `REQUEST_LIFE_NS`, because
+        this process was held up, is dropped: whoever asked was told so and may have left the
+        robot to others. HOLD is always taken; velocities and sticks expire by themselves.
+
+        Without `localisation`, and while that is no more than a guess, which may jump, the robot
+        goes by its odometry. `views` are those of the camera since the last step.
+        """
+        localised = localisation is None or localisation.status is LocalisationStatus.LOCALISED
+        fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
+        ranges_m: tuple[float, ...]
+        heard_ns: tuple[int, ...]
+        if control is None:
+            pose, twist, ranges_m, heard_ns, floor = _UNKNOWN, Twist(0.0, 0.0), (), (), []
+        else:
+            floor = self._look(control, views)
+            control = located(control, localisation if localised else None)
+            pose = SE2(control.x_m, control.y_m, control.theta_rad)
+            twist = Twist(control.v_m_s, control.omega_rad_s)
+            ranges_m, heard_ns = control.sonar_m, control.sonar_stamp_ns
+        enabled = fresh and control is not None and control.state in POWERED
+        if enabled and control is not None:
+            enabled = self._armings in {None, control.armings}  # else stopped between two states
+            self._armings = control.armings
+        else:
+            self._armings = None
+        inputs = NavigationInputs(
+            pose=pose,
+            twist=twist,
+            ranges_m=ranges_m,
+            heard_ns=heard_ns,
+            enabled=enabled,
+            localised=localised,
+            attended=self._attended(requests, now_ns),
+            heard=fresh,
+            requests=tuple(
+                _request(each)
+                for each in self._in_time(requests, now_ns)
+                if not isinstance(each, ExternalPose | GroundStationPresence)
+            ),
+            floor_base=floor,
+        )
+        out = self._navigator.step(inputs, now_ns)
+        command = VelocityCommand(
+            now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
+        )
+        if out.message != self._message and enabled and out.message.startswith(_HOLD):
+            self._news.append(out.message)
+        self._message = out.message
+        state = NavigationState(
+            stamp_ns=now_ns,
+            mode=out.mode,
+            mission=self._mission.name if self._mission else "",
+            item=out.item,
+            items=out.items,
+            item_name=out.item_name,
+            mission_completed=out.mission_completed,
+            mission_failed=out.mission_failed,
+            message=out.message,
+            item_s_m=out.item_s_m,
+        )
+        return command, state
+
+    def news(self) -> list[str]:
+        """Return sentences for people since the last call."""
+        news, self._news = self._news, []
+        return news
+
+    def _attended(self, requests: Sequence[NavigationRequest], now_ns: int) -> bool:
+        """Say whether a ground station is there, or need not be."""
+        for each in requests:
+            if isinstance(each, GroundStationPresence):
+                self._station_ns = each.stamp_ns
+        if not self._needs_station:
+            return True
+        heard_ns = self._station_ns
+        return heard_ns is not None and now_ns - heard_ns <= PRESENCE_MAX_AGE_NS
+
+    def _in_time(
+        self, requests: Sequence[NavigationRequest], now_ns: int
+    ) -> list[NavigationRequest]:
+        """Return the requests without those that came too late."""
+        taken: list[NavigationRequest] = []
+        late: list[NavigationRequest] = []
+        for each in requests:
+            (late if _too_late(each, now_ns) else taken).append(each)
+        if late:
+            oldest_s = (now_ns - min(each.stamp_ns for each in late)) / 1e9
+            what = "request" if len(late) == 1 else "requests"
+            self._news.append(
+                f"{len(late)} {what} for a mode or position dropped: {oldest_s:.1f} s old"
+            )
+        return taken
+
+    def _look(self, control: ControlState, views: Sequence[CameraView]) -> list[Point]:
+        """Return what lies on the floor around, by all that the camera saw while armed.
+
+        It is kept over stops, since odometry goes on, and a thing that the robot has stopped for
+        is often below the picture.
+        """
+        odometry = SE2(control.x_m, control.y_m, control.theta_rad)
+        if not self._goes_on(control):
+            self._forget(control, odometry)
+        self._odometry.add(control.stamp_ns, odometry)
+        for view in views if control.state in POWERED else ():
+            seen_from = self._odometry.at(view.stamp_ns)
+            if seen_from is not None:
+                self._floor.see(seen_from, _floor_view(view))
+        return self._floor.around(odometry)
+
+    def _goes_on(self, control: ControlState) -> bool:
+        """Say whether odometry has not lost its way since the last state."""
+        drive = [node.boots for node in control.nodes if node.node_id == DRIVE_NODE]
+        before, self._way = self._way, (sum(drive), control.distance_m)
+        return before is not None and before[0] == self._way[0] and before[1] <= self._way[1]
+
+    def _forget(self, control: ControlState, odometry: SE2) -> None:
+        """Forget the floor; what lies below the picture of a robot under way is not known then."""
+        self._odometry, self._floor = OdometryHistory(), FloorMemory()
+        if self._looks and control.armings:
+            self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
+            self._news.append(_UNSEEN)
+
+
+def _floor_view(view: CameraView) -> FloorView:
+    """Return a view of the camera for the planning layer."""
+    beams = (view.angles_rad, view.ranges_m, view.sigmas_m, view.nearest_m)
+    angles, ranges, sigmas, nearest = (np.array(each, dtype=np.float64) for each in beams)
+    return FloorView(view.x_m, view.y_m, angles, ranges, sigmas, nearest, not view.trouble)
+
+
+def _too_late(message: NavigationRequest, now_ns: int) -> bool:
+    """Say whether a request waited for so long that it must not move the robot any more."""
+    if isinstance(message, SetMode) and message.mode is Mode.HOLD:
+        return False
+    old = now_ns - message.stamp_ns > REQUEST_LIFE_NS
+    return old and isinstance(message, SetMode | PositionTarget)
+
+
+def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl) -> Request:
+    """Translate a message for the planning layer, which knows none."""
+    match message:
+        case SetMode():
+            return ModeRequest(message.mode, message.stamp_ns)
+        case VelocityTarget():
+            return VelocityRequest(
+                message.expires_ns, message.v_m_s, message.omega_rad_s, message.heading_rad
+            )
+        case PositionTarget():
+            return PositionRequest(message.x_m, message.y_m)
+        case ManualControl():
+            return StickRequest(message.expires_ns, message.forward, message.turn)

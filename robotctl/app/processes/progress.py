@@ -1,0 +1,322 @@
+"""What a robot remembers over restarts: its odometer, and how far its mission has come.
+
+The control process reads it before its loop starts, navigation before its first step; the recorder
+process alone writes it, since writing waits for the disk.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.config.options import StackOptions
+from robotctl.messages.control import ControlState, NavigationState
+from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.located import Locator
+from robotctl.messages.requests import FARTHEST_M
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.se2 import SE2
+from robotctl.runtime.storage.state_file import StateError, StateFile
+
+NAME: Final = "progress.json"
+
+_SAVE_NS: Final = 5_000_000_000
+"""While it drives, so much is lost at most in a power cut [ns]."""
+_SAY_NS: Final = 10_000_000_000
+"""Between two sentences that say that saving fails [ns]."""
+_SAVE_AT_REST_NS: Final = 1_000_000_000
+_SILENCE_NS: Final = 300_000_000
+"""A process that has published nothing for so long may be about to start again [ns]."""
+_REST_M_S: Final = 0.005
+_SAME_M, _SAME_RAD = 0.01, 0.01
+"""A localiser moves a robot at rest by less, again and again; cards wear out by being written."""
+
+
+class Progress(msgspec.Struct, frozen=True):
+    """What survives.
+
+    Parameters
+    ----------
+    run
+        Which run of the stack the pose and the mission's progress belong to.
+    odometer_m
+        Distance driven in the robot's life [m].
+    x_m, y_m, theta_rad
+        Pose of `base` in `world` [m, rad].
+    mission_crc
+        CRC-32 of the mission's file; 0 without a mission.
+    item, item_s_m
+        Mission item in progress, from 0, and the way along it [m].
+
+    Raises
+    ------
+    ValueError
+        Where a value can be none of a robot's; in a file that is damage like any other.
+    """
+
+    run: str
+    odometer_m: float
+    x_m: float
+    y_m: float
+    theta_rad: float
+    mission_crc: int = 0
+    item: int = 0
+    item_s_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges; the odometer is nan where it is unknown."""
+        if self.odometer_m < 0.0 or math.isinf(self.odometer_m):
+            raise ValueError(f"odometer_m must be finite and at least 0, not {self.odometer_m:g}")
+        if not (abs(self.x_m) < FARTHEST_M and abs(self.y_m) < FARTHEST_M):
+            raise ValueError(
+                f"x_m and y_m must be below {FARTHEST_M:.0f}, not {self.x_m:g} and {self.y_m:g}"
+            )
+        if not math.isfinite(self.theta_rad):
+            raise ValueError(f"theta_rad must be finite, not {self.theta_rad:g}")
+        if self.item < 0:
+            raise ValueError(f"item must be at least 0, not {self.item}")
+        if not 0.0 <= self.item_s_m < math.inf:
+            raise ValueError(f"item_s_m must be finite and at least 0, not {self.item_s_m:g}")
+
+    def fits(self, options: StackOptions) -> bool:
+        """Return whether pose and mission item are those of this run and this mission."""
+        return self.run == options.run and self.mission_crc == mission_crc(options)
+
+
+def progress_file(directory: Path) -> StateFile[Progress]:
+    """Return the file in a state directory, which is made where it is missing.
+
+    Raises
+    ------
+    StateError
+        If the directory cannot be made.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StateError(f"{directory}: cannot be made: {error.strerror}") from error
+    return StateFile(directory / NAME, Progress)
+
+
+def state_directory(environment: Mapping[str, str]) -> Path:
+    """Return where state lives: systemd's STATE_DIRECTORY, else the user's own folder for it.
+
+    Raises
+    ------
+    StateError
+        If the user has no home.
+    """
+    given = environment.get("STATE_DIRECTORY", "").partition(":")[0]
+    if given:
+        return Path(given)
+    if home := environment.get("XDG_STATE_HOME"):
+        return Path(home) / "robotctl"
+    try:
+        return Path.home() / ".local" / "state" / "robotctl"
+    except RuntimeError as error:
+        raise StateError(
+            f"user {os.geteuid()} has no home to keep state in; set HOME or XDG_STATE_HOME"
+        ) from error
+
+
+def resumed(options: StackOptions, items: int) -> tuple[StackOptions, Progress, tuple[str, ...]]:
+    """Return options that go on with the run that was interrupted, where it stands, and notes.
+
+    Parameters
+    ----------
+    options
+        Of the new run.
+    items
+        How many its mission has; 0 without a mission.
+
+    Returns
+    -------
+    tuple
+        The options, what was saved, and a sentence for each file that was found damaged.
+
+    Raises
+    ------
+    StateError
+        If there is none, or its mission was another, or had fewer items than are saved.
+    """
+    saved, notes = load_progress(options)
+    if saved is None or not saved.run:  # without a run it cannot be read
+        raise StateError("\n".join((*notes, f"{options.state}: there is no run to resume")))
+    options = msgspec.structs.replace(options, run=saved.run)
+    if not saved.fits(options):
+        raise StateError(
+            "\n".join((*notes, f"{options.state}: the run saved there is of another mission"))
+        )
+    if saved.item > items:
+        why = f"the mission has {items} items, against {saved.item} done in the run saved there"
+        raise StateError("\n".join((*notes, f"{options.state}: {why}")))
+    return options, saved, notes
+
+
+def mission_crc(options: StackOptions) -> int:
+    """Return the CRC-32 of the mission's file; 0 without one."""
+    return zlib.crc32(Path(options.mission).read_bytes()) if options.mission else 0
+
+
+def load_progress(options: StackOptions) -> tuple[Progress | None, tuple[str, ...]]:
+    """Return what was saved in the state directory, and a sentence for each damaged file.
+
+    Where the disk cannot be read, the odometer is nan, which nobody saves over the true one.
+    """
+    if not options.state:
+        return None, ()
+    try:
+        return progress_file(Path(options.state)).load()
+    except StateError as error:
+        return Progress("", math.nan, 0.0, 0.0, 0.0), (str(error),)
+
+
+def last_pose(saved: Progress | None, options: StackOptions) -> SE2 | None:
+    """Return where `base` was last in `world` in this run of the stack; None where it begins."""
+    if saved is None or not saved.run or saved.run != options.run:
+        return None
+    return SE2(saved.x_m, saved.y_m, saved.theta_rad)
+
+
+class ProgressKeeper:
+    """Decides when there is something to save, and saves it.
+
+    Saved are: each new mission item, each stop, every five seconds of driving, and at once what
+    was last heard of a process that falls silent.
+
+    Parameters
+    ----------
+    file
+        Where to.
+    options
+        Of the stack: run and mission.
+    saved
+        What is in the file now.
+    localised
+        Whether the robot has a localiser. Before that knows the place, the odometry's pose is not
+        the one in `world`, and the pose that is saved of this run stays. Once it does not know it
+        any more, the odometry goes on from where it did: its guesses jump.
+    """
+
+    def __init__(
+        self,
+        file: StateFile[Progress],
+        options: StackOptions,
+        saved: Progress | None,
+        *,
+        localised: bool,
+    ) -> None:
+        self._file = file
+        self._localised = localised
+        self._run = options.run
+        self._mission_crc = mission_crc(options)
+        self._locator = Locator()
+        self._control: ControlState | None = None
+        self._navigation: NavigationState | None = None
+        self._saved = saved if saved is not None and saved.fits(options) else None
+        self._tried_ns = 0
+        self._trouble = False
+        self._said_ns: int | None = None
+        """When it was last said that saving fails [ns]."""
+
+    def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
+        """Take in what was published; return a sentence where saving fails."""
+        for message in messages:
+            if isinstance(message, ControlState):
+                self._control = self._locator.locate(message)
+            elif isinstance(message, LocalisationState):
+                if message.status is LocalisationStatus.LOCALISED:
+                    self._locator.localise(message)
+            elif isinstance(message, NavigationState):
+                self._navigation = message
+        progress = self._present()
+        if progress is None or not self._due(progress, now_ns):
+            return ()
+        if self._saved is not None and _are_alike(progress, self._saved):
+            return ()
+        return self._save(progress, now_ns)
+
+    def close(self) -> tuple[str, ...]:
+        """Save the end."""
+        progress = self._present()
+        if progress is None or progress == self._saved:
+            return ()
+        return self._save(progress, self._tried_ns)
+
+    def _present(self) -> Progress | None:
+        """Return what there is to save.
+
+        None before anything was heard, without odometer, and of values that nobody would read.
+        """
+        control, navigation = self._control, self._navigation
+        if control is None or not math.isfinite(control.odometer_m):
+            return None
+        place: ControlState | Progress = control
+        if self._localised and self._locator.localisation is None and self._saved is not None:
+            place = self._saved
+        item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
+        if navigation is None and self._saved is not None:
+            item, item_s_m = self._saved.item, self._saved.item_s_m
+        try:
+            return Progress(
+                self._run,
+                control.odometer_m,
+                place.x_m,
+                place.y_m,
+                place.theta_rad,
+                self._mission_crc,
+                item,
+                item_s_m,
+            )
+        except ValueError:
+            return None
+
+    def _due(self, progress: Progress, now_ns: int) -> bool:
+        """Return whether to save now."""
+        control, navigation, saved = self._control, self._navigation, self._saved
+        if control is None:
+            return False
+        age_ns = now_ns - self._tried_ns
+        if self._trouble:
+            return age_ns >= _SAVE_NS
+        if saved is None:
+            return True
+        stamps = [control.stamp_ns] + ([navigation.stamp_ns] if navigation else [])
+        return (
+            progress.item != saved.item
+            or age_ns >= _SAVE_NS
+            or (age_ns >= _SAVE_AT_REST_NS and abs(control.v_m_s) < _REST_M_S)
+            or any(now_ns - stamp_ns >= _SILENCE_NS for stamp_ns in stamps)
+        )
+
+    def _save(self, progress: Progress, now_ns: int) -> tuple[str, ...]:
+        """Save, and say so every 10 s as long as that fails: who hears it may come later."""
+        self._tried_ns = now_ns
+        try:
+            self._file.save(progress)
+        except StateError as error:
+            self._trouble = True
+            if self._said_ns is not None and now_ns - self._said_ns < _SAY_NS:
+                return ()
+            self._said_ns = now_ns
+            return (str(error),)
+        self._saved, self._trouble, self._said_ns = progress, False, None
+        return ()
+
+
+def _are_alike(a: Progress, b: Progress) -> bool:
+    """Return whether two states are the same but for the last digits."""
+    return (
+        (a.run, a.mission_crc, a.item) == (b.run, b.mission_crc, b.item)
+        and abs(a.odometer_m - b.odometer_m) < _SAME_M
+        and math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) < _SAME_M
+        and abs(wrap_angle(a.theta_rad - b.theta_rad)) < _SAME_RAD
+        and abs(a.item_s_m - b.item_s_m) < _SAME_M
+    )

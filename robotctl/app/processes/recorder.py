@@ -1,0 +1,243 @@
+"""The recorder process: whatever waits for the disk, so that nobody else has to."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, Final
+
+import zmq
+
+from robotctl.app.processes.progress import ProgressKeeper, load_progress, progress_file
+from robotctl.app.supervision.signals import StopFlag
+from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.robot_file import RobotConfig
+from robotctl.errors import RobotctlError
+from robotctl.logs.flight import FlightDumps, RecordCopy
+from robotctl.logs.logs import BusLog, StateLog, recover_all, scene_of
+from robotctl.logs.mcap.entries import Published
+from robotctl.messages.control import Notice, Severity
+from robotctl.messages.ports import Clock
+from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.topics import (
+    Endpoints,
+    Publisher,
+    Subscriber,
+    endpoint_directory,
+    ring_path,
+)
+from robotctl.runtime.storage.log_folder import LogFolder
+from robotctl.runtime.storage.ring_file import crashed, retire
+
+PERIOD_NS: Final = 100_000_000
+LISTEN_PERIODS: Final = 20
+"""The bus brings some eighty frames in so many control periods, a third of what a socket keeps."""
+_LOOK_NS: Final = 20_000_000
+_RETRY_NS: Final = 10_000_000_000
+_END_NS: Final = 1_500_000_000
+"""The control process, told to end at the same time, has ended by then [ns]."""
+
+
+class Recording:
+    """All that one robot's recorder does, step by step.
+
+    Parameters
+    ----------
+    config, options
+        Of the robot.
+
+    Raises
+    ------
+    LogError, StateError
+        If a directory cannot be made.
+    """
+
+    def __init__(self, config: RobotConfig, options: StackOptions) -> None:
+        self._ring = ring = ring_path(options.instance)
+        self._keeper: ProgressKeeper | None = None
+        self._dumps: FlightDumps | None = None
+        self._logs: Logs | None = None
+        self._left: tuple[str, ...] = ()
+        self._listen_ns = LISTEN_PERIODS * config.runtime.period_ns
+        if options.state:
+            saved, _ = load_progress(options)
+            self._keeper = ProgressKeeper(
+                progress_file(Path(options.state)),
+                options,
+                saved,
+                localised=config.localisation.method != "none",
+            )
+        if options.flights:
+            self._dumps = FlightDumps(ring, Path(options.flights))
+        if options.record:
+            folder = LogFolder(Path(options.record), config.log)
+            self._left = recover_all(folder)
+            self._logs = Logs(ring, folder, config, options.epoch_ns, options.open_clock())
+
+    @property
+    def period_ns(self) -> int:
+        """How often `listen` is to be called [ns]."""
+        return PERIOD_NS if self._logs is None else self._listen_ns
+
+    def look_back(self, now_ns: int) -> tuple[str, ...]:
+        """Dump a crash of the run before; return what people should know of what that run left."""
+        return self._left + (() if self._dumps is None else self._dumps.step([], now_ns))
+
+    def listen(self, now_ns: int) -> tuple[str, ...]:
+        """Empty what would overflow before the next `step`."""
+        return () if self._logs is None else self._logs.listen(now_ns)
+
+    def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
+        """Write what is to be written; return what people should know."""
+        notes: tuple[str, ...] = ()
+        if self._keeper is not None:
+            notes += self._keeper.step(messages, now_ns)
+        if self._dumps is not None:
+            notes += self._dumps.step(messages, now_ns)
+        if self._logs is not None:
+            notes += self._logs.step(messages, now_ns)
+        return notes
+
+    def finish(self, receive: Callable[[], list[Published]], clock: Clock) -> tuple[str, ...]:
+        """Take in the end of the control process, which removes its ring; then close everything.
+
+        Returns what people should know, as `step`.
+        """
+        notes: tuple[str, ...] = ()
+        deadline_ns = clock.now_ns() + _END_NS
+        while self._ring.exists() and clock.now_ns() < deadline_ns:
+            clock.sleep_until(clock.now_ns() + _LOOK_NS)
+            notes += self.listen(clock.now_ns())
+            notes += self.step(receive(), clock.now_ns())
+        retire(self._ring)
+        notes += self.step(receive(), clock.now_ns())
+        if self._dumps is None:
+            crashed(self._ring).unlink(missing_ok=True)
+        if self._keeper is not None:
+            notes += self._keeper.close()
+        if self._dumps is not None:
+            notes += self._dumps.close()
+        if self._logs is not None:
+            notes += self._logs.close()
+        return notes
+
+
+class Logs:
+    """The logs of `--record`, on a disk that may refuse.
+
+    Parameters
+    ----------
+    ring
+        The flight ring.
+    folder
+        Where to.
+    config
+        Of the robot.
+    epoch_ns
+        Added to the clock to get wall time [ns].
+    clock
+        Of the robot.
+    """
+
+    def __init__(
+        self, ring: Path, folder: LogFolder, config: RobotConfig, epoch_ns: int, clock: Clock
+    ) -> None:
+        self._folder = folder.directory
+        self._copy = RecordCopy(ring, folder)
+        self._states = StateLog(folder, epoch_ns, config.robot.name, scene_of(config))
+        self._bus = BusLog(folder, config.can, epoch_ns, clock)
+        self._retry_ns = 0
+
+    def listen(self, now_ns: int) -> tuple[str, ...]:
+        """Log the bus."""
+        if now_ns < self._retry_ns:
+            return ()
+        try:
+            return self._bus.step(now_ns)
+        except OSError as error:
+            return self._refused(error, now_ns)
+
+    def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
+        """Log states and ticks."""
+        if now_ns < self._retry_ns:
+            return ()
+        try:
+            self._copy.step()
+            self._states.step(messages, now_ns)
+        except OSError as error:
+            return self._refused(error, now_ns)
+        return ()
+
+    def _refused(self, error: OSError, now_ns: int) -> tuple[str, ...]:
+        """Say that the disk refuses, and try again later.
+
+        Said each time: who begins to listen later, as all do at a start, shall know it, too.
+        """
+        self._retry_ns = now_ns + _RETRY_NS
+        self.close()  # that it refuses this too is no news
+        return (f"logging stopped: {error.filename or self._folder}: {error.strerror}",)
+
+    def close(self) -> tuple[str, ...]:
+        """Close all files; return a sentence for each whose end the disk refuses."""
+        notes = []
+        for what, log in (("ticks", self._copy), ("states", self._states), ("bus", self._bus)):
+            try:
+                log.close()
+            except OSError as error:
+                notes.append(f"the log of the {what} lacks its end: {error}")
+        return tuple(notes)
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Record until SIGTERM or SIGINT."""
+    stopped = StopFlag()
+    clock = options.open_clock()
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    with ExitStack() as stack:
+        context: zmq.Context[Any] = zmq.Context()
+        stack.callback(context.destroy, linger=0)
+        heard = (*endpoints.published, endpoints.supervisor_notices)
+        messages = Subscriber[Published](context, heard, Published)
+        publisher = Publisher(context, endpoints.recorder_notices)
+        recording = Recording(config, options)
+        stack.callback(_finish, recording, messages.receive, clock)
+        if left := recording.look_back(clock.now_ns()):
+            publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(left)))
+        heartbeat = Heartbeat(os.environ)
+        due_ns = 0
+        while not stopped():
+            now_ns = clock.now_ns()
+            notes = recording.listen(now_ns)
+            if now_ns >= due_ns:
+                due_ns = now_ns + PERIOD_NS
+                notes += recording.step(messages.receive(), now_ns)
+            publisher.attend()
+            for note in notes:
+                publisher.send(Notice(now_ns, Severity.WARNING, note))
+            heartbeat.beat()
+            clock.sleep_until(now_ns + recording.period_ns)
+
+
+def _finish(recording: Recording, receive: Callable[[], list[Published]], clock: Clock) -> None:
+    """End a recording; who listened to its notices may have ended, so its last words go here."""
+    for note in recording.finish(receive, clock):
+        with suppress(OSError):  # whoever does not read it
+            print(f"robotctl recorder: {note}", file=sys.stderr)  # noqa: T201
+
+
+def main() -> int:
+    """Entry point of the process."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl recorder: {error}", file=sys.stderr)  # noqa: T201
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

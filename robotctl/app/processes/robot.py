@@ -1,0 +1,78 @@
+"""From a configuration to the objects of a robot."""
+
+from __future__ import annotations
+
+import json
+
+import msgspec
+
+import robotctl
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig, config_directory
+from robotctl.core.checkpoint import fields_of
+from robotctl.core.control_core import ControlCore
+from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.dbc import load_dbc
+from robotctl.drivers.can.nodes.robot_can import CanRobot
+from robotctl.drivers.can.nodes.robot_codec import RobotCodec
+from robotctl.drivers.can.port import SocketPort
+from robotctl.messages.ports import Clock
+from robotctl.model.geometry.se2 import SE2
+from robotctl.runtime.flight.recorder import RecordHeader
+
+
+def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
+    """Return the control core of a robot."""
+    return ControlCore(
+        config.drive,
+        config.control,
+        config.limits,
+        config.safety,
+        config.plausibility,
+        config.runtime.period_ns,
+        config.sonar,
+        SE2(options.x_m, options.y_m, options.theta_rad),
+    )
+
+
+def make_codec() -> RobotCodec:
+    """Return the codec of `robot.dbc`."""
+    return RobotCodec(load_dbc(config_directory() / "robot.dbc"))
+
+
+def node_parameters(config: RobotConfig) -> NodeParameters:
+    """Return what the nodes of a robot must be and are told to be."""
+    return NodeParameters(
+        rate_hz=config.runtime.rate_hz,
+        command_timeout_ms=config.safety.command_timeout_ms,
+        heartbeat_timeout_ms=config.safety.heartbeat_timeout_ms,
+        counts_per_revolution=config.drive.counts_per_revolution,
+        steered=config.drive.steered,
+        sonars=len(config.sonar),
+    )
+
+
+def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
+    """Return the robot on its CAN bus.
+
+    Raises
+    ------
+    LinkError
+        If the bus cannot be opened.
+    """
+    codec = make_codec()
+    port = SocketPort(config.can, codec.arbitration_ids, clock)
+    return CanRobot(port, codec, node_parameters(config))
+
+
+def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:
+    """Return what a replay needs to make the same core again."""
+    return RecordHeader(
+        version=robotctl.__version__,
+        robot_json=json.dumps(msgspec.to_builtins(config)),  # msgspec's own knows no infinity
+        x_m=options.x_m,
+        y_m=options.y_m,
+        theta_rad=options.theta_rad,
+        fields=fields_of(make_core(config, options)),
+        epoch_ns=options.epoch_ns,
+    )

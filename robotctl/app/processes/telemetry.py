@@ -1,0 +1,109 @@
+"""The telemetry process: MAVLink links."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import ExitStack
+from typing import Final
+
+import zmq
+
+import robotctl
+from robotctl.app.supervision.signals import StopFlag
+from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.robot_file import RobotConfig
+from robotctl.drivers.mavlink.link import MavlinkLinks
+from robotctl.errors import RobotctlError
+from robotctl.mavlink.service import State, TelemetryRobot
+from robotctl.mavlink.telemetry import Telemetry
+from robotctl.messages.control import (
+    ControlRequest,
+    EmergencyStop,
+)
+from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.topics import (
+    Endpoints,
+    Publisher,
+    RequestSender,
+    Subscriber,
+    endpoint_directory,
+)
+
+RATE_HZ: Final = 100
+
+FAREWELL_NS: Final = 200_000_000
+"""So long it goes on when it is told to end: for the last words of others, which end as well [ns].
+"""
+
+
+def described(config: RobotConfig) -> TelemetryRobot:
+    """Return what telemetry knows of the robot before it hears of it."""
+    return TelemetryRobot(
+        name=config.robot.name,
+        version=robotctl.__version__,
+        sonars=config.sonar,
+        sonar=config.localisation.sonar,
+        has_localiser=config.localisation.method != "none",
+        arm_timeout_s=config.safety.arm_timeout_ms / 1e3,
+    )
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
+    """Serve the links until SIGTERM or SIGINT."""
+    stopped = StopFlag()
+    clock = options.open_clock()
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    context = zmq.Context()
+    heard = [endpoints.control_state, endpoints.navigation_state, endpoints.recorder_notices]
+    heard.append(endpoints.supervisor_notices)
+    heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
+    states = Subscriber[State](context, tuple(heard), State)
+    to_control = RequestSender(context, endpoints.control_requests)
+    to_navigation = RequestSender(context, endpoints.navigation_requests)
+    publisher = Publisher(context, endpoints.telemetry_notices)
+    mavlink = config.mavlink
+    with ExitStack() as stack:
+        stack.callback(context.destroy, linger=0)
+        links = stack.enter_context(
+            MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
+        )
+        telemetry = Telemetry(mavlink, described(config), links)
+        heartbeat = Heartbeat(os.environ)
+        # The one request that is kept for a control process that is not there yet.
+        stop: EmergencyStop | None = None
+        deadline_ns = clock.now_ns()
+        parent = os.getppid()
+        end_ns: int | None = None
+        while end_ns is None or clock.now_ns() < end_ns:
+            if end_ns is None and stopped():
+                end_ns = clock.now_ns() + FAREWELL_NS
+            if end_ns is not None and os.getppid() != parent:
+                parent = os.getppid()
+                telemetry.say(clock.now_ns(), "the supervisor ended: so does robotctl")
+            for request in telemetry.step(clock.now_ns(), states.receive()):
+                sender = to_control if isinstance(request, ControlRequest) else to_navigation
+                if not sender.send(request) and isinstance(request, EmergencyStop):
+                    stop = request
+            if stop is not None and to_control.send(stop):
+                stop = None
+            for notice in telemetry.take_notices():
+                publisher.send(notice)
+            heartbeat.beat()
+            deadline_ns = max(deadline_ns + 1_000_000_000 // RATE_HZ, clock.now_ns())
+            clock.sleep_until(deadline_ns)
+
+
+def main() -> int:
+    """Entry point of the process."""
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl telemetry: {error}", file=sys.stderr)  # noqa: T201
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Simulated runs, in real time and in lockstep, and their score."""

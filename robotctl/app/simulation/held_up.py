@@ -1,0 +1,66 @@
+"""How long the computer of a simulated run was held up, in words for who looks on."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.messages.control import ControlState
+from robotctl.messages.ports import Clock
+from robotctl.runtime.simulated_clock import SimulatedClock
+
+SAY_MS: Final = 20.0
+"""What is shorter is no news [ms]."""
+
+_GROWTH: Final = 2.0
+"""It is said again when it has grown so much."""
+
+
+class HeldUp:
+    """Looks after the clock of a run.
+
+    Parameters
+    ----------
+    clock
+        Of the run. Time stands still only on a `SimulatedClock`.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self.longest_ms = 0.0
+        """At most at a time, since the robot was there [ms]."""
+        self._clock = clock
+        self._began = False
+        self._said_ms = SAY_MS / _GROWTH
+
+    def step(self, control: ControlState | None, simulator_ns: int) -> tuple[str, ...]:
+        """Return a sentence where it is news.
+
+        Parameters
+        ----------
+        control
+            State of the control process; None before the robot is there.
+        simulator_ns
+            How late the simulator was at most, by itself [ns].
+        """
+        if control is None:
+            return ()
+        clock = self._clock
+        if isinstance(clock, SimulatedClock):
+            if not self._began:
+                clock.forget_longest()
+                self._began = True
+            self.longest_ms = clock.longest_ns / 1e6
+        else:
+            self.longest_ms = max(control.loop.lag_us_max / 1e3, simulator_ns / 1e6)
+        if self.longest_ms < _GROWTH * self._said_ms:
+            return ()
+        self._said_ms = self.longest_ms
+        return (self.words(),)
+
+    def words(self) -> str:
+        """Return what it meant for the run."""
+        meant = (
+            "simulated time stood still meanwhile"
+            if isinstance(self._clock, SimulatedClock)
+            else "`--lockstep` does not depend on it"
+        )
+        return f"this computer was held up for {self.longest_ms:.0f} ms; {meant}"

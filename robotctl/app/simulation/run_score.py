@@ -1,0 +1,156 @@
+"""What a simulated run is scored by, collected while it lasts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from robotctl.app.simulation.camera_score import CameraScore
+from robotctl.app.simulation.localisation_score import LocalisationScore
+from robotctl.app.simulation.score import (
+    CameraReport,
+    LocalisationReport,
+    MapQuality,
+    PoseError,
+    PoseScore,
+    StampedPose,
+)
+from robotctl.errors import DiskError
+from robotctl.logs.formats.tum import write_tum
+from robotctl.maps.map_file import save_map
+from robotctl.messages.control import ControlState
+from robotctl.messages.estimation import CameraView, LiveMap, LocalisationState
+from robotctl.messages.located import Locator, located
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+from robotctl.model.trajectory import Trajectory
+from robotctl.model.wall_map import WallMap
+
+
+class RunScore:
+    """Compares where the robot believes to be, and its map, with the truth.
+
+    Parameters
+    ----------
+    walls
+        Of the world.
+    camera
+        Score of the camera; None without one.
+    is_recorded
+        Whether `save` is to come, for which all true poses are kept.
+    """
+
+    def __init__(
+        self, walls: WallMap, camera: CameraScore | None = None, *, is_recorded: bool
+    ) -> None:
+        self._walls = walls
+        self._camera = camera
+        self._pose = PoseScore()
+        self._localisation = LocalisationScore()
+        self._locator = Locator()
+        self._control: ControlState | None = None
+        self._map: GridMap | None = None
+        self._truths: list[StampedPose] | None = [] if is_recorded else None
+
+    def truth(self, pose: StampedPose) -> None:
+        """Take in a true pose."""
+        if self._truths is not None:
+            self._truths.append(pose)
+        self._pose.truth(pose)
+        self._localisation.truth(pose)
+        if self._camera is not None:
+            self._camera.truth(pose)
+
+    def control(self, control: ControlState) -> ControlState:
+        """Take in a state of the control process; return it with its pose in `world`."""
+        self._control = control
+        in_world = self._locator.locate(control)
+        self._pose.estimate(_stamped(in_world))
+        return in_world
+
+    def localisation(self, state: LocalisationState) -> None:
+        """Take in what the localiser believes."""
+        self._locator.localise(state)
+        if self._control is not None:
+            in_world = _stamped(located(self._control, state))
+            self._localisation.estimate(in_world, state, _stamped(self._control))
+
+    def view(self, view: CameraView) -> None:
+        """Take in what the camera saw."""
+        if self._camera is not None:
+            self._camera.view(view)
+
+    def map(self, message: LiveMap) -> None:
+        """Take in the map as it is now."""
+        self._map = grid_of(message)
+
+    @property
+    def pose_error(self) -> PoseError:
+        """Error of the pose that the robot goes by."""
+        return self._pose.result()
+
+    @property
+    def localisation_report(self) -> LocalisationReport | None:
+        """How well the localiser did; None without one."""
+        return self._localisation.result()
+
+    @property
+    def map_quality(self) -> MapQuality | None:
+        """How well the map shows the walls; None without one."""
+        if self._map is None:
+            return None
+        from robotctl.estimation.grid.map_quality import map_quality  # noqa: PLC0415
+
+        quality = map_quality(self._map, self._walls)
+        return MapQuality(precision=quality.precision, recall=quality.recall)
+
+    @property
+    def camera_report(self) -> CameraReport | None:
+        """How well the camera saw; None without one."""
+        return None if self._camera is None else self._camera.result()
+
+    def save(self, folder: Path, run: int, epoch_ns: int = 0) -> None:
+        """Write the true way of a run, and its map, where there is one.
+
+        Parameters
+        ----------
+        folder
+            Where its logs are.
+        run
+            What `LogFolder.begin_run` says: `truth-0001.tum`, `map-0001.yaml`.
+        epoch_ns
+            Added to the times of the poses to get those of the logs [ns].
+
+        Raises
+        ------
+        DiskError
+            If the disk refuses.
+        """
+        truths, grid = self._truths, self._map
+        if truths:
+            stamps = np.array([pose.stamp_ns + epoch_ns for pose in truths])
+            poses = np.array([pose[1:] for pose in truths])
+            way = Trajectory(stamps, poses)
+            _write(folder / f"truth-{run:04d}.tum", lambda path: write_tum(path, way))
+        if grid is not None:
+            _write(folder / f"map-{run:04d}", lambda path: save_map(path, grid))
+
+
+def grid_of(message: LiveMap) -> GridMap:
+    """Return a message as a map."""
+    cells = np.frombuffer(message.cells, np.int8).reshape(message.rows, message.columns)
+    return GridMap(cells, message.resolution_m, SE2(message.x_m, message.y_m, message.theta_rad))
+
+
+def _write(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file; raises DiskError where that is refused."""
+    try:
+        write(path)
+    except OSError as error:
+        raise DiskError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _stamped(control: ControlState) -> StampedPose:
+    return StampedPose(control.stamp_ns, control.x_m, control.y_m, control.theta_rad)

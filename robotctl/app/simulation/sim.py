@@ -1,0 +1,497 @@
+"""A simulated run: firmware_sim and the whole stack as processes, one mission, one score."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import msgspec
+import zmq
+
+from firmware_sim.faults.scenario import not_begun
+from robotctl.app.processes.pilot import load_mission
+from robotctl.app.simulation.camera_score import camera_score
+from robotctl.app.simulation.held_up import HeldUp
+from robotctl.app.simulation.run_score import RunScore
+from robotctl.app.simulation.score import (
+    Report,
+    StampedPose,
+    bus_report,
+    is_over,
+    loop_report,
+    run_message,
+)
+from robotctl.app.simulation.sim_options import (
+    SimOptions,
+    SimulatorError,
+    bus_overrides,
+    load_faults,
+    simulation_overrides,
+)
+from robotctl.app.supervision.child_process import lines_of, start_child
+from robotctl.app.supervision.exit_log import ExitLog
+from robotctl.app.supervision.stack import CONTROL, Stack
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig, load_robot
+from robotctl.errors import DiskError
+from robotctl.maps.map_fit import misfit
+from robotctl.maps.world import load_room
+from robotctl.messages.control import (
+    Arm,
+    ControlState,
+    Mode,
+    NavigationState,
+    Notice,
+    SafetyState,
+    SetMode,
+    Severity,
+)
+from robotctl.messages.estimation import (
+    CameraView,
+    LiveMap,
+    LocalisationState,
+    ParticleCloud,
+)
+from robotctl.messages.ports import Clock
+from robotctl.model.sensors.camera import SIMULATED
+from robotctl.model.sensors.lidar import SOCKET
+from robotctl.model.wall_map import WallMap
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.ipc.topics import (
+    Endpoints,
+    RequestSender,
+    Subscriber,
+    endpoint_directory,
+    ring_path,
+)
+from robotctl.runtime.storage.log_folder import LogFolder
+from robotctl.safety.state_machine import POWERED
+
+PATIENCE = "safety.feedback_timeout_periods=10"
+"""A simulated drive is a process of an ordinary computer, whose pauses are no fault of a robot."""
+
+BEST_EFFORT = "runtime.allow_best_effort=true"
+"""A simulated robot harms nobody where the computer gives no real-time rights."""
+
+_READY_S = 180.0
+_BELOW_CONTROL = 10
+_POLL_S = 0.05
+_ASK_S = 0.5
+_SAY_S = 5.0
+_READY, _FAULT = "ready", "fault at "
+"""What lines of firmware_sim begin with."""
+
+
+_Heard: TypeAlias = (
+    ControlState
+    | NavigationState
+    | LocalisationState
+    | ParticleCloud
+    | LiveMap
+    | CameraView
+    | Notice
+)
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """The part of firmware_sim's published truth that scores a run."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+    distance_m: float
+    collisions: int
+    power_off_ns: int
+    unsafe_motions: int
+    unsafe_reason: str
+    late_max_ns: int
+
+
+@dataclass(slots=True)
+class Progress:
+    """What is known of a run while it lasts."""
+
+    elapsed_s: float = 0.0
+    control: ControlState | None = None
+    navigation: NavigationState | None = None
+    truth: Truth | None = None
+    localisation: LocalisationState | None = None
+    cloud: ParticleCloud | None = None
+    map: LiveMap | None = None
+    view: CameraView | None = None
+    lines: list[str] = field(default_factory=list)
+    real_time_factor: float = 1.0
+
+
+class SimRun:
+    """One run with processes in real time; use as a context manager.
+
+    Parameters
+    ----------
+    options
+        What to run.
+    stopped
+        Asked all the time whether to end.
+    """
+
+    def __init__(self, options: SimOptions, stopped: Callable[[], bool] = lambda: False) -> None:
+        self._options = options
+        self._stopped = stopped
+        self.mission = load_mission(options.mission)
+        self.world = options.find_world(self.mission)
+        overrides: tuple[str, ...] = (
+            PATIENCE,
+            BEST_EFFORT,
+            *options.settings(self.world),
+            *bus_overrides(options),
+        )
+        robot = options.robot.resolve()
+        self.config: RobotConfig = load_robot(robot, overrides)
+        if self.config.lidar is not None:  # the simulator publishes the scans
+            overrides += (f'lidar.driver="{SOCKET}"',)
+            self.config = load_robot(robot, overrides)
+        room = load_room(self.world)
+        self.walls = WallMap(room.segments)
+        unfit = misfit(self.config, robot, self.world, self.walls)
+        self._scenario = load_faults(options)
+        start = self.mission.start
+        instance = f"sim-{os.getpid()}"
+        record = str(options.record.resolve()) if options.record else ""
+        self._folder = endpoint_directory(instance)
+        self._clock_file = ring_path(instance).with_suffix(".clock")
+        self._stack_options = StackOptions(
+            instance=instance,
+            robot=str(robot),
+            overrides=overrides,
+            mission=str(options.mission.resolve()),
+            x_m=start.x_m,
+            y_m=start.y_m,
+            theta_rad=start.pose.theta_rad,
+            record=record,
+            flights=record,
+            state=str(self._folder),
+            clock="" if options.hard_real_time else str(self._clock_file),
+            run=uuid.uuid4().hex,
+        )
+        self._endpoints = Endpoints(self._folder)
+        self._context = zmq.Context()
+        self._states = Subscriber[_Heard](self._context, self._endpoints.published, _Heard)
+        self._truths = Subscriber[Truth](self._context, (self._endpoints.truth,), Truth)
+        self._to_control = RequestSender(self._context, self._endpoints.control_requests)
+        self._to_navigation = RequestSender(self._context, self._endpoints.navigation_requests)
+        self._said: queue.Queue[str | None] = queue.Queue()
+        self._is_ready = False
+        self._faults: list[str] = []
+        self._run = 0
+        self._clock: Clock = RealClock()
+        self._held_up = HeldUp(self._clock)
+        self._firmware: subprocess.Popen[str] | None = None
+        self._stack: Stack | None = None
+        self._exit_log: ExitLog | None = None
+        self._request_ids = itertools.count(1)
+        self._said_waiting = False
+        self._was_armed = self._was_steered = False
+        """From the first time on it is for the operator to arm, and to choose who steers."""
+        self._was_ready = False
+        """Whether there has been a run that could be scored."""
+        self._attended = False
+        """Whether who stopped the robot sits at the keys, and may arm it again."""
+        self._score = RunScore(
+            self.walls,
+            camera_score(self.config, options, room),
+            is_recorded=options.record is not None,
+        )
+        self.progress = Progress()
+        if unfit:
+            self.progress.lines.append(unfit)
+
+    def __enter__(self) -> SimRun:
+        """Start firmware_sim, then the stack.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Where the run was stopped meanwhile.
+        """
+        try:
+            self._start_firmware()
+            self._clock = self._stack_options.open_clock()
+            self._held_up = HeldUp(self._clock)
+            self._stack = Stack(self._stack_options)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """End the stack first, so that its motors stop on a live bus."""
+        if self._stack is not None:
+            self._stack.close()
+            self._stack = None
+        if self._firmware is not None:
+            self._firmware.terminate()
+            try:
+                self._firmware.wait(3.0)
+            except subprocess.TimeoutExpired:
+                self._firmware.kill()
+                self._firmware.wait()
+            if self._firmware.stdout is not None:
+                self._firmware.stdout.close()
+            self._firmware = None
+        self._context.destroy(linger=0)
+        shutil.rmtree(self._folder, ignore_errors=True)
+        self._clock_file.unlink(missing_ok=True)
+
+    def _start_firmware(self) -> None:
+        """Start firmware_sim and wait for its nodes."""
+        options, start = self._options, self.mission.start
+        interface, channel = options.channel
+        bus = f"simcan:{channel}" if interface == "simcan" else channel
+        command = [
+            sys.executable,
+            "-m",
+            "firmware_sim",
+            *("--robot", str(options.robot)),
+            *("--world", str(self.world)),
+            *("--bus", bus),
+            *("--seed", str(options.seed)),
+            f"--start={start.x_m},{start.y_m},{start.heading_deg}",
+            *("--truth", self._endpoints.truth),
+            *("--priority", str(max(0, self.config.runtime.priority - _BELOW_CONTROL))),
+        ]
+        for override in simulation_overrides(options.overrides):
+            command += ["--set", override]
+        if "lidar" in self.config.simulation:
+            command += ["--lidar", self._endpoints.lidar]
+        camera = self.config.camera
+        if camera is not None and camera.enabled and camera.source == SIMULATED:
+            command += ["--camera", self._endpoints.camera_frames]
+        if self._stack_options.clock:
+            command += ["--clock", self._stack_options.clock]
+        if options.record is not None:
+            folder = LogFolder(options.record, self.config.log)
+            self._exit_log = ExitLog(options.record)
+            self._run = folder.begin_run()
+            command += ["--log", str(folder.new("simulator", "log"))]
+            command += ["--log-mb", str(self.config.log.file_mb)]
+            command += ["--epoch-ns", str(self._stack_options.epoch_ns)]
+        if options.faults is not None:
+            command += ["--faults", str(options.faults)]
+        self._firmware = start_child(command, stdout=subprocess.PIPE, text=True, errors="replace")
+        self._said = lines_of(self._firmware)
+        self._await_firmware(self._firmware)
+
+    def _await_firmware(self, process: subprocess.Popen[str]) -> None:
+        """Wait until firmware_sim says that it is ready; what it says before is heard too."""
+        deadline_s = time.monotonic() + _READY_S
+        while not self._is_ready:
+            if self._stopped():
+                raise KeyboardInterrupt
+            if process.poll() is not None or time.monotonic() > deadline_s:
+                process.kill()
+                status = process.wait()
+                raise SimulatorError(f"firmware_sim did not become ready (exit status {status})")
+            time.sleep(_POLL_S)
+            self._listen_to_firmware()
+
+    @property
+    def connections(self) -> tuple[str, ...]:
+        """Where ground stations and CAN tools can connect."""
+        interface, channel = self._options.channel
+        links = tuple(f"MAVLink {link.url}" for link in self.config.mavlink.link)
+        return (*links, f"CAN {interface} {channel}")
+
+    def steps(self, *, until_done: bool = True) -> Iterator[Progress]:
+        """Arm and start the mission, each once, and yield the progress until the run is over.
+
+        Without `until_done` the robot stays in service after its mission, for ground stations.
+        Whoever disarms it, holds it or takes it over meanwhile has it from then on.
+        """
+        clock = self._clock
+        begin_ns, real_begin_ns = clock.now_ns(), time.monotonic_ns()
+        asked_s = -_ASK_S
+        while True:
+            self._listen()
+            progress = self.progress
+            progress.elapsed_s = now_s = (clock.now_ns() - begin_ns) / 1e9
+            real_ns = time.monotonic_ns() - real_begin_ns
+            progress.real_time_factor = 1e9 * now_s / real_ns if real_ns else 1.0
+            late_ns = 0 if progress.truth is None else progress.truth.late_max_ns
+            progress.lines += self._held_up.step(progress.control, late_ns)
+            stopped = self._stopped()
+            if stopped:
+                progress.lines.append("stopped by the user")
+            yield progress
+            over = self._is_over or self._control_began_anew
+            if stopped or progress.elapsed_s > self._options.max_seconds or (until_done and over):
+                self._faults += not_begun(self._scenario, self._faults)
+                return
+            if now_s - asked_s >= _ASK_S and not self._control_began_anew:
+                asked_s = now_s
+                self._ask(progress)
+            if self._stack is not None:
+                try:
+                    progress.lines += self._stack.watch()
+                finally:
+                    if self._exit_log is not None:
+                        progress.lines += self._exit_log.note(self._stack.exits)
+            if self._firmware is not None and self._firmware.poll() is not None:
+                ended = f"firmware_sim ended (status {self._firmware.returncode})"
+                if self._stack is not None:
+                    self._stack.tell(ended, Severity.CRITICAL)
+                raise SimulatorError(ended)
+            time.sleep(_POLL_S)
+
+    @property
+    def _is_over(self) -> bool:
+        control = self.progress.control
+        if self._attended and control is not None and control.state is SafetyState.EMERGENCY_STOP:
+            return False
+        return is_over(control, self.progress.navigation)
+
+    @property
+    def _control_began_anew(self) -> bool:
+        """Whether the control process was lost: the robot may stand elsewhere than it believes."""
+        return self._stack is not None and self._stack.starts(CONTROL) > 1
+
+    def emergency_stop(self) -> None:
+        """Stop the robot at once; it stays stopped until a ground station arms it."""
+        if self._stack is not None:
+            self._stack.emergency_stop()
+
+    def emergency_key(self) -> None:
+        """Stop the robot at once for who sits at the keys: the run goes on, to be armed again."""
+        self._attended = True
+        self.emergency_stop()
+
+    def arm(self, *, arm: bool) -> None:
+        """Ask to arm or disarm, as an operator."""
+        self._was_armed = True
+        self._to_control.send(Arm(self._clock.now_ns(), next(self._request_ids), arm=arm))
+
+    def set_mode(self, mode: Mode) -> None:
+        """Ask for a mode, as an operator."""
+        self._was_steered = True
+        self._to_navigation.send(SetMode(self._clock.now_ns(), mode))
+
+    def _ask(self, progress: Progress) -> None:
+        """Ask for what has not been yet: arming, then mode AUTO."""
+        control, navigation = progress.control, progress.navigation
+        if control is None or navigation is None:
+            if control is not None and progress.elapsed_s > _SAY_S and not self._said_waiting:
+                self._said_waiting = True
+                progress.lines.append("waiting for navigation, which prepares its estimators")
+            return
+        now_ns = self._clock.now_ns()
+        if not self._was_armed and control.state == SafetyState.STANDBY:
+            self._to_control.send(Arm(now_ns, next(self._request_ids), arm=True))
+        elif not self._was_steered and control.state in POWERED:
+            self._to_navigation.send(SetMode(now_ns, Mode.AUTO))
+
+    def _listen(self) -> None:
+        """Take in what the processes published."""
+        progress = self.progress
+        self._listen_to_firmware()
+        for truth in self._truths.receive():
+            progress.truth = truth
+            self._score.truth(StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad))
+        for message in self._states.receive():
+            match message:
+                case ControlState():
+                    progress.control = self._score.control(message)
+                    self._was_armed |= message.state in POWERED
+                    self._was_ready |= message.state is not SafetyState.BOOT
+                case LocalisationState():
+                    progress.localisation = message
+                    self._score.localisation(message)
+                case ParticleCloud():
+                    progress.cloud = message
+                case LiveMap():
+                    progress.map = message
+                    self._score.map(message)
+                case CameraView():
+                    progress.view = message
+                    self._score.view(message)
+                case NavigationState():
+                    progress.navigation = message
+                    self._was_steered |= message.mode != Mode.HOLD
+                case Notice():
+                    progress.lines.append(message.text)
+
+    def _listen_to_firmware(self) -> None:
+        """Take in whether it is ready, and which faults have begun."""
+        while not self._said.empty():
+            line = self._said.get() or ""
+            self._is_ready |= line.startswith(_READY)
+            if line.startswith(_FAULT):
+                self._faults.append(line.removeprefix(_FAULT).rstrip())
+                self.progress.lines.append(line.rstrip())
+
+    def report(self) -> Report:
+        """Return the score of the run so far; with a record, write truth and map beside it.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Where the run was stopped before the robot was ready.
+        SimulatorError
+            Where somebody was never heard.
+        """
+        progress = self.progress
+        control, navigation, truth = progress.control, progress.navigation, progress.truth
+        was_there = self._was_ready and navigation is not None and truth is not None
+        if self._stopped() and not was_there:
+            raise KeyboardInterrupt
+        if control is None or navigation is None or truth is None:
+            missing = [
+                name
+                for name, part in (
+                    ("control", control),
+                    ("navigation", navigation),
+                    ("firmware_sim", truth),
+                )
+                if part is None
+            ]
+            raise SimulatorError(f"nothing was heard of {', '.join(missing)}")
+        log_trouble = ""
+        if self._options.record is not None:
+            try:
+                self._score.save(self._options.record, self._run, self._stack_options.epoch_ns)
+            except DiskError as error:
+                log_trouble = str(error)
+        return Report(
+            robot=self.config.robot.name,
+            world=self.world.stem,
+            mission=self.mission.name,
+            seed=self._options.seed,
+            bus_kind=self._options.bus,
+            mission_completed=navigation.mission_completed,
+            message=run_message(control, navigation),
+            items_done=navigation.item,
+            items=navigation.items,
+            duration_s=round(progress.elapsed_s, 3),
+            distance_m=round(truth.distance_m, 3),
+            collisions=truth.collisions,
+            unsafe_motions=truth.unsafe_motions,
+            unsafe_reason=truth.unsafe_reason,
+            pose_error=self._score.pose_error,
+            loop=loop_report(control.loop),
+            bus=bus_report(control.bus),
+            real_time_factor=round(progress.real_time_factor, 4),
+            held_up_ms=round(self._held_up.longest_ms, 1),
+            faults=tuple(self._faults),
+            log_trouble=log_trouble,
+            localisation=self._score.localisation_report,
+            map_quality=self._score.map_quality,
+            camera=self._score.camera_report,
+        )

@@ -1,0 +1,155 @@
+"""What a user asks of a simulated run, and the simulator's own files, checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from firmware_sim.config.config import RobotConfig as SimulatedRobot
+from firmware_sim.config.config import load_robot, parse_override
+from firmware_sim.errors import SimulationError
+from firmware_sim.faults.scenario import Scenario, load_scenario
+from robotctl.drivers.can.config import CanConfig
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.maps.world import find_world
+from robotctl.planning.behaviours.mission import Mission
+
+
+class SimulatorError(RobotctlError):
+    """The simulated firmware could not start or has ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimOptions:
+    """What the user asked for.
+
+    Parameters
+    ----------
+    robot, mission, world
+        Files; an empty world means the mission's own, one may be a ROS map's yaml file.
+    bus
+        `simcan[:CHANNEL]`, or the name of a SocketCAN interface.
+    seed
+        Seed of the simulated world.
+    max_seconds
+        The run ends there as not completed.
+    overrides
+        `key=value` settings of the robot.
+    record
+        Directory of record and logs; None: none.
+    faults
+        Scenario of the faults that befall the robot; None: none.
+    localisation
+        Settings of the localiser, `key=value`; where they name no map it is the world itself.
+    hard_real_time
+        Whether simulated time goes on while this computer is held up, as a robot's does.
+
+    Raises
+    ------
+    ConfigError
+        If there can be no such bus.
+    """
+
+    robot: Path
+    mission: Path
+    world: str = ""
+    bus: str = "simcan"
+    seed: int = 1
+    max_seconds: float = 300.0
+    overrides: tuple[str, ...] = ()
+    record: Path | None = None
+    faults: Path | None = None
+    localisation: tuple[str, ...] = ()
+    hard_real_time: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the bus as the robot's file is checked, also where a run needs none."""
+        interface, channel = self.channel
+        try:
+            CanConfig(interface, channel)
+        except ValueError as error:
+            raise ConfigError(f"--bus {self.bus}: {error}") from error
+
+    def find_world(self, mission: Mission) -> Path:
+        """Return the file of the world: the one asked for, else the mission's own.
+
+        Raises
+        ------
+        ConfigError
+            If there is none.
+        """
+        if self.world:
+            return find_world(self.world)
+        return find_world(mission.world, self.mission.parent)
+
+    def settings(self, world: Path) -> tuple[str, ...]:
+        """Return all settings of the robot in a world, the user's own last."""
+        if not self.localisation:
+            return self.overrides
+        return (f'localisation.map="{world}"', *self.localisation, *self.overrides)
+
+    @property
+    def channel(self) -> tuple[Literal["socketcan", "simcan"], str]:
+        """python-can interface and channel of the host."""
+        kind, _, channel = self.bus.partition(":")
+        if kind == "simcan":
+            return "simcan", channel or "simcan0"
+        if channel:
+            raise ConfigError(
+                f"--bus {self.bus}: allowed are simcan, simcan:CHANNEL or a SocketCAN interface "
+                "such as vcan0"
+            )
+        return "socketcan", kind
+
+
+def bus_overrides(options: SimOptions) -> tuple[str, ...]:
+    """Return the settings that put a robot on the bus of a simulated run."""
+    interface, channel = options.channel
+    # A string of JSON is one of TOML too: the path of a socket may hold a quote.
+    return f'can.interface="{interface}"', f"can.channel={json.dumps(channel, ensure_ascii=False)}"
+
+
+def simulation_overrides(overrides: Sequence[str]) -> list[str]:
+    """Return those settings of the user that are firmware_sim's.
+
+    The limits and the time-out of commands are, since it holds against the robot what goes beyond
+    them, and how often a camera is asked for a picture; where it sits may be wrong in what the
+    robot believes.
+    """
+    shared = ("simulation.", "limits.", "safety.command_timeout_ms", "camera.rate_hz")
+    return [each for each in overrides if each.startswith(shared)]
+
+
+def simulated_robot(robot: Path, overrides: Sequence[str] = ()) -> SimulatedRobot:
+    """Return what firmware_sim reads of a robot's file, after the user's settings.
+
+    Raises
+    ------
+    SimulatorError
+        With one line for each error.
+    """
+    try:
+        settings = dict(parse_override(text) for text in simulation_overrides(overrides))
+        return load_robot(robot, settings)
+    except SimulationError as error:
+        raise SimulatorError(str(error)) from error
+
+
+def load_faults(options: SimOptions) -> Scenario:
+    """Return the scenario of a run, checked against its robot; one without faults by default.
+
+    Raises
+    ------
+    SimulatorError
+        If the file is wrong, or the robot's.
+    """
+    if options.faults is None:
+        return Scenario()
+    robot = simulated_robot(options.robot, options.overrides)
+    try:
+        return load_scenario(options.faults, robot)
+    except SimulationError as error:
+        raise SimulatorError(str(error)) from error

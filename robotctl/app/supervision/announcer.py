@@ -1,0 +1,73 @@
+"""What the supervisor has to say, for ground stations and logs: a publisher of its own."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, Final
+
+import zmq
+
+from robotctl.messages.control import Notice, Severity
+from robotctl.runtime.ipc.topics import Endpoints, Publisher, endpoint_directory
+
+_KEPT_NS: Final = 10_000_000_000
+"""For so long words are kept for who begins to listen: most of all for a process that is itself
+what they are about [ns]."""
+
+
+class Announcer:
+    """Publishes notices of the supervisor, once it may.
+
+    Parameters
+    ----------
+    instance
+        Whose sockets.
+    """
+
+    def __init__(self, instance: str) -> None:
+        self._instance = instance
+        self._context: zmq.Context[Any] | None = None
+        self._publisher: Publisher | None = None
+        self._kept: deque[Notice] = deque(maxlen=32)
+
+    def open(self) -> None:
+        """Begin to publish: now this supervisor is known to be the only one of the robot."""
+        if self._publisher is None:
+            self._context = zmq.Context()
+            address = Endpoints(endpoint_directory(self._instance)).supervisor_notices
+            self._publisher = Publisher(self._context, address)
+            self._greet()
+
+    def say(self, text: str, severity: Severity, now_ns: int) -> None:
+        """Tell who listens, and who will within the next seconds."""
+        notice = Notice(now_ns, severity, text)
+        if self._publisher is not None:
+            self._publisher.send(notice)
+        self._kept.append(notice)
+        self._greet()
+
+    def step(self, now_ns: int) -> None:
+        """Greet who has come; forget what is old."""
+        if self._publisher is not None:
+            self._publisher.attend()
+        if self._kept and now_ns - self._kept[0].stamp_ns > _KEPT_NS:
+            self._kept.popleft()
+            self._greet()
+
+    def _greet(self) -> None:
+        """Tell what is kept, as one notice, to each who begins to listen."""
+        if self._publisher is None:
+            return
+        if not self._kept:
+            self._publisher.greet(None)
+            return
+        severity = min(each.severity for each in self._kept)
+        text = "\n".join(each.text for each in self._kept)
+        self._publisher.greet(Notice(self._kept[-1].stamp_ns, severity, text))
+
+    def close(self) -> None:
+        """Say no more."""
+        if self._publisher is not None and self._context is not None:
+            self._publisher.close()
+            self._context.destroy(linger=100)
+            self._publisher = self._context = None

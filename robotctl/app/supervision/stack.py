@@ -1,0 +1,214 @@
+"""The processes of one robot: started in order, watched, ended with the motors off first.
+
+Control is started first and alone; the others follow when its loop ticks. It never waits for them:
+what becomes of navigation and telemetry changes nothing for it. A control process that ended is
+started again too, since it starts unarmed and the drive has stopped by itself; its odometry goes on
+from the pose that the recorder saved, and navigation begins anew.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from typing import Final, NoReturn
+
+from robotctl.app.supervision.announcer import Announcer
+from robotctl.app.supervision.pause import Pause
+from robotctl.app.supervision.restart import RestartPolicy
+from robotctl.app.supervision.supervised import Exit, Phase, Role, Supervised, status_words
+from robotctl.config.options import StackOptions
+from robotctl.errors import RobotctlError
+from robotctl.messages.control import Severity
+from robotctl.model.sensors.lidar import SOCKET
+
+CONTROL = "robotctl.app.processes.control"
+NAVIGATION = "robotctl.app.processes.navigation"
+TELEMETRY = "robotctl.app.processes.telemetry"
+RECORDER = "robotctl.app.processes.recorder"
+CAMERA = "robotctl.app.processes.camera"
+LIDAR = "robotctl.app.processes.lidar"
+
+ROLES: Final = (
+    Role(CONTROL, RestartPolicy(crashes=3), stall_s=1.0, held_s=0.3, vital=True),
+    Role(NAVIGATION, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0),
+    Role(TELEMETRY, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0),
+    Role(RECORDER, RestartPolicy(crashes=5), stall_s=60.0, held_s=5.0),
+)
+"""In the order of their start. Navigation may have to compile its estimators first, which takes a
+minute on a small computer; the recorder waits for the disk, which may take its time."""
+
+CAMERA_ROLE: Final = Role(CAMERA, RestartPolicy(crashes=5), stall_s=5.0, start_s=300.0, held_s=1.0)
+"""Of robots that look. It compiles as navigation does."""
+
+LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.0)
+"""Of robots with a lidar that is read by a driver of ours."""
+
+_BAD_INPUT = 2
+_END_S = 3.0
+_TICKS_TO_STOP = 2
+"""A signal that came in a tick is answered in the next one."""
+
+
+class StackError(RobotctlError):
+    """A process of the robot ended that the robot cannot do without, or cannot start."""
+
+
+class Stack:
+    """Control, navigation, telemetry, recorder and, if there are any, camera and lidar.
+
+    Parameters
+    ----------
+    options
+        What the processes are started with.
+
+    Raises
+    ------
+    ConfigError
+        If the robot's configuration is wrong.
+    """
+
+    def __init__(self, options: StackOptions) -> None:
+        config = options.load()
+        roles: tuple[Role, ...] = ROLES
+        if config.camera is not None and config.camera.enabled:
+            roles += (CAMERA_ROLE,)
+        if config.lidar is not None and config.lidar.driver != SOCKET:
+            roles += (LIDAR_ROLE,)
+        self._processes = {
+            role.module: Supervised(role, options.command(role.module)) for role in roles
+        }
+        self._control = self._processes[CONTROL]
+        self._stop_beats: int | None = None
+        """Beats of the control process when it was last told of an emergency stop."""
+        self.exits: list[Exit | Pause] = []
+        """Ends and pauses seen by the last `watch`."""
+        self._announcer = Announcer(options.instance)
+        self._clock = options.open_clock()
+        self._control.start(time.monotonic())
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """The modules of the processes, in the order of their start."""
+        return tuple(self._processes)
+
+    def pid(self, module: str) -> int:
+        """Return the process id of `module`.
+
+        Raises
+        ------
+        StackError
+            Where it has no process at the moment.
+        """
+        process = self._processes[module]
+        if process.pid is None:
+            raise StackError(f"{process.role.name} has no process: {process.phase.value}")
+        return process.pid
+
+    def phase(self, module: str) -> Phase:
+        """Return where `module` stands."""
+        return self._processes[module].phase
+
+    def starts(self, module: str) -> int:
+        """Return how often `module` has been started."""
+        return self._processes[module].starts
+
+    @property
+    def ticks(self) -> tuple[int, int]:
+        """Which life of the control process, and the ticks of its loop in that life."""
+        return self._control.starts, self._control.beats
+
+    @property
+    def ready(self) -> bool:
+        """Whether the control loop ticks and the others work, or are not waited for any more."""
+        return self._control.phase is Phase.READY and all(
+            each.was_ready or each.phase is Phase.GIVEN_UP for each in self._processes.values()
+        )
+
+    def watch(self) -> list[str]:
+        """Start, restart and kill as needed; return a line for each end and each pause.
+
+        Ground stations and logs are told the same. Call ten times a second.
+
+        Raises
+        ------
+        StackError
+            Where the control process ended too often, or a process does not start at all.
+        """
+        self.exits = []
+        now_s = time.monotonic()
+        if self._control.phase is Phase.READY:
+            self._announcer.open()
+        self._announcer.step(self._clock.now_ns())
+        for process in self._processes.values():
+            if process.phase is Phase.IDLE and self._control.phase is Phase.READY:
+                process.let_start(now_s)
+            starts = process.starts
+            seen = process.step(now_s)
+            if seen is not None:
+                self.exits.append(seen)
+                self.tell(seen.words(), _severity(seen, vital=process.role.vital))
+            if isinstance(seen, Exit):
+                self._judge(process, seen)
+            elif process is self._control:
+                self._repeat_emergency_stop(new_life=process.starts > starts)
+        return [each.words() for each in self.exits]
+
+    def tell(self, line: str, severity: Severity = Severity.INFORMATION) -> None:
+        """Tell ground stations and logs what the supervisor says."""
+        self._announcer.say(line, severity, self._clock.now_ns())
+
+    def _judge(self, process: Supervised, ended: Exit) -> None:
+        """Decide what the end of one process means for the others."""
+        name = process.role.name
+        if ended.status == _BAD_INPUT and not process.was_ready:
+            self._fail(f"the {name} process did not start ({status_words(ended.status)})")
+        if process is not self._control:
+            return
+        if process.phase is Phase.GIVEN_UP:
+            self._fail(
+                f"the {name} process ended {process.role.restart.crashes + 1} times within "
+                f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"
+            )
+        self._processes[NAVIGATION].renew()
+
+    def _fail(self, problem: str) -> NoReturn:
+        """Give up; those that are still there are told why."""
+        self.tell(f"robotctl ends: {problem}", Severity.CRITICAL)
+        raise StackError(problem)
+
+    def emergency_stop(self) -> None:
+        """Stop the robot by a signal to the control process; needs no socket, waits for nothing.
+
+        Where the control process is just being started again, it is told as soon as it is there.
+        May be called from a signal handler.
+        """
+        self._stop_beats = self._control.beats
+        self._control.signal(signal.SIGUSR1)
+
+    def _repeat_emergency_stop(self, *, new_life: bool) -> None:
+        """Tell a new control process of an emergency stop that the one before did not answer."""
+        if self._stop_beats is None:
+            return
+        if new_life:
+            self._stop_beats = 0
+            self._control.signal(signal.SIGUSR1)
+        elif self._control.beats >= self._stop_beats + _TICKS_TO_STOP:
+            self._stop_beats = None
+
+    def close(self) -> None:
+        """End all processes, control first, and wait for them."""
+        for process in self._processes.values():
+            process.signal(signal.SIGTERM)
+        deadline_s = time.monotonic() + _END_S
+        for process in self._processes.values():
+            process.end(max(0.0, deadline_s - time.monotonic()))
+        self._announcer.close()
+
+
+def _severity(seen: Exit | Pause, *, vital: bool) -> Severity:
+    """Return how bad an end or a pause is."""
+    if isinstance(seen, Pause):
+        return Severity.NOTICE if seen.over else Severity.WARNING
+    if seen.asked and not seen.hung:
+        return Severity.INFORMATION
+    return Severity.CRITICAL if vital else Severity.WARNING

@@ -1,0 +1,309 @@
+"""One supervised process: started, seen to be ready, found dead or hung, started again."""
+
+from __future__ import annotations
+
+import enum
+import math
+import os
+import signal
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from robotctl.app.supervision.child_process import start_child
+from robotctl.app.supervision.pause import Pause, killed_for_memory, state_of
+from robotctl.app.supervision.restart import CrashBudget, RestartPolicy
+from robotctl.runtime.ipc.heartbeat import VARIABLE, HeartbeatMonitor
+
+_LONGEST_STEP_S: Final = 0.5
+"""A longer pause of the supervisor itself, which says nothing of the others, counts so much [s]."""
+
+_FIRST_VICTIM: Final = "500"
+"""`oom_score_adj` of what the robot can do without for a while."""
+
+
+class Phase(enum.Enum):
+    """Where a process stands."""
+
+    IDLE = "not started"
+    STARTING = "starting"
+    READY = "running"
+    WAITING = "waiting to be started again"
+    GIVEN_UP = "given up"
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What the supervisor knows about one kind of process.
+
+    Parameters
+    ----------
+    module
+        Its Python module.
+    restart
+        Back-off and crash budget.
+    stall_s
+        A process that shows no progress for so long hangs and is killed [s].
+    start_s
+        A process that shows no progress for so long after its start is killed [s].
+    held_s
+        A process that worked and shows no progress for so long is said to be held up [s].
+    vital
+        Without it there is no robot: when its budget is spent the whole stack ends.
+    """
+
+    module: str
+    restart: RestartPolicy
+    stall_s: float
+    start_s: float = 60.0
+    held_s: float = math.inf
+    vital: bool = False
+
+    @property
+    def name(self) -> str:
+        """Return the short name for people."""
+        return self.module.rpartition(".")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class Exit:
+    """How one life of a process ended.
+
+    Parameters
+    ----------
+    name, pid
+        Which process; pid 0: it could not be started.
+    status
+        Exit status; -n after signal n; errno where it could not be started.
+    hung
+        It was killed because it showed no progress.
+    was_ready
+        It had been seen to work before.
+    asked
+        It was told to end, because what it works with begins anew.
+    beats
+        Rounds of work it did.
+    ran_s
+        How long it lived [s].
+    restart_in_s
+        When it is started again [s]; None: it is not.
+    cause
+        What is known of why it ended; empty: nothing more.
+    """
+
+    name: str
+    pid: int
+    status: int
+    hung: bool
+    was_ready: bool
+    asked: bool
+    beats: int
+    ran_s: float
+    restart_in_s: float | None
+    cause: str = ""
+
+    def words(self) -> str:
+        """Return a line for people."""
+        if self.asked and not self.hung:
+            return f"{self.name} begins anew"
+        how = status_words(self.status) if self.pid else f"not started: {os.strerror(self.status)}"
+        if self.hung:
+            how = f"it hung, {how}" if self.was_ready else f"it did not get ready, {how}"
+        if self.cause:
+            how += f": {self.cause}"
+        line = f"{self.name} ended after {self.ran_s:.1f} s ({how}); "
+        if self.restart_in_s is None:
+            return line + "not started again: it ended too often"
+        return line + f"starting it again in {self.restart_in_s:g} s"
+
+
+def status_words(status: int) -> str:
+    """Say how a process ended: `exit status 1`, `signal 9, SIGKILL`."""
+    if status >= 0:
+        return f"exit status {status}"
+    try:
+        return f"signal {-status}, {signal.Signals(-status).name}"
+    except ValueError:
+        return f"signal {-status}"
+
+
+class Supervised:
+    """One process and its next life.
+
+    Parameters
+    ----------
+    role
+        Its module, budget and patience.
+    command
+        Program and arguments.
+    """
+
+    def __init__(self, role: Role, command: Sequence[str]) -> None:
+        self.role = role
+        self.phase = Phase.IDLE
+        self.starts = 0
+        self.was_ready = False
+        """Whether it ever worked, in this life or an earlier one."""
+        self._command = list(command)
+        self._budget = CrashBudget(role.restart)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._monitor: HeartbeatMonitor | None = None
+        self._started_s = self._stepped_s = self._due_s = 0.0
+        self._beats = 0
+        self._stalled_s = 0.0
+        self._hung = self._renewed = False
+        self._told_s = 0.0
+        """Of the pause that people were told of, what was known then [s]; 0: there is none."""
+        self._cause = ""
+        self._killed_for_memory = 0
+
+    @property
+    def pid(self) -> int | None:
+        """Process id; None while there is no process."""
+        return None if self._process is None else self._process.pid
+
+    @property
+    def beats(self) -> int:
+        """Rounds of work in this life up to now; without a process, up to the end of the last."""
+        monitor = self._monitor
+        return self._beats if monitor is None else monitor.count()
+
+    def start(self, now_s: float) -> None:
+        """Start the process; raises OSError where memory or descriptors are short."""
+        self.phase = Phase.STARTING
+        self._started_s = self._stepped_s = now_s
+        self._beats, self._stalled_s = 0, 0.0
+        self._hung = self._renewed = False
+        self._told_s, self._cause = 0.0, ""
+        self._killed_for_memory = killed_for_memory()
+        monitor = self._monitor = HeartbeatMonitor()
+        self._process = start_child(
+            self._command,
+            pass_fds=(monitor.descriptor,),
+            env=os.environ | {VARIABLE: str(monitor.descriptor)},
+        )
+        if not self.role.vital:
+            _kill_first_when_memory_is_short(self._process.pid)
+        self.starts += 1
+
+    def let_start(self, now_s: float) -> None:
+        """Let the next `step` start it; a first start that fails is tried again like any other."""
+        self.phase, self._due_s = Phase.WAITING, now_s
+
+    def step(self, now_s: float) -> Exit | Pause | None:
+        """Look after the process at `now_s`, monotonic [s].
+
+        Returns its end where it has ended, and where it is held up or goes on, that.
+        """
+        process = self._process
+        if process is None:
+            if self.phase is Phase.WAITING and now_s >= self._due_s:
+                return self._start_again(now_s)
+            return None
+        status = process.poll()
+        if status is not None:
+            return self._ended(process.pid, status, now_s)
+        return self._look_for_progress(process, now_s)
+
+    def _start_again(self, now_s: float) -> Exit | None:
+        """Start the next life; where that fails, it has ended."""
+        try:
+            self.start(now_s)
+        except OSError as error:
+            return self._ended(0, error.errno or 0, now_s)
+        return None
+
+    def _look_for_progress(self, process: subprocess.Popen[bytes], now_s: float) -> Pause | None:
+        """Note progress; kill a process that has made none for too long."""
+        beats = self.beats
+        pause_s = min(now_s - self._stepped_s, _LONGEST_STEP_S)
+        self._stepped_s = now_s
+        if beats != self._beats:
+            paused_s, self._stalled_s = self._stalled_s + pause_s, 0.0
+            self._beats = beats
+            self.phase = Phase.READY
+            self.was_ready = True
+            told_s, self._told_s = self._told_s, 0.0
+            return self._pause(process, paused_s, over=True) if told_s else None
+        self._stalled_s += pause_s
+        patience_s = self.role.stall_s if self.phase is Phase.READY else self.role.start_s
+        if self._stalled_s > patience_s:
+            if not self._hung:  # once it is being killed its state says nothing more
+                self._cause = state_of(process.pid)
+            self._hung = True
+            process.kill()
+        elif self.phase is Phase.READY and not self._told_s and self._stalled_s > self.role.held_s:
+            self._told_s, self._cause = self._stalled_s, state_of(process.pid)
+            return self._pause(process, self._stalled_s, over=False)
+        return None
+
+    def _pause(self, process: subprocess.Popen[bytes], paused_s: float, *, over: bool) -> Pause:
+        """Return what there is to say of a pause."""
+        return Pause(self.role.name, process.pid, paused_s, self._cause, over)
+
+    def _ended(self, pid: int, status: int, now_s: float) -> Exit:
+        """Take leave of a process that ended and plan its next life."""
+        was_ready = self.phase is Phase.READY
+        beats = self.beats
+        self._forget()
+        cause = self._cause if self._hung else ""
+        if status == -signal.SIGKILL and killed_for_memory() > self._killed_for_memory:
+            cause = "the computer was out of memory"
+        delay_s = 0.0 if self._renewed else self._budget.spend(now_s)
+        self.phase = Phase.GIVEN_UP if delay_s is None else Phase.WAITING
+        self._due_s = now_s + (delay_s or 0.0)
+        ran_s = now_s - self._started_s
+        return Exit(
+            name=self.role.name,
+            pid=pid,
+            status=status,
+            hung=self._hung,
+            was_ready=was_ready,
+            asked=self._renewed,
+            beats=beats,
+            ran_s=ran_s,
+            restart_in_s=delay_s,
+            cause=cause,
+        )
+
+    def _forget(self) -> None:
+        """Release what belongs to one life."""
+        self._process = None
+        monitor, self._monitor = self._monitor, None
+        if monitor is not None:
+            monitor.close()
+
+    def signal(self, number: int) -> bool:
+        """Send a signal; return whether there was a process to take it."""
+        if self._process is None or self._process.poll() is not None:
+            return False
+        self._process.send_signal(number)
+        return True
+
+    def renew(self) -> None:
+        """Let the process end and start anew; this is no crash."""
+        if self.signal(signal.SIGTERM):
+            self._renewed = True
+
+    def end(self, seconds: float) -> None:
+        """Wait for the process to end, kill it after so many seconds [s], and start it no more."""
+        self.phase = Phase.IDLE
+        process = self._process
+        if process is None:
+            return
+        try:
+            process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        self._forget()
+
+
+def _kill_first_when_memory_is_short(pid: int) -> None:
+    """Let the kernel choose this process before the control process."""
+    try:
+        Path(f"/proc/{pid}/oom_score_adj").write_text(_FIRST_VICTIM)
+    except OSError:
+        return  # it has ended already, or /proc is closed: then the kernel chooses by size

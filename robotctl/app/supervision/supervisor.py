@@ -1,0 +1,134 @@
+"""The supervisor of a robot: its processes, their exit log, and what systemd is told of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+from robotctl.app.supervision.exit_log import ExitLog
+from robotctl.app.supervision.pause import Pause
+from robotctl.app.supervision.service import ServiceNotifier
+from robotctl.app.supervision.stack import CONTROL, Stack
+from robotctl.app.supervision.supervised import Phase
+from robotctl.messages.control import ControlState, NavigationState, Notice
+
+Message: TypeAlias = ControlState | NavigationState | Notice
+
+POLL_S: Final = 0.1
+"""Between two steps of the supervisor [s]."""
+
+HELD_S: Final = 1.0
+"""A longer pause of the supervisor is said [s]."""
+
+
+class Supervisor:
+    """Watches a stack and reports on it; use as a context manager.
+
+    The watchdog is fed when the control loop has ticked since it was fed last, and only then: a
+    supervisor that is alive says nothing of a robot.
+
+    Parameters
+    ----------
+    stack
+        The processes, started.
+    notifier
+        The service manager's ear.
+    log
+        Where ends of processes are logged, if anywhere.
+    """
+
+    def __init__(self, stack: Stack, notifier: ServiceNotifier, log: ExitLog | None) -> None:
+        self._stack = stack
+        self._notifier = notifier
+        self._log = log
+        self._ready = False
+        self._stepped_s: float | None = None
+        self._state: ControlState | None = None
+        self._fed_s = 0.0
+        self._fed_ticks = (0, 0)
+
+    def __enter__(self) -> Supervisor:
+        """Say that the start has begun."""
+        self._notifier.status("starting")
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """End the processes, control first."""
+        self._notifier.stopping()
+        self._notifier.status("stopping")
+        self._stack.close()
+        self._notifier.close()
+
+    def step(self, messages: Sequence[Message], now_s: float) -> list[str]:
+        """Look after everything at `now_s`, monotonic [s]; return lines for people.
+
+        Parameters
+        ----------
+        messages
+            What the processes have published since the last step.
+        now_s
+            Monotonic time [s].
+
+        Raises
+        ------
+        StackError
+            As of `Stack.watch`; what it ends with is logged first.
+        """
+        lines, own = [], self._own_pause(now_s)
+        for message in messages:
+            if isinstance(message, Notice):
+                lines.append(message.text)
+            elif isinstance(message, ControlState):
+                self._state = message
+        try:
+            lines += self._stack.watch()
+        finally:
+            own += self._log_exits()
+        if not self._ready and self._stack.ready and self._notifier.ready():
+            self._ready = True
+            own.append("ready: " + self._processes())
+        for line in own:
+            self._stack.tell(line)
+        lines += own
+        self._feed(now_s)
+        self._notifier.status(self._status())
+        return lines
+
+    def _own_pause(self, now_s: float) -> list[str]:
+        """Return a line where this process itself was held up."""
+        before_s, self._stepped_s = self._stepped_s, now_s
+        if before_s is None or now_s - before_s < HELD_S:
+            return []
+        pause = Pause("the supervisor", os.getpid(), now_s - before_s, "", over=True)
+        return [pause.words(), *([] if self._log is None else self._log.note([pause]))]
+
+    def _log_exits(self) -> list[str]:
+        """Log the ends and pauses of this step; return what went wrong with that."""
+        return [] if self._log is None else self._log.note(self._stack.exits)
+
+    def _feed(self, now_s: float) -> None:
+        """Feed the watchdog where the control loop has made progress."""
+        feed_s, ticks = self._notifier.feed_s, self._stack.ticks
+        if feed_s is None or now_s - self._fed_s < feed_s:
+            return
+        if ticks == self._fed_ticks or ticks[1] == 0:
+            return
+        self._fed_s, self._fed_ticks = now_s, ticks
+        self._notifier.feed_watchdog()
+
+    def _status(self) -> str:
+        """Return the robot's state and that of its processes in one line."""
+        state = self._state
+        if state is None or self._stack.phase(CONTROL) is not Phase.READY:
+            return self._processes()
+        words = state.state.name.lower().replace("_", " ")
+        reason = f" ({state.reason})" if state.reason else ""
+        return f"{words}{reason}; {self._processes()}"
+
+    def _processes(self) -> str:
+        """Return where each process stands."""
+        return ", ".join(
+            f"{module.rpartition('.')[2]} {self._stack.phase(module).value}"
+            for module in self._stack.modules
+        )

@@ -1,0 +1,111 @@
+"""`robotctl calibrate odometry`: wheels and track as they really are, with the proof."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robotctl.cli.arguments import Overrides, RobotName, TimeUnit, refuse_unused
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
+from robotctl.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from robotctl.workbench.odometry.calibrate_odometry import CalibrateResult
+
+ABORTED = 1
+WORSE = 3
+
+app = typer.Typer(no_args_is_help=True, help="Find out how the robot really is.")
+
+
+@app.callback()
+def calibrate() -> None:
+    """Find out how the robot really is."""
+
+
+@app.command()
+def odometry(
+    ctx: typer.Context,
+    robot: RobotName = "diff_drive",
+    log: Annotated[
+        Path | None,
+        typer.Option(help="Log with reference poses: CARMEN, MRCLAM, LEGO, ROS bag or our own."),
+    ] = None,
+    mrclam_robot: Annotated[
+        int | None, typer.Option(help="Which robot of a MRCLAM folder.")
+    ] = None,
+    runs: Annotated[
+        Path | None, typer.Option(help="Drives measured by tape, see docs/calibration.md.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drives.")] = 1,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw before and after here: .png, .svg or .pdf.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+    ] = None,
+    overrides: Overrides = None,
+    time_unit: TimeUnit = None,
+) -> None:
+    """Find wheel sizes, track width or wheelbase, and noise of odometry, with 95 % intervals.
+
+    Without --log and --runs the simulated robot drives squares both ways. Status 0: found, and
+    dead reckoning is better with it. 1: a drive failed, or the data are too few. 3: it is worse,
+    no patch. 2: bad input.
+    """
+    if log is not None or runs is not None:
+        refuse_unused(ctx, "where the drives are recorded ones", "seed")
+    if log is None:
+        refuse_unused(ctx, "without --log", "mrclam_robot", "time_unit")
+    # They take a second to load, for which those who ask for help need not wait.
+    from robotctl.cli.calibrate.plot import save_plot  # noqa: PLC0415
+    from robotctl.cli.calibrate.view import (  # noqa: PLC0415
+        check_table,
+        drive_table,
+        reference_lines,
+    )
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
+    from robotctl.workbench.odometry.calibrate_odometry import CalibrateOptions, calibrate_odometry  # noqa: PLC0415
+
+    options = CalibrateOptions(
+        find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs, time_unit
+    )
+    check_files(out, plot=plot)
+    progress = plain_console(stderr=True)
+    try:
+        result = calibrate_odometry(options, lambda line: progress.print(f"{line} …"))
+    except CalibrationError as error:
+        progress.print(f"robotctl: {error}", soft_wrap=True)
+        sys.exit(ABORTED)
+    console = plain_console()
+    console.print(drive_table(result))
+    for line in reference_lines(result):
+        console.print(line)
+    if result.checks:
+        console.print(check_table(result))
+    if plot is not None:
+        write_file(plot, lambda file: save_plot(result, file))
+        print(f"plot: {plot}")
+    sys.exit(_conclude(result, out))
+
+
+def _conclude(result: CalibrateResult, out: Path | None) -> int:
+    """Say whether to use the values, and how; return the exit status."""
+    from robotctl.workbench.odometry.calibrate_patch import patch_text, patch_values  # noqa: PLC0415
+
+    for sentence in (*result.notes, *result.hidden):
+        print(sentence)
+    if result.objections:
+        print("Odometry is worse with the new values than with the present ones, keep those:")
+        for objection in result.objections:
+            print(f"  {objection}")
+        if out is not None:
+            print(f"{out} was not written.")
+        return WORSE
+    give_patch(patch_text(result), out)
+    advise_keeping(result.options.robot, patch_values(result))
+    return 0

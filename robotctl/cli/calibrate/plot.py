@@ -1,0 +1,52 @@
+"""A calibration as a picture: reference and dead reckoning before and after."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from robotctl.estimation.odometry.model import Array
+from robotctl.estimation.odometry.runs import OdometryRun, align, points_at, poses_at
+from robotctl.model.geometry.se2 import SE2
+from robotctl.workbench.odometry.calibrate_odometry import CalibrateResult
+
+
+def save_plot(result: CalibrateResult, file: Path) -> None:
+    """Draw one panel with the ends of all drives, or the way of a log."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+
+    figure = Figure(figsize=(10.0, 5.0), dpi=120, layout="constrained")
+    panels = figure.subplots(1, 2, squeeze=False)[0]
+    found = result.found
+    sides = (("before", np.zeros(3)), ("after", found.change))
+    for panel, (when, change) in zip(panels, sides, strict=True):
+        for i, run in enumerate(result.runs):
+            lever_m, delay_s = (
+                (found.lever_m, found.delay_s) if when == "after" else (np.zeros(2), 0.0)
+            )
+            seen = run.reference[:, :2]
+            at = _track(run, found.model.arcs(change, run.wheels), lever_m, delay_s)
+            label = "dead reckoning" if i == 0 else None
+            panel.plot(*at.T, color="tab:blue", linewidth=0.8, label=label)
+            panel.plot(*at[-1], "o", color="tab:blue", markersize=3)
+            style = "x" if len(seen) == 1 else "."
+            label = "reference" if i == 0 else None
+            panel.plot(*seen.T, style, color="tab:red", markersize=4, label=label)
+        panel.set_title(when)
+        panel.set_aspect("equal")
+        panel.set_xlabel("x, m")
+        panel.grid(visible=True, alpha=0.3)
+    panels[0].set_ylabel("y, m")
+    panels[0].legend()
+    figure.suptitle(f"{result.config.robot.name}: odometry before and after calibration")
+    figure.savefig(file)
+
+
+def _track(run: OdometryRun, arcs: Array, lever_m: Array, delay_s: float) -> Array:
+    """Return dead reckoning at all times, laid onto the reference where the start is unknown."""
+    if run.start is not None:
+        return points_at(poses_at(run, arcs, run.start, run.stamps_s), lever_m)
+    seen = points_at(poses_at(run, arcs, SE2(), run.reference_s - delay_s), lever_m)
+    T = align(seen, run.reference[:, :2])
+    return points_at(poses_at(run, arcs, T, run.stamps_s), lever_m)

@@ -1,0 +1,104 @@
+"""`robotctl characterise`: what a robot's sonars or lidar are like."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robotctl.cli.arguments import MaxRange, Overrides, RobotName, TimeUnit, refuse_unused
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import advise_keeping, check_files, give_patch, write_file
+from robotctl.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from robotctl.workbench.sensors.characterise import Characterisation
+
+ABORTED = 1
+WORSE = 3
+
+
+def characterise(
+    ctx: typer.Context,
+    robot: RobotName = "diff_drive",
+    log: Annotated[
+        Path | None,
+        typer.Option(help="CARMEN log or ROS bag with poses, or our own: a folder of --record."),
+    ] = None,
+    map_file: Annotated[
+        str,
+        typer.Option(
+            "--map",
+            metavar="MAP",
+            help="Room of the log: a world, or a ROS map (.yaml); else made of its even scans.",
+        ),
+    ] = "",
+    sensor: Annotated[
+        str, typer.Option(help="sonar or lidar; default: sonar where there are readings of some.")
+    ] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drive.")] = 1,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw errors and echoes here: .png, .svg or .pdf.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+    ] = None,
+    overrides: Overrides = None,
+    max_range: MaxRange = None,
+    time_unit: TimeUnit = None,
+) -> None:
+    """Find noise, outliers and limits of sonars or lidar, with 95 % intervals.
+
+    Without --log the simulated robot drives a round. Status 0: found. 1: the data are too few, or
+    nobody knows where they were taken. 3: with the new settings readings say less about the place
+    than with the present ones, no patch. 2: bad input.
+    """
+    if log is not None:
+        refuse_unused(ctx, "with --log", "seed")
+    else:
+        refuse_unused(ctx, "without --log", "max_range", "time_unit")
+    check_files(out, plot=plot)
+    # They take a second or more to load.
+    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
+    from robotctl.workbench.sensors.characterise import CharacteriseOptions  # noqa: PLC0415
+    from robotctl.workbench.sensors.characterise import characterise as run  # noqa: PLC0415
+
+    options = CharacteriseOptions(
+        find_file(robot), tuple(overrides or ()), log, map_file, sensor, seed, max_range, time_unit
+    )
+    progress = plain_console(stderr=True)
+    if cache_is_cold():
+        progress.print(COMPILING, soft_wrap=True)
+    try:
+        result = run(options, lambda line: progress.print(f"{line} …"))
+    except CalibrationError as error:
+        progress.print(f"robotctl: {error}", soft_wrap=True)
+        sys.exit(ABORTED)
+    sys.exit(_show(result, plot, out))
+
+
+def _show(result: Characterisation, plot: Path | None, out: Path | None) -> int:
+    """Show all; return the exit status."""
+    from robotctl.cli.characterise.plot import save_plot  # noqa: PLC0415
+    from robotctl.cli.characterise.view import fit_table, patch_table, words  # noqa: PLC0415
+    from robotctl.workbench.sensors.patch import patch_text, patch_values  # noqa: PLC0415
+
+    console = plain_console()
+    console.print(fit_table(result))
+    for line in words(result):
+        console.print(line, soft_wrap=True)
+    if plot is not None:
+        write_file(plot, lambda file: save_plot(result, file))
+        print(f"plot: {plot}")
+    if result.told_after < result.told_before:
+        print("With the new settings readings would say less about the place: keep the present.")
+        if out is not None:
+            print(f"{out} was not written.")
+        return WORSE
+    console.print(patch_table(result))
+    give_patch(patch_text(result), out)
+    advise_keeping(result.options.robot, patch_values(result))
+    return 0

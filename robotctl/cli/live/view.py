@@ -1,0 +1,400 @@
+"""What a person watches during a run: a live screen, or plain lines where there is no terminal."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+from rich.console import Console, Group
+from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from robotctl.app.simulation.run_score import grid_of
+from robotctl.app.simulation.score import run_message
+from robotctl.app.simulation.sim import Progress, SimRun
+from robotctl.cli.console import plain_console
+from robotctl.cli.live.canvas import Canvas
+from robotctl.cli.live.sim_keys import BRIEF, HELP, what_now
+from robotctl.config.robot_file import RobotConfig
+from robotctl.messages.control import ControlState, SafetyState
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.wall_map import WallMap
+from robotctl.safety.state_machine import LATCHED
+
+_LINE_S = 5.0
+_LIVE_S = 0.2
+_MOST_MAP_ROWS, _FEWEST_MAP_ROWS = 40, 4
+_FRAME = 2
+"""Lines, or twice as many columns, around the map."""
+_MAP_COLUMNS, _FIGURES_COLUMNS = 60, 68
+"""The map may always have the first; what is more than both is for the map."""
+_FEWEST_COLUMNS = 30
+"""What figures need beside the map to tell something."""
+_NOTICES, _NOTICES_LOW = 5, 3
+_LOW = 30
+"""A terminal of fewer lines is low."""
+_SLOW = 0.99
+"""Below this real-time factor it is shown."""
+_ARROWS = "→↗↑↖←↙↓↘"
+_STATE_STYLE = {
+    SafetyState.BOOT: "dim",
+    SafetyState.STANDBY: "yellow",
+    SafetyState.ARMED: "green",
+    SafetyState.DRIVING: "bold green",
+    SafetyState.FAULT: "bold red",
+    SafetyState.EMERGENCY_STOP: "bold white on red",
+}
+
+
+class View(Protocol):
+    """Shows the progress of a run; a context manager."""
+
+    def __enter__(self) -> View:
+        """Begin to show."""
+
+    def __exit__(self, *_error: object) -> None:
+        """Give the terminal back."""
+
+    def update(self, progress: Progress) -> None:
+        """Show a new state."""
+
+    def help(self) -> None:
+        """Show what the keys do, or show it no more."""
+
+
+def make_view(run: SimRun, *, headless: bool, keys: bool) -> View:
+    """Return the live screen on a terminal, else plain lines; `keys`: whether they are heard."""
+    console = plain_console()
+    if headless or not console.is_terminal:
+        return LineView(console, run.config, run.connections, keys=keys)
+    return LiveView(console, run.config, run.walls, run.connections, keys=keys)
+
+
+class LineView:
+    """A line for each notice and one each five seconds.
+
+    Parameters
+    ----------
+    console
+        Where to print.
+    config
+        The robot.
+    connections
+        Where others can connect.
+    keys
+        Whether there are keys to tell of.
+    """
+
+    def __init__(
+        self,
+        console: Console,
+        config: RobotConfig,
+        connections: tuple[str, ...],
+        *,
+        keys: bool = False,
+    ) -> None:
+        self._console = console
+        self._config = config
+        self._connections = connections
+        self._keys = keys
+        self._printed_s = -math.inf
+        self._what_now = ""
+
+    def __enter__(self) -> LineView:
+        """Begin to show."""
+        for connection in self._connections:
+            self._print(0.0, f"connect: {connection}")
+        if self._keys:
+            self._print(0.0, BRIEF)
+        return self
+
+    def help(self) -> None:
+        """Print what the keys do."""
+        for line in HELP:
+            self._console.print(f"{'':11}{line}", soft_wrap=True)
+
+    def __exit__(self, *_error: object) -> None:
+        """Nothing to give back."""
+
+    def update(self, progress: Progress) -> None:
+        """Print what is new."""
+        for line in progress.lines:
+            self._print(progress.elapsed_s, line)
+        progress.lines.clear()
+        control, navigation = progress.control, progress.navigation
+        if control is None:
+            return
+        now = what_now(control, keys=True) if self._keys and control.state in LATCHED else ""
+        if now and now != self._what_now:
+            self._print(progress.elapsed_s, now)
+        self._what_now = now
+        if progress.elapsed_s - self._printed_s < _LINE_S:
+            return
+        self._printed_s = progress.elapsed_s
+        item = (
+            f"{navigation.mode.name} {navigation.item}/{navigation.items} {navigation.item_name}"
+            if navigation is not None
+            else ""
+        )
+        self._print(
+            progress.elapsed_s,
+            f"{control.state.name} {item} x {control.x_m:.2f} m y {control.y_m:.2f} m "
+            f"{math.degrees(control.theta_rad):.0f}° v {_measured(control.v_m_s)} m/s "
+            f"lag p99 {control.loop.lag_us_p99:.0f} µs bus {100 * control.bus.load:.0f} %"
+            f"{_factor(progress)}",
+        )
+
+    def _print(self, elapsed_s: float, line: str) -> None:
+        """Print one line with the time of the run."""
+        self._console.print(f"{elapsed_s:7.1f} s  {line}", soft_wrap=True)
+
+
+class LiveView:
+    """A screen as large as the terminal: what counts first, then the map, figures where they fit.
+
+    Parameters
+    ----------
+    console
+        The terminal.
+    config
+        The robot.
+    walls
+        Of the world.
+    connections
+        Where others can connect.
+    keys
+        Whether there are keys to tell of.
+    """
+
+    def __init__(
+        self,
+        console: Console,
+        config: RobotConfig,
+        walls: WallMap,
+        connections: tuple[str, ...],
+        *,
+        keys: bool = False,
+    ) -> None:
+        self._console = console
+        self._config = config
+        self._walls = walls
+        self._connections = connections
+        self._keys = keys
+        self._helps = False
+        self._notices: deque[str] = deque(maxlen=_NOTICES)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=2000)
+        self._drawn_walls = Canvas(0, 0, walls.bounds)
+        self._shown_s = -math.inf
+        self._live = Live(console=console, auto_refresh=False, screen=False)
+
+    def __enter__(self) -> LiveView:
+        """Take the terminal."""
+        self._live.start()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Give the terminal back; the last screen stays."""
+        self._live.stop()
+
+    def help(self) -> None:
+        """Show what the keys do in place of the map, or the map again."""
+        self._helps = not self._helps
+        self._shown_s = -math.inf
+
+    def update(self, progress: Progress) -> None:
+        """Redraw, five times a second at most."""
+        for line in progress.lines:
+            self._notices += [f"{progress.elapsed_s:6.1f} s  {each}" for each in line.splitlines()]
+        progress.lines.clear()
+        if progress.elapsed_s - self._shown_s >= _LIVE_S:
+            self._shown_s = progress.elapsed_s
+            self._live.update(self.screen(progress), refresh=True)
+
+    def screen(self, progress: Progress) -> Group:
+        """Lay out the whole screen, one line less than the terminal has."""
+        width, height = self._console.size
+        control = progress.control
+        top = [*self._head(progress)]
+        most = _NOTICES if height >= _LOW else _NOTICES_LOW
+        bottom = [_line("connect: " + "  ".join(self._connections), "dim")]
+        bottom += [_line(each) for each in [*self._notices][-most:]]
+        rows = height - 1 - len(top) - 1 - most
+        parts: list[object] = [*top]
+        if self._helps:
+            parts += [_line(each) for each in HELP]
+        elif control is not None and rows - _FRAME >= _FEWEST_MAP_ROWS:
+            self._trail.append((control.x_m, control.y_m))
+            parts.append(self._map_and_figures(progress, control, width, rows))
+        return Group(*parts, *bottom)  # type: ignore[arg-type]
+
+    def _head(self, progress: Progress) -> Iterator[Text]:
+        """Yield state, mode and mission item; why it stands and what to do; pose; keys."""
+        control, navigation = progress.control, progress.navigation
+        first = _line(f"{self._config.robot.name}  {progress.elapsed_s:6.1f} s  ")
+        if control is None:
+            first.append("waiting for the control process")
+        else:
+            first.append(f" {control.state.name} ", style=_STATE_STYLE[control.state])
+        if navigation is not None:
+            first.append(
+                f"  {navigation.mode.name}  {navigation.mission} "
+                f"{navigation.item}/{navigation.items} {navigation.item_name}"
+            )
+        yield first
+        if control is not None:
+            yield _line(run_message(control, navigation))
+            if now := what_now(control, keys=self._keys):
+                yield _line(now, "bold")
+            battery = control.battery
+            charge = (
+                f"battery {battery.voltage_v:.1f} V {100 * battery.charge:.0f} %"
+                if battery is not None
+                else "battery -"
+            )
+            yield _line(
+                f"x {control.x_m:.2f} m  y {control.y_m:.2f} m  "
+                f"{math.degrees(control.theta_rad):.0f}°  {_measured(control.v_m_s)} m/s   "
+                f"{charge}  {_factor(progress)}"
+            )
+        if self._keys:
+            yield _line(BRIEF, "bold")
+
+    def _map_and_figures(
+        self, progress: Progress, control: ControlState, width: int, rows: int
+    ) -> Table:
+        """Lay out the map in so many lines, with figures beside it where they fit."""
+        most = max(width - _FIGURES_COLUMNS, _MAP_COLUMNS)
+        columns = min(most, width) - 2 * _FRAME
+        canvas = self._canvas(progress, columns, min(rows - _FRAME, _MOST_MAP_ROWS))
+        panel_columns = canvas.columns + 2 * _FRAME
+        panel = Panel("\n".join(canvas.lines()), title=_map_title(progress), width=panel_columns)
+        both = Table.grid(padding=(0, 1))
+        both.add_column(width=panel_columns)
+        if width - panel_columns < _FEWEST_COLUMNS:
+            both.add_row(panel)
+            return both
+        figures = [*self._motion(control), *self._sonars(control), *_health(control)][:rows]
+        longest = max(len(name) for name, _ in figures)
+        both.add_row(panel, Group(*(_line(f"{name:{longest}}  {text}") for name, text in figures)))
+        return both
+
+    def _canvas(self, progress: Progress, columns: int, rows: int) -> Canvas:
+        """Draw walls or the growing map, trail, particles, what the camera sees, and the truth."""
+        empty = Canvas.fitting(columns, rows, self._walls.bounds)
+        if progress.map is None:
+            canvas = self._walls_on(empty)
+        else:
+            canvas = empty
+            grid = grid_of(progress.map)
+            for x_m, y_m in grid.centre_of(np.argwhere(grid.occupied())):
+                canvas.point(x_m, y_m)
+        for x_m, y_m in self._trail:
+            canvas.point(x_m, y_m)
+        if progress.cloud is not None:
+            for x_m, y_m, _ in np.frombuffer(progress.cloud.poses, "<f4").reshape(-1, 3):
+                canvas.point(x_m, y_m)
+        if progress.truth is not None:
+            canvas.mark(progress.truth.x_m, progress.truth.y_m, "o")
+        if progress.control is not None:
+            control = progress.control
+            here = SE2(control.x_m, control.y_m, control.theta_rad)
+            for thing in progress.view.obstacles if progress.view is not None else ():
+                canvas.mark(*here.apply(thing.x_m, thing.y_m), "x")
+            arrow = _ARROWS[round(control.theta_rad / (math.pi / 4)) % 8]
+            canvas.mark(control.x_m, control.y_m, arrow)
+        return canvas
+
+    def _walls_on(self, empty: Canvas) -> Canvas:
+        """Return the walls on a canvas, drawn once for each size: a map has thousands."""
+        drawn = self._drawn_walls
+        if (drawn.columns, drawn.rows) != (empty.columns, empty.rows):
+            drawn = self._drawn_walls = empty
+            for x1_m, y1_m, x2_m, y2_m in self._walls.segments:
+                drawn.line(x1_m, y1_m, x2_m, y2_m)
+        return drawn.copy()
+
+    def _motion(self, control: ControlState) -> Iterator[tuple[str, str]]:
+        """Yield velocity, each wheel and the way."""
+        yield (
+            "velocity",
+            (
+                f"{_measured(control.v_m_s):>5} m/s (ref {control.v_ref_m_s:5.2f}) "
+                f"{_measured(control.omega_rad_s):>5} rad/s (ref {control.omega_ref_rad_s:5.2f})"
+            ),
+        )
+        for index, name in enumerate(self._config.drive.wheel_names):
+            current = f"{control.current_a[index]:5.2f} A" if control.current_a else ""
+            yield (
+                name,
+                (
+                    f"{_measured(control.wheel_rad_s[index]):>6} rad/s "
+                    f"(ref {control.wheel_ref_rad_s[index]:6.2f}) "
+                    f"duty {control.duty[index]:5.2f} {current}"
+                ),
+            )
+        if self._config.drive.steered:
+            yield "steering", f"{math.degrees(control.steering_rad):5.1f}°"
+        yield "driven", f"{control.distance_m:.1f} m (odometer {control.odometer_m / 1000:.3f} km)"
+
+    def _sonars(self, control: ControlState) -> Iterator[tuple[str, str]]:
+        """Yield a bar for each sonar."""
+        for mount, range_m in zip(self._config.sonar, control.sonar_m, strict=True):
+            if math.isnan(range_m):
+                text = "-"
+            elif math.isinf(range_m):
+                text = "no echo"
+            else:
+                text = f"{range_m:5.2f} m {'▉' * min(20, round(4 * range_m))}"
+            yield mount.name, text
+
+
+def _health(control: ControlState) -> Sequence[tuple[str, str]]:
+    """Return loop and bus."""
+    loop, bus = control.loop, control.bus
+    return (
+        (
+            "loop",
+            (
+                f"{loop.rate_hz:.0f} Hz, lag p50 {loop.lag_us_p50:.0f} p99 {loop.lag_us_p99:.0f} "
+                f"max {loop.lag_us_max:.0f} µs, {loop.overruns} overruns"
+            ),
+        ),
+        (
+            "bus",
+            (
+                f"{bus.state.name.lower()}, load {100 * bus.load:.0f} %, "
+                f"{bus.received + bus.sent} frames, {bus.error_frames} error frames"
+            ),
+        ),
+    )
+
+
+def _line(text: str, style: str = "") -> Text:
+    """Return one line that a narrow terminal cuts."""
+    return Text(text.replace("\n", " "), style=style, overflow="ellipsis", no_wrap=True)
+
+
+def _factor(progress: Progress) -> str:
+    """Return how fast simulated time goes, where the computer does not keep up."""
+    factor = progress.real_time_factor
+    return f" {factor:.2f} × real time" if factor < _SLOW else ""
+
+
+def _measured(value: float) -> str:
+    """Write a measured value, which is nan where nobody measures it now."""
+    return "-" if math.isnan(value) else f"{value:.2f}"
+
+
+def _map_title(progress: Progress) -> str:
+    """Say what the map shows, and how well the robot knows its place."""
+    state = progress.localisation
+    if state is None:
+        return "map" if progress.map is None else "map as it grows"
+    sigma_m = math.sqrt(max(0.0, state.covariance[0] + state.covariance[3]))
+    particles = f", {state.particles} particles" if state.particles else ""
+    return f"{state.method}: {state.status.name.lower()}, ±{sigma_m:.2f} m{particles}"

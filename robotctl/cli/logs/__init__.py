@@ -1,0 +1,1 @@
+"""`robotctl record`, `replay` and `plot`."""

@@ -1,0 +1,199 @@
+"""`robotctl record`: the flight recorder on request, logs completed, recordings as tables."""
+
+from __future__ import annotations
+
+import datetime as dt
+import difflib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import check_files
+from robotctl.cli.progress import progress_bar
+from robotctl.errors import ConfigError, LinkError
+from robotctl.runtime.flight.recorder import RecordError, read_record
+from robotctl.runtime.flight.ring import dump as dump_ring
+from robotctl.runtime.ipc.topics import ring_folder, ring_name
+from robotctl.runtime.storage.ring_file import is_written
+
+app = typer.Typer(help="The flight recorder and the logs.", no_args_is_help=True)
+
+
+@app.command()
+def dump(
+    file: Annotated[
+        Path | None, typer.Argument(help="Where to; default: flight-TIME.rec here.")
+    ] = None,
+    instance: Annotated[
+        str,
+        typer.Option(
+            help="Which robot, by its name or that of its ring; default: the only one that runs, "
+            "else the only one there is."
+        ),
+    ] = "",
+) -> None:
+    """Write the last minute of the control loop to a record, for `robotctl replay`.
+
+    Works while the robot drives, which it does not notice, and after its processes were killed.
+    """
+    check_files(file)
+    if file is not None:
+        file = file.resolve()
+        _check_target(file)
+    ring = find_ring(instance)
+    now = dt.datetime.now(dt.UTC)
+    target = file or Path(f"flight-{now:%Y%m%dT%H%M%S}.{now.microsecond // 1000:03d}Z.rec")
+    try:
+        dump_ring(ring, target)
+    except OSError as error:
+        raise RecordError(f"{target}: cannot be written: {error.strerror}") from error
+    print(f"{ring} written to {target}, {target.stat().st_size} bytes")
+
+
+@app.command()
+def recover(
+    file: Annotated[Path, typer.Argument(help="robot-*.mcap that was cut by a kill.")],
+) -> None:
+    """Complete an MCAP log that was not closed, in place; the recorder does so when it starts.
+
+    A whole log stays as it is. Damaged places are left out; the log as it was is kept then, as
+    FILE.damaged-1 and so on.
+    """
+    from robotctl.logs.mcap.log import recover as recover_log  # noqa: PLC0415 - loads zstd
+
+    try:
+        recovered = recover_log(file)
+    except OSError as error:
+        raise RecordError(f"{file}: cannot be recovered: {error.strerror}") from error
+    if recovered.was_intact:
+        print(f"{file}: is complete, {recovered.messages} messages; left as it is")
+    else:
+        print(f"{file}: complete, {recovered.messages} messages{recovered.loss()}")
+
+
+@app.command()
+def export(
+    run: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of --record, a robot-*.mcap of it, or a record: fault-*.rec, a dump."
+        ),
+    ],
+    csv: Annotated[Path, typer.Option(help="Folder for the files, one for each topic.")],
+) -> None:
+    """Write a recording as tables: CSV for spreadsheets and pandas, the units in the headings."""
+    if csv.exists() and not csv.is_dir():
+        raise ConfigError(f"--csv {csv}: is a file, a folder is needed")
+    console = plain_console(stderr=True)
+    with progress_bar(console, run.name, "writing") as tell:
+        from robotctl.workbench.logs.export import export_csv  # noqa: PLC0415 - loads zstd
+
+        exported = export_csv(run, csv, tell)
+    for note in exported.notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    for each in exported.files:
+        print(f"{each.path}: {each.rows} rows, {each.columns} columns")
+
+
+def _check_target(file: Path) -> None:
+    """Refuse to replace what is no record.
+
+    Raises
+    ------
+    RecordError
+        If something else is there.
+    """
+    if not file.exists():
+        return
+    if not file.is_file():
+        raise RecordError(f"{file}: is no ordinary file: give one, and pass it on from there")
+    try:
+        with file.open("rb") as present:
+            read_record(present, str(file))
+    except RecordError as error:
+        raise RecordError(f"{file}: is there, and would be lost: {error}") from error
+    except OSError as error:
+        raise RecordError(f"{file}: cannot be read: {error.strerror}") from error
+
+
+def find_ring(instance: str) -> Path:
+    """Return the ring that a name leads to, or without a name the only one of a robot that runs.
+
+    Where none runs it is the only one that crashed.
+
+    A name is that of a robot, or as `ring_names` has it. Makes nothing.
+
+    Raises
+    ------
+    RecordError
+        If there is none, or more than one to choose from.
+    """
+    folder = ring_folder()
+    rings = sorted((*folder.glob("*.ring"), *folder.glob("*.ring.crashed")))
+    if not rings:
+        raise RecordError(f"{folder}: no flight recorder is there: no robot runs, nor has crashed")
+    if not instance:
+        for choice in ([ring for ring in rings if is_written(ring)], rings):
+            if len(choice) == 1:
+                return choice[0]
+    names = ring_names(rings)
+    if instance in names:
+        return names[instance]
+    robots = {_robot(path) for path in rings}
+    if not instance or instance in robots:
+        raise RecordError(f"{folder}: which robot? {_choice(rings, names)}")
+    near = difflib.get_close_matches(instance, sorted(robots | names.keys()), n=1, cutoff=0.5)
+    hint = f'; did you mean "{near[0]}"?' if near else "."
+    raise RecordError(f"{instance}: no flight recorder has that name{hint} {_choice(rings, names)}")
+
+
+def ring_names(rings: Sequence[Path]) -> dict[str, Path]:
+    """Return the ring that each name leads to.
+
+    Parameters
+    ----------
+    rings
+        Sorted, the ring of a live process before one that the same robot left in a crash.
+
+    Returns
+    -------
+    dict
+        By the file's name; by its stem, such as `robot-0e531925`; and by that of the robot, where
+        there is one ring of such a robot or one belongs to our own folder of sockets.
+    """
+    stems = {_stem(path): path for path in reversed(rings)}
+    names: dict[str, Path] = {}
+    for robot in {_robot(path) for path in rings}:
+        of_robot = {stem: path for stem, path in stems.items() if _robot(path) == robot}
+        with suppress(LinkError):  # whose sockets would not fit here, hence are elsewhere
+            own = Path(ring_name(robot)).stem
+            of_robot = {own: of_robot[own]} if own in of_robot else of_robot
+        if len(of_robot) == 1:
+            names[robot] = next(iter(of_robot.values()))
+    return names | stems | {path.name: path for path in rings}
+
+
+def _choice(rings: Sequence[Path], names: Mapping[str, Path]) -> str:
+    """Return what there is to choose from: of each ring the shortest name that leads to it."""
+    words = []
+    for path in rings:
+        with suppress(FileNotFoundError):  # it ended meanwhile
+            begun = dt.datetime.fromtimestamp(path.stat().st_mtime, dt.UTC)
+            lives = "runs" if is_written(path) else "ended"
+            name = min((each for each in names if names[each] == path), key=len)
+            words.append(f"{name} ({lives}, begun {begun:%Y-%m-%d %H:%M:%S} UTC)")
+    return f"--instance is one of: {', '.join(words)}"
+
+
+def _stem(path: Path) -> str:
+    """Return the name of a ring without what says that its process crashed."""
+    return path.name.removesuffix(".crashed").removesuffix(".ring")
+
+
+def _robot(path: Path) -> str:
+    """Return the name of the robot whose ring it is."""
+    return _stem(path).rpartition("-")[0]

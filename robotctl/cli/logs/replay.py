@@ -1,0 +1,40 @@
+"""`robotctl replay`: a recorded run through the control core again."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import robotctl
+
+DIFFERENT = 1
+
+
+def replay(
+    file: Annotated[
+        Path, typer.Argument(help="A record: control-*.rec, fault-*.rec, crash-*.rec, or a dump.")
+    ],
+) -> None:
+    """Compute every output of a record anew; status 1 and the first tick where they differ."""
+    from robotctl.workbench.replay.replay import differences, replay_file  # noqa: PLC0415 - the control core
+
+    replayed = replay_file(file)
+    result = replayed.result
+    if replayed.version != robotctl.__version__:
+        print(f"made by robotctl {replayed.version}, replayed by {robotctl.__version__}")
+    gaps = f", {result.gaps} gaps in the record" if result.gaps else ""
+    if replayed.is_cut:
+        gaps += ", up to where the record was cut"
+    if result.difference is None:
+        print(f"{file}: {result.agreed} ticks, all outputs the same bit for bit{gaps}")
+        return
+    tick = result.difference.tick
+    print(f"{file}: {result.agreed} ticks agree{gaps}")
+    print(f"tick {result.difference.number} of the run, at {tick.now_ns} ns, differs:")
+    for name, recorded, computed in differences(result.difference):
+        print(f"  {name}: recorded {recorded}, computed {computed}")
+    print(f"  its inputs: {tick.inputs}")
+    sys.exit(DIFFERENT)

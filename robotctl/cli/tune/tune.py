@@ -1,0 +1,94 @@
+"""`robotctl tune`: from measured wheels to gains, with the proof."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robotctl.cli.arguments import Overrides, RobotName
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import check_files, give_patch, write_file
+from robotctl.config.patch import as_overrides
+
+if TYPE_CHECKING:
+    from robotctl.workbench.tuning.tune import TuneResult
+
+ABORTED = 1
+WORSE = 3
+
+
+def tune(
+    robot: RobotName = "diff_drive",
+    method: Annotated[
+        str,
+        typer.Option(help="step: steps of the duty, SIMC gains. relay: oscillation, Ku and Tu."),
+    ] = "step",
+    wheel: Annotated[str, typer.Option(help="left, right, drive or all.")] = "all",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the responses here: .png, .svg or .pdf.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Measure the simulated robot's wheels, compute gains, show the responses before and after.
+
+    Status 0: measured, and the new gains are no worse. 1: an experiment was stopped. 3: the new
+    gains are worse, no patch. 2: bad input.
+    """
+    # They take a second to load, for which those who ask for help need not wait.
+    from robotctl.cli.tune.plot import save_plot  # noqa: PLC0415
+    from robotctl.cli.tune.view import response_table, wheel_table  # noqa: PLC0415
+    from robotctl.config.robot_file import find_file  # noqa: PLC0415
+    from robotctl.workbench.tuning.track import ExperimentError  # noqa: PLC0415
+    from robotctl.workbench.tuning.tune import TuneOptions  # noqa: PLC0415
+    from robotctl.workbench.tuning.tune import tune as run_tuning  # noqa: PLC0415
+
+    options = TuneOptions(find_file(robot), method, wheel, tuple(overrides or ()), seed)
+    check_files(out, plot=plot)
+    progress = plain_console(stderr=True)
+    try:
+        result = run_tuning(options, lambda line: progress.print(f"{line} …"))
+    except ExperimentError as error:
+        progress.print(f"robotctl: {error}", soft_wrap=True)
+        sys.exit(ABORTED)
+    console = plain_console()
+    console.print(response_table(result))
+    console.print(wheel_table(result))
+    if plot is not None:
+        write_file(plot, lambda file: save_plot(result, file))
+        print(f"plot: {plot}")
+    sys.exit(_conclude(result, out))
+
+
+def _conclude(result: TuneResult, out: Path | None) -> int:
+    """Say whether to use the gains, and how; return the exit status."""
+    from robotctl.workbench.tuning.patch import patch_values  # noqa: PLC0415
+
+    if result.objections:
+        print("The new gains are worse than the present ones, keep those:")
+        for objection in result.objections:
+            print(f"  {objection}")
+        if out is not None:
+            print(f"{out} was not written.")
+        return WORSE
+    for shortcoming in result.shortcomings:
+        print(f"beware: with the new gains, too, the robot {shortcoming}")
+    options = result.options
+    give_patch(result.patch(), out)
+    tables = ", ".join(f"[control.{wheel}]" for wheel in result.gains)
+    settings = [*options.overrides, *as_overrides(patch_values(result.gains))]
+    command = ["robotctl", "sim", "--lockstep", "--robot", str(options.robot)]
+    command += [word for setting in settings for word in ("--set", setting)]
+    print(
+        f"To keep it, put its keys in place of those of {tables} in {options.robot}, and run\n"
+        f"  robotctl config check {shlex.quote(str(options.robot))}\n"
+        f"To try it first:\n  {shlex.join(command)}"
+    )
+    return 0

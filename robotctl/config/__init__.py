@@ -1,0 +1,1 @@
+"""A robot's file: reading, checking and changing it."""

@@ -1,0 +1,97 @@
+"""What the processes of one robot are started with, handed over as JSON on the command line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+
+from robotctl.config.robot_file import RobotConfig, load_robot
+from robotctl.errors import ConfigError
+from robotctl.messages.ports import Clock
+from robotctl.runtime.clock import RealClock, wall_offset_ns
+from robotctl.runtime.simulated_clock import SimulatedClock
+from robotctl.toml_source import is_utf_8
+
+
+class StackOptions(msgspec.Struct, frozen=True):
+    """One running robot.
+
+    Attributes
+    ----------
+    instance
+        Name of the robot's sockets; two robots on one computer need two names.
+    robot
+        The robot's configuration file.
+    overrides
+        `key=value` settings on top of it.
+    mission
+        Mission file of mode AUTO; empty: none.
+    x_m, y_m, theta_rad
+        Pose of `base` in `world` at the start.
+    record
+        Directory for the record of the control loop and the logs; empty: none.
+    flights
+        Directory for dumps of the flight recorder after faults; empty: none.
+    state
+        Directory of what survives restarts; empty: nothing does.
+    run
+        Name of this run. A process that starts again within it takes over pose and mission item.
+    epoch_ns
+        Added to CLOCK_MONOTONIC to get the times of all logs [ns]: read once for all processes, so
+        that their logs agree, and none jumps when the wall clock is set; 0 in virtual time.
+    clock
+        File of a simulator's clock, which all processes of the robot go by; empty: the computer's.
+    """
+
+    instance: str
+    robot: str
+    overrides: tuple[str, ...] = ()
+    mission: str = ""
+    x_m: float = 0.0
+    y_m: float = 0.0
+    theta_rad: float = 0.0
+    record: str = ""
+    flights: str = ""
+    state: str = ""
+    run: str = ""
+    epoch_ns: int = msgspec.field(default_factory=wall_offset_ns)
+    clock: str = ""
+
+    def load(self) -> RobotConfig:
+        """Read the configuration with its overrides."""
+        return load_robot(Path(self.robot), self.overrides)
+
+    def open_clock(self, *, paces: bool = False) -> Clock:
+        """Return the clock of this robot.
+
+        Parameters
+        ----------
+        paces
+            Whether a simulator's clock waits for this process, as it does for the control loop.
+
+        Raises
+        ------
+        LinkError
+            If there is no such clock.
+        """
+        return SimulatedClock(Path(self.clock), paces=paces) if self.clock else RealClock()
+
+    def command(self, module: str) -> list[str]:
+        """Return the command line of the process that `module` implements.
+
+        Raises
+        ------
+        ConfigError
+            If a name of a file is not UTF-8: logs and messages could not tell it.
+        """
+        for name, value in msgspec.structs.asdict(self).items():
+            if isinstance(value, str) and not is_utf_8(value):
+                raise ConfigError(f"{name}: {value}: not UTF-8")
+        return [sys.executable, "-m", module, msgspec.json.encode(self).decode()]
+
+
+def options_of_command_line(arguments: list[str]) -> StackOptions:
+    """Read the options that `StackOptions.command` wrote."""
+    return msgspec.json.decode(arguments[1], type=StackOptions)

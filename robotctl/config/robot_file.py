@@ -1,0 +1,371 @@
+"""The configuration of one robot: a TOML file, checked as a whole."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from pydantic import Field
+
+from robotctl import toml_source
+from robotctl.control.limiter import LimitsConfig
+from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
+from robotctl.core.control_core import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
+from robotctl.drivers.can.config import CanConfig
+from robotctl.errors import ConfigError
+from robotctl.estimation.camera.config import GroundCameraConfig
+from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.mavlink.config import MavlinkConfig
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.drives.odometry_noise import MotionNoise
+from robotctl.model.sensors.camera import CameraConfig
+from robotctl.model.sensors.lidar import LidarConfig
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.navigator import NavigationConfig
+from robotctl.runtime.realtime import LoopConfig
+from robotctl.runtime.storage.log_folder import LogConfig
+from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.state_machine import SafetyConfig
+
+MAX_SONARS = 16
+
+MAX_SUPPLY_V: Final = 65.5
+"""More than this no drive can report [V]."""
+
+RING_S: Final = 0.05
+"""So far apart are two readings of one sonar, of which the second stops the robot [s]."""
+
+FINEST_RAD: Final = 1e-9
+"""No encoder of a wheel resolves less [rad]."""
+
+FOUND_SHARE: Final = 0.5
+"""By this share of what its motor reaches at least, a wheel with a stuck encoder is found out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who the robot is.
+
+    Parameters
+    ----------
+    name
+        Name in logs, sockets and on the ground station.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        """Check the name, which becomes part of file names."""
+        if not self.name.replace("_", "").replace("-", "").isalnum():
+            raise ValueError(f"name must be letters, digits, - and _, not {self.name!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """Everything about one robot."""
+
+    robot: Identity
+    drive: Annotated[
+        DifferentialDrive | TricycleDrive | AckermannDrive, Field(discriminator="kind")
+    ]
+    limits: LimitsConfig
+    control: ControlConfig
+    plausibility: PlausibilityConfig
+    sonar: tuple[SonarMount, ...] = ()
+    lidar: LidarConfig | None = None
+    camera: CameraConfig | None = None
+    ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
+    can: CanConfig = field(default_factory=CanConfig)
+    runtime: LoopConfig = field(default_factory=LoopConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+    mavlink: MavlinkConfig = field(default_factory=MavlinkConfig)
+    navigation: NavigationConfig = field(default_factory=NavigationConfig)
+    localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
+    log: LogConfig = field(default_factory=LogConfig)
+    odometry: MotionNoise = field(default_factory=MotionNoise)
+    simulation: Annotated[
+        dict[str, Any],
+        Field(
+            description="What is true of the robot in the simulated world, whatever the rest of "
+            "the file believes; docs/missions.md lists the keys. firmware_sim checks them itself."
+        ),
+    ] = field(default_factory=dict)
+
+
+def config_directory() -> Path:
+    """Return the folder of the configurations that come with robotctl."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "configs"
+    return installed if installed.is_dir() else package.parent / "configs"
+
+
+TOML: Final = (".toml",)
+MAPS: Final = (".yaml", ".yml")
+"""Suffixes of a name's file, in the order in which they are tried; a ROS map has one of `MAPS`."""
+
+_KINDS: Final = {
+    "": "robot's file", "missions": "mission", "worlds": "world", "scenarios": "scenario of faults",
+    "places": "file of places",
+}  # fmt: skip
+
+
+def find_file(
+    given: str,
+    folder: str = "",
+    suffixes: Sequence[str] = TOML,
+    *,
+    beside: Path | None = None,
+) -> Path:
+    """Return the file that the user means: a path, or a name, with or without its suffix.
+
+    It is looked for in the folder `beside`, that of the file which names it, then in the working
+    directory, then among those that come with robotctl.
+
+    Parameters
+    ----------
+    given
+        What the user wrote.
+    folder
+        Which of the shipped folders is meant, and so what kind of file: "" for robots, `missions`,
+        `worlds`, `scenarios`.
+
+    Raises
+    ------
+    ConfigError
+        Where there is none, with the nearest; where the file is of another kind.
+    """
+    shipped = config_directory() / folder
+    for place in (*([] if beside is None else [beside]), Path(), shipped):
+        for candidate in (place / given, *(place / f"{given}{suffix}" for suffix in suffixes)):
+            if candidate.is_file() or candidate.is_char_device():  # /dev/null: an empty one
+                _refuse_other_kind(candidate, folder, suffixes)
+                return candidate
+    path = Path(given)
+    for other, kind in _KINDS.items():
+        if other != folder and (config_directory() / other / f"{path.stem}.toml").is_file():
+            raise ConfigError(f"{given}: is the name of a {kind}; a {_KINDS[folder]} is needed")
+    names = [file.stem for file in sorted(shipped.glob("*.toml"))]
+    raise ConfigError(
+        f"{given}: no such file, and not in {shipped}{toml_source.nearest(path.stem, names)}"
+    )
+
+
+def _refuse_other_kind(file: Path, folder: str, suffixes: Sequence[str]) -> None:
+    """Refuse a file of another kind than that of a folder; what is wrong in it is said elsewhere.
+
+    Raises
+    ------
+    ConfigError
+        With what it is and what is needed.
+    """
+    if file.suffix.lower() in MAPS:
+        if file.suffix.lower() not in suffixes:
+            raise ConfigError(f"{file}: is a ROS map; a {_KINDS[folder]} is needed")
+        return
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return
+    found = _kind_of(data)
+    if found is not None and found != folder:
+        raise ConfigError(f"{file}: is a {_KINDS[found]}; a {_KINDS[folder]} is needed")
+
+
+def _kind_of(data: Mapping[str, Any]) -> str | None:
+    """Return the folder where a file of such tables would be; None where they do not tell."""
+    if isinstance(data.get("world"), dict):
+        return "worlds"
+    for folder, tables in (
+        ("missions", {"item"}),
+        ("scenarios", {"fault"}),
+        ("places", {"mark", "place"}),
+        ("", {"drive", "robot"}),
+    ):
+        if tables & data.keys():
+            return folder
+    return None
+
+
+def load_robot(path: Path, overrides: Sequence[str] = ()) -> RobotConfig:
+    """Read and check a robot's file.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each error.
+    """
+    return toml_source.load(path, RobotConfig, overrides, _contradictions)
+
+
+def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
+    """Return the camera of a robot whose file this is.
+
+    Raises
+    ------
+    ConfigError
+        If it has none.
+    """
+    if config.camera is None:
+        raise ConfigError(
+            f"{file}: no table [camera]; `robotctl camera calibrate` finds its values, "
+            "docs/camera.md says how"
+        )
+    return config.camera
+
+
+def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what no key alone shows: the key to blame and what is wrong."""
+    try:
+        config.control.loops(config.drive.wheel_names)
+    except ValueError as error:
+        for line in str(error).splitlines():
+            key, _, problem = line.partition(": ")
+            yield tuple(key.split(".")), problem
+    two_periods_ms = 2 * config.runtime.period_ns / 1e6
+    if config.safety.command_timeout_ms < two_periods_ms:
+        bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"
+        yield ("safety", "command_timeout_ms"), f"{config.safety.command_timeout_ms} is {bound}"
+    yield from _beyond_the_limits(config)
+    yield from _beyond_the_nose(config)
+    names = [mount.name for mount in config.sonar]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        second = names.index(name, names.index(name) + 1)
+        rule = f"must be another than those before, found {name!r}"
+        yield ("sonar", second, "name"), f"{rule}, which is given {names.count(name)} times"
+    if len(names) > MAX_SONARS:
+        problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
+        yield ("sonar", MAX_SONARS), problem
+    settings = config.localisation
+    if settings.method != "none" and not settings.map:
+        problem = "needs localisation.map, a world (.toml) or a ROS map (.yaml)"
+        yield ("localisation", "method"), f'"{settings.method}" {problem}'
+
+
+def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what is planned with more than the robot does."""
+    limits, navigation = config.limits, config.navigation
+    planned = (
+        (("guard", "deceleration_m_s2"), navigation.guard.deceleration_m_s2, "a_max_m_s2"),
+        (("pursuit", "acceleration_m_s2"), navigation.pursuit.acceleration_m_s2, "a_max_m_s2"),
+        (("pursuit", "alpha_rad_s2"), navigation.pursuit.alpha_rad_s2, "alpha_max_rad_s2"),
+    )
+    for key, value, limit in planned:
+        most = getattr(limits, limit)
+        if value > most:
+            yield ("navigation", *key), f"{value} found, at most limits.{limit} ({most}) allowed"
+    guard = navigation.guard
+    step_s = 1.0 / navigation.rate_hz
+    # The limiter follows a speed that falls evenly late by the last part.
+    late_s = 0.5 * guard.deceleration_m_s2 / limits.jerk_max_m_s3
+    least_s = max(RING_S, step_s) + step_s + late_s
+    if config.sonar and guard.reaction_s < least_s:
+        problem = (
+            f"{guard.reaction_s} found, but from the first of two readings to the brakes pass "
+            f"{least_s:.3f} s and more (navigation.rate_hz {navigation.rate_hz:g}, "
+            f"limits.jerk_max_m_s3 {limits.jerk_max_m_s3:g})"
+        )
+        yield ("navigation", "guard", "reaction_s"), problem
+    yield from _beyond_the_motors(config)
+    yield from _hidden_run_away(config)
+    yield from _unreadable_counts(config)
+    drive, monitor = config.drive, config.plausibility
+    if isinstance(drive, DifferentialDrive):
+        return
+    tolerance_rad, most_rad = monitor.steering_tolerance_rad, drive.steering_max_rad
+    if tolerance_rad >= most_rad:
+        problem = f"{tolerance_rad} found, less than drive.steering_max_rad ({most_rad}) allowed"
+        yield ("plausibility", "steering_tolerance_rad"), problem
+    way_rad = 2.0 * drive.steering_max_rad - monitor.steering_tolerance_rad
+    least_ms = 1000.0 * way_rad / drive.steering_rate_max_rad_s
+    if monitor.steering_ms < least_ms:
+        problem = f"the steering needs {least_ms:.0f} ms from one end to near the other"
+        yield ("plausibility", "steering_ms"), f"{monitor.steering_ms} found, but {problem}"
+
+
+def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield a nose that a sonar stands out from: what a camera sees would be met too early."""
+    if config.camera is None or not config.sonar:
+        return
+    nose_m = config.navigation.guard.nose_m
+    foremost = max(config.sonar, key=lambda mount: mount.x_m)
+    if nose_m < foremost.x_m:
+        problem = (
+            f"{nose_m:g} found, but sonar {foremost.name} sits {foremost.x_m:g} m ahead of base, "
+            "and from nose_m the gap to what the camera sees is counted"
+        )
+        yield ("navigation", "guard", "nose_m"), problem
+
+
+def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what no motor can do, and what the bridges are too slow for."""
+    limits = config.limits
+    fastest_rad_s = fastest_wheel_rad_s(config.drive, limits)
+    needed_v = config.plausibility.back_emf_v_s_rad * fastest_rad_s
+    if needed_v > MAX_SUPPLY_V:
+        problem = (
+            f"{limits.v_max_m_s:g} found with omega_max_rad_s {limits.omega_max_rad_s:g}, where "
+            f"a wheel turns at {fastest_rad_s:.0f} rad/s and its motor needs {needed_v:.0f} V; at "
+            f"most {MAX_SUPPLY_V} V allowed, see the units of [limits] and [drive]"
+        )
+        yield ("limits", "v_max_m_s"), problem
+    pwm, deceleration_m_s2 = config.control.pwm, config.navigation.guard.deceleration_m_s2
+    supply_v = max(needed_v, pwm.min_bus_voltage_v)  # the real one is not known here
+    slew_rad_s2 = pwm.slew_per_s * supply_v / config.plausibility.back_emf_v_s_rad
+    most_m_s2 = slew_rad_s2 * min(config.drive.wheel_radii_m)
+    if most_m_s2 < deceleration_m_s2:
+        problem = (
+            f"{pwm.slew_per_s:g} found, which brakes the robot by {most_m_s2:.2g} m/s^2 at "
+            f"{supply_v:.1f} V, but navigation.guard.deceleration_m_s2 is {deceleration_m_s2:g}"
+        )
+        yield ("control", "pwm", "slew_per_s"), problem
+
+
+def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield a tolerance within which a motor runs away while its encoder is stuck."""
+    drive, monitor = config.drive, config.plausibility
+    # At least this fast is any motor: the limits are driven, and the supply has a floor.
+    motor_rad_s = max(
+        config.limits.v_max_m_s / max(drive.wheel_radii_m),
+        config.control.pwm.min_bus_voltage_v / monitor.back_emf_v_s_rad,
+    )
+    most_rad_s = FOUND_SHARE * motor_rad_s * (1.0 - monitor.speed_tolerance_share)
+    if monitor.speed_tolerance_rad_s > most_rad_s:
+        problem = (
+            f"{monitor.speed_tolerance_rad_s:g} found, at most {math.floor(1e3 * most_rad_s) / 1e3}"
+            f" allowed: a stuck encoder must show at half the {motor_rad_s:.2g} rad/s that the "
+            "motor reaches"
+        )
+        yield ("plausibility", "speed_tolerance_rad_s"), problem
+
+
+def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield an encoder too fine for a frame that is lost, or too coarse for its monitor."""
+    monitor, counts = config.plausibility, config.drive.counts_per_revolution
+    gap_s = (config.safety.feedback_timeout_periods + 1) * config.runtime.period_ns * 1e-9
+    way_rad = impossible_wheel_rad_s(config.drive, config.limits) * gap_s
+    most = math.floor(math.tau / max(way_rad / STEP_MAX, FINEST_RAD))
+    if counts > most:
+        problem = (
+            f"{counts} found, at most {most} allowed: after more than {STEP_MAX} counts within "
+            f"{1e3 * gap_s:g} ms, which safety.feedback_timeout_periods lets pass, a wheel seems "
+            "to turn backwards"
+        )
+        yield ("drive", "counts_per_revolution"), problem
+    # A count alone in the window reads as so much. At an acceleration a speed is late by what the
+    # wheel gains in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` either is a fault.
+    shown_rad_s = monitor.speed_tolerance_rad_s / (1.0 - monitor.speed_tolerance_share)
+    gained_rad = shown_rad_s**2 * min(config.drive.wheel_radii_m) / (2.0 * config.limits.a_max_m_s2)
+    rad_per_count = min(WINDOW_S * shown_rad_s, gained_rad)
+    least = math.ceil(math.tau / max(rad_per_count, FINEST_RAD))
+    if counts < least:
+        problem = (
+            f"{counts} found, at least {least} allowed: one count more or less makes a sound wheel "
+            "differ from its motor by more than plausibility.speed_tolerance_rad_s "
+            f"({monitor.speed_tolerance_rad_s:g}) lets pass, at rest or at limits.a_max_m_s2 "
+            f"({config.limits.a_max_m_s2:g})"
+        )
+        yield ("drive", "counts_per_revolution"), problem

@@ -1,0 +1,1 @@
+"""Motor constants and gains from a recorded response."""

@@ -1,0 +1,1 @@
+"""The pure step of the control process, put together."""

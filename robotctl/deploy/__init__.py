@@ -1,0 +1,1 @@
+"""The robot computer: installation, service files and the doctor."""

@@ -1,0 +1,133 @@
+"""Checks of the nodes: who is on the bus, and whether they are the right ones.
+
+Where another controller drives the nodes, or is about to, doctor only listens. Where none does, it
+commissions them as the control process would, with commands that say "motors off".
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Final
+
+from robotctl.app.processes.robot import make_codec, node_parameters
+from robotctl.config.robot_file import RobotConfig
+from robotctl.deploy.check_result import Finding, fail, none, ok, warn
+from robotctl.drivers.can.nodes.robot_can import HEARTBEAT_BASE, CanRobot
+from robotctl.drivers.can.port import SocketPort
+from robotctl.errors import LinkError
+from robotctl.messages.control import BusState, BusStatus, NodeStatus, WheelCommand
+from robotctl.messages.ports import CanPort, Clock
+from robotctl.runtime.ipc.process_lock import claim_bus
+
+LISTEN_NS: Final = 600_000_000
+"""Five heartbeats and more [ns]."""
+
+COMMISSION_NS: Final = 3_000_000_000
+_POLL_NS = 5_000_000
+_OFF = WheelCommand(enable=False, brake=True)
+
+_LOAD: Final = "load the firmware that belongs to this robotctl's configs/robot.dbc"
+_FIXES: Final = (
+    ("no answer", "check its power and cable, and that no other node has its number"),
+    ("no such object", _LOAD),
+    ("refused write", "correct the robot's file: the node does not take this value"),
+    ("refused", _LOAD),
+    ("is another device", "give each node its own number: two may be exchanged"),
+    ("vendor", "give each node its own number: a device that is not ours has this one"),
+    ("version", _LOAD),
+    ("revision", _LOAD),
+    ("configuration says", "correct the robot's file, or the node's parameter"),
+)
+"""What to do where a problem contains these words, the first that do: a transfer that fails is told
+with the name of its object."""
+
+
+def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
+    """Open the bus and check all nodes; takes up to 4 s."""
+    codec = make_codec()
+    ids = {*codec.arbitration_ids, codec.sync_id, codec.command_id}
+    try:
+        port = SocketPort(config.can, ids, clock)
+    except LinkError as error:
+        fix = "mend the CAN link, or start firmware_sim where the bus is simulated"
+        return [fail("CAN nodes", str(error), fix)]
+    masters = frozenset({codec.sync_id, codec.command_id})
+    with ExitStack() as held:
+        held.callback(port.close)
+        heard = listen(port, clock)
+        if heard & masters or not _claim(config, held):
+            return [_only_listened(heard), check_traffic(port.status())]
+        robot = CanRobot(port, codec, node_parameters(config))
+        nodes = commission(robot, clock, config.runtime.period_ns)
+        version = codec.dbc.wire_version
+        return [*(check_node(node, version) for node in nodes), check_traffic(port.status())]
+
+
+def _claim(config: RobotConfig, held: ExitStack) -> bool:
+    """Claim the bus for as long as `held` is open; return False where a controller has it."""
+    try:
+        held.enter_context(claim_bus(config.can.interface, config.can.channel))
+    except LinkError:
+        return False
+    return True
+
+
+def listen(port: CanPort, clock: Clock) -> frozenset[int]:
+    """Return the identifiers heard in `LISTEN_NS`."""
+    heard: set[int] = set()
+    end_ns = clock.now_ns() + LISTEN_NS
+    while (now_ns := clock.now_ns()) < end_ns:
+        heard.update(frame.arbitration_id for frame in port.receive())
+        clock.sleep_until(now_ns + _POLL_NS)
+    return frozenset(heard)
+
+
+def commission(robot: CanRobot, clock: Clock, period_ns: int) -> tuple[NodeStatus, ...]:
+    """Tick with the motors off until all nodes are in service, for `COMMISSION_NS` at most."""
+    deadline_ns = clock.now_ns()
+    end_ns = deadline_ns + COMMISSION_NS
+    while deadline_ns < end_ns and any(node.problem for node in robot.nodes):
+        deadline_ns += period_ns
+        clock.sleep_until(deadline_ns)
+        now_ns = clock.now_ns()
+        robot.receive(now_ns)
+        robot.send(_OFF, now_ns)
+    return robot.nodes
+
+
+def check_node(node: NodeStatus, wire_version: int) -> Finding:
+    """Check one node after its commissioning."""
+    check = f"node {node.node_id} {node.name}"
+    if not node.problem:
+        return ok(check, f"identified, parameters confirmed, wire version 0x{wire_version:08X}")
+    fixes = (fix for words, fix in _FIXES if words in node.problem)
+    return fail(check, node.problem, next(fixes, "check its power and cable"))
+
+
+def check_traffic(bus: BusStatus) -> Finding:
+    """Check what the bus did to our frames meanwhile."""
+    check = "CAN traffic"
+    words = (
+        f"{bus.state.name.lower().replace('_', ' ')}, {bus.received} frames received, "
+        f"{bus.sent} sent, {bus.send_failures} refused, {bus.error_frames} error frames"
+    )
+    fix = "check termination (60 ohm between CAN-H and CAN-L, power off), wiring and bit rate"
+    if bus.state is not BusState.ERROR_ACTIVE:
+        return fail(check, words, fix)
+    if bus.error_frames or bus.send_failures:
+        return warn(check, words, fix)
+    return ok(check, words)
+
+
+def _only_listened(heard: frozenset[int]) -> Finding:
+    """Say who was there, where a running controller forbids to ask."""
+    nodes = sorted(
+        identifier - HEARTBEAT_BASE
+        for identifier in heard
+        if identifier >> 7 == HEARTBEAT_BASE >> 7
+    )
+    names = ", ".join(map(str, nodes)) or "none"
+    return none(
+        "CAN nodes",
+        f"a controller is running and asks them itself; heartbeats of nodes {names} were heard",
+    )

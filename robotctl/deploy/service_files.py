@@ -1,0 +1,182 @@
+"""The files of a deployed robot: what `robotctl install` writes, made from `configs/systemd/`."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from robotctl.app.processes.pilot import load_mission
+from robotctl.config.robot_file import config_directory, load_robot
+from robotctl.deploy.doctor_can import QUEUE_FRAMES
+from robotctl.drivers.can.config import RESTART_MS, sample_point
+from robotctl.errors import ConfigError
+from robotctl.planning.guard.sonars import sonar_directions
+from robotctl.planning.mission.check import check_mission
+
+UNIT: Final = Path("etc/systemd/system/robotctl.service")
+ROBOT: Final = Path("etc/robotctl/robot.toml")
+MISSION: Final = Path("etc/robotctl/mission.toml")
+
+_TARGETS: Final = {
+    "robotctl.service": UNIT,
+    "can.network": Path("etc/systemd/network/70-robotctl-can.network"),
+    "can.link": Path("etc/systemd/network/70-robotctl-can.link"),
+    "robotctl.rules": Path("etc/udev/rules.d/70-robotctl.rules"),
+    "robotctl.sysusers": Path("etc/sysusers.d/robotctl.conf"),
+}
+_PLACEHOLDER = re.compile(r"@([A-Z_]+)@")
+_OTHERS_MAY_ENTER = 0o001
+_OTHERS_MAY_RUN = 0o005
+_NOT_IN_A_UNIT: Final = re.compile(r"[\"'\\\x00-\x1f\x7f]")
+"""What systemd takes in no program's path, however quoted."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceFile:
+    """One file to install.
+
+    Parameters
+    ----------
+    path
+        Where, relative to the root.
+    data
+        What.
+    """
+
+    path: Path
+    data: bytes
+
+    @property
+    def text(self) -> str:
+        """What, for people; an image says its size alone."""
+        try:
+            return self.data.decode()
+        except UnicodeDecodeError:
+            return f"({len(self.data)} bytes, no text)"
+
+
+def service_files(
+    robot: Path, mission: Path | None, executable: Path, processors: int
+) -> list[ServiceFile]:
+    """Return all files of one deployed robot.
+
+    Parameters
+    ----------
+    robot, mission
+        Configuration and mission; both are checked, and copied to /etc/robotctl. So are the map
+        and the places that the configuration names by relative paths.
+    executable
+        The program `robotctl` that the service starts; absolute.
+    processors
+        How many processors the robot's computer has.
+
+    Raises
+    ------
+    ConfigError
+        If one of them is wrong, or the robot has no SocketCAN bus.
+    MissionError
+        If the robot cannot drive the mission.
+    """
+    # It loads numba.
+    from robotctl.app.localisation.localisation_files import files_beside  # noqa: PLC0415
+
+    config = load_robot(robot)
+    if config.can.interface != "socketcan":
+        raise ConfigError(
+            f'{robot}: can.interface is "{config.can.interface}"; a robot to install needs '
+            '"socketcan"'
+        )
+    if mission is not None:
+        sides = sonar_directions(config.sonar)
+        check_mission(load_mission(mission), config.drive, sides, config.navigation.guard)
+    beside = {ROBOT.parent / name: data for name, data in files_beside(config, robot).items()}
+    if taken := beside.keys() & {ROBOT, MISSION}:
+        raise ConfigError(f"{robot}: the name {min(taken).name} is taken in /{ROBOT.parent}")
+    channel = config.can.channel
+    values = {
+        "NAME": config.robot.name,
+        "ROBOTCTL": _quoted(executable),
+        "MISSION": f" --mission /{MISSION}" if mission is not None else "",
+        "CHANNEL": channel,
+        "DEVICE": unit_name(channel),
+        "BITRATE": str(config.can.bitrate),
+        "SAMPLE_POINT": f"{100 * sample_point(config.can.bitrate):g}%",
+        "RESTART_MS": str(RESTART_MS),
+        "QUEUE": str(QUEUE_FRAMES),
+        "AFFINITY": affinity(config.runtime.cpu, processors),
+    }
+    folder = config_directory() / "systemd"
+    files = [
+        ServiceFile(target, fill((folder / name).read_text(encoding="utf-8"), values).encode())
+        for name, target in _TARGETS.items()
+    ]
+    files.append(ServiceFile(ROBOT, robot.read_bytes()))
+    if mission is not None:
+        files.append(ServiceFile(MISSION, mission.read_bytes()))
+    return files + [ServiceFile(path, data) for path, data in beside.items()]
+
+
+def fill(template: str, values: dict[str, str]) -> str:
+    """Replace each `@NAME@`.
+
+    Raises
+    ------
+    KeyError
+        If a name has no value.
+    """
+    return _PLACEHOLDER.sub(lambda match: values[match[1]], template)
+
+
+def unit_name(device: str) -> str:
+    """Escape a device name as systemd-escape does, for the name of its unit."""
+    return "".join(
+        each if (each.isascii() and each.isalnum()) or each in ":_." else f"\\x{ord(each):02x}"
+        for each in device
+    )
+
+
+def affinity(cpu: int, processors: int) -> str:
+    """Return the line that keeps all but the control loop off its processor `runtime.cpu`.
+
+    The control process leaves this set by itself.
+    """
+    others = [str(each) for each in range(processors) if each != cpu]
+    if cpu < 0 or not others:
+        return "# No CPUAffinity: runtime.cpu gives the control loop no processor of its own."
+    return f"CPUAffinity={' '.join(others)}"
+
+
+def check_executable(path: Path) -> None:
+    """Check that the service's user can reach and start the program.
+
+    Raises
+    ------
+    ConfigError
+        Where it is missing, it or a folder on the way is closed to others, or systemd cannot
+        start a program of that name.
+    """
+    if not os.access(path, os.X_OK):
+        raise ConfigError(f"{path}: no such program; install the package robotctl there")
+    if _NOT_IN_A_UNIT.search(str(path)):
+        raise ConfigError(
+            f"{str(path)!r}: systemd starts no program whose path has quotes, backslashes or "
+            "control characters; install robotctl into a folder such as /opt/robotctl"
+        )
+    target = path.resolve()
+    if target.stat().st_mode & _OTHERS_MAY_RUN != _OTHERS_MAY_RUN:
+        raise ConfigError(f"{path}: the user robotctl may not run it; chmod a+rx {target}")
+    for folder in {*path.parents, *target.parents}:
+        if not folder.stat().st_mode & _OTHERS_MAY_ENTER:
+            raise ConfigError(
+                f"{path}: the user robotctl cannot enter {folder}; install robotctl into a folder "
+                "open to all, such as /opt/robotctl"
+            )
+
+
+def _quoted(path: Path) -> str:
+    """Return a path for ExecStart=."""
+    text = str(path).replace("%", "%%")
+    return text if re.fullmatch(r"[\w./%+-]+", text) else f'"{text}"'

@@ -1,0 +1,1 @@
+"""Cameras: real ones by OpenCV, and the simulated one."""

@@ -1,0 +1,1 @@
+"""The CAN bus: port, codec, end-to-end protection, errors and load."""

@@ -1,0 +1,151 @@
+"""A log of the host's CAN bus as `candump -L` writes it, readable by python-can and can-utils.
+
+The logger is a listener of its own beside the control process, which spends nothing on it. On
+SocketCAN it hears the frames of this computer as well, as every other socket there does.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from typing import Final
+
+import can
+
+from robotctl.drivers.can.config import CanConfig
+from robotctl.drivers.can.port import Descriptor
+from robotctl.messages.ports import Clock
+from robotctl.runtime.clock import wall_offset_ns
+
+_FRAME: Final = struct.Struct("=IB3x8s")
+_STAMP: Final = struct.Struct("=q")
+_TIMESPEC: Final = struct.Struct("@ll")
+_ANCILLARY_SIZE: Final = socket.CMSG_SPACE(_TIMESPEC.size)
+_EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
+_STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
+_BUFFER_BYTES: Final = 1 << 20
+_MOST_FRAMES: Final = 4096
+
+
+def candump_line(can_id: int, data: bytes, time_us: int, channel: str) -> str:
+    """Return a frame as one line with its line end.
+
+    Parameters
+    ----------
+    can_id
+        As in `struct can_frame`, with the flags of SocketCAN.
+    data
+        0 to 8 bytes; of a remote frame so many as it asks for.
+    time_us
+        Wall time [us since 1970].
+    channel
+        Name of the bus.
+    """
+    if can_id & _ERROR:
+        name = f"{can_id & (_ERROR | _EXTENDED_MASK):08X}"
+    elif can_id & _EXTENDED:
+        name = f"{can_id & _EXTENDED_MASK:08X}"
+    else:
+        name = f"{can_id & _STANDARD_MASK:03X}"
+    text = data.hex().upper()
+    if can_id & _REMOTE:
+        text = f"R{len(data)}" if data else "R"
+    return f"({time_us // 1_000_000:010d}.{time_us % 1_000_000:06d}) {channel} {name}#{text}\n"
+
+
+class CandumpReader:
+    """Listens to a bus.
+
+    Parameters
+    ----------
+    config
+        Which bus.
+    epoch_ns
+        Added to the clock to get the wall time of the log [ns].
+    clock
+        That of simcan's stamps; CLOCK_MONOTONIC by default.
+
+    Raises
+    ------
+    OSError, can.CanError, ValueError
+        If the bus cannot be opened now.
+    """
+
+    def __init__(self, config: CanConfig, epoch_ns: int, clock: Clock | None = None) -> None:
+        self._channel = config.channel
+        self._epoch_ns = epoch_ns
+        self._now_ns = time.monotonic_ns if clock is None else clock.now_ns
+        self._gone: OSError | None = None
+        bus = can.Bus(
+            interface=config.interface,
+            channel=config.channel,
+            listen_only=True,
+            node="recorder",
+        )
+        try:
+            self._descriptor = Descriptor(bus)
+        except OSError:
+            bus.shutdown()
+            raise
+        self._descriptor.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+
+    def read(self) -> str:
+        """Return the lines of all frames since the last call, without waiting.
+
+        Raises
+        ------
+        OSError
+            If the bus has gone; the last frames before that are returned first.
+        """
+        if self._gone is not None:
+            raise self._gone
+        lines: list[str] = []
+        try:
+            if self._descriptor.kernel:
+                self._drain_kernel(lines)
+            else:
+                self._drain(lines)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            if not lines:
+                raise
+            self._gone = error
+        return "".join(lines)
+
+    def _drain(self, lines: list[str]) -> None:
+        """Take frames of simcan, stamped by the clock."""
+        receive = self._descriptor.socket.recv
+        for _ in range(_MOST_FRAMES):
+            message = receive(64)
+            if not message:
+                raise ConnectionResetError("the bus has hung up")
+            if len(message) >= _FRAME.size + _STAMP.size:
+                (stamp_ns,) = _STAMP.unpack_from(message, _FRAME.size)
+                lines.append(self._line(message, stamp_ns))
+
+    def _drain_kernel(self, lines: list[str]) -> None:
+        """Take frames of SocketCAN, stamped by CLOCK_REALTIME, which may be set meanwhile."""
+        offset_ns = wall_offset_ns(self._now_ns)
+        receive = self._descriptor.socket.recvmsg
+        for _ in range(_MOST_FRAMES):
+            message, ancillary, _flags, _address = receive(64, _ANCILLARY_SIZE)
+            if len(message) < _FRAME.size:
+                continue
+            stamp_ns = self._now_ns()
+            if ancillary:
+                seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
+                stamp_ns = seconds * 1_000_000_000 + nanoseconds - offset_ns
+            lines.append(self._line(message, stamp_ns))
+
+    def _line(self, message: bytes, stamp_ns: int) -> str:
+        """Return one frame as a line."""
+        can_id, length, data = _FRAME.unpack_from(message)
+        return candump_line(
+            can_id, data[:length], (stamp_ns + self._epoch_ns) // 1000, self._channel
+        )
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._descriptor.close()

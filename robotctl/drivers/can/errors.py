@@ -1,0 +1,62 @@
+"""Error frames of SocketCAN, decoded: what the host's CAN controller says of itself and the wire.
+
+Source: Linux, include/uapi/linux/can/error.h.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.messages.control import BusState
+
+CAN_ERR_FLAG: Final = 0x20000000
+"""Bit of the identifier that makes an error frame."""
+
+CAN_ERR_CRTL: Final = 0x004
+CAN_ERR_BUSOFF: Final = 0x040
+CAN_ERR_RESTARTED: Final = 0x100
+CAN_ERR_CNT: Final = 0x200
+
+CRTL_WARNING: Final = 0x04 | 0x08
+CRTL_PASSIVE: Final = 0x10 | 0x20
+CRTL_ACTIVE: Final = 0x40
+
+_WARNING_LEVEL, _PASSIVE_LEVEL = 96, 128
+
+
+def bus_state(error_class: int, data: bytes, before: BusState) -> BusState:
+    """Return the controller's state after an error frame.
+
+    Parameters
+    ----------
+    error_class
+        The frame's identifier without its flags: the CAN_ERR_* bits.
+    data
+        Its eight bytes.
+    before
+        State until now; an error frame that says nothing of the state leaves it.
+    """
+    if error_class & CAN_ERR_BUSOFF:
+        return BusState.BUS_OFF
+    if error_class & CAN_ERR_RESTARTED:
+        return BusState.ERROR_ACTIVE
+    if error_class & CAN_ERR_CRTL:
+        said = data[1]
+        if said & CRTL_PASSIVE:
+            return BusState.ERROR_PASSIVE
+        if said & CRTL_WARNING:
+            return BusState.ERROR_WARNING
+        if said & CRTL_ACTIVE:
+            return BusState.ERROR_ACTIVE
+    if error_class & CAN_ERR_CNT and before != BusState.BUS_OFF:
+        return _state_of_counters(max(data[6], data[7]))
+    return before
+
+
+def _state_of_counters(highest: int) -> BusState:
+    """Return the state that goes with the higher of both error counters (ISO 11898-1)."""
+    if highest >= _PASSIVE_LEVEL:
+        return BusState.ERROR_PASSIVE
+    if highest >= _WARNING_LEVEL:
+        return BusState.ERROR_WARNING
+    return BusState.ERROR_ACTIVE

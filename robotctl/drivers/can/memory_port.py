@@ -1,0 +1,84 @@
+"""The twin of a CAN port inside one process: for lockstep under the virtual clock, and tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from robotctl.drivers.can.bus_meter import FRAME_BITS, BusMeter
+from robotctl.drivers.can.errors import CAN_ERR_FLAG, bus_state
+from robotctl.messages.control import BusStatus
+from robotctl.messages.ports import Clock, Frame
+
+
+class MemoryPort:
+    """A `CanPort` joined to a bus by two functions.
+
+    The bus calls `deliver` for what the port shall receive; the port calls `transmit` for what it
+    sends.
+
+    Parameters
+    ----------
+    transmit
+        Takes identifier and data of a frame; returns False where the bus refuses it.
+    arbitration_ids
+        Identifiers to let in, as the kernel's filter does.
+    bitrate
+        [bit/s], for the load.
+    clock
+        For the load.
+    """
+
+    def __init__(
+        self,
+        transmit: Callable[[int, bytes], object],
+        arbitration_ids: Collection[int],
+        bitrate: int,
+        clock: Clock,
+    ) -> None:
+        self._transmit = transmit
+        self._wanted = frozenset(arbitration_ids)
+        self._clock = clock
+        self._meter = BusMeter(bitrate)
+        self._inbox: list[Frame] = []
+        self._open = True
+
+    def deliver(self, arbitration_id: int, data: bytes, stamp_ns: int) -> None:
+        """Put one frame into the inbox, received at `stamp_ns` [ns].
+
+        An identifier with CAN_ERR_FLAG is an error frame and moves the state of the bus.
+        """
+        if arbitration_id in self._wanted and self._open:
+            self._inbox.append(Frame(arbitration_id, data, stamp_ns))
+            self._meter.bits += FRAME_BITS[len(data)]
+        elif arbitration_id & CAN_ERR_FLAG:
+            meter = self._meter
+            meter.error_frames += 1
+            meter.state = bus_state(arbitration_id & ~CAN_ERR_FLAG, data, meter.state)
+
+    def send(self, arbitration_id: int, data: bytes) -> bool:
+        """Hand one frame to the bus; False where it refuses."""
+        meter = self._meter
+        if not self._open or self._transmit(arbitration_id, data) is False:
+            meter.send_failures += 1
+            return False
+        meter.sent += 1
+        meter.bits += FRAME_BITS[len(data)]
+        return True
+
+    def receive(self) -> list[Frame]:
+        """Return all frames delivered since the last call, oldest first."""
+        frames = self._inbox
+        self._inbox = []
+        meter = self._meter
+        meter.received += len(frames)
+        meter.roll(self._clock.now_ns())
+        return frames
+
+    def status(self) -> BusStatus:
+        """Return the counters since the start."""
+        return self._meter.status()
+
+    def close(self) -> None:
+        """Leave the bus: nothing is sent or received any more."""
+        self._open = False
+        self._inbox = []

@@ -1,0 +1,1 @@
+"""The robot's nodes on CAN: commissioning, SDO, feedback and commands."""

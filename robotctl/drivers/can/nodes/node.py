@@ -1,0 +1,318 @@
+"""One CANopen node as the host sees it: heard or lost, commissioned or not, and why not."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from typing import Final
+
+from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start
+from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, Response, SdoClient
+from robotctl.messages.control import NodeStatus
+
+NMT_ID: Final = 0x000
+NMT_BOOT_UP, NMT_STOPPED, NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 0, 4, 5, 127
+NMT_START, NMT_STOP, NMT_ENTER_PRE_OPERATIONAL = 1, 2, 128
+NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 129, 130
+
+_PUT_OUT: Final = {
+    NMT_STOP: (NMT_STOPPED, "was stopped"),
+    NMT_ENTER_PRE_OPERATIONAL: (NMT_PRE_OPERATIONAL, "was put into pre-operational"),
+    NMT_RESET_NODE: (NMT_BOOT_UP, "was reset"),
+    NMT_RESET_COMMUNICATION: (NMT_BOOT_UP, "was reset"),
+}
+"""NMT commands that take a node out of service: the state it is in then, and words."""
+
+START_TIMEOUT_NS: Final = 250_000_000
+"""Time for a heartbeat with the new NMT state [ns]: two heartbeats and a half."""
+
+START_ATTEMPTS: Final = 3
+RETRY_NS: Final = 1_000_000_000
+"""From a failed commissioning to the next attempt [ns]."""
+
+UNREAD_MAX: Final = 5
+"""So many readings of a setting in a row may fail: somebody else may use the node's SDO channel."""
+
+QUIET_NS: Final = 500_000_000
+"""So long behind a request of somebody else nothing is read: both would get both answers [ns]."""
+
+QUIET_MAX_NS: Final = 1_000_000_000
+"""Who asks without an end keeps the robot from reading for no longer [ns]."""
+
+
+class Phase(enum.Enum):
+    """How far a node has come."""
+
+    SILENT = "not heard"
+    WAKING = "leaves NMT stopped"
+    IDENTIFYING = "script runs"
+    STARTING = "waits for operational"
+    VERIFYING = "script runs on, operational"
+    READY = "in service"
+    REFUSED = "failed, waits for another attempt"
+
+
+class Node:
+    """State machine of one node, advanced by frames and by `poll`.
+
+    Parameters
+    ----------
+    node_id
+        CANopen node id, 1 to 127.
+    name
+        What people call it.
+    script
+        Makes a new run of its commissioning script.
+    heartbeat_timeout_ns
+        A node silent for longer is lost [ns].
+    """
+
+    def __init__(
+        self, node_id: int, name: str, script: Callable[[], Script], heartbeat_timeout_ns: int
+    ) -> None:
+        self.node_id = node_id
+        self.phase = Phase.SILENT
+        self._name = name
+        self._make_script = script
+        self._timeout_ns = heartbeat_timeout_ns
+        self._sdo = SdoClient()
+        self._script: Script | None = None
+        self._extra: Request | None = None
+        self._kept: tuple[Setting, ...] = ()
+        """What must stay as it is; the first is read next."""
+        self._is_reading = False
+        self._doubted = False
+        """Whether the last reading differed: one alone may be an answer that was damaged."""
+        self._unread = 0
+        self._read_ns = self._quiet_ns = 0
+        """When a setting was read last; until when the SDO channel is left to others [ns]."""
+        self._nmt_state = NMT_BOOT_UP
+        self._heartbeat_ns = 0
+        self._boots = 0
+        self._attempts = 0
+        self._wait_until_ns = 0
+        self._problem = "not heard on the bus"
+        self.busy = False
+        """Whether `poll` may have something to send."""
+        self.status: NodeStatus
+        self._refresh()
+
+    def on_heartbeat(self, data: bytes, stamp_ns: int) -> None:
+        """Take a heartbeat or boot-up message received at `stamp_ns` [ns]."""
+        if len(data) != 1:
+            return
+        state = data[0] & 0x7F
+        self._nmt_state = state
+        self._heartbeat_ns = stamp_ns
+        if state == NMT_BOOT_UP:
+            self._boots += 1
+            self._nmt_state = NMT_PRE_OPERATIONAL
+            self._begin()
+        elif self.phase is Phase.SILENT:
+            self._boots += 1  # nothing is known of its past: it was never heard, or lost
+            self._begin()
+        elif self.phase is Phase.STARTING and state == NMT_OPERATIONAL:
+            self.phase = Phase.VERIFYING
+            self._advance(Response())
+        elif self.phase is Phase.WAKING and state == NMT_PRE_OPERATIONAL:
+            self._identify()
+        elif self.phase in (Phase.VERIFYING, Phase.READY) and state != NMT_OPERATIONAL:
+            self._boots += 1  # its boot-up was lost, or somebody has put it out of service
+            self._begin()
+        self._refresh()
+
+    def on_foreign_nmt(self, command: int) -> None:
+        """Take an NMT command that somebody else has sent to the node: it is out of service."""
+        if command in _PUT_OUT and self.phase in (Phase.VERIFYING, Phase.READY):
+            self._nmt_state, words = _PUT_OUT[command]
+            self._begin()
+            self._say(f"{words} by somebody else on the bus (NMT)")
+
+    def on_sdo(self, data: bytes) -> None:
+        """Take a frame of the node's SDO server."""
+        response = self._sdo.receive(data)
+        if response is not None:
+            self._advance(response)
+
+    def check(self, now_ns: int) -> bool:
+        """Return whether the node is lost since the last call: its heartbeat is too old."""
+        if now_ns - self._heartbeat_ns <= self._timeout_ns or self.phase is Phase.SILENT:
+            return False
+        self._stop_script()
+        self.phase = Phase.SILENT
+        self.busy = False
+        self._say(f"no heartbeat for {self._timeout_ns / 1e6:g} ms")
+        return True
+
+    def request(self, request: Request) -> bool:
+        """Start a transfer beside the script; False where the node is not in service or busy."""
+        if self.phase is not Phase.READY or self._extra is not None:
+            return False
+        self._is_reading = False  # that can wait
+        self._extra = request
+        self._sdo.start(request)
+        self.busy = True
+        return True
+
+    def on_foreign_sdo(self, stamp_ns: int) -> None:
+        """Leave the node's one SDO channel for a while to whoever else has made a request [ns]."""
+        self._quiet_ns = stamp_ns + QUIET_NS
+
+    def read_back(self, now_ns: int) -> None:
+        """Begin to read the next setting of a node in service, if nothing else is under way."""
+        if now_ns < self._quiet_ns and now_ns - self._read_ns < QUIET_MAX_NS:
+            return
+        if self.phase is Phase.READY and self._sdo.idle and self._kept:
+            self._read_ns = now_ns
+            self._read()
+
+    def _read(self) -> None:
+        """Begin to read the next setting."""
+        self._is_reading = True
+        self._sdo.start(self._kept[0].reading)
+        self.busy = True
+
+    def withdraw(self) -> None:
+        """Give up a transfer beside the script."""
+        if self._extra is not None:
+            self._sdo.cancel()
+            self._extra = None
+            self.busy = False
+
+    def poll(self, now_ns: int) -> tuple[int, bytes] | None:
+        """Return the one frame to send now, if any; `sent` says that the bus took it."""
+        if self._sdo.expired(now_ns):
+            self._advance(Response())
+        data = self._sdo.poll(now_ns)
+        if data is not None:
+            return REQUEST_BASE + self.node_id, data
+        if now_ns < self._wait_until_ns:
+            return None
+        if self.phase is Phase.REFUSED:
+            self._begin(again=True)
+        elif self.phase in (Phase.WAKING, Phase.STARTING):
+            if self._attempts < START_ATTEMPTS:
+                return NMT_ID, bytes((self._nmt_command(), self.node_id))
+            self._refuse(f"does not become {self._nmt_target()}", now_ns)
+        return None
+
+    def sent(self, now_ns: int) -> None:
+        """Note that the frame of the last `poll` is on its way."""
+        if not self._sdo.idle:
+            self._sdo.sent(now_ns)
+        else:
+            self._attempts += 1
+            self._wait_until_ns = now_ns + START_TIMEOUT_NS
+
+    def _begin(self, *, again: bool = False) -> None:
+        """Start commissioning; a repeated attempt leaves the sentence of the last failure."""
+        self._stop_script()
+        self._attempts = 0
+        self._wait_until_ns = 0
+        self.busy = True
+        if not again:
+            self._say("is being identified")
+        if self._nmt_state == NMT_STOPPED:
+            self.phase = Phase.WAKING
+        else:
+            self._identify()
+
+    def _identify(self) -> None:
+        """Run the script from its first transfer."""
+        self.phase = Phase.IDENTIFYING
+        self._wait_until_ns = 0
+        self._script = self._make_script()
+        self._carry_out(next(self._script))
+
+    def _carry_out(self, step: Request | Start) -> None:
+        """Begin what the script wants."""
+        if isinstance(step, Request):
+            self._sdo.start(step)
+            return
+        self.phase = Phase.STARTING
+        self._attempts = 0
+        self._wait_until_ns = 0
+
+    def _advance(self, response: Response) -> None:
+        """Give the end of a transfer to who began it."""
+        if self._is_reading:
+            self._compare(response)
+            return
+        if self._extra is not None:
+            self._extra = None
+            self.busy = False
+            return
+        if self._script is None:
+            return
+        try:
+            self._carry_out(self._script.send(response))
+        except StopIteration as stop:
+            self._script = None
+            if isinstance(stop.value, str):
+                self._refuse(stop.value, self._heartbeat_ns)
+            else:
+                self._finish(stop.value)
+
+    def _compare(self, response: Response) -> None:
+        """Take the node out of service where a setting is not what it was told, or unreadable."""
+        self._is_reading = self.busy = False
+        setting = self._kept[0]
+        if response.value is None:
+            self._unread += 1
+            if self._unread > UNREAD_MAX:
+                self._refuse(f"no answer to {setting.reading}", self._heartbeat_ns)
+            return
+        self._unread = 0
+        if response.value == setting.wanted:
+            self._doubted = False
+            self._kept = (*self._kept[1:], setting)
+        elif self._doubted:
+            self._refuse(f"{setting.differs(response.value)}: it was changed", self._heartbeat_ns)
+        else:
+            self._doubted = True
+            self._read()
+
+    def _refuse(self, problem: str, now_ns: int) -> None:
+        """Keep the node out of service and say why; try again later."""
+        self.phase = Phase.REFUSED
+        self.busy = True
+        self._wait_until_ns = now_ns + RETRY_NS
+        self._say(problem)
+
+    def _finish(self, kept: tuple[Setting, ...]) -> None:
+        """Put the node into service; `kept` must stay as it is."""
+        self.phase = Phase.READY
+        self.busy = False
+        self._kept = kept
+        self._doubted = False
+        self._unread = 0
+        self._say("")
+
+    def _stop_script(self) -> None:
+        """Drop whatever transfer is under way."""
+        self._sdo.cancel()
+        self._extra = None
+        self._is_reading = False
+        if self._script is not None:
+            self._script.close()
+            self._script = None
+
+    def _nmt_command(self) -> int:
+        """Return the NMT command of the present phase."""
+        return NMT_ENTER_PRE_OPERATIONAL if self.phase is Phase.WAKING else NMT_START
+
+    def _nmt_target(self) -> str:
+        """Return the NMT state that it shall bring, in words."""
+        return "pre-operational" if self.phase is Phase.WAKING else "operational"
+
+    def _say(self, problem: str) -> None:
+        """Set the sentence for the operator."""
+        self._problem = problem
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Make `status` say what is known now."""
+        problem = f"{self._name} (node {self.node_id}): {self._problem}" if self._problem else ""
+        self.status = NodeStatus(
+            self.node_id, self._name, self._nmt_state, self._heartbeat_ns, self._boots, problem
+        )

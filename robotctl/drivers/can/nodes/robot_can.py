@@ -1,0 +1,375 @@
+"""The robot on a CAN bus: `RobotPort` over a `CanPort`.
+
+One tick: `receive` drains the bus and hands each frame to its decoder; `send` puts MotorCommand
+and SYNC on the bus, and at most one frame of node services after them: commissioning, clearing of
+faults, and reading each node's settings in turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from robotctl.drivers.can.bus_load import transmission_type
+from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.e2e import AliveCounter, E2eCounters, E2eReceiver
+from robotctl.drivers.can.nodes.commissioning import (
+    CLEAR_FAULTS,
+    drive_script,
+    power_script,
+    sonar_script,
+)
+from robotctl.drivers.can.nodes.node import Node
+from robotctl.drivers.can.nodes.robot_codec import (
+    BATTERY,
+    DRIVE,
+    MOTOR,
+    SONARS,
+    SYNC,
+    WHEELS,
+    RobotCodec,
+    drive_state,
+    fault_bits,
+)
+from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE
+from robotctl.messages.control import (
+    BatteryFeedback,
+    BusStatus,
+    DriveStatus,
+    EmergencyMessage,
+    EmergencyStopSource,
+    Feedback,
+    MotorStatus,
+    NodeStatus,
+    SonarFeedback,
+    WheelCommand,
+    WheelFeedback,
+)
+from robotctl.messages.ports import CanPort
+
+DRIVE_NODE, SONAR_NODE, POWER_NODE = 1, 2, 3
+EMERGENCY_BASE: Final = 0x080
+HEARTBEAT_BASE: Final = 0x700
+
+READ_BACK_NS: Final = 100_000_000
+"""So often one setting of each node is read back [ns]: all seven of the drive in 0.7 s."""
+
+DISABLE_FRAMES: Final = 3
+"""How often `close` says that the motors are off."""
+
+_SILENCE_PERIODS = 12
+"""A protected message silent for so many periods starts anew: before its counter, of 15 values, may
+have gone round, and later than any feedback is let grow old (ten periods in a simulator)."""
+
+_SOURCES = {source.value: source for source in EmergencyStopSource}
+
+Handler = Callable[[bytes, int], None]
+
+
+class CanRobot:
+    """Motor controller, sonar ring and battery monitor behind one CAN port.
+
+    Parameters
+    ----------
+    port
+        The bus; it lets in at least `codec.arbitration_ids`.
+    codec
+        Compiled from the DBC.
+    parameters
+        What the nodes must be and are told to be.
+    """
+
+    def __init__(self, port: CanPort, codec: RobotCodec, parameters: NodeParameters) -> None:
+        self._port = port
+        self._codec = codec
+        self._alive = AliveCounter()
+        self._counters = E2eCounters()
+        self._receivers: dict[int, list[E2eReceiver]] = {}
+        self._refused_commands = 0
+        self._stop_source: EmergencyStopSource | None = None
+        self._clear_wanted = False
+        self._read_back_ns = 0
+        self._closed = False
+        self._steering_rad = 0.0
+        """Where the steering was last, as far as a command can say it: motors that go off leave it
+        there."""
+        dbc = codec.dbc
+        timeout_ns = parameters.heartbeat_timeout_ms * 1_000_000
+        self._drive = Node(DRIVE_NODE, "drive", drive_script(dbc, parameters), timeout_ns)
+        self._nodes = [self._drive]
+        if parameters.sonars:
+            script = sonar_script(dbc, parameters)
+            self._nodes.append(Node(SONAR_NODE, "sonar", script, timeout_ns))
+        self._nodes.append(Node(POWER_NODE, "power", power_script(dbc, parameters), timeout_ns))
+        self._waiting = list(self._nodes)
+        """In turn, so that none has to wait until others are ready: whose frame is next."""
+        self._node_status = tuple(node.status for node in self._nodes)
+        self._handlers: dict[int, Handler] = {
+            codec.emergency_stop_id: self._on_emergency_stop,
+            codec.nmt_id: self._on_foreign_nmt,
+        }
+        for node in self._nodes:
+            self._handle_services(node)
+        self._handle_process_data(parameters)
+        self._clear()
+
+    def _clear(self) -> None:
+        """Forget what the last tick brought."""
+        self._wheels: WheelFeedback | None = None
+        self._motor: MotorStatus | None = None
+        self._drive_status: DriveStatus | None = None
+        self._battery: BatteryFeedback | None = None
+        self._sonars: list[SonarFeedback] = []
+        self._emergencies: list[EmergencyMessage] = []
+        self._emergency_stop: EmergencyStopSource | None = None
+
+    # Receiving ----------------------------------------------------------------------------------
+
+    def receive(self, now_ns: int) -> Feedback:
+        """Return what arrived since the last call, and the present state of nodes and bus."""
+        self._clear()
+        handlers = self._handlers
+        for arbitration_id, data, stamp_ns in self._port.receive():
+            handler = handlers.get(arbitration_id)
+            if handler is not None:
+                handler(data, stamp_ns)
+        for node in self._nodes:
+            if node.check(now_ns):
+                self._note_nodes()
+        return Feedback(
+            self._wheels,
+            self._motor,
+            self._drive_status,
+            tuple(self._sonars),
+            self._battery,
+            tuple(self._emergencies),
+            self._emergency_stop,
+            self._node_status,
+            self._bus_status(),
+        )
+
+    def _bus_status(self) -> BusStatus:
+        """Return the port's counters together with those of end-to-end protection."""
+        port, e2e = self._port.status(), self._counters
+        if not (self._refused_commands or e2e.crc_rejects or e2e.counter_rejects or e2e.lost):
+            return port
+        return BusStatus(
+            port.state,
+            port.received,
+            port.sent,
+            port.send_failures + self._refused_commands,
+            port.error_frames,
+            e2e.crc_rejects,
+            e2e.counter_rejects,
+            e2e.lost,
+            port.load,
+        )
+
+    def _note_nodes(self) -> None:
+        """Take over what is new of the nodes; what is not stays the same object."""
+        status = tuple([node.status for node in self._nodes])
+        if status != self._node_status:
+            self._node_status = status
+
+    def _handle_services(self, node: Node) -> None:
+        """Wire heartbeat, SDO and EMCY of a node to their handlers."""
+        node_id = node.node_id
+
+        def on_heartbeat(data: bytes, stamp_ns: int) -> None:
+            if data == b"\0":
+                for receiver in self._receivers.get(node_id, ()):
+                    receiver.reset()
+            node.on_heartbeat(data, stamp_ns)
+            self._note_nodes()
+
+        def on_sdo(data: bytes, _: int) -> None:
+            node.on_sdo(data)
+            self._note_nodes()
+
+        def on_emergency(data: bytes, stamp_ns: int) -> None:
+            if len(data) == 8:
+                code = int.from_bytes(data[:2], "little")
+                self._emergencies.append(EmergencyMessage(stamp_ns, node_id, code, data[2]))
+
+        def on_foreign_sdo(_: bytes, stamp_ns: int) -> None:
+            node.on_foreign_sdo(stamp_ns)
+
+        self._handlers[HEARTBEAT_BASE + node_id] = on_heartbeat
+        self._handlers[REQUEST_BASE + node_id] = on_foreign_sdo
+        self._handlers[RESPONSE_BASE + node_id] = on_sdo
+        self._handlers[EMERGENCY_BASE + node_id] = on_emergency
+
+    def _handle_process_data(self, parameters: NodeParameters) -> None:
+        """Wire each protected message to its receiver and decoder."""
+        handlers: dict[str, tuple[int, Handler]] = {
+            WHEELS: (DRIVE_NODE, self._on_wheels),
+            MOTOR: (DRIVE_NODE, self._on_motor),
+            DRIVE: (DRIVE_NODE, self._on_drive),
+            BATTERY: (POWER_NODE, self._on_battery),
+        }
+        for group, name in enumerate(SONARS):
+            handlers[name] = (SONAR_NODE, self._sonar_handler(group))
+        for name, (node_id, handler) in handlers.items():
+            receiver = self._make_receiver(name, parameters)
+            self._receivers.setdefault(node_id, []).append(receiver)
+            arbitration_id = self._codec.dbc.message(name).arbitration_id
+            self._handlers[arbitration_id] = _guarded(receiver, handler)
+
+    def _make_receiver(self, name: str, parameters: NodeParameters) -> E2eReceiver:
+        """Return the receiver of a message, with a time-out that suits its period."""
+        message = self._codec.dbc.message(name)
+        period_ns = message.cycle_ms * 1_000_000
+        if message.send_type == "OnSync":
+            sync, rate_hz = self._codec.dbc.message(SYNC), parameters.rate_hz
+            every = transmission_type(message, sync, rate_hz, steered=parameters.steered)
+            period_ns = every * 1_000_000_000 // parameters.rate_hz
+        return E2eReceiver(message, _SILENCE_PERIODS * period_ns, self._counters)
+
+    def _on_wheels(self, data: bytes, stamp_ns: int) -> None:
+        timestamp_us, count1, count2 = self._codec.decode_wheels(data)
+        self._wheels = WheelFeedback(stamp_ns, timestamp_us, count1, count2)
+
+    def _on_motor(self, data: bytes, stamp_ns: int) -> None:
+        state, current1, current2, temperature1, temperature2, *flags = (
+            self._codec.decode_motor(data)
+        )  # fmt: skip
+        self._motor = MotorStatus(
+            stamp_ns,
+            drive_state(state),
+            current1,
+            current2,
+            temperature1,
+            temperature2,
+            fault_bits(tuple(flags)),
+        )
+
+    def _on_drive(self, data: bytes, stamp_ns: int) -> None:
+        self._drive_status = status = DriveStatus(stamp_ns, *self._codec.decode_drive(data))
+        low_rad, high_rad = self._codec.steering_range_rad
+        self._steering_rad = min(max(status.steering_rad, low_rad), high_rad)
+
+    def _on_battery(self, data: bytes, stamp_ns: int) -> None:
+        voltage, current, charge, temperature, low, critical = self._codec.decode_battery(data)
+        self._battery = BatteryFeedback(
+            stamp_ns, voltage, current, charge / 100, temperature, bool(low), bool(critical)
+        )
+
+    def _sonar_handler(self, group: int) -> Handler:
+        decode = self._codec.decode_sonars[group]
+
+        def on_sonars(data: bytes, stamp_ns: int) -> None:
+            self._sonars.append(SonarFeedback(stamp_ns, 4 * group, decode(data)))
+
+        return on_sonars
+
+    def _on_emergency_stop(self, data: bytes, _: int) -> None:
+        self._leave_latches()
+        source = _SOURCES.get(data[0]) if data else None
+        self._emergency_stop = EmergencyStopSource.UNKNOWN if source is None else source
+
+    def _on_foreign_nmt(self, data: bytes, _: int) -> None:
+        """Take an NMT command of somebody else: the bus does not bring us our own."""
+        if len(data) == 2:
+            for node in self._nodes:
+                if data[1] in (0, node.node_id):
+                    node.on_foreign_nmt(data[0])
+            self._note_nodes()
+
+    # Sending ------------------------------------------------------------------------------------
+
+    def send(self, command: WheelCommand, now_ns: int) -> None:
+        """Send one actuator command and SYNC, then at most one frame of node services.
+
+        A command that the wire cannot carry (not finite, out of range) becomes "motors off" and
+        counts as a failure to send. "Motors off" says where the steering is, whatever the command.
+        """
+        if self._stop_source is not None:
+            self.emergency_stop(self._stop_source)
+        self._send_command(command)
+        self._port.send(self._codec.sync_id, b"")
+        self._serve(now_ns)
+
+    def _send_command(self, command: WheelCommand) -> None:
+        """Send MotorCommand; its counter moves on only when the bus took it."""
+        alive = self._alive
+        encode = self._codec.encode_command
+        steering_rad = command.steering_rad if command.enable else self._steering_rad
+        try:
+            data = encode(
+                alive.value,
+                command.enable,
+                command.brake,
+                command.duty1,
+                command.duty2,
+                steering_rad,
+            )
+        except (ValueError, OverflowError):
+            self._refused_commands += 1
+            data = encode(alive.value, 0, 1, 0.0, 0.0, self._steering_rad)
+        if self._port.send(self._codec.command_id, data):
+            alive.advance()
+
+    def _serve(self, now_ns: int) -> None:
+        """Send the next frame of commissioning or of a wanted transfer, of one node."""
+        if self._clear_wanted:
+            self._clear_wanted = False
+            self._drive.request(CLEAR_FAULTS)
+        if now_ns >= self._read_back_ns:
+            self._read_back_ns = now_ns + READ_BACK_NS
+            for node in self._nodes:
+                node.read_back(now_ns)
+        for node in self._waiting:
+            if node.busy:
+                frame = node.poll(now_ns)
+                self._note_nodes()
+                if frame is not None:
+                    if self._port.send(*frame):
+                        node.sent(now_ns)
+                        self._waiting.remove(node)
+                        self._waiting.append(node)
+                    return
+
+    def emergency_stop(self, source: EmergencyStopSource) -> None:
+        """Send the emergency stop at once; where the bus does not take it, again each tick."""
+        self._leave_latches()
+        taken = self._port.send(self._codec.emergency_stop_id, bytes((source,)))
+        self._stop_source = None if taken else source
+
+    def clear_faults(self) -> None:
+        """Ask the drive, by its object 0x2010, to leave its latched state.
+
+        The request goes out with the next `send`, or not at all where the drive is not in service:
+        a wish that waits could come true when nobody expects it.
+        """
+        self._clear_wanted = True
+
+    def _leave_latches(self) -> None:
+        """Forget a wish to clear faults: who had it did not know of the emergency stop."""
+        self._clear_wanted = False
+        self._drive.withdraw()
+
+    def close(self) -> None:
+        """Say that the motors are off, then release the bus. Closing twice does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        stopped = WheelCommand(enable=False, brake=True, steering_rad=self._steering_rad)
+        for _ in range(DISABLE_FRAMES):
+            self._send_command(stopped)
+        self._port.close()
+
+    @property
+    def nodes(self) -> tuple[NodeStatus, ...]:
+        """What is known of each node."""
+        return self._node_status
+
+
+def _guarded(receiver: E2eReceiver, handler: Handler) -> Handler:
+    """Return a handler that decodes only what the receiver accepts."""
+    accept = receiver.accept
+
+    def handle(data: bytes, stamp_ns: int) -> None:
+        if accept(data, stamp_ns):
+            handler(data, stamp_ns)
+
+    return handle

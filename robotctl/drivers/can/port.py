@@ -1,0 +1,297 @@
+"""A CAN bus through its raw descriptor: SocketCAN, and simcan, which speaks the same frames.
+
+python-can opens and configures the bus; the hot path then uses the descriptor itself, which costs
+a third of `Bus.send` and `Bus.recv`. Nothing here raises into the loop, waits, or runs in a thread.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import struct
+import time
+from collections.abc import Callable, Collection
+from typing import Final
+
+import can
+from can.typechecking import CanFilter
+
+from robotctl.drivers.can.bus_meter import FRAME_BITS, BusMeter
+from robotctl.drivers.can.config import CanConfig, bring_up
+from robotctl.drivers.can.errors import CAN_ERR_FLAG, bus_state
+from robotctl.errors import LinkError
+from robotctl.messages.control import BusState, BusStatus
+from robotctl.messages.ports import Clock, Frame
+
+CAN_SFF_MASK: Final = 0x7FF
+NODE_NAME: Final = "host"
+"""What simcan calls this node in its log and its faults."""
+
+RETRY_NS: Final = 500_000_000
+"""Between attempts to open a bus that went down [ns]."""
+
+DRAIN_LIMIT: Final = 256
+"""Frames taken in one `receive`; a babbling node must not hold the loop. The rest waits."""
+
+_FRAME = struct.Struct("=IB3x8s")
+_FRAME_SIZE = _FRAME.size
+_STAMP = struct.Struct("=q")
+_TIMESPEC = struct.Struct("@ll")
+_ANCILLARY_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
+_MAX_CLOCK_STEP_NS = 1_000_000
+_MAX_AGE_NS = 10_000_000_000
+_BUFFER_FULL = frozenset({errno.EAGAIN, errno.ENOBUFS, errno.EINTR})
+
+
+class Descriptor:
+    """An open python-can bus and a non-blocking socket on the same file description.
+
+    Parameters
+    ----------
+    bus
+        An open bus whose `fileno()` is a socket.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self.socket = socket.socket(fileno=os.dup(bus.fileno()))
+        self.socket.setblocking(False)
+
+    @property
+    def kernel(self) -> bool:
+        """Whether this is SocketCAN, with kernel time stamps beside each frame."""
+        return self.socket.family == socket.AF_CAN
+
+    def close(self) -> None:
+        """Release both; a bus that is gone already is no error."""
+        self.socket.close()
+        try:
+            self.bus.shutdown()
+        except (OSError, can.CanError):
+            return
+
+
+OpenDescriptor = Callable[[], Descriptor]
+
+
+def opener(config: CanConfig, arbitration_ids: Collection[int]) -> OpenDescriptor:
+    """Return what opens the bus of `config`, filtered to the given identifiers.
+
+    The first call goes through `can.Bus`, which looks the interface up among the installed ones;
+    later calls build the same class directly, without that search. A network device that is not
+    there is found out first, since python-can logs each failure.
+    """
+    filters = [
+        CanFilter(can_id=each, can_mask=CAN_SFF_MASK, extended=False) for each in arbitration_ids
+    ]
+    found: list[type[can.BusABC]] = []
+
+    def open_descriptor() -> Descriptor:
+        if config.interface == "socketcan":
+            socket.if_nametoindex(config.channel)
+        if found:
+            bus = found[0](channel=config.channel, can_filters=filters, node=NODE_NAME)
+        else:
+            bus = can.Bus(
+                interface=config.interface,
+                channel=config.channel,
+                can_filters=filters,
+                node=NODE_NAME,
+            )
+            found.append(type(bus))
+        try:
+            return Descriptor(bus)
+        except OSError:
+            bus.shutdown()
+            raise
+
+    return open_descriptor
+
+
+class SocketPort:
+    """A `CanPort` on a socket that carries `struct can_frame`.
+
+    A full transmit queue (ENOBUFS, EAGAIN) refuses the frame and no more. Any other error takes
+    the port DOWN; from then on `receive` tries to open the bus again, at most each `RETRY_NS`.
+    Fails to know the controller's state before its first error frame: it starts as error active.
+
+    Parameters
+    ----------
+    config
+        Which bus.
+    arbitration_ids
+        Identifiers to let in; all others stay in the kernel.
+    clock
+        CLOCK_MONOTONIC.
+    open_descriptor
+        How to open the bus, for tests.
+
+    Raises
+    ------
+    LinkError
+        If the bus cannot be opened at the start.
+    """
+
+    def __init__(
+        self,
+        config: CanConfig,
+        arbitration_ids: Collection[int],
+        clock: Clock,
+        open_descriptor: OpenDescriptor | None = None,
+    ) -> None:
+        self._wanted = frozenset(arbitration_ids)
+        self._clock = clock
+        self._open = open_descriptor or opener(config, arbitration_ids)
+        self._meter = BusMeter(config.bitrate)
+        self._descriptor: Descriptor | None = None
+        self._send: Callable[[bytes], int] = _refuse
+        self._retry_ns = 0
+        self._closed = False
+        self._buffer = bytearray(128)
+        self._offset_ns = 0
+        try:
+            self._connect()
+        except (OSError, can.CanError, ValueError) as error:
+            raise LinkError(_explanation(config, error)) from error
+
+    def send(self, arbitration_id: int, data: bytes) -> bool:
+        """Queue one frame without waiting; False where the bus did not take it."""
+        meter = self._meter
+        try:
+            self._send(_FRAME.pack(arbitration_id, len(data), data))
+        except OSError as error:
+            meter.send_failures += 1
+            if error.errno not in _BUFFER_FULL and self._descriptor is not None:
+                self._fail()
+            return False
+        meter.sent += 1
+        meter.bits += FRAME_BITS[len(data)]
+        return True
+
+    def receive(self) -> list[Frame]:
+        """Return, without waiting, the frames received since the last call, oldest first."""
+        now_ns = self._clock.now_ns()
+        if self._descriptor is None and not self._closed and now_ns >= self._retry_ns:
+            self._reopen(now_ns)
+        frames: list[Frame] = []
+        descriptor = self._descriptor
+        if descriptor is not None:
+            try:
+                if descriptor.kernel:
+                    self._drain_kernel(descriptor.socket, now_ns, frames)
+                else:
+                    self._drain(descriptor.socket, now_ns, frames)
+            except BlockingIOError:
+                pass
+            except OSError:
+                self._fail()
+            self._meter.received += len(frames)
+        self._meter.roll(now_ns)
+        return frames
+
+    def status(self) -> BusStatus:
+        """Return the state of the controller and the counters since the start."""
+        return self._meter.status()
+
+    def close(self) -> None:
+        """Release the bus; afterwards nothing is sent or received."""
+        self._closed = True
+        self._fail()
+
+    def _connect(self) -> None:
+        """Open the bus; raises what the socket or python-can raises."""
+        descriptor = self._open()
+        pending = descriptor.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if pending:
+            descriptor.close()
+            raise OSError(pending, os.strerror(pending))
+        self._descriptor = descriptor
+        self._send = descriptor.socket.send
+        self._offset_ns = self._wall_offset_ns()
+        self._meter.state = BusState.ERROR_ACTIVE
+
+    def _reopen(self, now_ns: int) -> None:
+        """Try to open a bus that went down."""
+        self._retry_ns = now_ns + RETRY_NS
+        try:
+            self._connect()
+        except (OSError, can.CanError, ValueError):
+            self._meter.state = BusState.DOWN
+
+    def _fail(self) -> None:
+        """Give up the descriptor; the next attempt to open it is `RETRY_NS` away."""
+        self._meter.state = BusState.DOWN
+        self._retry_ns = self._clock.now_ns() + RETRY_NS
+        self._send = _refuse
+        if self._descriptor is not None:
+            self._descriptor.close()
+            self._descriptor = None
+
+    def _drain(self, descriptor: socket.socket, now_ns: int, frames: list[Frame]) -> None:
+        """Take frames of simcan: a can_frame, then its CLOCK_MONOTONIC stamp where it has one.
+
+        Leaves by `BlockingIOError` when there are no more.
+        """
+        buffer = self._buffer
+        for _ in range(DRAIN_LIMIT):
+            size = descriptor.recv_into(buffer)
+            if size == 0:
+                raise ConnectionResetError(errno.ECONNRESET, "the bus has hung up")
+            if size < _FRAME_SIZE:
+                self._meter.error_frames += 1
+                continue
+            stamp_ns = now_ns
+            if size >= _FRAME_SIZE + _STAMP.size:
+                (stamp_ns,) = _STAMP.unpack_from(buffer, _FRAME_SIZE)
+            self._take(now_ns, stamp_ns, frames)
+
+    def _drain_kernel(self, descriptor: socket.socket, now_ns: int, frames: list[Frame]) -> None:
+        """Take frames of SocketCAN; their CLOCK_REALTIME stamps become monotonic ones.
+
+        Where the wall clock has been set since the last drain, stamps mean nothing and the present
+        time takes their place. Frames that waited for long stay old. Leaves by `BlockingIOError`
+        when there are no more.
+        """
+        offset_ns = self._wall_offset_ns()
+        steady = abs(offset_ns - self._offset_ns) < _MAX_CLOCK_STEP_NS
+        self._offset_ns = offset_ns
+        buffers = [self._buffer]
+        for _ in range(DRAIN_LIMIT):
+            _, ancillary, _, _ = descriptor.recvmsg_into(buffers, _ANCILLARY_SIZE)
+            stamp_ns = now_ns
+            if ancillary and steady:
+                seconds, nanoseconds = _TIMESPEC.unpack_from(ancillary[0][2])
+                stamp_ns = seconds * 1_000_000_000 + nanoseconds - offset_ns
+                if stamp_ns < now_ns - _MAX_AGE_NS:  # this process stood for long, or it was set
+                    steady = abs(self._wall_offset_ns() - offset_ns) < _MAX_CLOCK_STEP_NS
+                    stamp_ns = stamp_ns if steady else now_ns
+            self._take(now_ns, stamp_ns, frames)
+
+    def _wall_offset_ns(self) -> int:
+        """Return what the wall clock is ahead of this port's [ns]."""
+        return time.time_ns() - self._clock.now_ns()
+
+    def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:
+        """Keep the frame in the buffer if it is wanted; note it if it is an error frame."""
+        can_id, length, data = _FRAME.unpack_from(self._buffer)
+        if can_id in self._wanted:
+            self._meter.bits += FRAME_BITS[min(length, 8)]
+            frames.append(Frame(can_id, data[:length], min(stamp_ns, now_ns)))
+        elif can_id & CAN_ERR_FLAG:
+            meter = self._meter
+            meter.error_frames += 1
+            meter.state = bus_state(can_id & ~CAN_ERR_FLAG, data, meter.state)
+
+
+def _refuse(_: bytes) -> int:
+    """Stand in for the socket of a bus that is down."""
+    raise OSError(errno.ENETDOWN, "the bus is down")
+
+
+def _explanation(config: CanConfig, error: Exception) -> str:
+    """Say what could not be opened, and how it comes up."""
+    text = f"{config.interface} {config.channel}: cannot be opened: {error}"
+    if config.interface == "socketcan":
+        text += f"; bring it up with `{bring_up(config)}`"
+    return text

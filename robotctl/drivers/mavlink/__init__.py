@@ -1,0 +1,1 @@
+"""MAVLink links: UDP, TCP and serial."""

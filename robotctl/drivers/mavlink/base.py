@@ -1,0 +1,235 @@
+"""What all MAVLink links share: counters, one codec for each peer, reopening with back-off."""
+
+from __future__ import annotations
+
+import errno
+import selectors
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+from pymavlink.dialects.v10 import common as v1
+from pymavlink.dialects.v20 import common
+
+from robotctl.drivers.mavlink.frames import FrameReader
+from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
+
+READ_SIZE = 8192
+"""Bytes read from one stream in one poll [B]: a flood must leave time for the other links."""
+
+FIRST_RETRY_NS = 250_000_000
+LAST_RETRY_NS = 5_000_000_000
+
+Callback: TypeAlias = Callable[[int, int], None]
+"""Called with the selector's event mask and the time [ns]."""
+
+
+class Hub(NamedTuple):
+    """What a link gets from the object that holds all of them."""
+
+    selector: selectors.EpollSelector
+    inbox: list[Received]
+    system_id: int
+    component_id: int
+
+
+class Channel:
+    """One peer of a link: its parser and its sequence numbers.
+
+    Parameters
+    ----------
+    peer : Peer
+        Its name towards the services.
+    hub : Hub
+        Gives the addresses written into each frame.
+    """
+
+    def __init__(self, peer: Peer, hub: Hub) -> None:
+        self.peer = peer
+        self._codec = common.MAVLink(None, hub.system_id, hub.component_id)
+        self._codec_v1 = v1.MAVLink(None, hub.system_id, hub.component_id)
+        self.reader = FrameReader(self._codec)
+        self.heard_ns = 0
+        self._seq = 0
+
+    def encode(self, message: Message) -> bytes | None:
+        """Return the next frame of this channel: MAVLink 2, unless the peer speaks 1 only.
+
+        None where the message is none of MAVLink 1, whose numbers end at 255; it goes without
+        the fields that only MAVLink 2 has.
+        """
+        codec = self._codec
+        if self.reader.is_v1:
+            kind = v1.mavlink_map.get(message.get_msgId())
+            if kind is None:
+                return None
+            values = (getattr(message, name) for name in kind.fieldnames)
+            message = kind(*(each.encode() if isinstance(each, str) else each for each in values))
+            codec = self._codec_v1
+        codec.seq = self._seq
+        frame: bytes = message.pack(codec)
+        self._seq = (self._seq + 1) & 0xFF
+        return frame
+
+
+class BackOff:
+    """When to try again: at once, then after doubling pauses."""
+
+    def __init__(self) -> None:
+        self._pause_ns = FIRST_RETRY_NS
+        self._next_ns = 0
+
+    def due(self, now_ns: int) -> bool:
+        """Return whether the pause is over."""
+        return now_ns >= self._next_ns
+
+    def failed(self, now_ns: int) -> None:
+        """Begin the next, longer pause."""
+        self._next_ns = now_ns + self._pause_ns
+        self._pause_ns = min(2 * self._pause_ns, LAST_RETRY_NS)
+
+    def succeeded(self) -> None:
+        """Begin with the shortest pause next time."""
+        self._pause_ns = FIRST_RETRY_NS
+
+
+@dataclass
+class Counters:
+    """The counters of `LinkStatus` that only grow, while the link is in use."""
+
+    received: int = 0
+    sent: int = 0
+    bad_bytes: int = 0
+    dropped: int = 0
+    errors: int = 0
+    opened: int = 0
+    last_error: str = ""
+
+
+class Link(ABC):
+    """One link. None of its methods raises because of the outside world.
+
+    Parameters
+    ----------
+    number : int
+        Its place in the configuration.
+    config : LinkConfig
+        Its URL.
+    hub : Hub
+        Where to register sockets and put what came.
+    """
+
+    def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
+        self.number = number
+        self.url = config.url
+        self.address = config.address
+        self.hub = hub
+        self.counters = Counters()
+        self._back_off = BackOff()
+        self._last_peer = -1
+
+    def service(self, now_ns: int) -> None:
+        """Open what is closed, where the pause is over, and see to time-outs."""
+        if self.is_open():
+            self.watch(now_ns)
+        elif self._back_off.due(now_ns):
+            try:
+                self.open(now_ns)
+            except self.open_errors() as error:
+                self.fail(error, now_ns)
+
+    def fail(self, error: Exception | str, now_ns: int) -> None:
+        """Count an error, close, and try again after a pause."""
+        self.count_error(error)
+        self.close()
+        self._back_off.failed(now_ns)
+
+    def count_error(self, error: Exception | str) -> None:
+        """Count an error."""
+        self.counters.errors += 1
+        self.counters.last_error = self._words(error)
+
+    def _words(self, error: Exception | str) -> str:
+        """Return what is wrong, and what to do where that is known."""
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            port = self.address.port
+            return f"port {port} is in use by another program, see sudo ss -lnp | grep :{port}"
+        return str(error)
+
+    def opened(self) -> None:
+        """Count a successful opening."""
+        self.counters.opened += 1
+        self._back_off.succeeded()
+
+    def new_channel(self) -> Channel:
+        """Return a channel for a peer not known so far."""
+        self._last_peer += 1
+        return Channel(Peer(self.number, self._last_peer), self.hub)
+
+    def deliver(self, messages: list[Message], channel: Channel, now_ns: int) -> None:
+        """Put messages of `channel` into the inbox and account for its bad bytes."""
+        reader = channel.reader
+        self.counters.bad_bytes += reader.bad_bytes
+        self.counters.received += len(messages) + reader.unknown
+        reader.bad_bytes = reader.unknown = 0
+        if messages:
+            channel.heard_ns = now_ns
+            self.hub.inbox.extend(Received(message, channel.peer) for message in messages)
+
+    def status(self) -> LinkStatus:
+        """Return the link's counters."""
+        counters = self.counters
+        return LinkStatus(
+            url=self.url,
+            open=self.is_open(),
+            peers=self.peer_count(),
+            port=self.bound_port(),
+            received=counters.received,
+            sent=counters.sent,
+            bad_bytes=counters.bad_bytes,
+            dropped=counters.dropped,
+            errors=counters.errors,
+            opened=counters.opened,
+            last_error=counters.last_error,
+        )
+
+    def open_errors(self) -> tuple[type[Exception], ...]:
+        """Return what `open` may raise."""
+        return (OSError,)
+
+    def bound_port(self) -> int:
+        """Return the port of a server, else 0."""
+        return 0
+
+    @abstractmethod
+    def is_open(self) -> bool:
+        """Return whether `open` has succeeded or is still under way."""
+
+    @abstractmethod
+    def open(self, now_ns: int) -> None:
+        """Open, or begin to; errors are counted by the caller."""
+
+    @abstractmethod
+    def watch(self, now_ns: int) -> None:
+        """See to time-outs of an open link."""
+
+    @abstractmethod
+    def peer_count(self) -> int:
+        """Return how many peers would get a broadcast."""
+
+    @abstractmethod
+    def broadcast(self, message: Message) -> None:
+        """Queue for all peers."""
+
+    @abstractmethod
+    def reply(self, message: Message, number: int) -> None:
+        """Queue for the peer of this number, if it is there."""
+
+    @abstractmethod
+    def flush(self) -> None:
+        """Write what is queued."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release everything; `open` may follow."""

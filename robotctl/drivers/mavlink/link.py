@@ -1,0 +1,107 @@
+"""All MAVLink links of the robot behind one selector."""
+
+from __future__ import annotations
+
+import selectors
+from collections.abc import Collection, Sequence
+from typing import Self
+
+from robotctl.drivers.mavlink.base import Hub, Link
+from robotctl.drivers.mavlink.serial import SerialLink
+from robotctl.drivers.mavlink.tcp import TcpClient, TcpServer
+from robotctl.drivers.mavlink.udp import UdpLink
+from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
+
+_LINKS: dict[str, type[Link]] = {
+    "udpout": UdpLink,
+    "udpin": UdpLink,
+    "tcpout": TcpClient,
+    "tcpin": TcpServer,
+    "serial": SerialLink,
+}
+
+
+class MavlinkLinks:
+    """Implements `MavlinkPort` with sockets and serial lines.
+
+    Links open in the first `poll` and reopen by themselves, with pauses from 0.25 to 5 s. Nothing
+    here raises because of the outside world: errors are counted in `status`.
+
+    Parameters
+    ----------
+    configs : sequence of LinkConfig
+        The links, in the order in which `Peer.link` counts them.
+    system_id, component_id : int
+        Address written into every frame, 1 to 255.
+    """
+
+    def __init__(
+        self, configs: Sequence[LinkConfig], system_id: int = 1, component_id: int = 1
+    ) -> None:
+        self._selector = selectors.EpollSelector()
+        self._inbox: list[Received] = []
+        hub = Hub(self._selector, self._inbox, system_id, component_id)
+        self._links = [
+            _LINKS[config.address.kind](number, config, hub)
+            for number, config in enumerate(configs)
+        ]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def count(self) -> int:
+        """Number of links."""
+        return len(self._links)
+
+    def fileno(self) -> int:
+        """Return a descriptor that is readable when `poll` has something to do, for zmq.Poller."""
+        return self._selector.fileno()
+
+    def poll(self, now_ns: int, timeout_s: float = 0.0) -> list[Received]:
+        """Keep the links alive and return what came.
+
+        Parameters
+        ----------
+        now_ns : int
+            Monotonic time [ns].
+        timeout_s : float
+            Longest wait for something to come [s]; 0 does not wait.
+        """
+        for link in self._links:
+            link.service(now_ns)
+        wait_s = 0.0 if self._inbox else timeout_s
+        for key, mask in self._selector.select(wait_s):
+            key.data(mask, now_ns)
+        received = list(self._inbox)
+        self._inbox.clear()
+        return received
+
+    def broadcast(self, message: Message, links: Collection[int] | None = None) -> None:
+        """Queue `message` for every peer of `links` (None: all)."""
+        for link in self._links:
+            if links is None or link.number in links:
+                link.broadcast(message)
+
+    def reply(self, message: Message, peer: Peer) -> None:
+        """Queue `message` for one peer; nothing happens where it has gone."""
+        self._links[peer.link].reply(message, peer.number)
+
+    def flush(self) -> None:
+        """Hand what is queued to the operating system, as far as it takes it."""
+        for link in self._links:
+            link.flush()
+
+    def status(self) -> tuple[LinkStatus, ...]:
+        """Return the counters of each link, in the order of the configuration."""
+        return tuple(link.status() for link in self._links)
+
+    def close(self) -> None:
+        """Release all links."""
+        for link in self._links:
+            link.flush()
+            link.close()
+        self._selector.close()

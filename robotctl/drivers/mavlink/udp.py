@@ -1,0 +1,169 @@
+"""MAVLink over UDP, as client (`udpout`) and as server (`udpin`)."""
+
+from __future__ import annotations
+
+import errno
+import selectors
+import socket
+from typing import Any, TypeAlias
+
+from robotctl.drivers.mavlink.base import READ_SIZE, Channel, Hub, Link
+from robotctl.drivers.mavlink.lookup import HostLookup
+from robotctl.messages.mavlink_port import LinkConfig, Message, Peer
+
+MAX_DATAGRAM = 2048
+MAX_PEERS = 8
+SILENT_NS = 10_000_000_000
+"""A server forgets a peer that was silent for so long [ns]; ground stations send every second."""
+MAX_FORMER = 64
+"""A server knows so many of the forgotten again."""
+
+_NOBODY = (errno.ECONNREFUSED, errno.EHOSTDOWN)
+
+_Sender: TypeAlias = Any  # what recvfrom returns and sendto takes; it depends on the family
+
+
+class UdpLink(Link):
+    """One datagram socket.
+
+    A client sends to one ground station and takes datagrams from its address alone. A server
+    learns its peers from valid frames, at most 8, and forgets them after 10 s of silence: they get
+    nothing any more, but who comes again is the peer of before. More peers are ignored rather than
+    pushing out one of the eight: whoever can send from many addresses must not be able to cut off
+    the ground station.
+    """
+
+    def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
+        super().__init__(number, config, hub)
+        self._server = self.address.kind == "udpin"
+        self._socket: socket.socket | None = None
+        self._lookup: HostLookup | None = None
+        self._peers: dict[_Sender, Channel] = {}
+        self._former: dict[_Sender, Peer] = {}
+        """The forgotten, in that order."""
+        self._broken = False
+
+    def is_open(self) -> bool:
+        """Return whether there is a socket."""
+        return self._socket is not None
+
+    def open(self, now_ns: int) -> None:  # noqa: ARG002
+        """Look up the host, then bind or connect."""
+        host, port = self.address.host, self.address.port
+        self._lookup = self._lookup or HostLookup(host, port, socket.SOCK_DGRAM)
+        if (target := self._lookup.result()) is None:
+            return
+        self._lookup = None
+        opened = socket.socket(target.family, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        try:
+            if self._server:
+                opened.bind(target.sockaddr)
+            else:
+                opened.connect(target.sockaddr)
+                self._peers = {opened.getpeername(): self.new_channel()}
+        except OSError:
+            opened.close()
+            raise
+        self._socket = opened
+        self.hub.selector.register(opened, selectors.EVENT_READ, self._readable)
+        self.opened()
+
+    def watch(self, now_ns: int) -> None:
+        """Forget silent peers; reopen after a failed send, for the network may be another one."""
+        if self._broken:
+            self.close()
+            self._back_off.failed(now_ns)
+            return
+        for sender, channel in list(self._peers.items()):
+            self.deliver(channel.reader.expire(now_ns), channel, now_ns)
+            if self._server and now_ns - channel.heard_ns > SILENT_NS:
+                self._forget(sender)
+
+    def _forget(self, sender: _Sender) -> None:
+        """Send to a peer no more, but know it again."""
+        self._former[sender] = self._peers.pop(sender).peer
+        if len(self._former) > MAX_FORMER:
+            del self._former[next(iter(self._former))]
+
+    def _channel(self, sender: _Sender) -> Channel:
+        """Return a channel for a peer that is not served now, a former one under its name."""
+        former = self._former.get(sender)
+        return self.new_channel() if former is None else Channel(former, self.hub)
+
+    def _readable(self, _mask: int, now_ns: int) -> None:
+        taken = 0
+        while taken < READ_SIZE and self._socket is not None:
+            try:
+                data, sender = self._socket.recvfrom(MAX_DATAGRAM)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if error.errno not in _NOBODY:
+                    self.fail(error, now_ns)
+                return
+            taken += len(data) + 1
+            self._receive(data, sender, now_ns)
+
+    def _receive(self, data: bytes, sender: _Sender, now_ns: int) -> None:
+        channel = self._peers.get(sender) or self._channel(sender)
+        messages = channel.reader.feed_datagram(data, now_ns)
+        if sender not in self._peers:
+            if not messages or len(self._peers) >= MAX_PEERS:
+                self.counters.bad_bytes += len(data)
+                return
+            self._peers[sender] = channel
+            self._former.pop(sender, None)
+        self.deliver(messages, channel, now_ns)
+
+    def broadcast(self, message: Message) -> None:
+        """Send to all peers at once; a datagram that finds no room is dropped."""
+        for sender, channel in self._peers.items():
+            self._send(channel.encode(message), sender)
+
+    def reply(self, message: Message, number: int) -> None:
+        """Send to the peer of this number."""
+        for sender, channel in self._peers.items():
+            if channel.peer.number == number:
+                self._send(channel.encode(message), sender)
+
+    def _send(self, frame: bytes | None, target: _Sender) -> None:
+        if frame is None or self._socket is None or self._broken:
+            return
+        try:
+            if self._server:
+                self._socket.sendto(frame, target)
+            else:
+                self._socket.send(frame)
+        except BlockingIOError:
+            self.counters.dropped += 1
+        except OSError as error:
+            self.counters.dropped += 1
+            if error.errno not in _NOBODY:
+                self.count_error(error)
+                self._broken = not self._server
+        else:
+            self.counters.sent += 1
+
+    def flush(self) -> None:
+        """Do nothing: no datagram waits."""
+
+    def peer_count(self) -> int:
+        """Return how many peers are known."""
+        return len(self._peers)
+
+    def bound_port(self) -> int:
+        """Return the port of a server, else 0."""
+        if self._socket is None or not self._server:
+            return 0
+        return int(self._socket.getsockname()[1])
+
+    def close(self) -> None:
+        """Close the socket; a server opened again knows its peers when they come."""
+        self._lookup = None
+        self._broken = False
+        for sender in list(self._peers):
+            self._forget(sender)
+        if self._socket is not None:
+            self.hub.selector.unregister(self._socket)
+            self._socket.close()
+            self._socket = None

@@ -1,0 +1,1 @@
+"""Free floor and obstacles from a camera's picture."""

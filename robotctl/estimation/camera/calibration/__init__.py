@@ -1,0 +1,1 @@
+"""Lens, mount and homography of a camera from known points."""

@@ -1,0 +1,113 @@
+"""Whether the free patch is free: the safe side of learning the floor from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.camera.colour import C_BINS, L_BINS
+
+PARTS: Final = 3
+"""The patch is compared part by part: so many in depth, and across."""
+_COARSER_RATIO: Final = 2
+_COARSER_LIGHT: Final = 4
+_MISFIT: Final = 0.5
+"""A part of which less than this is seen elsewhere in the patch is no part of the floor."""
+_MOST_MISFITS: Final = 4
+_COMMON: Final = 0.01
+"""Colours that are rarer than this elsewhere in the patch are not learned."""
+_SATURATED: Final = 250.0
+_BLACK: Final = 10.0
+_BLIND: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PatchVerdict:
+    """What the free patch shows.
+
+    Attributes
+    ----------
+    bins
+        Colours that the patch has in several places, (n,).
+    why
+        Why the floor must not be learned from it; empty: it may.
+    """
+
+    bins: NDArray[np.int32]
+    why: str = ""
+
+
+def judge_patch(
+    bins: NDArray[np.int32], means: NDArray[np.float32], parts: NDArray[np.int8]
+) -> PatchVerdict:
+    """Return which of the patch is floor, judged by itself.
+
+    Each part must look like the others, and what is farther like what is nearer: an obstacle that
+    stands in the patch covers its far side first.
+
+    Parameters
+    ----------
+    bins
+        Places of the colours in a histogram, (n, columns).
+    means
+        The colours, BGR, (n, columns, 3).
+    parts
+        Which part of the patch a cell belongs to, nearest row first; -1: none, (n, columns).
+    """
+    inside = parts >= 0
+    which = parts[inside].astype(np.intp)
+    mine, colours = bins[inside], means[inside]
+    if np.mean(colours.min(axis=1) > _SATURATED) > _BLIND:
+        return PatchVerdict(mine[:0], "the floor in front is overexposed")
+    if np.mean(colours.max(axis=1) < _BLACK) > _BLIND:
+        return PatchVerdict(mine[:0], "the floor in front is too dark to be told from anything")
+    place, cubes = _small_histograms(mine, which)
+    kept = np.zeros(len(mine), np.bool_)
+    alike = np.ones(PARTS * PARTS, np.bool_)
+    total = cubes.sum(axis=0)
+    nearer, row = np.zeros_like(total), np.zeros_like(total)
+    for part in range(PARTS * PARTS):
+        if part % PARTS == 0:
+            nearer, row = nearer + row, np.zeros_like(total)
+        common = _seen_in(total - cubes[part])
+        if part >= PARTS:
+            common &= _seen_in(nearer)
+        # Only what is kept speaks for what is farther.
+        row += np.where(common, cubes[part], np.float32(0.0))
+        here = which == part
+        kept[here] = common.reshape(-1)[place[here]]
+        alike[part] = np.mean(kept[here]) >= _MISFIT
+    if np.sum(~alike) >= _MOST_MISFITS:
+        return PatchVerdict(
+            mine[:0],
+            "the floor in front does not look alike everywhere: something may stand there",
+        )
+    return PatchVerdict(mine[kept])
+
+
+def _small_histograms(
+    bins: NDArray[np.int32], which: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Return a coarser place for each colour, and a histogram of those for each part."""
+    light, ratios = bins % L_BINS, bins // L_BINS
+    per = (_COARSER_RATIO, _COARSER_RATIO, _COARSER_LIGHT)
+    shape = (C_BINS // per[0], C_BINS // per[1], L_BINS // per[2])
+    place = np.ravel_multi_index(
+        (ratios // C_BINS // per[0], ratios % C_BINS // per[1], light // per[2]), shape
+    )
+    size = int(np.prod(shape))
+    counted = np.bincount(which * size + place, minlength=PARTS * PARTS * size)
+    return place, counted.astype(np.float32).reshape(PARTS * PARTS, *shape)
+
+
+def _seen_in(others: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Tell for each colour whether a histogram has it, or one next to it."""
+    wide = cv2.dilate(np.ascontiguousarray(others), np.ones((3, 3), np.uint8))
+    flat = wide.reshape(-1, wide.shape[-1])
+    near = cv2.dilate(flat, np.ones((1, 3), np.uint8)).reshape(others.shape)
+    common: NDArray[np.bool_] = near >= _COMMON * others.sum()
+    return common

@@ -1,0 +1,1 @@
+"""The occupancy grid, its filling and its quality."""

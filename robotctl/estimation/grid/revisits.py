@@ -1,0 +1,67 @@
+"""Whether poses are right where a robot comes by again: then its scans agree there.
+
+Poses by odometry drift, so that a place looks moved when the robot is back; poses that were
+corrected put it where it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree  # type: ignore[import-untyped]
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.range_scan import RangeScan
+
+_LATER_M: Final = 20.0
+"""So long a way lies between two visits [m]."""
+_NEAR_M, _NEAR_RAD = 1.0, 0.6
+"""So near are two poses that see the same [m], [rad]."""
+_AGREES_M: Final = 0.2
+_SEEN_M: Final = 15.0
+"""Echoes from so far move much with a small turn [m]."""
+_TRIED, _PAIRS, _LEAST_PAIRS, _LEAST_ECHOES = 400, 60, 3, 20
+
+
+def revisit_agreement(scans: Sequence[RangeScan], poses: Sequence[SE2]) -> float | None:
+    """Return which share of the echoes of a later visit is where the former one saw some.
+
+    It is the median over pairs of visits, 0 to 1; of right poses above 0.6, of drifting ones below
+    0.2. None where the robot hardly ever comes by again.
+    """
+    rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]).reshape(-1, 3)
+    shares = []
+    for former, later in _visits(rows)[:_PAIRS]:
+        before, after = (_echoes(scans[index], rows[index]) for index in (former, later))
+        if min(len(before), len(after)) >= _LEAST_ECHOES:
+            away_m, _ = cKDTree(before).query(after, distance_upper_bound=_AGREES_M)
+            shares.append(float(np.mean(np.isfinite(away_m))))
+    return float(np.median(shares)) if len(shares) >= _LEAST_PAIRS else None
+
+
+def _visits(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Return pairs of poses that see the same, at a former and at a later visit."""
+    if len(poses) < 2:
+        return []
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    tree, pairs = cKDTree(poses[:, :2]), []
+    for former in np.unique(np.linspace(0, len(poses) - 1, _TRIED).astype(int)).tolist():
+        near = np.array(tree.query_ball_point(poses[former, :2], _NEAR_M))
+        turned = np.remainder(poses[near, 2] - poses[former, 2] + math.pi, math.tau) - math.pi
+        later = near[(way_m[near] - way_m[former] > _LATER_M) & (np.abs(turned) < _NEAR_RAD)]
+        if len(later):
+            pairs.append((former, int(later.min())))
+    step = max(1, len(pairs) // _PAIRS)
+    return pairs[::step]
+
+
+def _echoes(scan: RangeScan, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where the echoes of a scan are, (n, 2) [m]."""
+    points = scan.points_base()
+    points = points[np.hypot(points[:, 0], points[:, 1]) < _SEEN_M]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(points @ np.array([[c, s], [-s, c]]) + pose[:2])

@@ -1,0 +1,192 @@
+"""filterpy's extended Kalman filter, guarded against measurements that do not fit.
+
+Predict and update, the gain, the covariance in Joseph form, are those of
+`filterpy.kalman.ExtendedKalmanFilter`. This adds what a robot needs around them:
+
+- Huber weighting. An innovation beyond `huber_sigma` standard deviations is taken with its
+  covariance S enlarged by the factor |innovation| / huber_sigma: its pull stays constant instead of
+  growing, and it is never thrown away for being unlikely. A hard 99 % gate throws it away, and a
+  filter that was once too sure of itself then never hears of its error.
+  (Huber 1964; Karlgaard & Schaub 2007, doi 10.2514/1.27499.)
+- A gate for gross outliers alone, far out, that opens by itself: each one that is kept out enlarges
+  the covariance by `opening`, so a run of them is believed in the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter  # type: ignore[import-untyped]
+from numpy.typing import NDArray
+
+from robotctl.estimation.kalman.consistency import chi2_quantile
+
+Array: TypeAlias = NDArray[np.float64]
+Residual: TypeAlias = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class RobustConfig:
+    """What is done with innovations that are large.
+
+    Parameters
+    ----------
+    huber_sigma
+        Normalised innovation beyond which the weight falls, > 0; as for one dimension, more
+        dimensions use the same probability.
+    gross_sigma
+        Normalised innovation that is kept out, > huber_sigma; inf: none.
+    opening
+        Factor on the covariance with each measurement that was kept out, > 1.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    huber_sigma: float = 2.0
+    gross_sigma: float = 8.0
+    opening: float = 1.3
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.huber_sigma < math.inf:
+            raise ValueError(f"huber_sigma: {self.huber_sigma} found, a finite number > 0 allowed")
+        if not self.gross_sigma > self.huber_sigma:
+            raise ValueError(
+                f"gross_sigma: {self.gross_sigma} found, more than huber_sigma allowed "
+                f"({self.huber_sigma})"
+            )
+        if not 1.0 < self.opening < math.inf:
+            raise ValueError(f"opening: {self.opening} found, a finite number > 1 allowed")
+
+
+@dataclass(frozen=True, slots=True)
+class Innovation:
+    """How well one measurement agreed with its prediction.
+
+    Parameters
+    ----------
+    stamp_ns
+        Time of the measurement [ns].
+    sensor
+        What measured.
+    nis
+        Normalised innovation squared, with the covariance before any weighting.
+    dof
+        Its degrees of freedom.
+    weight
+        1: taken as it is; less: taken with a larger covariance; 0: kept out.
+    """
+
+    stamp_ns: int
+    sensor: str
+    nis: float
+    dof: int
+    weight: float
+
+
+class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]
+    """filterpy's filter, told the moved state by whoever knows the motion."""
+
+    def predict_x(self, u: Any = 0) -> None:
+        """Take `u` as the state after the motion: filterpy's hook for a non-linear model."""
+        self.x = u
+
+
+class RobustKalman:
+    """State and covariance with robust updates.
+
+    Parameters
+    ----------
+    x, P
+        Start: state (n,) and covariance (n, n).
+    config
+        What is done with large innovations.
+    opening_states
+        How many states, from the first on, a run of gross outliers makes less sure of; None: all.
+    """
+
+    def __init__(
+        self,
+        x: Array,
+        P: Array,
+        config: RobustConfig | None = None,
+        opening_states: int | None = None,
+    ) -> None:
+        self._config = config or RobustConfig()
+        self._opened = np.ones(len(x))
+        self._opened[:opening_states] = math.sqrt(self._config.opening)
+        self._filter = _Filter(dim_x=len(x), dim_z=1)
+        self._filter.x, self._filter.P = x, P
+        # of each number of dimensions: nis where weights begin to fall, and where they end
+        self._limits = {1: self._limits_of(1), 2: self._limits_of(2), 3: self._limits_of(3)}
+
+    @property
+    def x(self) -> Array:
+        """State (n,); replaced, never changed in place, by predict and update."""
+        state: Array = self._filter.x
+        return state
+
+    @property
+    def P(self) -> Array:
+        """Covariance (n, n); replaced, never changed in place."""
+        covariance: Array = self._filter.P
+        return covariance
+
+    def set(self, x: Array, P: Array) -> None:
+        """Take another state and covariance."""
+        self._filter.x, self._filter.P = x, P
+
+    def predict(self, x_moved: Array, F: Array, Q: Array) -> None:
+        """Move the state to `x_moved`, whose Jacobian by the state is F, with process noise Q."""
+        self._filter.F, self._filter.Q = F, Q
+        self._filter.predict(x_moved)
+
+    def update(
+        self, z: Array, z_predicted: Array, H: Array, R: Array, residual: Residual
+    ) -> tuple[float, float]:
+        """Correct the state by a measurement.
+
+        Parameters
+        ----------
+        z, z_predicted
+            Measured, and expected from the present state, (m,).
+        H
+            Jacobian of the expectation by the state, (m, n).
+        R
+            Covariance of the measurement, (m, m).
+        residual
+            z - z_predicted, on the circle where it is an angle.
+
+        Returns
+        -------
+        Normalised innovation squared, and the weight that the measurement got.
+        """
+        kalman = self._filter
+        x, P = kalman.x, kalman.P
+        kalman.update(z, lambda _: H, lambda _: z_predicted, R, residual=residual)
+        innovation, S = kalman.y, kalman.S
+        nis = float(innovation @ kalman.SI @ innovation)
+        huber, gross = self._limits[len(z)]
+        if nis <= huber:
+            return nis, 1.0
+        if nis > gross:
+            kalman.x, kalman.P = x, P * np.outer(self._opened, self._opened)
+            return nis, 0.0
+        weight = math.sqrt(huber / nis)
+        kalman.x, kalman.P = x, P
+        kalman.update(
+            z, lambda _: H, lambda _: z_predicted, R + (1.0 / weight - 1.0) * S, residual=residual
+        )
+        return nis, weight
+
+    def _limits_of(self, dof: int) -> tuple[float, float]:
+        """Return the nis that is as unlikely as the configured sigma in one dimension."""
+        inside = math.erf(self._config.huber_sigma / math.sqrt(2.0))
+        huber = chi2_quantile(inside, dof) if inside < 1.0 else self._config.huber_sigma**2
+        return huber, huber * (self._config.gross_sigma / self._config.huber_sigma) ** 2

@@ -1,0 +1,1 @@
+"""Landmarks: detection in scans, data association and localisation by them."""

@@ -1,0 +1,91 @@
+"""Annealed weighing: a sharp likelihood applied in steps, for a belief that is spread wide.
+
+A sequential Monte Carlo sampler (Del Moral, Doucet, Jasra 2006): the likelihood is raised to a
+power that grows from 0 to 1. Each step raises it as far as the particles bear, draws them anew and
+lets each try a random place nearby, which it takes by the rule of Metropolis. So thousands of
+particles find a peak that is a thousand times smaller than their spacing. The belief before the
+measurement counts as flat over the length of a trial, which holds while the robot is searched for.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.mcl.particles import effective_size, posterior, resample_systematic
+from robotctl.estimation.mcl.pose_bins import BinSize
+from robotctl.estimation.mcl.tempering import bearable_exponent
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood, evaluated
+
+_STEPS = 10
+"""If the exponent is not 1 by then it stays where it is: the next measurement goes on."""
+_TRIALS = 2
+"""Trials of each particle in each step: they make copies of one particle differ again."""
+_FINEST = 0.2
+"""Trials go as far as a bin, and down to this share of it."""
+
+
+def anneal(
+    poses: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    log_likelihood: LogLikelihood,
+    trials: BinSize,
+    n_eff_floor: float,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return poses and weights after a measurement, from those before it.
+
+    None if the measurement is impossible at all poses.
+
+    Parameters
+    ----------
+    poses, weights
+        The belief, (n, 3) [m, m, rad] and (n,) of sum 1.
+    log_likelihood
+        The measurement.
+    trials
+        Standard deviation of the widest trials.
+    n_eff_floor
+        Share of the effective particles that stay so in each step, (0, 1).
+    rng
+        Draws trials and their fate.
+    """
+    n = len(poses)
+    logs = evaluated(log_likelihood, poses)
+    if logs.max() == -math.inf:
+        return None
+    reached = 0.0
+    for _ in range(_STEPS):
+        least = n_eff_floor * effective_size(weights)
+        exponent = min(bearable_exponent(weights, logs, least), 1.0 - reached)
+        weights, _ = posterior(weights, exponent * logs)
+        reached += exponent
+        if reached >= 1.0:
+            break
+        chosen = resample_systematic(weights, n, rng)
+        poses, logs, weights = poses.take(chosen, axis=0), logs[chosen], np.full(n, 1.0 / n)
+        for _ in range(_TRIALS):
+            poses, logs = _tried(poses, logs, log_likelihood, reached, trials, rng)
+    return poses, weights
+
+
+def _tried(
+    poses: NDArray[np.float64],
+    logs: NDArray[np.float64],
+    log_likelihood: LogLikelihood,
+    exponent: float,
+    trials: BinSize,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the poses after one trial each, and their log-likelihoods."""
+    n = len(poses)
+    off = rng.standard_normal((n, 3))
+    off *= (trials.side_m, trials.side_m, math.tau / trials.headings)
+    off *= _FINEST ** rng.random((n, 1))
+    others = poses + off
+    others[:, 2] -= math.tau * np.round(others[:, 2] / math.tau)
+    their_logs = evaluated(log_likelihood, others)
+    better = np.log1p(-rng.random(n)) < exponent * (their_logs - logs)
+    return np.where(better[:, np.newaxis], others, poses), np.where(better, their_logs, logs)

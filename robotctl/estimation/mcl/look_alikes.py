@@ -1,0 +1,109 @@
+"""Other places that explain what a robot has seen nearly as well as the one where a search ended.
+
+Where a map resembles itself, a search may end in the wrong one of two places: the few particles of
+the right one were drawn away while a scan fitted both. So before such a place is believed, the map
+is searched once more, without it: many random poses are weighed by the last measurement, the best
+of them, and those that the map's symmetries name, by all that are remembered, and these are led to
+the peaks of that sum (`annealing.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.mcl.annealing import anneal
+from robotctl.estimation.mcl.belief import Cluster
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import SampleFree
+from robotctl.estimation.mcl.particle_belief import ParticleBelief
+from robotctl.estimation.mcl.particles import resample_systematic
+from robotctl.estimation.mcl.remembered import Remembered
+from robotctl.model.geometry.se2 import SE2
+
+_WEIGHED_BY_ALL: Final = 0.1
+"""Share of the random poses."""
+_LED: Final = 1000
+"""Poses that are led to the peaks."""
+_OF_BELIEF: Final = 200
+"""Particles of the belief that are led to its own peak, for comparison."""
+_BEHIND: Final = 1.0
+"""A place so much less likely by each measurement is no other place [nat]; odometry blurs both."""
+_APART_M: Final = 0.5
+_APART_RAD: Final = 0.3
+"""Poses that are nearer are the same place."""
+
+
+def look_alikes(
+    belief: ParticleBelief,
+    remembered: Remembered,
+    sample_free: SampleFree,
+    config: MclConfig,
+    rng: np.random.Generator,
+    symmetries: Sequence[SE2] = (),
+) -> NDArray[np.float64] | None:
+    """Return poses (n, 3) of other places; None if there are none.
+
+    Parameters
+    ----------
+    belief
+        Where the search ended.
+    remembered
+        What it saw.
+    sample_free, config, rng
+        Of the localiser.
+    symmetries
+        Motions that carry the map nearly onto itself.
+    """
+    held = belief.poses.take(resample_systematic(belief.weights, _OF_BELIEF, rng), axis=0)
+    images = [_image(held, motion) for motion in symmetries]
+    anywhere = sample_free(rng, config.most_searching)
+    best = _best(anywhere, remembered.newest(anywhere), round(_WEIGHED_BY_ALL * len(anywhere)))
+    others = np.concatenate([best, *images])
+    others = others[are_apart(others, belief.best)]
+    if len(others) == 0:
+        return None
+    led = _led(_best(others, remembered(others), _LED), remembered, config, rng)
+    own = _led(held, remembered, config, rng)
+    if led is None or own is None:
+        return None
+    led = led[are_apart(led, belief.best)]
+    logs = remembered(led)
+    near = logs > remembered(own).max() - _BEHIND * len(remembered)
+    return led[near] if near.any() else None
+
+
+def are_apart(poses: NDArray[np.float64], place: Cluster) -> NDArray[np.bool_]:
+    """Return which poses (n, 3) are not in a place, (n,)."""
+    off_m = np.hypot(poses[:, 0] - place.mean.x_m, poses[:, 1] - place.mean.y_m)
+    off_rad = poses[:, 2] - place.mean.theta_rad
+    off_rad = np.abs(np.arctan2(np.sin(off_rad), np.cos(off_rad)))
+    apart: NDArray[np.bool_] = (off_m >= _APART_M) | (off_rad >= _APART_RAD)
+    return apart
+
+
+def _image(poses: NDArray[np.float64], motion: SE2) -> NDArray[np.float64]:
+    """Return poses (n, 3) after a motion in world."""
+    c, s = math.cos(motion.theta_rad), math.sin(motion.theta_rad)
+    x = motion.x_m + c * poses[:, 0] - s * poses[:, 1]
+    y = motion.y_m + s * poses[:, 0] + c * poses[:, 1]
+    theta = poses[:, 2] + motion.theta_rad
+    return np.stack([x, y, theta - math.tau * np.round(theta / math.tau)], axis=1)
+
+
+def _best(poses: NDArray[np.float64], logs: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    count = min(count, len(poses))
+    return poses[np.argpartition(-logs, count - 1)[:count]]
+
+
+def _led(
+    poses: NDArray[np.float64], remembered: Remembered, config: MclConfig, rng: np.random.Generator
+) -> NDArray[np.float64] | None:
+    """Return poses after they have been drawn to the peaks nearby."""
+    alike = np.full(len(poses), 1.0 / len(poses))
+    found = anneal(poses, alike, remembered, config.bins, config.search_floor, rng)
+    return None if found is None else found[0]

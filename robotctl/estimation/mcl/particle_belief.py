@@ -1,0 +1,155 @@
+"""A set of weighted particles: moved by odometry, weighed by measurements, drawn anew.
+
+A belief that is spread over the map is searched: random poses, the strangers, join in, and each
+measurement is applied in steps (`annealing.py`), so that particles are found where its likelihood
+is great instead of being drawn at random. A compact one is tracked: a likelihood that is too
+narrow for its particles is tempered (`tempering.py`), and their number follows the belief (KLD
+sampling, `pose_bins.py`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.mcl.annealing import anneal
+from robotctl.estimation.mcl.belief import Cluster, clusters
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import SampleFree
+from robotctl.estimation.mcl.particle_motion import OdometryWay
+from robotctl.estimation.mcl.particles import effective_size, posterior, resample_systematic
+from robotctl.estimation.mcl.pose_bins import kld_size
+from robotctl.estimation.mcl.tempering import bearable_exponent
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+
+_CLUSTERS = 8
+"""Clusters kept for display."""
+
+
+class ParticleBelief:
+    """Where the robot may be.
+
+    Parameters
+    ----------
+    config
+        Settings.
+    poses
+        Particles at the start, (n, 3) [m, m, rad].
+    searching
+        Whether they are spread over the map.
+
+    Attributes
+    ----------
+    poses, weights
+        Particles, (n, 3), and their weights, (n,), of sum 1; not to be changed.
+    searching
+        Whether the belief is searched, or tracked; for the owner to change.
+    clusters
+        The heaviest parts at the time of the last measurement, heaviest first.
+    agreed
+        So many measurements in a row left the belief compact.
+    """
+
+    def __init__(self, config: MclConfig, poses: NDArray[np.float64], *, searching: bool) -> None:
+        self._config = config
+        self.poses = poses
+        self.weights = np.full(len(poses), 1.0 / len(poses))
+        self.searching = searching
+        self.agreed = 0
+        self.clusters = self._found_clusters()
+
+    @property
+    def best(self) -> Cluster:
+        """The heaviest cluster."""
+        return self.clusters[0]
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it has been compact for long enough."""
+        return self.agreed >= self._config.localised_updates
+
+    def advance(self, way: OdometryWay, rng: np.random.Generator) -> None:
+        """Resample where the belief calls for it, then move all particles by the odometry."""
+        uneven = effective_size(self.weights) < self._config.resample_below * len(self.weights)
+        if uneven or self.searching:
+            self._resample(self._wanted_particles(rng), rng)
+        self.poses = way.moved(self.poses, rng)
+
+    def search(
+        self, log_likelihood: LogLikelihood, sample_free: SampleFree, rng: np.random.Generator
+    ) -> bool:
+        """Weigh a belief that is spread wide; return False where the measurement fits nowhere."""
+        config = self._config
+        self._add_strangers(sample_free, rng)
+        found = anneal(
+            self.poses, self.weights, log_likelihood, config.bins, config.search_floor, rng
+        )
+        if found is not None:
+            self.poses, self.weights = found
+        self._judge(fits=found is not None)
+        return found is not None
+
+    def track(self, logs: NDArray[np.float64]) -> float:
+        """Weigh a compact belief by the log-likelihood of each particle, (n,).
+
+        Returns
+        -------
+        float
+            The log-evidence; -inf where the measurement is impossible for all: then it is left
+            out.
+        """
+        weights, evidence = posterior(self.weights, logs)
+        least = self._config.n_eff_floor * len(logs)
+        if evidence > -math.inf and effective_size(weights) < least:
+            exponent = bearable_exponent(self.weights, logs, least)
+            weights, _ = posterior(self.weights, exponent * logs)
+        self.weights = weights
+        self._judge(fits=evidence > -math.inf)
+        return evidence
+
+    def _judge(self, *, fits: bool) -> None:
+        """Find the clusters, and count how long the belief has been compact."""
+        self.clusters = self._found_clusters()
+        self.agreed = self.agreed + 1 if fits and self._is_compact() else 0
+
+    def _found_clusters(self) -> list[Cluster]:
+        return clusters(self.poses, self.weights, self._config.bins, _CLUSTERS)
+
+    def _is_compact(self) -> bool:
+        best, config = self.best, self._config
+        return (
+            best.weight >= config.localised_weight
+            and best.sigma_m <= config.localised_m
+            and best.sigma_rad <= config.localised_rad
+        )
+
+    def _add_strangers(self, sample_free: SampleFree, rng: np.random.Generator) -> None:
+        """Mix random poses into the belief."""
+        share, count = self._config.strangers, self._config.most_searching
+        strangers = sample_free(rng, math.ceil(share * count))
+        alike = np.full(len(strangers), share / len(strangers))
+        self.poses = np.concatenate([self.poses, strangers])
+        self.weights = np.concatenate([(1.0 - share) * self.weights, alike])
+
+    def _resample(self, count: int, rng: np.random.Generator) -> None:
+        chosen = resample_systematic(self.weights, count, rng)
+        self.poses = self.poses.take(chosen, axis=0)
+        self.weights = np.full(count, 1.0 / count)
+
+    def _wanted_particles(self, rng: np.random.Generator) -> int:
+        config = self._config
+        most = config.most_searching if self.searching else config.max_particles
+        if config.min_particles == most:
+            return most
+        return kld_size(
+            self.poses,
+            self.weights,
+            config.bins,
+            config.kld_error,
+            config.kld_quantile,
+            config.min_particles,
+            most,
+            rng,
+        )

@@ -1,0 +1,60 @@
+"""The last measurements and the way since each: what they say together of where the robot is now.
+
+The way is that of the odometry, without its noise: good for some metres, and for comparing places.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood, evaluated
+from robotctl.model.geometry.se2 import SE2
+
+_MOST: Final = 16
+
+
+class Remembered:
+    """The last measurements, at most 16."""
+
+    def __init__(self) -> None:
+        self._all: deque[tuple[LogLikelihood, SE2]] = deque(maxlen=_MOST)
+        """What each says, and the pose of `base` then in `base` now."""
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._all.clear()
+
+    def move(self, motion: SE2) -> None:
+        """Take in a motion of `base`, in `base` before it."""
+        back = motion.inverse()
+        moved = [(measurement, back @ then) for measurement, then in self._all]
+        self._all.clear()
+        self._all.extend(moved)
+
+    def add(self, measurement: LogLikelihood) -> None:
+        """Take in a measurement, made now."""
+        self._all.append((measurement, SE2()))
+
+    def newest(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the log-likelihood of the last measurement at each pose (n, 3) of now, (n,)."""
+        return evaluated(self._all[-1][0], poses)
+
+    def __call__(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sum of all log-likelihoods at each pose (n, 3) of now, (n,)."""
+        total = np.zeros(len(poses))
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        for measurement, then in self._all:
+            x = poses[:, 0] + c * then.x_m - s * then.y_m
+            y = poses[:, 1] + s * then.x_m + c * then.y_m
+            theta = poses[:, 2] + then.theta_rad
+            theta -= math.tau * np.round(theta / math.tau)
+            total += evaluated(measurement, np.stack([x, y, theta], axis=1))
+        return total

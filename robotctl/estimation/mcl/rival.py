@@ -1,0 +1,103 @@
+"""A rival of the tracked place: a search beside it, which has to prove itself over motion.
+
+What a robot sees from a wrong place may fit better than what it sees from the right one: people
+hide the walls, a door stands open, a corner looks like another. Such a place fits one scan, or
+some; it does not go along with the robot. So the tracked belief is kept while a second one searches
+the map for a better place, both are moved and weighed by the same odometry and measurements, and
+each says beforehand how likely the next measurement is. The difference of these log-evidences,
+summed over a piece of way, is Bayes' factor between the two.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.mcl.belief import Cluster
+from robotctl.estimation.mcl.look_alikes import are_apart
+from robotctl.estimation.mcl.particle_belief import ParticleBelief
+
+_MARGIN: Final = 10.0
+"""The better place leads by so much [nat]."""
+_LEAST_M: Final = 0.5
+_LEAST_RAD: Final = 0.5
+"""It has led over so long a way [m] or so great turns [rad], and"""
+_LEAST_MEASUREMENTS: Final = 4
+"""so many measurements."""
+_GREATEST: Final = 10.0
+"""One measurement counts for at most so much [nat]."""
+
+
+class Verdict(enum.Enum):
+    """What is known of a rival."""
+
+    OPEN = enum.auto()
+    REFUTED = enum.auto()
+    """The tracked place explains the measurements better, or the rival is the same place."""
+    PROVEN = enum.auto()
+
+
+class Rival:
+    """A belief in another place.
+
+    Parameters
+    ----------
+    belief
+        The search.
+    """
+
+    def __init__(self, belief: ParticleBelief) -> None:
+        self.belief = belief
+        self._was_compact = False
+        self._begin()
+
+    def _begin(self) -> None:
+        self.lead = 0.0
+        """Log-evidence of the rival less that of the tracked belief, since both are compared."""
+        self._distance_m = 0.0
+        self._angle_rad = 0.0
+        self._measurements = 0
+
+    def compare(
+        self, lead: float, distance_m: float, angle_rad: float, tracked: Cluster
+    ) -> Verdict:
+        """Take in how much better the rival foretold a measurement, after a piece of way.
+
+        Once the rival is compact its lead counts anew: to what a search saw it has fitted itself.
+
+        Parameters
+        ----------
+        lead
+            Log-evidence of the rival less that of the tracked belief [nat].
+        distance_m, angle_rad
+            The way since the last measurement [m], and the turns on it [rad].
+        tracked
+            The heaviest cluster of the tracked belief.
+        """
+        is_compact = self.belief.agreed > 0
+        if is_compact != self._was_compact:
+            self._was_compact = is_compact
+            self._begin()
+            return Verdict.OPEN
+        self.lead += min(max(lead, -_GREATEST), _GREATEST)
+        self._distance_m += distance_m
+        self._angle_rad += angle_rad
+        self._measurements += 1
+        moved = self._distance_m >= _LEAST_M or self._angle_rad >= _LEAST_RAD
+        if not moved or self._measurements < _LEAST_MEASUREMENTS:
+            return Verdict.OPEN
+        if self.lead < -_MARGIN:
+            return Verdict.REFUTED
+        if not self.belief.is_sure:
+            return Verdict.OPEN
+        if not are_apart(self._place(), tracked)[0]:
+            return Verdict.REFUTED
+        return Verdict.PROVEN if self.lead > _MARGIN else Verdict.OPEN
+
+    def _place(self) -> NDArray[np.float64]:
+        """Return the middle of the heaviest cluster, (1, 3)."""
+        mean = self.belief.best.mean
+        return np.array([[mean.x_m, mean.y_m, mean.theta_rad]])

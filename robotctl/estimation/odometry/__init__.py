@@ -1,0 +1,1 @@
+"""Odometry, its noise and its calibration."""

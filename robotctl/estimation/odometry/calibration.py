@@ -1,0 +1,247 @@
+"""Calibration of odometry: generalised least squares against references, with honest intervals.
+
+What is fitted are the white innovations of `odometry_innovations.py`, so that errors which add up
+along the way are weighed as they are correlated. Two steps take turns: least squares over what the
+drive is (Huber's loss), and maximum likelihood over the noises e, f, g of odometry and those of the
+reference, which set the weights. A change of the drive that the data do not show is said so and
+left at 0.
+
+Squares driven both ways and a straight way follow Borenstein and Feng, "Measurement and correction
+of systematic odometry errors in mobile robots", IEEE T-RA 12(6), 1996 (UMBmark); here all runs are
+fitted at once instead of by their closed forms.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.odometry.fit import OdometryFit, Reference
+from robotctl.estimation.odometry.innovations import OUTLIER
+from robotctl.estimation.odometry.model import OdometryModel
+from robotctl.estimation.odometry.runs import OdometryRun
+from robotctl.model.drives.drives import DifferentialDrive, Drive
+from robotctl.model.drives.odometry_noise import MotionNoise
+
+Array: TypeAlias = NDArray[np.float64]
+
+NOT_SEEN = 0.1
+"""A change whose interval is wider to one side than this is not identified by the data."""
+
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A value with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """What calibration found.
+
+    Parameters
+    ----------
+    model
+        The nominal drive.
+    change, change_half_width
+        Change of the drive, (3,), and half the width of its 95 % interval; nan where the data do
+        not show it, the change is 0 then.
+    covariance
+        Of the change, (3, 3); 0 where not shown.
+    quantile
+        Of Student's distribution: half an interval in standard deviations.
+    lever_m, lever_half_width_m
+        Point of `base` that the reference follows, (2,) [m]; nan where not shown.
+    delay_s, delay_half_width_s
+        How old the reference is [s].
+    noise
+        e, f and g.
+    noise_fold
+        The 95 % interval of e, f and g is from value / fold to value * fold, (3,); inf where the
+        data do not show it.
+    reference
+        Noise of the reference.
+    outliers, references
+        Innovations beyond three deviations, and how many there are at all.
+    """
+
+    model: OdometryModel
+    change: Array
+    change_half_width: Array
+    covariance: Array
+    quantile: float
+    lever_m: Array
+    lever_half_width_m: Array
+    delay_s: float
+    delay_half_width_s: float
+    noise: MotionNoise
+    noise_fold: Array
+    reference: Reference
+    outliers: int
+    references: int
+
+    @property
+    def drive(self) -> Drive:
+        """The calibrated drive."""
+        return self.model.drive(self.change)
+
+    def identified(self, key: str) -> bool:
+        """Return whether the data show a key of `[drive]`."""
+        return bool(np.isfinite(self.change_half_width[self.model.keys.index(key)]))
+
+    def interval(self, key: str) -> Interval | None:
+        """Return the value of a key of `[drive]` with its interval; None: not identified."""
+        i = self.model.keys.index(key)
+        if not self.identified(key):
+            return None
+        ends = []
+        for side in (0.0, -1.0, 1.0):
+            change = np.zeros(3)
+            change[i] = self.change[i] + side * self.change_half_width[i]
+            ends.append(float(getattr(self.model.drive(change), key)))
+        return Interval(*ends)
+
+    def wheel_diameters(self) -> tuple[Interval, Interval] | None:
+        """Return the diameters of a differential drive's wheels [m]; None: not identified."""
+        drive = self.drive
+        if not isinstance(drive, DifferentialDrive) or not self.identified("wheel_radius_m"):
+            return None
+        ratio = drive.wheel_radius_ratio
+        found = []
+        # logarithm of 2 s / (1 + ratio), and of this times the ratio, by the changes
+        for radius_m, slope in (
+            (drive.wheel_radii_m[0], -ratio / (1.0 + ratio)),
+            (drive.wheel_radii_m[1], 1.0 / (1.0 + ratio)),
+        ):
+            by = np.array([1.0, slope, 0.0])
+            width = self.quantile * math.sqrt(by @ self.covariance @ by)
+            d = 2.0 * radius_m
+            found.append(Interval(d, d * math.exp(-width), d * math.exp(width)))
+        return found[0], found[1]
+
+
+def widened(found: Calibration, parts: Sequence[Calibration]) -> Calibration:
+    """Return a calibration whose intervals hold what parts of the data alone say.
+
+    Where parts differ by more than chance, something is not as modelled: a camera whose scale is
+    another in another place, a floor that is another. Intervals from one fit do not know it.
+    """
+    width = found.change_half_width
+    for part in parts:
+        apart = np.abs(part.change - found.change)
+        shown = np.isfinite(part.change_half_width)
+        width = np.where(shown, np.maximum(width, apart), width)
+    scale = np.where(np.isfinite(width), width / found.change_half_width, 1.0)
+    return dataclasses.replace(
+        found,
+        change_half_width=width,
+        covariance=found.covariance * np.outer(scale, scale),
+    )
+
+
+def calibrate(
+    nominal: Drive, runs: Sequence[OdometryRun], reference: Reference, noise: MotionNoise
+) -> Calibration:
+    """Fit a drive to runs.
+
+    Parameters
+    ----------
+    nominal
+        The drive with which the wheels' turns are understood so far.
+    runs
+        At least one; those of unknown start each add three numbers to be found.
+    reference
+        What is known of it before.
+    noise
+        Where the search for the noises begins.
+
+    Raises
+    ------
+    ValueError
+        If there are too few references for what is to be found, the drive is farther off than is
+        looked for, or the data show none of its keys.
+    """
+    fit = OdometryFit(OdometryModel(nominal), runs, reference)
+    known = 3 if any(np.isfinite(run.reference[:, 2]).any() for run in runs) else 2
+    if known * fit.references <= fit.size:
+        raise ValueError(
+            f"{fit.references} references are too few for {fit.size} numbers to be found; drive "
+            "more"
+        )
+    while True:
+        found, noises = _alternate(fit, noise)
+        covariance, quantile = fit.covariance(found, noises)
+        sigma = np.sqrt(np.diag(covariance))[:3]
+        hidden = fit.free[:3] & ~(quantile * sigma < NOT_SEEN)
+        if not np.any(hidden):
+            _check(fit, found)
+            return _result(fit, found, noises, noise)
+        worst = int(np.argmax(np.where(hidden, sigma, 0.0)))
+        fit.free[worst] = False
+
+
+def _check(fit: OdometryFit, values: Array) -> None:
+    """Refuse what a search found at the end of its reach, or a search that found nothing."""
+    keys, reach = fit.model.keys, fit.model.reach
+    if not np.any(fit.free[:3]):
+        raise ValueError(
+            f"these data show none of {', '.join(keys)}: the robot drives too little, or [drive] "
+            "is far from the robot that made them"
+        )
+    for key, change, most in zip(keys, values[:3], reach, strict=True):
+        if abs(change) > 0.99 * most:
+            present = getattr(fit.model.nominal, key)
+            raise ValueError(
+                f"{key}: the true value is beyond what is looked for around {present:g}; set it in "
+                "[drive] to about what it is"
+            )
+
+
+def _alternate(fit: OdometryFit, noise: MotionNoise) -> tuple[Array, Array]:
+    """Fit the drive and the noises in turns; return all numbers and the noises' logarithms."""
+    found, noises = fit.begin(), fit.noise_begin(noise)
+    for _ in range(_ROUNDS):
+        found = fit.drive_step(found, noises)
+        noises = fit.noise_step(found, noises, noise)
+    return fit.drive_step(found, noises), noises
+
+
+def _result(fit: OdometryFit, values: Array, noises: Array, prior: MotionNoise) -> Calibration:
+    """Return what was found in words of the drive."""
+    covariance, quantile = fit.covariance(values, noises)
+    width = np.where(fit.free, quantile * np.sqrt(np.diag(covariance)), np.nan)
+    fold = fit.noise_fold(values, noises)
+    before = (prior.e_m_per_sqrt_m, prior.f_rad_per_sqrt_m, prior.g_rad_per_sqrt_rad)
+    e, f, g = np.where(np.isfinite(fold), np.exp(noises[:3]), before).tolist()
+    reference = fit.reference
+    if not reference.fixed:
+        sigma_m, sigma_rad, sigma_s = np.exp(noises[3:6]).tolist()
+        reference = Reference(sigma_m, sigma_rad, sigma_s, False, reference.follows_base)
+    r = fit.innovations(values, noises)[0]
+    return Calibration(
+        fit.model,
+        values[:3],
+        width[:3],
+        covariance[:3, :3],
+        quantile,
+        values[3:5],
+        width[3:5],
+        float(values[5]),
+        float(width[5]),
+        MotionNoise(e, f, g),
+        fold,
+        reference,
+        int(np.count_nonzero(np.abs(r) > OUTLIER)),
+        fit.references,
+    )

@@ -1,0 +1,121 @@
+"""Odometry as an estimate of its own: a pose by dead reckoning, with a covariance that grows.
+
+For the navigation process. It takes what odometry says and adds how far it may be trusted; the
+control process's own `odometry.py` knows the pose alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.drives.drives import Drive
+from robotctl.model.drives.motion import arc
+from robotctl.model.drives.motion_noise import MotionNoise, propagate
+from robotctl.model.geometry.angles import sinc
+from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
+from robotctl.model.geometry.se2 import SE2
+
+
+class OdometryEstimate:
+    """Pose of `base` in `world` by dead reckoning, with the covariance of notes, section 3.
+
+    Each motion is an arc with the errors e, f and g all along it (`motion_noise.py`), so
+    neither pose nor covariance depends on how the way is cut. The errors are taken as white: a
+    track width that is wrong makes an error of another kind, which no covariance here covers;
+    calibrate first. The status is always LOCALISED: odometry never doubts itself.
+
+    Parameters
+    ----------
+    noise
+        The three noises.
+    start
+        What is known of the pose at the start.
+    """
+
+    def __init__(self, noise: MotionNoise, start: PoseEstimate) -> None:
+        self._noise = noise
+        self._odometry: SE2 | None = None
+        self.reset(start)
+
+    def reset(self, estimate: PoseEstimate) -> None:
+        """Go on from another pose and covariance; the next odometry pose still follows the last."""
+        self._stamp_ns = estimate.stamp_ns
+        self._pose = estimate.pose
+        self._covariance: NDArray[np.float64] = estimate.covariance
+
+    @property
+    def estimate(self) -> PoseEstimate:
+        """What is believed now."""
+        return PoseEstimate(
+            self._stamp_ns, self._pose, self._covariance, LocalisationStatus.LOCALISED
+        )
+
+    def move(self, distance_m: float, angle_rad: float, stamp_ns: int) -> PoseEstimate:
+        """Drive an arc of a length [m] and a turn [rad], until a time [ns]."""
+        self._covariance = propagate(
+            self._covariance, self._pose, distance_m, angle_rad, self._noise
+        )
+        self._pose = arc(self._pose, distance_m, angle_rad)
+        self._stamp_ns = stamp_ns
+        return self.estimate
+
+    def roll(
+        self,
+        drive: Drive,
+        turns_rad: tuple[float, float],
+        steering_rad: float,
+        stamp_ns: int,
+    ) -> PoseEstimate:
+        """Drive as far as the wheels of `drive` turned.
+
+        Parameters
+        ----------
+        drive
+            Kinematics.
+        turns_rad
+            Turn of wheel 1 and wheel 2 since the last call [rad]; 0 for a wheel that is not there.
+        steering_rad
+            What the steering servo said meanwhile [rad].
+        stamp_ns
+            Time at the end [ns].
+        """
+        moved_m, turned_rad = drive.forward(*turns_rad, steering_rad)
+        return self.move(moved_m, turned_rad, stamp_ns)
+
+    def follow(self, odometry: SE2, stamp_ns: int) -> PoseEstimate:
+        """Move as an odometry moved since the last call; the first call only takes its pose.
+
+        The pose moves exactly as the odometry, the covariance along the arc that leads there.
+
+        Parameters
+        ----------
+        odometry
+            `base` in the frame of the odometry, which may stand anywhere.
+        stamp_ns
+            Time of it [ns].
+        """
+        if self._odometry is not None:
+            T_last_now = self._odometry.inverse() @ odometry
+            distance_m, angle_rad = arc_between(T_last_now)
+            self._covariance = propagate(
+                self._covariance, self._pose, distance_m, angle_rad, self._noise
+            )
+            self._pose = self._pose @ T_last_now
+        self._odometry = odometry
+        self._stamp_ns = stamp_ns
+        return self.estimate
+
+
+def arc_between(T_last_now: SE2) -> tuple[float, float]:
+    """Return length [m] and turn [rad] of the arc that leads nearest to a relative pose.
+
+    Backwards where the robot came to stand behind itself. A turn beyond half a circle between two
+    poses cannot be seen.
+    """
+    angle_rad = T_last_now.theta_rad
+    half = 0.5 * angle_rad
+    chord_m = T_last_now.x_m * math.cos(half) + T_last_now.y_m * math.sin(half)
+    return chord_m / sinc(half), angle_rad

@@ -1,0 +1,1 @@
+"""Recognising places by their sonar signature."""

@@ -1,0 +1,181 @@
+"""Places that a robot knows by sonar, and what a new signature says of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.places.signatures import Signature
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+
+ANY_HEADING: Final = math.pi**2 / 3.0
+"""Variance of a heading that is not known [rad^2]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Differences of signatures: mean, standard deviation > 0, and how many were measured."""
+
+    mean: float
+    sigma: float
+    measured: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class RecognitionConfig:
+    """When a place is recognised.
+
+    Parameters
+    ----------
+    within, between
+        What is expected of the differences of visits to one place, and of the most like other
+        place, before any were measured.
+    prior_visits
+        So many measured differences weigh as much as what is expected, > 0.
+    ratio
+        The best place's difference is at most this share of that of the next place, (0, 1].
+    least_echoes
+        Share of echoes that a place needs to be learnt, [0, 1].
+    independent_bearings
+        How many bearings are worth as much as all, since cones overlap, > 0: 360 deg / 25 deg.
+    turn_sigma_rad
+        Standard deviation of what odometry gets wrong in a turn on the spot [rad], >= 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    within: Spread = field(default_factory=lambda: Spread(0.05, 0.025))
+    between: Spread = field(default_factory=lambda: Spread(0.45, 0.1))
+    prior_visits: float = 4.0
+    ratio: float = 0.7
+    least_echoes: float = 0.25
+    independent_bearings: float = 14.0
+    turn_sigma_rad: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not (self.prior_visits > 0.0 and self.independent_bearings > 0.0):
+            raise ValueError("prior_visits and independent_bearings must be > 0")
+        if not (0.0 < self.ratio <= 1.0 and 0.0 <= self.least_echoes <= 1.0):
+            raise ValueError("ratio must be in (0, 1], least_echoes in [0, 1]")
+        if not 0.0 <= self.turn_sigma_rad < math.inf:
+            raise ValueError(f"turn_sigma_rad must be finite and >= 0, found {self.turn_sigma_rad}")
+        if not (
+            self.within.mean < self.between.mean
+            and min(self.within.sigma, self.between.sigma) > 0.0
+        ):
+            raise ValueError("within must be below between on average, both with a sigma > 0")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visit:
+    """A signature, and where `base` stood at its end: in `world`, or in the frame of the place."""
+
+    pose: SE2
+    signature: Signature
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A named place.
+
+    Parameters
+    ----------
+    name
+        Not empty, printable.
+    in_world
+        Whether the poses of its visits are in `world`. Else they are in a frame of its own, that of
+        `base` at the first visit.
+    visits
+        At least one.
+
+    Raises
+    ------
+    ValueError
+        If the name is not allowed or there is no visit.
+    """
+
+    name: str
+    in_world: bool
+    visits: tuple[Visit, ...]
+
+    def __post_init__(self) -> None:
+        if not (self.name.strip() and self.name.isprintable()):
+            raise ValueError(f"name must be printable and not empty, found {self.name!r}")
+        if not self.visits:
+            raise ValueError(f"place {self.name}: at least one visit is needed")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A place where the robot may be, and how it is turned there.
+
+    Parameters
+    ----------
+    place
+        Its name.
+    difference
+        D, 0 to 1.
+    pose
+        `base` now, in `world` or in the frame of the place.
+    in_world
+        Which of both.
+    rotation_rad
+        Heading now minus that at the place's first visit, in (-pi, pi].
+    covariance
+        Of the pose, (3, 3) [m, m, rad].
+    weight
+        Share of the belief in this one among all candidates; their sum is 1.
+    """
+
+    place: str
+    difference: float
+    pose: SE2
+    in_world: bool
+    rotation_rad: float
+    covariance: NDArray[np.float64]
+    weight: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recognition:
+    """What a signature says of the known places.
+
+    Parameters
+    ----------
+    candidates
+        All that are alike enough, best first; may be several even if the place is refused.
+    refusal
+        Why no place is recognised, a sentence; "" where the first candidate's is.
+    threshold
+        The greatest difference that is accepted.
+    """
+
+    candidates: tuple[Candidate, ...]
+    refusal: str
+    threshold: float
+
+    @property
+    def place(self) -> Candidate | None:
+        """The recognised place; None if it is refused."""
+        return None if self.refusal else self.candidates[0]
+
+    @property
+    def rotation_variance(self) -> float:
+        """Variance of the recognised place's rotation [rad^2], its other headings included."""
+        best = self.candidates[0]
+        same = [each for each in self.candidates if each.place == best.place]
+        weight = sum(each.weight for each in same)
+        variance = sum(
+            each.weight
+            * (each.covariance[2, 2] + wrap_angle(each.rotation_rad - best.rotation_rad) ** 2)
+            for each in same
+        )
+        return min(float(variance / weight), ANY_HEADING)

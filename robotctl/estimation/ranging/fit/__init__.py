@@ -1,0 +1,1 @@
+"""The parameters of a range sensor from its recordings."""

@@ -1,0 +1,342 @@
+"""The likelihood field: how well the end points of a scan's beams lie on a map's obstacles.
+
+A beam that ends at a distance d from the nearest obstacle of the map has the likelihood
+
+    p(d) = (exp(-d^2 / 2 sigma^2) + K) / (1 + K),
+
+the robust likelihood of notes, section 4.1 (Thrun, Burgard, Fox: Probabilistic Robotics, table 6.3,
+with the uniform part in K). Beams are multiplied: their logs, kept for each cell of the map, are
+added. The sum is then scaled by a power below 1, since beams are not independent given the pose
+(`beam_selection.py`). Without it sixty beams claim centimetres that they do not know: particles
+near the truth die out, and a wrong place that fits by chance takes over.
+
+- A beam without a valid reading, or with nothing in range, is left out: the field does not know how
+  far a beam should have gone.
+- Outside of the map, and where nothing is near, a beam has the least likelihood, K / (1 + K).
+- Unknown cells are no obstacles. A beam that ends a little behind a wall, where no beam ever
+  reached, keeps its likelihood by the distance to the wall.
+- A beam that says how sure it is has the variance of the field and its own, rounded to one of a
+  few: each is a field of its own, made when the first such beam comes.
+- The field cannot see that a beam goes through a wall; the beam model can (`beam_model.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.compiled import compiled
+from robotctl.estimation.ranging.beam_selection import evenly_chosen, judges, tempering
+from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.estimation.ranging.range_casting import RangeCaster
+from robotctl.model.grid_map import GridMap
+from robotctl.model.sensors.range_scan import RangeScan
+
+_LEVELS = 9
+"""So many standard deviations are told apart, each sqrt(2) of the one before: up to 16 times."""
+_NEAR = 3.0
+"""A beam is hidden if it ends by more standard deviations before the map's first obstacle."""
+_HIDDEN = math.log(0.5)
+"""Log-likelihood of such a beam at least, where people are forgiven."""
+_BLOCK = 128
+"""Particles weighed together: their sums stay in the first-level cache."""
+
+
+class LikelihoodField:
+    """Log-likelihoods of scans on an occupancy grid.
+
+    Parameters
+    ----------
+    grid
+        The map; cells with at least 50 percent are obstacles.
+    config
+        How beams are weighed.
+
+    Raises
+    ------
+    ValueError
+        If the map has no obstacle: every pose would be alike.
+    """
+
+    def __init__(self, grid: GridMap, config: LikelihoodFieldConfig | None = None) -> None:
+        self.config = config or LikelihoodFieldConfig()
+        if not grid.occupied().any():
+            raise ValueError("the map has no obstacle: no cell is occupied with 50 % or more")
+        self._log_fields = self._log(_distances(grid), 1.0)[None]
+        self._grid = grid
+        origin = grid.origin
+        self._map_from_world = np.array(
+            [
+                origin.x_m,
+                origin.y_m,
+                math.cos(origin.theta_rad),
+                math.sin(origin.theta_rad),
+                1.0 / grid.resolution_m,
+            ]
+        )
+        far_m = np.array(self.config.skipping.sigmas * self.config.sigma_m, np.float32)
+        self._agrees = np.float32(self._log(far_m, 1.0))
+        self._caster = RangeCaster(grid)
+        self._free = np.pad(grid.free(), 1)
+
+    def measurement(self, scan: RangeScan) -> LogLikelihood:
+        """Return the function from poses to the log-likelihood of a scan.
+
+        Which beams are skipped is decided by the first poses that it is asked for, the belief; the
+        same beams then weigh all others, so that belief and other places compare.
+        """
+        return _ScanLikelihood(self, scan)
+
+    def log_likelihood(self, poses: NDArray[np.float64], scan: RangeScan) -> NDArray[np.float64]:
+        """Return the log-likelihood of a scan at each pose.
+
+        Parameters
+        ----------
+        poses
+            Of `base` in `world`, (n, 3) [m, m, rad].
+        scan
+            The measurement.
+
+        Returns
+        -------
+        NDArray
+            (n,), at most 0: 0 where all chosen beams end in obstacles, and everywhere if no beam
+            hit anything.
+        """
+        return self.measurement(scan)(poses)
+
+    def _log(self, distance_m: NDArray[np.float32], wider: float) -> NDArray[np.float32]:
+        """Return log p(d), at most 0, with a standard deviation `wider` than that of the field."""
+        k = self.config.robust_k
+        hit = np.exp(-0.5 * (distance_m / (wider * self.config.sigma_m)) ** 2)
+        result: NDArray[np.float32] = np.log((hit + k) / (1.0 + k)).astype(np.float32)
+        return result
+
+    def _chosen(self, scan: RangeScan) -> _Beams:
+        """Return the chosen beams of a scan, with the fields that they need."""
+        chosen = evenly_chosen(scan.ranges_m < scan.max_range_m, self.config.beams)
+        angles, ranges = scan.angles_rad[chosen], scan.ranges_m[chosen]
+        points = np.stack([scan.x_m + ranges * np.cos(angles), scan.y_m + ranges * np.sin(angles)])
+        levels = np.zeros(len(chosen), np.int64)
+        if scan.sigmas_m is not None and len(chosen):
+            wider = np.hypot(1.0, scan.sigmas_m[chosen] / self.config.sigma_m)
+            levels = np.minimum(np.rint(2.0 * np.log2(wider)), _LEVELS - 1).astype(np.int64)
+            self._make_fields(int(levels.max()))
+        return _Beams((points * self._map_from_world[4]).astype(np.float32), levels)
+
+    def _hidden(
+        self, poses: NDArray[np.float64], scan: RangeScan, levels: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Return which of the chosen beams end before the map allows, (k, n), from each pose."""
+        chosen = evenly_chosen(scan.ranges_m < scan.max_range_m, self.config.beams)
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x = poses[:, 0] + c * scan.x_m - s * scan.y_m
+        y = poses[:, 1] + s * scan.x_m + c * scan.y_m
+        expected_m = self._caster.cast(
+            np.stack([x, y, poses[:, 2]], axis=1), scan.angles_rad[chosen], scan.max_range_m
+        )
+        near_m = _NEAR * self.config.sigma_m * 2.0 ** (0.5 * levels)
+        hidden: NDArray[np.bool_] = (scan.ranges_m[chosen] + near_m)[:, np.newaxis] < expected_m
+        return hidden
+
+    def _make_fields(self, level: int) -> None:
+        """Make the fields up to a level, if they are not there."""
+        there = len(self._log_fields)
+        if level >= there:
+            distance_m = _distances(self._grid)
+            more = [self._log(distance_m, 2.0 ** (0.5 * k)) for k in range(there, level + 1)]
+            self._log_fields = np.concatenate([self._log_fields, np.stack(more)])
+
+    def _summed(self, poses: NDArray[np.float64], beams: _Beams) -> NDArray[np.float64]:
+        """Return the sum of the beams' logs at each pose, (n,)."""
+        total = np.empty(len(poses))
+        cos, sin = self._heading(poses)
+        _weigh(poses, cos, sin, *beams, self._map_from_world, self._log_fields, total)
+        return total
+
+    def _summed_forgiving(
+        self, poses: NDArray[np.float64], beams: _Beams, hidden: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Return the same, where beams that are `hidden`, (k, n), have no less than `_HIDDEN`.
+
+        Who hides the map stands in a free place of it: off the map nothing is forgiven.
+        """
+        total = np.zeros(len(poses))
+        cos, sin = self._heading(poses)
+        _forgive(
+            poses,
+            cos,
+            sin,
+            *beams,
+            self._map_from_world,
+            self._log_fields,
+            self._free,
+            hidden,
+            _HIDDEN,
+            total,
+        )
+        return total
+
+    def _heading(
+        self, poses: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return cosine and sine of the headings in the map; numpy's are vectorised."""
+        heading = (poses[:, 2] - self._grid.origin.theta_rad).astype(np.float32)
+        return np.cos(heading), np.sin(heading)
+
+    def _without_skipped(self, poses: NDArray[np.float64], beams: _Beams) -> _Beams:
+        """Return the beams that enough poses agree with."""
+        few = judges(poses)
+        if few is None:
+            return beams
+        cos, sin = self._heading(few)
+        agreeing = np.zeros(len(beams.levels))
+        _count_agreeing(
+            few, cos, sin, *beams, self._map_from_world, self._log_fields, self._agrees, agreeing
+        )
+        kept = self.config.skipping.kept(agreeing / len(few))
+        return _Beams(np.ascontiguousarray(beams.points[:, kept]), beams.levels[kept])
+
+
+class _ScanLikelihood:
+    """What a scan says of poses: `Forgiving`."""
+
+    def __init__(self, field: LikelihoodField, scan: RangeScan) -> None:
+        self._field, self._scan = field, scan
+        self._all = self._beams = field._chosen(scan)
+        self._alpha = tempering(len(self._all.levels), field.config.beam_correlation)
+        self._undecided = field.config.skipping.enabled and len(self._all.levels) > 0
+
+    def __call__(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._undecided:
+            self._beams, self._undecided = self._field._without_skipped(poses, self._all), False
+        return self._alpha * self._field._summed(poses, self._beams)
+
+    def forgiven(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        field = self._field
+        hidden = field._hidden(poses, self._scan, self._all.levels)
+        return self._alpha * field._summed_forgiving(poses, self._all, hidden)
+
+
+def _distances(grid: GridMap) -> NDArray[np.float32]:
+    """Return how far each cell is from the nearest obstacle [m].
+
+    A border of one cell takes all that lies outside.
+    """
+    distance_m = ndimage.distance_transform_edt(~grid.occupied()) * grid.resolution_m
+    return np.pad(distance_m.astype(np.float32), 1, constant_values=np.inf)
+
+
+class _Beams(NamedTuple):
+    """End points in `base`, (2, k) [cells], and which field weighs each, (k,)."""
+
+    points: NDArray[np.float32]
+    levels: NDArray[np.int64]
+
+
+@compiled
+def _weigh(
+    poses: NDArray[np.float64],
+    cos: NDArray[np.float32],
+    sin: NDArray[np.float32],
+    points: NDArray[np.float32],
+    levels: NDArray[np.int64],
+    map_from_world: NDArray[np.float64],
+    log_fields: NDArray[np.float32],
+    total: NDArray[np.float64],
+) -> None:
+    """Fill `total` with the sum of each beam's field at its end point, for each pose.
+
+    Beams are the outer loop and a block of poses the inner one: then the inner loops are free of
+    branches and sums, which the compiler turns into vector code, and where poses are close
+    together they look up neighbouring cells.
+    """
+    n, beams = len(poses), points.shape[1]
+    x0, y0, c0, s0, scale = map_from_world
+    count, rows, columns = log_fields.shape
+    flat = log_fields.reshape(count, rows * columns)
+    stride = np.int32(columns)
+    zero = np.float32(0.0)
+    last_u, last_v = np.float32(columns - 1), np.float32(rows - 1)
+    u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
+    cell, summed = np.empty(_BLOCK, np.uint32), np.empty(_BLOCK, np.float32)
+    for start in range(0, n, _BLOCK):
+        size = min(_BLOCK, n - start)
+        c, s = cos[start : start + size], sin[start : start + size]
+        for i in range(size):
+            x, y = poses[start + i, 0] - x0, poses[start + i, 1] - y0
+            u[i] = (c0 * x + s0 * y) * scale + 1.0
+            v[i] = (c0 * y - s0 * x) * scale + 1.0
+            summed[i] = zero
+        for k in range(beams):
+            px, py = points[0, k], points[1, k]
+            for i in range(size):
+                column = u[i] + c[i] * px - s[i] * py
+                row = v[i] + s[i] * px + c[i] * py
+                column = column if column > zero else zero
+                column = column if column < last_u else last_u
+                row = row if row > zero else zero
+                row = row if row < last_v else last_v
+                cell[i] = np.uint32(np.int32(row) * stride + np.int32(column))
+            field = flat[levels[k]]
+            for i in range(size):
+                summed[i] += field[cell[i]]
+        for i in range(size):
+            total[start + i] = summed[i]
+
+
+@compiled
+def _count_agreeing(
+    poses: NDArray[np.float64],
+    cos: NDArray[np.float32],
+    sin: NDArray[np.float32],
+    points: NDArray[np.float32],
+    levels: NDArray[np.int64],
+    map_from_world: NDArray[np.float64],
+    log_fields: NDArray[np.float32],
+    agrees: np.float32,
+    agreeing: NDArray[np.float64],
+) -> None:
+    """Add to `agreeing` for each beam the number of poses that put it near an obstacle."""
+    x0, y0, c0, s0, scale = map_from_world
+    for i in range(len(poses)):
+        x, y = poses[i, 0] - x0, poses[i, 1] - y0
+        u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
+        for k in range(points.shape[1]):
+            column = math.floor(u + cos[i] * points[0, k] - sin[i] * points[1, k]) + 1
+            row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
+            if 0 <= row < log_fields.shape[1] and 0 <= column < log_fields.shape[2]:
+                agreeing[k] += log_fields[levels[k], row, column] >= agrees
+
+
+@compiled
+def _forgive(
+    poses: NDArray[np.float64],
+    cos: NDArray[np.float32],
+    sin: NDArray[np.float32],
+    points: NDArray[np.float32],
+    levels: NDArray[np.int64],
+    map_from_world: NDArray[np.float64],
+    log_fields: NDArray[np.float32],
+    free: NDArray[np.bool_],
+    hidden: NDArray[np.bool_],
+    least: float,
+    total: NDArray[np.float64],
+) -> None:
+    """Add to `total` the beams' fields at their end points; a hidden one has `least` at least."""
+    x0, y0, c0, s0, scale = map_from_world
+    for i in range(len(poses)):
+        x, y = poses[i, 0] - x0, poses[i, 1] - y0
+        u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
+        for k in range(points.shape[1]):
+            column = math.floor(u + cos[i] * points[0, k] - sin[i] * points[1, k]) + 1
+            row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
+            column = min(max(column, 0), log_fields.shape[2] - 1)
+            row = min(max(row, 0), log_fields.shape[1] - 1)
+            log = log_fields[levels[k], row, column]
+            total[i] += max(log, least) if hidden[k, i] and free[row, column] else log

@@ -1,0 +1,144 @@
+"""How likely the ranges of a ring of sonars are at a pose, on walls or on an occupancy grid.
+
+What a sonar should measure, m, comes from `wall_echoes.py` or `grid_echoes.py`; inf where nothing
+in range sends an echo. Then
+
+- a range z has the density hit N(z; m, sigma(m)^2) + random / max_range: the robust likelihood
+  of notes, section 4.1, with K the random part. The Gaussian keeps its factor 1 / sigma, since
+  sigma grows with the range and so differs from pose to pose;
+- a range where none was expected has random / max_range: cross-talk, or something the map has not;
+- no echo where one was expected has the probability none: soft, slanted or uneven surfaces;
+- no echo where none was expected has hit + none.
+
+Each of these is a likelihood of sum 1, so ranges and missing echoes weigh against each other as
+they should. Sonars are multiplied, and the product is tempered as in `likelihood_field.py`: walls
+that the map has wrong mislead several sonars at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.ranging.grid_echoes import GridEchoes
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.estimation.ranging.wall_echoes import WallEchoes
+from robotctl.model.grid_map import GridMap
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.model.sensors.sonar_mounts import mount_rows
+from robotctl.model.wall_map import WallMap
+
+
+class SonarModel:
+    """Log-likelihoods of the readings of a ring of sonars.
+
+    Parameters
+    ----------
+    room
+        Walls, or an occupancy grid.
+    mounts
+        Where the sonars sit, in the order of their readings.
+    config
+        What they hear.
+    """
+
+    def __init__(
+        self,
+        room: WallMap | GridMap,
+        mounts: Sequence[SonarMount],
+        config: SonarModelConfig | None = None,
+    ) -> None:
+        self.config = config or SonarModelConfig()
+        at = mount_rows(mounts)
+        heard = (
+            math.radians(self.config.beam_deg),
+            math.radians(self.config.max_incidence_deg),
+            self.config.max_range_m,
+        )
+        self._echoes: WallEchoes | GridEchoes
+        if isinstance(room, WallMap):
+            self._echoes = WallEchoes(room, at, *heard)
+        else:
+            self._echoes = GridEchoes(room, at, *heard)
+        self._sonars = len(at)
+
+    def measurement(self, ranges_m: NDArray[np.float64]) -> LogLikelihood:
+        """Return the function from poses to the log-likelihood of readings.
+
+        It is about 0 where all readings are as expected, however many sonars heard an echo.
+        """
+        perfect = self._perfect(ranges_m)
+
+        def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self.log_likelihood(poses, ranges_m) - perfect
+
+        return log_likelihood
+
+    def log_likelihood(
+        self, poses: NDArray[np.float64], ranges_m: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the log-likelihood of readings of one instant at each pose.
+
+        Parameters
+        ----------
+        poses
+            Of `base` in `world`, (n, 3) [m, m, rad].
+        ranges_m
+            One reading for each sonar [m]: inf without an echo, nan where there is no reading.
+
+        Returns
+        -------
+        NDArray
+            (n,); 0 if no sonar has a reading.
+
+        Raises
+        ------
+        ValueError
+            If there is not one reading for each sonar.
+        """
+        if ranges_m.shape != (self._sonars,):
+            raise ValueError(
+                f"ranges_m must have one reading for each of {self._sonars} sonars, "
+                f"found {ranges_m.shape}"
+            )
+        present = np.flatnonzero(~np.isnan(ranges_m))
+        if len(present) == 0:
+            return np.zeros(len(poses))
+        expected = self._echoes.ranges(poses, present)
+        return self._weighed(expected, ranges_m[present])
+
+    def _perfect(self, ranges_m: NDArray[np.float64]) -> float:
+        """Return the log-likelihood of readings where they are just what is expected."""
+        measured = ranges_m[~np.isnan(ranges_m)]
+        if len(measured) == 0:
+            return 0.0
+        expected = np.where(measured >= self.config.max_range_m, np.inf, measured)
+        return float(self._weighed(expected[np.newaxis], measured)[0])
+
+    def _weighed(
+        self, expected: NDArray[np.float64], measured: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the tempered log-likelihood of z (k,) at each row of m (n, k), (n,)."""
+        alpha = min(1.0, self.config.independent_readings / len(measured))
+        result: NDArray[np.float64] = alpha * self._log_density(expected, measured).sum(axis=1)
+        return result
+
+    def _log_density(
+        self, expected: NDArray[np.float64], measured: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return log p(z | m) of m (n, k) and z (k,), (n, k)."""
+        config = self.config
+        hit = 1.0 - config.random - config.none
+        nothing = np.isinf(expected)
+        m = np.where(nothing, 0.0, expected)
+        sigma = config.sigma_m + config.sigma_per_m * m
+        none = measured >= config.max_range_m
+        off = (np.where(none, 0.0, measured) - m) / sigma
+        density = hit / (math.sqrt(math.tau) * sigma) * np.exp(-0.5 * off * off)
+        density[nothing] = 0.0
+        density += config.random / config.max_range_m
+        return np.log(np.where(none, np.where(nothing, hit + config.none, config.none), density))

@@ -1,0 +1,1 @@
+"""Formats of recordings: CARMEN, MRCLAM, LEGO, TUM and our own."""

@@ -1,0 +1,168 @@
+"""What is read back of the messages in our own logs, in the form of now and in that of before.
+
+In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are
+lists, and null stands for infinity and nan alike: it is taken for infinity, see `own_log`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+from robotctl.logs.mcap.foxglove import OUT_OF_RANGE_M
+from robotctl.model.geometry.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedState:
+    """What is needed of a state of the control process.
+
+    Parameters
+    ----------
+    stamp_ns
+        By the robot's clock [ns].
+    T_odom_base
+        Where the odometry is.
+    sonar_m
+        Last range of each sonar [m]; inf: no echo, nan: no valid reading.
+    sonar_stamp_ns
+        When each came [ns].
+    """
+
+    stamp_ns: int
+    T_odom_base: SE2
+    sonar_m: tuple[float, ...] = ()
+    sonar_stamp_ns: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedBelief:
+    """What is needed of what the localiser believed: a `LocalisationStatus`, and where."""
+
+    status: int
+    T_world_odom: SE2
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedScan:
+    """What is needed of a scan of the lidar, which stands at `x_m`, `y_m` of `base` [m, rad]."""
+
+    x_m: float
+    y_m: float
+    first_rad: float
+    last_rad: float
+    max_range_m: float
+    ranges_m: tuple[float, ...]
+
+
+class _Pose(msgspec.Struct):
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+    def value(self) -> SE2:
+        """Return it as a pose."""
+        return SE2(self.x_m, self.y_m, self.theta_rad)
+
+
+class _Sonar(msgspec.Struct):
+    stamp_ns: int
+    out_of_range: bool = False
+    range_m: float = math.nan
+
+    def heard_m(self) -> float:
+        """Return the range [m]; inf: no echo, nan: no valid reading."""
+        return math.inf if self.out_of_range else self.range_m
+
+
+class _State(msgspec.Struct):
+    stamp_ns: int
+    T_odom_base: _Pose
+    sonars: list[_Sonar] = []
+
+
+class _OldState(_Pose):
+    stamp_ns: int
+    sonar_m: list[float | None] = []
+    sonar_stamp_ns: list[int] = []
+
+
+class _Belief(msgspec.Struct):
+    status: int
+    T_world_odom: _Pose
+
+
+class _OldBelief(_Pose):
+    status: int
+
+
+class _Place(msgspec.Struct):
+    x: float
+    y: float
+
+
+class _LaserPose(msgspec.Struct):
+    position: _Place
+
+
+class _Laser(msgspec.Struct):
+    pose: _LaserPose
+    start_angle: float
+    end_angle: float
+    max_range: float
+    ranges: list[float | None]
+
+
+_STATE: Final = msgspec.json.Decoder(_State)
+_OLD_STATE: Final = msgspec.json.Decoder(_OldState)
+_BELIEF: Final = msgspec.json.Decoder(_Belief)
+_OLD_BELIEF: Final = msgspec.json.Decoder(_OldBelief)
+_LASER: Final = msgspec.json.Decoder(_Laser)
+
+
+def logged_state(data: bytes) -> LoggedState:
+    """Return a message of the topic `control`; raises `msgspec.DecodeError` where it is none."""
+    if b'"T_odom_base"' not in data:
+        old = _OLD_STATE.decode(data)
+        ranges_m = tuple(math.inf if each is None else each for each in old.sonar_m)
+        return LoggedState(old.stamp_ns, old.value(), ranges_m, tuple(old.sonar_stamp_ns))
+    state = _STATE.decode(data)
+    return LoggedState(
+        state.stamp_ns,
+        state.T_odom_base.value(),
+        tuple(each.heard_m() for each in state.sonars),
+        tuple(each.stamp_ns for each in state.sonars),
+    )
+
+
+def logged_belief(data: bytes) -> LoggedBelief:
+    """Return a message of the topic `localisation`; raises as `logged_state`."""
+    if b'"T_world_odom"' not in data:
+        old = _OLD_BELIEF.decode(data)
+        return LoggedBelief(old.status, old.value())
+    belief = _BELIEF.decode(data)
+    return LoggedBelief(belief.status, belief.T_world_odom.value())
+
+
+def logged_scan(data: bytes) -> LoggedScan:
+    """Return a message of the topic `lidar`; raises as `logged_state`."""
+    laser = _LASER.decode(data)
+    place = laser.pose.position
+    return LoggedScan(
+        place.x,
+        place.y,
+        laser.start_angle,
+        laser.end_angle,
+        laser.max_range,
+        tuple(map(_range_m, laser.ranges)),
+    )
+
+
+def _range_m(written: float | None) -> float:
+    """Return a range of a scan [m]; inf: nothing came back, nan: no valid reading."""
+    if written is None or written >= OUT_OF_RANGE_M:
+        return math.inf
+    return math.nan if written <= -OUT_OF_RANGE_M else written

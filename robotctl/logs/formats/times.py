@@ -1,0 +1,209 @@
+"""Times of recorded logs: their unit, their range, clocks that wrap, stand still or go back.
+
+A log is text that other programs wrote; whether its times are seconds, it does not say. Times that
+cannot be seconds are refused, since all that is made of them would be wrong without a word: those
+out of range by themselves, and those that let the robot creep or fly (`check_pace`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.errors import ConfigError
+from robotctl.logs.formats.log_text import LogFormatError
+from robotctl.model.recording import Recording
+from robotctl.model.trajectory import Trajectory
+from robotctl.toml_source import nearest
+
+TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of times [s]."""
+
+FIRST_S, LAST_S = -1e5, 9.2e9
+"""Times of today are 1.8e9 s; 64 bits of nanoseconds end in the year 2261. Programs that count
+from some message of a log give the ones before it small negative times."""
+
+_FINE_BELOW_S: Final = 4e6
+"""Below it a float resolves a nanosecond [s]."""
+_WRAP: Final = 2.0**32
+_NEAR_WRAP: Final = 2.0**24
+"""A clock of 32 bits steps by 2^32 where it wraps, give or take so much."""
+
+_STEP_M: Final = 0.1
+_STEPS: Final = 10
+_CREEP_M_S, _FLY_M_S = 0.005, 50.0
+"""No robot's usual speed is outside of these [m/s]."""
+
+
+ErrorAt: TypeAlias = Callable[[int, str], LogFormatError]
+"""Makes the error that names the line of the i-th of some times."""
+
+
+def check_unit(unit: str | None) -> None:
+    """Refuse a unit of time that is none.
+
+    Raises
+    ------
+    ConfigError
+        If it is none of `TIME_UNITS`.
+    """
+    if unit is not None and unit not in TIME_UNITS:
+        raise ConfigError(
+            f"--time-unit {unit}: must be one of {', '.join(TIME_UNITS)}"
+            f"{nearest(unit, tuple(TIME_UNITS))}"
+        )
+
+
+def stamps(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return times [s] as [ns], with the digits that a float has: of wall time, microseconds."""
+    fine = np.abs(seconds) < _FINE_BELOW_S
+    nanoseconds = np.rint(np.where(fine, seconds, 0.0) * 1e9).astype(np.int64)
+    return np.where(fine, nanoseconds, np.rint(seconds * 1e6).astype(np.int64) * 1000)
+
+
+def in_order(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Return times that never go back, in the order of the log, and how many had to be moved on.
+
+    The order of the log is that in which things happened; a clock that is set, or messages of two
+    sources, put single times wrong.
+    """
+    ordered = np.maximum.accumulate(stamps_ns)
+    return ordered, int(np.count_nonzero(ordered != stamps_ns))
+
+
+def checked_stamps(
+    times: NDArray[np.float64], unit: str, error_at: ErrorAt, *, can_tell: bool = True
+) -> NDArray[np.int64]:
+    """Return times of a log in `unit`, (n,) finite, as [ns].
+
+    `can_tell` is whether the user can tell their unit.
+
+    Raises
+    ------
+    LogFormatError
+        If a time is out of range; it names the line.
+    """
+    seconds = times * TIME_UNITS[unit]
+    wrong = np.flatnonzero((seconds < FIRST_S) | (seconds > LAST_S))
+    if len(wrong):
+        at = int(wrong[0])
+        raise error_at(
+            at,
+            f"time {times[at]:.15g} {unit}: allowed are {FIRST_S / TIME_UNITS[unit]:g} to "
+            f"{LAST_S / TIME_UNITS[unit]:g} {unit}"
+            f"{_hint(float(seconds[at]) / TIME_UNITS[unit], can_tell=can_tell)}",
+        )
+    return stamps(seconds)
+
+
+def _hint(time: float, *, can_tell: bool) -> str:
+    """Return which unit a time has, if it is one of today."""
+    for unit, unit_s in TIME_UNITS.items():
+        if 1e8 < time * unit_s <= LAST_S:
+            advice = f"? Then give --time-unit {unit}" if can_tell else ", which this file must not"
+            return f"; are the times {unit}{advice}"
+    return ""
+
+
+def is_timeless(stamps_ns: NDArray[np.int64]) -> bool:
+    """Return whether several times are all the same, so that they tell no order."""
+    return len(stamps_ns) > 1 and bool(stamps_ns[0] == stamps_ns[-1])
+
+
+def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return times of which a clock of 32 bits that wraps goes on; none becomes negative by it."""
+    if len(times) == 0:
+        return times
+    steps = np.diff(times)
+    turns = np.where(np.abs(np.abs(steps) - _WRAP) < _NEAR_WRAP, -np.sign(steps), 0.0)
+    added = np.concatenate([[0.0], np.cumsum(turns)])
+    return np.asarray(times + _WRAP * (added - min(added.min(), 0.0)))
+
+
+def ordered_stamps(
+    times: NDArray[np.float64], unit: str, what: str, notes: list[str], error_at: ErrorAt
+) -> NDArray[np.int64]:
+    """Return `checked_stamps` that never go back, of a clock that goes on where it wraps.
+
+    Parameters
+    ----------
+    times, unit, error_at
+        See there.
+    what
+        What has these times: `scans`.
+    notes
+        Sentences for people; what had to be done, and is strange, is added.
+    """
+    going_on = unwrapped(times)
+    if np.any(going_on != times):
+        notes.append(wraps(what, unit))
+    stamps_ns, held = in_order(checked_stamps(going_on, unit, error_at))
+    if held:
+        notes.append(f"{held} of {len(times)} {what}: their clock goes back, time held")
+    if is_timeless(stamps_ns):
+        at_s = 1e-9 * int(stamps_ns[0])
+        notes.append(
+            f"all {len(times)} {what} have one time, {at_s:.15g} s: only their order is known"
+        )
+    return stamps_ns
+
+
+def wraps(what: str, unit: str) -> str:
+    """Return what to say of a clock that wraps."""
+    return f"{what}: their clock wraps after 2^32 {unit}, it is taken to go on"
+
+
+def note_pairs(times: NDArray[np.float64], what: str, notes: list[str]) -> None:
+    """Note how many of some times are those of the one before, where it is not all of them."""
+    same = int(np.count_nonzero(np.diff(times) == 0.0))
+    if 0 < same < len(times) - 1:
+        notes.append(f"{same} of {len(times)} {what} have the time of the one before")
+
+
+def check_pace(recording: Recording, can_tell: bool) -> None:
+    """Refuse a recording whose times let the robot creep or fly: they have another unit.
+
+    Parameters
+    ----------
+    recording
+        As read.
+    can_tell
+        Whether the user can tell the unit.
+
+    Raises
+    ------
+    LogFormatError
+        If its usual speed is none of a robot.
+    """
+    trajectory = recording.odometry or recording.reference
+    pace_m_s = None if trajectory is None else usual_pace(trajectory)
+    if trajectory is None or pace_m_s is None or _CREEP_M_S <= pace_m_s <= _FLY_M_S:
+        return
+    spans_s = 1e-9 * float(trajectory.stamps_ns[-1] - trajectory.stamps_ns[0])
+    raise LogFormatError(
+        f"{recording.name}: by its times the log lasts {spans_s:.4g} s and the robot drives "
+        f"{pace_m_s:.2g} m/s; allowed are {_CREEP_M_S:g} to {_FLY_M_S:g} m/s"
+        + ("; tell the unit of its times by --time-unit, s where this is right" if can_tell else "")
+    )
+
+
+def usual_pace(trajectory: Trajectory) -> float | None:
+    """Return the median speed over ways of `_STEP_M` [m/s]; None where there are only few."""
+    points, stamps_ns = trajectory.poses[:, :2], trajectory.stamps_ns
+    spans_s, begin = [], 0
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    lengths_m = []
+    while True:
+        end = int(np.searchsorted(way_m, way_m[begin] + _STEP_M))
+        if end >= len(way_m):
+            break
+        spans_s.append(1e-9 * float(stamps_ns[end] - stamps_ns[begin]))
+        lengths_m.append(float(way_m[end] - way_m[begin]))
+        begin = end
+    moved = np.array(spans_s) > 0.0
+    if np.count_nonzero(moved) < _STEPS:
+        return None
+    return float(np.median(np.array(lengths_m)[moved] / np.array(spans_s)[moved]))

@@ -1,0 +1,1 @@
+"""MCAP logs: records, schemas and scenes."""

@@ -1,0 +1,190 @@
+"""What of each published message is logged: topics, schemas, and the content of the entries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, TypeAlias
+
+import msgspec
+
+from robotctl.logs.mcap.forms import (
+    camera_content,
+    camera_schema,
+    control_content,
+    control_schema,
+    localisation_content,
+    localisation_schema,
+)
+from robotctl.logs.mcap.foxglove import (
+    FrameTransforms,
+    Grid,
+    LaserScan,
+    Log,
+    PointCloud,
+    PoseInFrame,
+    grid,
+    laser_scan,
+    log_line,
+    point_cloud,
+)
+from robotctl.logs.mcap.scene import Scene
+from robotctl.logs.mcap.schema import JsonSchema, plain, schema_of
+from robotctl.messages.control import ControlState, NavigationState, Notice
+from robotctl.messages.estimation import (
+    CameraView,
+    GivenMap,
+    LidarScan,
+    LiveMap,
+    LocalisationState,
+    ParticleCloud,
+)
+
+Published: TypeAlias = (
+    ControlState
+    | NavigationState
+    | LocalisationState
+    | LidarScan
+    | CameraView
+    | Notice
+    | ParticleCloud
+    | LiveMap
+    | GivenMap
+)
+"""What is logged."""
+
+Entry: TypeAlias = tuple[str, int, object]
+"""Topic, wall time [ns], and what is encoded as JSON."""
+
+MAP_NS: Final = 5_000_000_000
+"""A map that grows is logged so often [ns]: a large one is much to encode."""
+
+FRAMES_NS: Final = 30_000_000
+"""So far apart are two entries of frames [ns]: each second state of the control process has one."""
+
+
+def _well_known(kind: type[msgspec.Struct]) -> tuple[str, JsonSchema]:
+    """Return name and schema of messages that viewers know."""
+    return f"foxglove.{kind.__name__}", schema_of(kind, complete=True)
+
+
+# The numbers of topics follow from their order, and by these a damaged log is read.
+TOPICS: Final[dict[str, tuple[str, JsonSchema]]] = {
+    "control": ("ControlState", control_schema()),
+    "navigation": ("NavigationState", schema_of(NavigationState)),
+    "localisation": ("LocalisationState", localisation_schema()),
+    "camera": ("CameraView", camera_schema()),
+    "lidar": _well_known(LaserScan),
+    "notice": _well_known(Log),
+    "frames": _well_known(FrameTransforms),
+    "sensor_frames": _well_known(FrameTransforms),
+    "T_world_base": _well_known(PoseInFrame),
+    "map": _well_known(Grid),
+    "live_map": _well_known(Grid),
+    "particles": _well_known(PointCloud),
+}
+"""Name and schema of the messages of each topic."""
+
+
+class LogEntries:
+    """Turns published messages into the entries of one file.
+
+    Parameters
+    ----------
+    epoch_ns
+        Added to the stamps of messages to get wall time [ns].
+    name
+        Of the robot.
+    scene
+        What all files of a run share.
+    """
+
+    def __init__(self, epoch_ns: int, name: str, scene: Scene) -> None:
+        self._epoch_ns = epoch_ns
+        self._name = name
+        self._scene = scene
+        self._is_begun = False
+        self._framed_ns = -FRAMES_NS
+        self._maps: dict[str, LiveMap] = {}
+        """Those that are in the file."""
+
+    def of(self, message: Published) -> Iterator[Entry]:
+        """Yield what a message brings, the first what shows the whole file as well."""
+        wall_ns = message.stamp_ns + self._epoch_ns
+        if not self._is_begun:
+            self._is_begun = True
+            yield from self._sensor_frames(wall_ns)
+            yield from self._known_maps(wall_ns)
+        yield from self._of(wall_ns, message)
+
+    def _of(self, wall_ns: int, message: Published) -> Iterator[Entry]:
+        """Yield what a message brings."""
+        match message:
+            case ControlState():
+                yield from self._of_control(wall_ns, message)
+            case LidarScan():
+                yield from self._of_scan(wall_ns, message)
+            case LiveMap():
+                yield from self._of_map("live_map", message)
+            case GivenMap():
+                yield from self._of_map("map", message.map)
+            case LocalisationState():
+                self._scene.localise(message)
+                yield "localisation", wall_ns, localisation_content(message)
+            case NavigationState():
+                yield "navigation", wall_ns, plain(message)
+            case CameraView():
+                yield "camera", wall_ns, camera_content(message)
+            case ParticleCloud():
+                yield "particles", wall_ns, point_cloud(wall_ns, message)
+            case Notice():
+                yield "notice", wall_ns, log_line(wall_ns, message, self._name)
+
+    def newest_maps(self) -> Iterator[Entry]:
+        """Yield the maps that changed since they were last logged, for the end of the file."""
+        for topic, chart in self._scene.maps.items():
+            yield from self._changed_map(topic, chart.stamp_ns + self._epoch_ns, chart)
+
+    def _of_control(self, wall_ns: int, state: ControlState) -> Iterator[Entry]:
+        """Yield a state of the control process, and where the robot is by it."""
+        yield "control", wall_ns, control_content(state, self._scene.sonar_names)
+        if 0 <= state.stamp_ns - self._framed_ns < FRAMES_NS:
+            return
+        self._framed_ns = state.stamp_ns
+        frames, pose = self._scene.frames(wall_ns, state)
+        yield "frames", wall_ns, frames
+        if pose is not None:
+            yield "T_world_base", wall_ns, pose
+
+    def _of_scan(self, wall_ns: int, message: LidarScan) -> Iterator[Entry]:
+        """Yield a scan, unless it is none."""
+        scan = laser_scan(wall_ns, message)
+        if scan is None:
+            return
+        if self._scene.place_lidar(message):
+            yield from self._sensor_frames(wall_ns)
+        yield "lidar", wall_ns, scan
+
+    def _sensor_frames(self, wall_ns: int) -> Iterator[Entry]:
+        """Yield where the sensors sit."""
+        frames = self._scene.sensor_frames(wall_ns)
+        if frames is not None:
+            yield "sensor_frames", wall_ns, frames
+
+    def _known_maps(self, wall_ns: int) -> Iterator[Entry]:
+        """Yield the maps of the file before."""
+        for topic, chart in self._scene.maps.items():
+            yield from self._changed_map(topic, wall_ns, chart)
+
+    def _of_map(self, topic: str, chart: LiveMap) -> Iterator[Entry]:
+        """Yield a map if it is time for one."""
+        self._scene.maps[topic] = chart
+        before = self._maps.get(topic)
+        if before is None or chart.stamp_ns - before.stamp_ns >= MAP_NS:
+            yield from self._changed_map(topic, chart.stamp_ns + self._epoch_ns, chart)
+
+    def _changed_map(self, topic: str, wall_ns: int, chart: LiveMap) -> Iterator[Entry]:
+        """Yield a map unless it is in the file as it is."""
+        before = self._maps.get(topic)
+        if before is None or msgspec.structs.replace(before, stamp_ns=chart.stamp_ns) != chart:
+            self._maps[topic] = chart
+            yield topic, wall_ns, grid(wall_ns, chart)

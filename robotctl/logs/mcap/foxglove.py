@@ -1,0 +1,276 @@
+"""Messages in the schemas that Foxglove and viewers like it draw without being told how.
+
+Names and fields are those of https://docs.foxglove.dev/docs/sdk/schemas; `data` of bytes is base64
+in JSON. Frames are `world`, `odom`, `base`, `lidar`, `camera` and `sonar_NAME`, as in
+docs/architecture.md. A range of a scan must be a number and its place counts: see `scan_ranges`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from array import array
+from collections.abc import Iterable
+from typing import Final
+
+import msgspec
+
+from robotctl.messages.control import Notice
+from robotctl.messages.estimation import LidarScan, LiveMap, ParticleCloud
+from robotctl.model.geometry.se2 import SE2
+
+WORLD: Final = "world"
+ODOM: Final = "odom"
+BASE: Final = "base"
+LIDAR: Final = "lidar"
+CAMERA: Final = "camera"
+
+OUT_OF_RANGE_M: Final = 1e6
+"""In a scan: nothing came back from within `max_range`; so far that no viewer shows it [m]."""
+
+_UINT8, _INT8, _FLOAT32 = 1, 2, 7
+"""`foxglove.NumericType`."""
+
+_LEVELS: Final = ((3, 5), (4, 4), (5, 3), (7, 2))
+"""Severity of RFC 5424 below the first number: level of `foxglove.Log`."""
+
+
+class Time(msgspec.Struct, frozen=True, gc=False):
+    """Wall time, since 1970."""
+
+    sec: int
+    nsec: int
+
+
+class Vector3(msgspec.Struct, frozen=True, gc=False):
+    """A place or a direction [m]."""
+
+    x: float
+    y: float
+    z: float = 0.0
+
+
+class Quaternion(msgspec.Struct, frozen=True, gc=False):
+    """A rotation."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+class Pose(msgspec.Struct, frozen=True, gc=False):
+    """Where a frame or a thing is, and how it is turned."""
+
+    position: Vector3
+    orientation: Quaternion
+
+
+class FrameTransform(msgspec.Struct, frozen=True, gc=False):
+    """`T_parent_child`."""
+
+    timestamp: Time
+    parent_frame_id: str
+    child_frame_id: str
+    translation: Vector3
+    rotation: Quaternion
+
+
+class FrameTransforms(msgspec.Struct, frozen=True):
+    """Several of them."""
+
+    transforms: tuple[FrameTransform, ...]
+
+
+class PoseInFrame(msgspec.Struct, frozen=True, gc=False):
+    """A pose, and its heading once more [rad], for plots."""
+
+    timestamp: Time
+    frame_id: str
+    pose: Pose
+    theta_rad: float
+
+
+class PackedElementField(msgspec.Struct, frozen=True, gc=False):
+    """What stands at `offset` of each element of `data`."""
+
+    name: str
+    offset: int
+    type: int
+
+
+class Vector2(msgspec.Struct, frozen=True, gc=False):
+    """Lengths along two axes [m]."""
+
+    x: float
+    y: float
+
+
+class Grid(msgspec.Struct, frozen=True):
+    """A map of cells by rows, the first at the pose."""
+
+    timestamp: Time
+    frame_id: str
+    pose: Pose
+    column_count: int
+    cell_size: Vector2
+    row_stride: int
+    cell_stride: int
+    fields: tuple[PackedElementField, ...]
+    data: bytes
+
+
+class PointCloud(msgspec.Struct, frozen=True):
+    """Points, `point_stride` bytes each."""
+
+    timestamp: Time
+    frame_id: str
+    pose: Pose
+    point_stride: int
+    fields: tuple[PackedElementField, ...]
+    data: bytes
+
+
+class LaserScan(msgspec.Struct, frozen=True):
+    """A scan of a lidar [rad, m], and beyond which range it sees nothing [m]."""
+
+    timestamp: Time
+    frame_id: str
+    pose: Pose
+    start_angle: float
+    end_angle: float
+    ranges: list[float]
+    intensities: list[float]
+    max_range: float
+
+
+class Log(msgspec.Struct, frozen=True):
+    """A line of text: what log panels show."""
+
+    timestamp: Time
+    level: int
+    message: str
+    name: str
+    file: str
+    line: int
+
+
+_UPRIGHT: Final = Quaternion(0.0, 0.0, 0.0, 1.0)
+_AT_ORIGIN: Final = Pose(Vector3(0.0, 0.0), _UPRIGHT)
+_PARTICLE: Final = (
+    PackedElementField("x", 0, _FLOAT32),
+    PackedElementField("y", 4, _FLOAT32),
+    PackedElementField("theta", 8, _FLOAT32),
+)
+_CELL: Final = (
+    PackedElementField("red", 0, _UINT8),
+    PackedElementField("green", 1, _UINT8),
+    PackedElementField("blue", 2, _UINT8),
+    PackedElementField("alpha", 3, _UINT8),
+    PackedElementField("occupancy", 4, _INT8),
+)
+_UNKNOWN: Final = 205
+"""Grey of a cell that nobody has seen, that of ROS maps."""
+
+_GREYS: Final = bytes(254 - 254 * cell // 100 if cell <= 100 else _UNKNOWN for cell in range(256))
+"""By the cell as an unsigned byte."""
+
+
+def time_of(wall_ns: int) -> Time:
+    """Return a wall time [ns since 1970]."""
+    seconds, nanoseconds = divmod(wall_ns, 1_000_000_000)
+    return Time(seconds, nanoseconds)
+
+
+def turned(theta_rad: float) -> Quaternion:
+    """Return the rotation by an angle about z [rad]."""
+    return Quaternion(0.0, 0.0, math.sin(0.5 * theta_rad), math.cos(0.5 * theta_rad))
+
+
+def planar_transform(wall_ns: int, parent: str, child: str, T_parent_child: SE2) -> FrameTransform:
+    """Return where one frame lies in another, both in the plane."""
+    return FrameTransform(
+        time_of(wall_ns),
+        parent,
+        child,
+        Vector3(T_parent_child.x_m, T_parent_child.y_m),
+        turned(T_parent_child.theta_rad),
+    )
+
+
+def pose_in(wall_ns: int, frame: str, pose: SE2) -> PoseInFrame:
+    """Return a pose of `base` in a frame of the plane."""
+    at = Pose(Vector3(pose.x_m, pose.y_m), turned(pose.theta_rad))
+    return PoseInFrame(time_of(wall_ns), frame, at, pose.theta_rad)
+
+
+def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
+    """Return a scan; None where a driver sent what is none.
+
+    It stands in `base`, at the lidar's place there, so that it is right where a log that was cut
+    has lost the frame `lidar`.
+    """
+    numbers = (scan.x_m, scan.y_m, scan.first_rad, scan.step_rad, scan.max_range_m)
+    if len(scan.ranges) % 4 or not all(map(math.isfinite, numbers)):
+        return None
+    ranges = array("f", scan.ranges)
+    if sys.byteorder == "big":
+        ranges.byteswap()
+    return LaserScan(
+        time_of(wall_ns),
+        BASE,
+        Pose(Vector3(scan.x_m, scan.y_m), _UPRIGHT),
+        scan.first_rad,
+        scan.first_rad + scan.step_rad * (len(ranges) - 1),
+        scan_ranges(ranges),
+        [],
+        scan.max_range_m,
+    )
+
+
+def scan_ranges(ranges_m: Iterable[float]) -> list[float]:
+    """Return ranges to 0.1 mm for JSON, which knows neither infinity nor nan [m].
+
+    `OUT_OF_RANGE_M` stands for infinity, its negative for nan: no valid reading.
+    """
+    # A third of the time of `round`, which would be as much as all the rest of a log of states.
+    return [
+        int(range_m * 1e4 + 0.5) / 1e4
+        if -OUT_OF_RANGE_M < range_m < OUT_OF_RANGE_M
+        else OUT_OF_RANGE_M
+        if range_m > 0.0
+        else -OUT_OF_RANGE_M
+        for range_m in ranges_m
+    ]
+
+
+def grid(wall_ns: int, chart: LiveMap) -> Grid:
+    """Return a map in `world`, grey as ROS maps are; `occupancy` is its percentage, -1 unknown."""
+    size, stride = len(chart.cells), len(_CELL)
+    data = bytearray(b"\xff") * (size * stride)
+    greys = chart.cells.translate(_GREYS)
+    for channel in range(3):
+        data[channel::stride] = greys
+    data[4::stride] = chart.cells
+    return Grid(
+        time_of(wall_ns),
+        WORLD,
+        Pose(Vector3(chart.x_m, chart.y_m), turned(chart.theta_rad)),
+        chart.columns,
+        Vector2(chart.resolution_m, chart.resolution_m),
+        chart.columns * stride,
+        stride,
+        _CELL,
+        bytes(data),
+    )
+
+
+def point_cloud(wall_ns: int, cloud: ParticleCloud) -> PointCloud:
+    """Return particles in `world`."""
+    return PointCloud(time_of(wall_ns), WORLD, _AT_ORIGIN, 12, _PARTICLE, cloud.poses)
+
+
+def log_line(wall_ns: int, notice: Notice, name: str) -> Log:
+    """Return a notice, said by the robot of this name."""
+    level = next((level for below, level in _LEVELS if notice.severity < below), 1)
+    return Log(time_of(wall_ns), level, notice.text, name, "", 0)

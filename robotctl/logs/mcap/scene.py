@@ -1,0 +1,134 @@
+"""What of a run every file of its log needs, so that a viewer shows each by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from robotctl.logs.mcap.foxglove import (
+    BASE,
+    CAMERA,
+    LIDAR,
+    ODOM,
+    WORLD,
+    FrameTransform,
+    FrameTransforms,
+    PoseInFrame,
+    Quaternion,
+    Vector3,
+    planar_transform,
+    pose_in,
+    time_of,
+)
+from robotctl.messages.control import ControlState
+from robotctl.messages.estimation import LidarScan, LiveMap, LocalisationState
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.camera import CameraMount
+from robotctl.model.sensors.sonar import SonarMount
+
+
+class Scene:
+    """The frames of a robot, and the maps that it goes by.
+
+    Attributes
+    ----------
+    maps
+        The newest map of each topic.
+
+    Parameters
+    ----------
+    sonars
+        In the order of their ranges.
+    camera
+        Where it sits; None: there is none, or it is off.
+    has_localiser
+        Whether one says where `odom` lies in `world`. Without one the two are the same.
+    """
+
+    def __init__(
+        self,
+        sonars: Sequence[SonarMount] = (),
+        camera: CameraMount | None = None,
+        *,
+        has_localiser: bool = False,
+    ) -> None:
+        self.sonar_names = tuple(mount.name for mount in sonars)
+        self.maps: dict[str, LiveMap] = {}
+        self._sonars = tuple(sonars)
+        self._camera = camera
+        self._lidar: SE2 | None = None
+        self._unlocated = None if has_localiser else SE2()
+        self._T_world_odom = self._unlocated
+        self._distance_m = 0.0
+
+    def localise(self, state: LocalisationState) -> None:
+        """Take in where `odom` lies."""
+        self._T_world_odom = SE2(state.x_m, state.y_m, state.theta_rad)
+
+    def place_lidar(self, scan: LidarScan) -> bool:
+        """Take in where the lidar sits, which only its scans say; return whether that is new."""
+        place = SE2(scan.x_m, scan.y_m)
+        is_new, self._lidar = place != self._lidar, place
+        return is_new
+
+    def frames(
+        self, wall_ns: int, state: ControlState
+    ) -> tuple[FrameTransforms, PoseInFrame | None]:
+        """Return `world`, `odom` and `base`, and the pose of `base` in `world` where it is known.
+
+        What the localiser said of the odometry of one control process is void for the next one,
+        which shows by the distance that it counts from its start.
+        """
+        if state.distance_m < self._distance_m:
+            self._T_world_odom = self._unlocated
+        self._distance_m = state.distance_m
+        T_odom_base = SE2(state.x_m, state.y_m, state.theta_rad)
+        odom = planar_transform(wall_ns, ODOM, BASE, T_odom_base)
+        if self._T_world_odom is None:
+            return FrameTransforms((odom,)), None
+        world = planar_transform(wall_ns, WORLD, ODOM, self._T_world_odom)
+        pose = pose_in(wall_ns, WORLD, self._T_world_odom @ T_odom_base)
+        return FrameTransforms((world, odom)), pose
+
+    def sensor_frames(self, wall_ns: int) -> FrameTransforms | None:
+        """Return where the sensors sit in `base`; None where there are none."""
+        found = _sonar_transforms(wall_ns, self._sonars)
+        if self._camera is not None:
+            found.append(camera_transform(wall_ns, self._camera))
+        if self._lidar is not None:
+            found.append(planar_transform(wall_ns, BASE, LIDAR, self._lidar))
+        return FrameTransforms(tuple(found)) if found else None
+
+
+def _sonar_transforms(wall_ns: int, mounts: Iterable[SonarMount]) -> list[FrameTransform]:
+    """Return where the sonars are in `base`; x of each frame is the sonar's axis."""
+    return [
+        planar_transform(
+            wall_ns, BASE, f"sonar_{each.name}", SE2(each.x_m, each.y_m, each.heading_rad)
+        )
+        for each in mounts
+    ]
+
+
+def camera_transform(wall_ns: int, mount: CameraMount) -> FrameTransform:
+    """Return where the camera is in `base`; its frame has z ahead, x right and y down."""
+    yaw, pitch, roll = (
+        0.5 * math.radians(angle) for angle in (mount.yaw_deg, mount.pitch_deg, mount.roll_deg)
+    )
+    rotation = Quaternion(0.0, 0.0, math.sin(yaw), math.cos(yaw))
+    rotation = _product(rotation, Quaternion(0.0, math.sin(pitch), 0.0, math.cos(pitch)))
+    rotation = _product(rotation, Quaternion(math.sin(roll), 0.0, 0.0, math.cos(roll)))
+    # From x ahead, y left, z up to the frame of a picture.
+    rotation = _product(rotation, Quaternion(-0.5, 0.5, -0.5, 0.5))
+    place = Vector3(mount.x_m, mount.y_m, mount.z_m)
+    return FrameTransform(time_of(wall_ns), BASE, CAMERA, place, rotation)
+
+
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Return the rotation by b followed by that by a."""
+    return Quaternion(
+        a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+        a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+        a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+        a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+    )

@@ -1,0 +1,124 @@
+"""The map that a robot localises itself in: a world's walls, or the cells of a ROS map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robotctl.config.robot_file import MAPS
+from robotctl.errors import ConfigError
+from robotctl.estimation.grid.wall_raster import grid_of_walls
+from robotctl.maps.map_file import load_map
+from robotctl.maps.world import find_world, load_walls
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import UNKNOWN, GridMap
+from robotctl.model.wall_map import WallMap
+
+_FEWEST = 2
+"""Rows and columns: the direction of a wall shows in two."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalisationMap:
+    """A map; `walls` is None where it knows cells alone."""
+
+    grid: GridMap
+    walls: WallMap | None
+
+
+def find_map(name: str, beside: Path) -> Path:
+    """Return the file of a map: of a ROS map, `.yaml`, or of a world.
+
+    `beside` is the folder of the robot's file that names it.
+
+    Raises
+    ------
+    ConfigError
+        If there is none.
+    """
+    if not name:
+        raise ConfigError("localisation.map: no map is given; a world (.toml) or a ROS map (.yaml)")
+    return find_world(name, beside)
+
+
+def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
+    """Read the map that `find_map` finds.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or it is wrong.
+    """
+    path = find_map(name, beside)
+    try:
+        if path.suffix.lower() in MAPS:
+            grid = load_map(path)
+            _check_cells(grid, path)
+            return LocalisationMap(grid, None)
+        walls = load_walls(path)
+    except ConfigError:
+        from robotctl.logs.formats.recorded_log import is_log  # noqa: PLC0415 - loads all readers
+
+        if is_log(path):
+            raise ConfigError(
+                f"{path}: a recorded log where a map is needed, a world (.toml) or a ROS map "
+                "(.yaml)"
+            ) from None
+        raise
+    return LocalisationMap(grid_of_walls(walls), walls)
+
+
+def off_map(chart: LocalisationMap, start: SE2) -> str:
+    """Say that a robot cannot start where it shall, by its map; "" where it can."""
+    grid = chart.grid
+    row, column = grid.cell_of(np.array([[start.x_m, start.y_m]]))[0].tolist()
+    rows, columns = grid.cells.shape
+    place = f"the start at x {round(start.x_m, 2):g} m, y {round(start.y_m, 2):g} m lies"
+    if not (0 <= row < rows and 0 <= column < columns):
+        width_m, height_m = columns * grid.resolution_m, rows * grid.resolution_m
+        ends = [grid.origin.apply(x, y) for x in (0.0, width_m) for y in (0.0, height_m)]
+        (low_x, low_y), (high_x, high_y) = np.min(ends, axis=0), np.max(ends, axis=0)
+        return (
+            f"{place} off the map, which has x {low_x:.2f} to {high_x:.2f} m and "
+            f"y {low_y:.2f} to {high_y:.2f} m: is it the map of this place?"
+        )
+    cell = int(grid.cells[row, column])
+    if cell == UNKNOWN:
+        return f"{place} where the map knows nothing: is it the map of this place?"
+    return f"{place} in a wall of the map" if grid.occupied()[row, column] else ""
+
+
+def _check_cells(grid: GridMap, path: Path) -> None:
+    """Refuse a map in which no robot can find itself.
+
+    Raises
+    ------
+    ConfigError
+        If it is; says why.
+    """
+    rows, columns = grid.cells.shape
+    hint = "are negate and the thresholds right?"
+    if min(rows, columns) < _FEWEST:
+        reason = f"has {columns} x {rows} cells, and a robot finds itself in two by two at least"
+    elif not grid.free().any():
+        reason = f"the map has no free cell: a robot can be nowhere; {hint}"
+    elif not grid.occupied().any():
+        reason = f"the map has no obstacle, a cell of 50 % or more: all places look alike; {hint}"
+    else:
+        return
+    raise ConfigError(f"{path}: {reason}")
+
+
+def walls_for_ekf(chart: LocalisationMap, name: str) -> WallMap:
+    """Return the walls of the map called `name`.
+
+    Raises
+    ------
+    ConfigError
+        If it has cells alone.
+    """
+    if chart.walls is None:
+        raise ConfigError(f"{name}: has cells; the EKF needs walls, a world (.toml)")
+    return chart.walls

@@ -1,0 +1,109 @@
+"""Configuration of the MAVLink side, the `[mavlink]` section of a robot's file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from robotctl.messages.mavlink_port import LinkConfig
+
+MIN_RATE_HZ = 0.001
+MAX_RATE_HZ = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class StreamRates:
+    """How often each message goes out on every link, until a peer asks for other rates.
+
+    0 switches a message off; others are 0.001 to 100. HEARTBEAT goes out once a second, always.
+
+    Parameters
+    ----------
+    attitude_hz : float
+        ATTITUDE [Hz].
+    position_hz : float
+        LOCAL_POSITION_NED [Hz].
+    odometry_hz : float
+        ODOMETRY [Hz].
+    wheel_distance_hz : float
+        WHEEL_DISTANCE [Hz].
+    sonar_hz : float
+        DISTANCE_SENSOR of each sonar [Hz].
+    battery_hz : float
+        BATTERY_STATUS [Hz].
+    status_hz : float
+        SYS_STATUS [Hz].
+    """
+
+    attitude_hz: float = 10.0
+    position_hz: float = 10.0
+    odometry_hz: float = 10.0
+    wheel_distance_hz: float = 5.0
+    sonar_hz: float = 5.0
+    battery_hz: float = 1.0
+    status_hz: float = 1.0
+
+    def __post_init__(self) -> None:
+        for rate in dataclasses.fields(self):
+            value = getattr(self, rate.name)
+            if value != 0.0 and not MIN_RATE_HZ <= value <= MAX_RATE_HZ:
+                raise ValueError(
+                    f"{rate.name} must be 0 (off) or {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}, "
+                    f"not {value}"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class MavlinkConfig:
+    """MAVLink identity, links and rates.
+
+    Parameters
+    ----------
+    system_id, component_id : int
+        Address of the robot in the MAVLink network, 1 to 255 each.
+    link : tuple of LinkConfig
+        The links, all used at once.
+    rates : StreamRates
+        Rates of the periodic messages.
+    setpoint_timeout_s : float
+        Velocity set-points and manual control are void after this long [s], 0.05 to 10; set-points
+        from their sending where their `time_boot_ms` tells, all else from its arrival.
+    gcs_timeout_s : float
+        A ground station is lost when its heartbeat is older [s], 1 to 60.
+    hold_without_gcs : bool
+        The robot drives by itself (AUTO, RTL, GUIDED) only while a ground station is there.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, two links are the same, or a ground station is needed and there
+        is no link to one.
+    """
+
+    system_id: int = 1
+    component_id: int = 1
+    link: tuple[LinkConfig, ...] = ()
+    rates: StreamRates = StreamRates()
+    setpoint_timeout_s: float = 0.5
+    gcs_timeout_s: float = 5.0
+    hold_without_gcs: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("system_id", "component_id"):
+            if not 1 <= getattr(self, name) <= 255:
+                raise ValueError(f"{name} must be 1 to 255, not {getattr(self, name)}")
+        _check_range("setpoint_timeout_s", self.setpoint_timeout_s, 0.05, 10.0)
+        _check_range("gcs_timeout_s", self.gcs_timeout_s, 1.0, 60.0)
+        urls = [link.url for link in self.link]
+        if repeated := sorted({url for url in urls if urls.count(url) > 1}):
+            raise ValueError(f"links must differ, found more than once: {', '.join(repeated)}")
+        if self.hold_without_gcs and not self.link:
+            raise ValueError(
+                "hold_without_gcs: true found, but there is no link to a ground station"
+            )
+
+
+def _check_range(name: str, value: float, low: float, high: float) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ValueError(f"{name} must be {low:g} to {high:g}, not {value}")

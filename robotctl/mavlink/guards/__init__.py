@@ -1,0 +1,1 @@
+"""Which commands count: copies, late ones and those of a link that was away."""

@@ -1,0 +1,84 @@
+"""Late copies of commands that let the robot move.
+
+A sender without an acknowledgement sends its command again; the common ground stations do so after
+0.5 to 3 s. Networks and radios repeat frames, too. A copy that comes after the robot was stopped
+by others, or has done what it was told, must not set it off again.
+
+A command is a copy where it means the same as one of the same sender whose answer is no older than
+
+| `confirmation` of COMMAND_LONG | window |
+|---|---|
+| 0, or a message without that field | `REPEAT_NS` |
+| more, by which the sender itself says that it repeats | `CONFIRMED_REPEAT_NS` |
+
+Copies do not prolong the window. A copy is never carried out. Its answer is that of the first
+where that was a refusal, or what was asked for still holds; else it is "temporarily rejected".
+Who wants the same once more on purpose asks again after the window. What stops the robot is none
+of this module's business: it is always carried out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import NamedTuple
+
+from robotctl.mavlink.services.commands import ACCEPTED, TEMPORARILY_REJECTED
+
+REPEAT_NS = 1_000_000_000
+CONFIRMED_REPEAT_NS = 5_000_000_000
+"""QGroundControl sends again after 3 s without an acknowledgement; the rest is for the way [ns]."""
+
+
+class _Answered(NamedTuple):
+    result: int
+    answered_ns: int
+
+
+class LateCopies:
+    """Remembers the answers to commands for as long as copies of them may come."""
+
+    def __init__(self) -> None:
+        self._answered: dict[tuple[tuple[int, int], Hashable], _Answered] = {}
+        """In the order in which they were answered."""
+
+    def remember(
+        self, sender: tuple[int, int], meaning: Hashable, result: int, now_ns: int
+    ) -> None:
+        """Take down that a command of `sender` has been answered with a MAV_RESULT.
+
+        `meaning` is equal for commands that ask for the same.
+        """
+        self._answered.pop((sender, meaning), None)
+        self._answered[sender, meaning] = _Answered(result, now_ns)
+        while now_ns - self._answered[oldest := next(iter(self._answered))].answered_ns > (
+            CONFIRMED_REPEAT_NS
+        ):
+            del self._answered[oldest]
+
+    def answer(
+        self,
+        sender: tuple[int, int],
+        meaning: Hashable,
+        now_ns: int,
+        *,
+        confirmation: int,
+        holds: bool,
+    ) -> int | None:
+        """Return the MAV_RESULT of a copy, None where the command is to be carried out.
+
+        Parameters
+        ----------
+        sender, meaning
+            As in `remember`.
+        now_ns : int
+            Monotonic time [ns].
+        confirmation : int
+            The field of COMMAND_LONG, 0 where there is none.
+        holds : bool
+            What the command asks for is so at present.
+        """
+        first = self._answered.get((sender, meaning))
+        window_ns = CONFIRMED_REPEAT_NS if confirmation else REPEAT_NS
+        if first is None or now_ns - first.answered_ns > window_ns:
+            return None
+        return first.result if holds or first.result != ACCEPTED else TEMPORARILY_REJECTED

@@ -1,0 +1,89 @@
+"""Requests that a link has held back, told by the heartbeats of their sender.
+
+A TCP connection over a radio that was away, or a serial bridge with a buffer, delivers what was
+sent meanwhile all at once, and commands carry no time. But ground stations send a HEARTBEAT each
+second: where a regular one has stayed away and comes again, what comes with it may be as old as
+that. A robot that somebody has stopped meanwhile must not be armed by it.
+
+Nothing is said of a sender whose heartbeats are not regular, or who speaks over another connection
+than before: a new one has held nothing back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.service import source
+from robotctl.messages.mavlink_port import Message, Peer
+
+REGULAR_NS: Final = 1_500_000_000
+"""Heartbeats no farther apart than this are regular, `REGULAR_COUNT` in a row [ns]."""
+REGULAR_COUNT: Final = 3
+
+AWAY_NS: Final = 2_500_000_000
+"""A regular sender that was silent for longer was held back; one lost heartbeat is none [ns]."""
+
+BEHIND_NS: Final = 1_000_000_000
+"""So long after the first sign of life what was held back still comes [ns]."""
+
+MAX_SENDERS: Final = 64
+"""Whoever invents senders must not fill the memory."""
+
+
+@dataclass(slots=True)
+class _Sender:
+    """What is known of one sender's heartbeats, on one connection."""
+
+    heard_ns: int
+    regular: int = 0
+    away_ns: int = 0
+    back_ns: int = 0
+
+    def hear(self, now_ns: int) -> None:
+        """Take a sign of life."""
+        silent_ns = now_ns - self.heard_ns
+        if silent_ns > AWAY_NS and self.regular >= REGULAR_COUNT:
+            self.away_ns, self.back_ns = silent_ns, now_ns
+        self.regular = self.regular + 1 if silent_ns <= REGULAR_NS else 0
+        self.heard_ns = now_ns
+
+
+class HeldBack:
+    """Listens to heartbeats, those of ground stations and of programs alike."""
+
+    handles = frozenset({common.MAVLINK_MSG_ID_HEARTBEAT})
+
+    def __init__(self) -> None:
+        self._senders: dict[tuple[Peer, tuple[int, int]], _Sender] = {}
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take one heartbeat."""
+        key = peer, source(message)
+        sender = self._senders.get(key)
+        if sender is None:
+            if len(self._senders) >= MAX_SENDERS:
+                del self._senders[min(self._senders, key=lambda each: self._senders[each].heard_ns)]
+            self._senders[key] = _Sender(now_ns)
+        else:
+            sender.hear(now_ns)
+
+    def step(self, now_ns: int) -> None:
+        """Do nothing."""
+
+    def objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
+        """Return why what a sender asks for now may be of long ago, empty where it is not.
+
+        Whoever is told so, and asks again a second later, is heard.
+        """
+        known = self._senders.get((peer, sender))
+        if known is None:
+            return ""
+        if now_ns - known.heard_ns > AWAY_NS:
+            known.hear(now_ns)
+        if known.away_ns and now_ns - known.back_ns <= BEHIND_NS:
+            away_s = known.away_ns / 1e9
+            return f"the link was away for {away_s:.1f} s, this may be from before: ask again"
+        return ""

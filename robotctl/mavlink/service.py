@@ -1,0 +1,199 @@
+"""The structure that holds the MAVLink microservices: what they share, who gets which message."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
+
+from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.mavlink.config import MavlinkConfig
+from robotctl.messages.control import (
+    Ack,
+    ControlRequest,
+    ControlState,
+    Mode,
+    NavigationRequest,
+    NavigationState,
+    Notice,
+    Severity,
+)
+from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.located import Locator
+from robotctl.messages.mavlink_port import MavlinkPort, Message, Peer, Received
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.sensors.sonar import SonarMount
+
+FRESH_NS = 1_000_000_000
+"""A state older than this [ns] says nothing about the robot any more."""
+
+MAX_TEXTS = 64
+
+Request: TypeAlias = ControlRequest | NavigationRequest
+State: TypeAlias = ControlState | NavigationState | LocalisationState | Notice
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryRobot:
+    """What telemetry tells about the robot and does not hear from its processes.
+
+    Parameters
+    ----------
+    name : str
+        Name of the robot; its hash is the unique identifier of AUTOPILOT_VERSION.
+    version : str
+        Version of robotctl, `major.minor.patch`.
+    sonars : tuple of SonarMount
+        In the order of `ControlState.sonar_m`.
+    sonar : SonarModelConfig
+        What each of them hears, the robot's `[localisation.sonar]`: its range and its beam.
+    has_localiser : bool
+        Its navigation has a localiser, which must be ready before the robot is armed.
+    arm_timeout_s : float
+        How long the control process tries to arm before it refuses [s].
+    """
+
+    name: str = "robot"
+    version: str = "0.0.0"
+    sonars: tuple[SonarMount, ...] = ()
+    sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
+    has_localiser: bool = False
+    arm_timeout_s: float = 1.0
+
+
+@dataclass
+class Context:
+    """The present state and the outputs of a step, shared by all microservices.
+
+    `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for the
+    process, which may publish them; they must not come back as input, they are sent already.
+    """
+
+    config: MavlinkConfig
+    robot: TelemetryRobot
+    links: MavlinkPort
+    control: ControlState | None = None
+    """Its pose is in `world`, as the localiser corrects it."""
+    navigation: NavigationState | None = None
+    locator: Locator = field(default_factory=Locator)
+    acks: list[Ack] = field(default_factory=list)
+    requests: list[Request] = field(default_factory=list)
+    notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+    texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
+
+    def take(self, state: State) -> None:
+        """Take in one message of another process."""
+        if isinstance(state, ControlState):
+            self.control = self.locator.locate(state)
+            self.acks.extend(state.acks)
+        elif isinstance(state, NavigationState):
+            self.navigation = state
+        elif isinstance(state, LocalisationState):
+            self.locator.localise(state)
+        else:
+            self.texts.extend((state.severity, line) for line in state.text.splitlines())
+
+    def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
+        """Tell people `text`, on the ground stations and in the notices.
+
+        Not where half the room for texts is taken: whoever asks for nonsense again and again must
+        not crowd out what the other processes say, such as why the robot has stopped.
+        """
+        if len(self.texts) >= MAX_TEXTS // 2:
+            return
+        self.texts.append((severity, text))
+        self.notices.append(Notice(now_ns, severity, text))
+
+    def fresh_control(self, now_ns: int) -> ControlState | None:
+        """Return the control process's state, None where it is silent."""
+        state = self.control
+        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def fresh_navigation(self, now_ns: int) -> NavigationState | None:
+        """Return the navigation process's state, None where it is silent."""
+        state = self.navigation
+        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def fresh_localisation(self, now_ns: int) -> LocalisationState | None:
+        """Return what the localiser believes, None where it is silent or there is none."""
+        state = self.locator.localisation
+        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def heading_rad(self, now_ns: int) -> float | None:
+        """Return the heading in `world` [rad], None where the robot does not know it."""
+        control = self.fresh_control(now_ns)
+        if control is None or not math.isfinite(control.theta_rad):
+            return None
+        if self.robot.has_localiser:
+            believed = self.fresh_localisation(now_ns)
+            if believed is None or believed.status is not LocalisationStatus.LOCALISED:
+                return None
+        return control.theta_rad
+
+    def mode(self, now_ns: int) -> Mode:
+        """Return who steers: nobody where the navigation process is silent."""
+        navigation = self.fresh_navigation(now_ns)
+        return Mode.HOLD if navigation is None else navigation.mode
+
+
+class Microservice(Protocol):
+    """One MAVLink microservice: reacts to messages, acts with time."""
+
+    @property
+    def handles(self) -> frozenset[int]:
+        """Identifiers of the messages it takes."""
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take one message that is addressed to this robot."""
+
+    def step(self, now_ns: int) -> None:
+        """Do what time or the robot's state asks for."""
+
+
+class Router:
+    """Gives each message to the services that handle it.
+
+    Dropped and counted are messages for others (`misaddressed`) and our own that came back
+    (`echoes`); messages that nobody handles are passed over.
+    """
+
+    def __init__(self, services: Sequence[Microservice], config: MavlinkConfig) -> None:
+        self._services = tuple(services)
+        self._handlers: dict[int, list[Microservice]] = {}
+        for service in services:
+            for message_id in service.handles:
+                self._handlers.setdefault(message_id, []).append(service)
+        self._system = (0, config.system_id)
+        self._component = (0, config.component_id)
+        self._self = (config.system_id, config.component_id)
+        self.misaddressed = 0
+        self.echoes = 0
+
+    def route(self, received: Received, now_ns: int) -> None:
+        """Hand one message to its services."""
+        message = received.message
+        handlers = self._handlers.get(message.get_msgId())
+        if handlers is None:
+            return
+        if source(message) == self._self:
+            self.echoes += 1
+        elif (
+            getattr(message, "target_system", 0) not in self._system
+            or getattr(message, "target_component", 0) not in self._component
+        ):
+            self.misaddressed += 1
+        else:
+            for service in handlers:
+                service.on_message(message, received.peer, now_ns)
+
+    def step(self, now_ns: int) -> None:
+        """Step all services in their order."""
+        for service in self._services:
+            service.step(now_ns)
+
+
+def source(message: Message) -> tuple[int, int]:
+    """Return the system and component that sent `message`."""
+    return message.get_srcSystem(), message.get_srcComponent()

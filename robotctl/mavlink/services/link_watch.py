@@ -1,0 +1,58 @@
+"""Says which link is out of order, and when it works again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robotctl.mavlink.service import Context
+from robotctl.messages.control import Severity
+from robotctl.messages.mavlink_port import LinkStatus, Message, Peer
+
+PATIENCE_NS = 1_000_000_000
+"""A link that is away for a shorter time [ns] is no news; nor would a supervisor that is itself
+just starting hear of it."""
+
+
+@dataclass
+class _Seen:
+    """What was seen of one link: how often it has opened, since when it fails, whether told."""
+
+    opened: int = 0
+    failing_ns: int | None = None
+    told: bool = False
+
+
+class LinkWatch:
+    """Tells people once of each link that cannot be opened, and once that it is open again.
+
+    The robot needs no particular link: the others work on, and the failed one is tried again.
+    """
+
+    handles: frozenset[int] = frozenset()
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._seen = [_Seen() for _ in range(context.links.count)]
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take nothing."""
+
+    def step(self, now_ns: int) -> None:
+        """Look at the counters of all links."""
+        for status, seen in zip(self._context.links.status(), self._seen, strict=False):
+            self._look(status, seen, now_ns)
+
+    def _look(self, status: LinkStatus, seen: _Seen, now_ns: int) -> None:
+        """Compare one link with what was seen of it before."""
+        if status.opened != seen.opened:
+            seen.opened, seen.failing_ns = status.opened, None
+            if seen.told:
+                seen.told = False
+                self._context.say(now_ns, f"MAVLink {status.url} is open", Severity.INFORMATION)
+        if seen.failing_ns is None:
+            if status.errors and not status.open:
+                seen.failing_ns = now_ns
+        elif not seen.told and now_ns - seen.failing_ns >= PATIENCE_NS:
+            seen.told = True
+            text = f"MAVLink {status.url} is closed and tried again: {status.last_error}"
+            self._context.say(now_ns, text)

@@ -1,0 +1,175 @@
+"""Mode changes: MAV_CMD_DO_SET_MODE and the older SET_MODE message.
+
+A late copy of a request for a mode in which the robot may move is not carried out, `late_copies`
+says which: it would start a completed mission anew, or drive off again after HOLD. HOLD is carried
+out however often it comes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.guards.command_dedup import LateCopies
+from robotctl.mavlink.guards.stale_link import HeldBack
+from robotctl.mavlink.service import Context, source
+from robotctl.mavlink.services.commands import (
+    ACCEPTED,
+    DENIED,
+    MAX_PENDING,
+    TEMPORARILY_REJECTED,
+    Command,
+    acknowledge,
+)
+from robotctl.messages.control import Mode, SetMode
+from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.requests import REQUEST_LIFE_NS
+
+DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
+CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+TIMEOUT_NS = REQUEST_LIFE_NS + 100_000_000
+"""How long the navigation process may take [ns].
+
+It drops the request by itself after `REQUEST_LIFE_NS`; one that it took just before then is in its
+next state, which is here in time.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pending:
+    """What a sender wants; `commands` to answer, the last of each connection, none of SET_MODE."""
+
+    mode: Mode
+    asked_ns: int
+    commands: dict[Peer, Command] = field(default_factory=dict)
+
+
+class Modes:
+    """Asks for modes; the command is accepted when the navigation process is in the mode."""
+
+    handles = frozenset({common.MAVLINK_MSG_ID_SET_MODE})
+    commands = frozenset({DO_SET_MODE})
+
+    def __init__(self, context: Context, held_back: HeldBack) -> None:
+        self._context = context
+        self._held_back = held_back
+        self._pending: dict[tuple[int, int], _Pending] = {}
+        """By sender, all for the same mode: whoever asks for another one ends them."""
+        self._copies = LateCopies()
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take SET_MODE, which has no acknowledgement."""
+        mode = self._wanted(message.base_mode, message.custom_mode, now_ns)
+        sender = source(message)
+        if mode is None or self._is_repeated(sender, mode, now_ns):
+            return
+        if self._is_held_back(peer, sender, mode, now_ns):
+            return
+        if self._of_copy(sender, mode, 0, now_ns) is None:
+            self._ask(sender, mode, now_ns)
+
+    def on_command(self, command: Command, now_ns: int) -> int | None:
+        """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number."""
+        mode = self._wanted(command.params[0], command.params[1], now_ns)
+        if mode is None:
+            return DENIED
+        if self._is_repeated(command.sender, mode, now_ns):
+            self._pending[command.sender].commands[command.peer] = command
+            return None
+        if self._is_held_back(command.peer, command.sender, mode, now_ns):
+            return TEMPORARILY_REJECTED
+        copy = self._of_copy(command.sender, mode, command.confirmation, now_ns)
+        if copy is not None:
+            return copy
+        if not self._ask(command.sender, mode, now_ns):
+            return TEMPORARILY_REJECTED
+        self._pending[command.sender].commands[command.peer] = command
+        return None
+
+    def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+        """Say whether a mode in which the robot may move may be a wish of long ago."""
+        if mode is Mode.HOLD or not (objection := self._held_back.objection(peer, sender, now_ns)):
+            return False
+        self._context.say(now_ns, f"Mode {mode.name}: {objection}")
+        return True
+
+    def _of_copy(
+        self, sender: tuple[int, int], mode: Mode, confirmation: int, now_ns: int
+    ) -> int | None:
+        """Return the answer to a late copy, None where the request is to be carried out."""
+        copy = self._copies.answer(
+            sender, mode, now_ns, confirmation=confirmation, holds=self._holds(mode, now_ns)
+        )
+        if copy == TEMPORARILY_REJECTED:
+            text = f"Mode {mode.name}: asked for a moment ago, ask again"
+            self._context.say(now_ns, text)
+        return copy
+
+    def _holds(self, mode: Mode, now_ns: int) -> bool:
+        """Say whether the robot does what `mode` asks for; AUTO is over at the mission's end."""
+        navigation = self._context.fresh_navigation(now_ns)
+        if navigation is None or navigation.mode != mode:
+            return False
+        ended = navigation.mission_completed or navigation.mission_failed
+        return not (mode is Mode.AUTO and ended)
+
+    def _wanted(self, base_mode: float, custom_mode: float, now_ns: int) -> Mode | None:
+        if not (0.0 <= base_mode <= 255.0 and int(base_mode) & CUSTOM):
+            self._context.say(now_ns, "Mode: needs the flag CUSTOM_MODE_ENABLED")
+            return None
+        for mode in Mode:
+            if custom_mode == float(mode):
+                return mode
+        allowed = ", ".join(f"{mode.name} {mode.value}" for mode in Mode)
+        self._context.say(now_ns, f"Mode {custom_mode:g}: allowed {allowed}")
+        return None
+
+    def _is_repeated(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+        """Say whether a sender waits for that mode already; HOLD is carried out all the same."""
+        pending = self._pending.get(sender)
+        if pending is None or pending.mode is not mode:
+            return False
+        if mode is Mode.HOLD:
+            self._context.requests.append(SetMode(now_ns, mode))
+        return True
+
+    def _ask(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
+        """Ask for a mode; return whether there is room to wait for what becomes of it.
+
+        Where there is none, the mode has been asked for; HOLD is carried out all the same.
+        """
+        for other, pending in list(self._pending.items()):
+            if pending.mode is not mode:
+                self._answer(other, TEMPORARILY_REJECTED, now_ns)
+        has_room = len(self._pending) < MAX_PENDING
+        if has_room or mode is Mode.HOLD:
+            self._context.requests.append(SetMode(now_ns, mode))
+        if has_room:
+            self._pending[sender] = _Pending(mode, now_ns)
+        return has_room
+
+    def step(self, now_ns: int) -> None:
+        """Acknowledge the mode that was taken, or was not in time."""
+        navigation = self._context.fresh_navigation(now_ns)
+        refusal = ""
+        for sender, pending in list(self._pending.items()):
+            if (
+                navigation is not None
+                and navigation.stamp_ns > pending.asked_ns
+                and navigation.mode == pending.mode
+            ):
+                self._answer(sender, ACCEPTED, now_ns)
+            elif now_ns - pending.asked_ns > TIMEOUT_NS:
+                why = "navigation does not answer" if navigation is None else navigation.message
+                refusal = f"Mode {pending.mode.name} not taken: {why}"
+                self._answer(sender, TEMPORARILY_REJECTED, now_ns)
+        if refusal:
+            self._context.say(now_ns, refusal)
+
+    def _answer(self, sender: tuple[int, int], result: int, now_ns: int) -> None:
+        pending = self._pending.pop(sender)
+        if pending.mode is not Mode.HOLD:
+            self._copies.remember(sender, pending.mode, result, now_ns)
+        for command in pending.commands.values():
+            acknowledge(self._context, command, result)

@@ -1,0 +1,91 @@
+"""STATUSTEXT: lines for people, long ones in chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.service import Context
+from robotctl.mavlink.services.ground_stations import GroundStations
+from robotctl.messages.control import Severity
+from robotctl.messages.mavlink_port import Message, Peer
+
+CHUNK = 50
+MAX_LENGTH = 1000
+TEXTS_PER_STEP = 4
+"""A burst of notices is spread, so that it does not crowd out answers on slow links."""
+
+MAX_UNHEARD = 16
+"""So many texts wait for a ground station."""
+
+
+class StatusText:
+    """Sends the texts that other services and processes left in the context.
+
+    The last warnings, and worse, that were sent while no ground station was there are sent again,
+    each with its age, when one comes: why a robot stands was often said before.
+    """
+
+    handles: frozenset[int] = frozenset()
+
+    def __init__(self, context: Context, ground_stations: GroundStations) -> None:
+        self._context = context
+        self._ground_stations = ground_stations
+        self._unheard: dict[str, tuple[int, int]] = {}
+        self._last_id = 0
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take nothing."""
+
+    def step(self, now_ns: int) -> None:
+        """Send a few of the waiting texts."""
+        heard = bool(self._ground_stations.alive)
+        for severity, text in self._next(now_ns, heard=heard):
+            self._last_id = self._last_id % 0xFFFF + 1
+            for message in status_texts(severity, text, self._last_id):
+                self._context.links.broadcast(message)
+
+    def _next(self, now_ns: int, *, heard: bool) -> Iterator[tuple[int, str]]:
+        """Yield the texts of this step, those first that nobody has heard."""
+        texts = self._context.texts
+        for _ in range(TEXTS_PER_STEP):
+            if heard and self._unheard:
+                text = next(iter(self._unheard))
+                severity, said_ns = self._unheard.pop(text)
+                yield severity, f"{text} ({(now_ns - said_ns) / 1e9:.0f} s ago)"
+            elif texts:
+                severity, text = texts.popleft()
+                if not heard and severity <= Severity.WARNING:
+                    self._keep(severity, text, now_ns)
+                yield severity, text
+
+    def _keep(self, severity: int, text: str, now_ns: int) -> None:
+        """Keep a text for a ground station, once; what is said again and again leaves room."""
+        self._unheard.pop(text, None)
+        self._unheard[text] = (severity, now_ns)
+        if len(self._unheard) > MAX_UNHEARD:
+            del self._unheard[next(iter(self._unheard))]
+
+
+def status_texts(severity: int, text: str, identifier: int) -> Iterator[Message]:
+    """Yield the messages of one text.
+
+    Parameters
+    ----------
+    severity : int
+        RFC 5424 number, the same as MAV_SEVERITY; forced into 0 to 7.
+    text : str
+        Characters beyond ASCII become question marks; cut after 1000 characters.
+    identifier : int
+        1 to 65535, common to the chunks of a text longer than 50 characters.
+    """
+    severity = max(0, min(severity, 7))
+    data = text[:MAX_LENGTH].encode("ascii", "replace").replace(b"\0", b" ")
+    if len(data) <= CHUNK:
+        yield common.MAVLink_statustext_message(severity, data)
+        return
+    # A chunk of less than 50 characters ends the text, if need be an empty one.
+    for number in range(len(data) // CHUNK + 1):
+        chunk = data[number * CHUNK : (number + 1) * CHUNK]
+        yield common.MAVLink_statustext_message(severity, chunk, identifier, number)

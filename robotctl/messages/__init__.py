@@ -1,0 +1,1 @@
+"""What the parts of robotctl tell each other: typed values without behaviour."""

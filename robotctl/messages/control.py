@@ -1,0 +1,383 @@
+"""Messages: what flows between drivers, control core and processes.
+
+All are frozen values. `stamp_ns` is always the sender's or receiver's monotonic clock in
+nanoseconds; on one robot computer all processes share that clock (CLOCK_MONOTONIC).
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import TypeAlias
+
+import msgspec
+
+from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
+
+
+class DriveState(enum.IntEnum):
+    """State of the motor controller as it reports it (MotorStatus.State of robot.dbc)."""
+
+    BOOT = 0
+    READY = 1
+    ENABLED = 2
+    STOPPED = 3
+    FAULT = 4
+    EMERGENCY_STOP = 5
+
+
+class DriveFault(enum.IntFlag):
+    """Latched faults of the motor controller, in the bit order of MotorStatus."""
+
+    OVER_CURRENT = 1
+    OVER_TEMPERATURE = 2
+    UNDER_VOLTAGE = 4
+    ENCODER = 8
+    COMMAND_TIMEOUT = 16
+    PARAMETER = 32
+
+
+class EmergencyStopSource(enum.IntEnum):
+    """Who asked for the emergency stop (EmergencyStop.EmergencyStopSource of robot.dbc)."""
+
+    UNKNOWN = 0
+    OPERATOR = 1
+    GROUND_STATION = 2
+    HOST_FAULT = 3
+    WATCHDOG = 4
+    TEST = 5
+    NODE = 6
+
+
+class Severity(enum.IntEnum):
+    """How much a notice matters: numbers of RFC 5424, table 2, the same as MAV_SEVERITY."""
+
+    CRITICAL = 2
+    WARNING = 4
+    NOTICE = 5
+    INFORMATION = 6
+
+
+class BusState(enum.IntEnum):
+    """State of the host's CAN controller (ISO 11898-1 fault confinement, and link down)."""
+
+    ERROR_ACTIVE = 0
+    ERROR_WARNING = 1
+    ERROR_PASSIVE = 2
+    BUS_OFF = 3
+    DOWN = 4
+
+
+class SafetyState(enum.IntEnum):
+    """State of the robot: the rows of the table in `state_machine.py`."""
+
+    BOOT = 0
+    STANDBY = 1
+    ARMED = 2
+    DRIVING = 3
+    FAULT = 4
+    EMERGENCY_STOP = 5
+
+
+class WheelFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """Encoder counts (16 bit, rolling over) and the drive's latch time (20 bit, us)."""
+
+    stamp_ns: int
+    timestamp_us: int
+    count1: int
+    count2: int
+
+
+class MotorStatus(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """Currents (A, positive for forward torque), winding temperatures (degC), state, faults."""
+
+    stamp_ns: int
+    state: DriveState
+    current1_a: float
+    current2_a: float
+    temperature1_c: float
+    temperature2_c: float
+    faults: int
+
+
+class DriveStatus(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """Steering angle (rad, positive left), supply (V), and what the drive hears of the host."""
+
+    stamp_ns: int
+    echo_counter: int
+    steering_rad: float
+    bus_voltage_v: float
+    command_age_ms: int
+    rejected_commands: int
+
+
+class SonarFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """Ranges (m) of sonars `first` to `first + 3`; inf: no echo; nan: no sensor or its fault."""
+
+    stamp_ns: int
+    first: int
+    ranges_m: tuple[float, float, float, float]
+
+
+class BatteryFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """Battery voltage (V), current (A, positive discharges), charge [0, 1], temperature (degC)."""
+
+    stamp_ns: int
+    voltage_v: float
+    current_a: float
+    charge: float
+    temperature_c: float
+    low: bool
+    critical: bool
+
+
+class EmergencyMessage(msgspec.Struct, frozen=True, array_like=True):
+    """A CiA 301 EMCY of a node; code 0 says that its errors are reset."""
+
+    stamp_ns: int
+    node_id: int
+    code: int
+    register: int
+
+
+class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
+    """What is known of one CANopen node.
+
+    `boots` counts how often it began anew, the first time included; `problem` is empty once the
+    node is identified, has confirmed its parameters and is operational, otherwise one sentence for
+    the operator.
+    """
+
+    node_id: int
+    name: str
+    nmt_state: int
+    heartbeat_ns: int
+    boots: int
+    problem: str
+
+
+class BusStatus(msgspec.Struct, frozen=True, array_like=True):
+    """Counters of the host's side of the bus since the start; `load` is a share [0, 1]."""
+
+    state: BusState = BusState.ERROR_ACTIVE
+    received: int = 0
+    sent: int = 0
+    send_failures: int = 0
+    error_frames: int = 0
+    crc_rejects: int = 0
+    counter_rejects: int = 0
+    lost: int = 0
+    load: float = 0.0
+
+
+class Feedback(msgspec.Struct, frozen=True, array_like=True):
+    """What the bus brought since the last tick; None and () where nothing valid came.
+
+    `nodes` and `bus` are the present state, not events.
+    """
+
+    wheels: WheelFeedback | None = None
+    motor: MotorStatus | None = None
+    drive: DriveStatus | None = None
+    sonars: tuple[SonarFeedback, ...] = ()
+    battery: BatteryFeedback | None = None
+    emergencies: tuple[EmergencyMessage, ...] = ()
+    emergency_stop: EmergencyStopSource | None = None
+    nodes: tuple[NodeStatus, ...] = ()
+    bus: BusStatus = BusStatus()
+
+
+class WheelCommand(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """One atomic actuator command: duties in [-1, 1], steering angle (rad, positive left)."""
+
+    enable: bool = False
+    brake: bool = False
+    duty1: float = 0.0
+    duty2: float = 0.0
+    steering_rad: float = 0.0
+
+
+class VelocityCommand(msgspec.Struct, frozen=True, tag=True):
+    """Wanted body velocity of `base` (m/s forward, rad/s to the left); void after `expires_ns`."""
+
+    stamp_ns: int
+    expires_ns: int
+    v_m_s: float
+    omega_rad_s: float
+
+
+class Arm(msgspec.Struct, frozen=True, tag=True):
+    """Request to arm or disarm. `request_id` comes back in `ControlState.acks`."""
+
+    stamp_ns: int
+    request_id: int
+    arm: bool
+
+
+class EmergencyStop(msgspec.Struct, frozen=True, tag=True):
+    """Request to stop at once and latch."""
+
+    stamp_ns: int
+    source: EmergencyStopSource
+
+
+class SetMode(msgspec.Struct, frozen=True, tag=True):
+    """Request to change who steers."""
+
+    stamp_ns: int
+    mode: Mode
+
+
+class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
+    """GUIDED: a body velocity from the ground station; void after `expires_ns`.
+
+    With `heading_rad`, a direction of `world` (rad), the robot turns to that and drives along it,
+    and `omega_rad_s` does not matter.
+    """
+
+    stamp_ns: int
+    expires_ns: int
+    v_m_s: float
+    omega_rad_s: float
+    heading_rad: float | None = None
+
+
+class PositionTarget(msgspec.Struct, frozen=True, tag=True):
+    """GUIDED: a point of `world` (m) to drive to, kept until reached or replaced."""
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+
+
+class ManualControl(msgspec.Struct, frozen=True, tag=True):
+    """MANUAL: sticks in [-1, 1], forward and turn to the left; void after `expires_ns`."""
+
+    stamp_ns: int
+    expires_ns: int
+    forward: float
+    turn: float
+
+
+class ExternalPose(msgspec.Struct, frozen=True, tag=True):
+    """A pose of `base` in `world` that somebody else measured at `stamp_ns`.
+
+    `covariance` is the upper triangle of that of (x, y, theta), row by row [m, m, rad]; empty where
+    the sender did not say.
+    """
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+    covariance: tuple[float, ...] = ()
+
+
+class GroundStationPresence(msgspec.Struct, frozen=True, tag=True):
+    """A ground station was there at `stamp_ns`; for robots that go to HOLD without one."""
+
+    stamp_ns: int
+
+
+ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop
+"""What the control process takes."""
+
+NavigationRequest: TypeAlias = (
+    SetMode | VelocityTarget | PositionTarget | ManualControl | ExternalPose | GroundStationPresence
+)
+"""What the navigation process takes."""
+
+
+class Ack(msgspec.Struct, frozen=True):
+    """Answer to an `Arm`: `reasons` says why it was refused, empty when accepted."""
+
+    request_id: int
+    accepted: bool
+    reasons: tuple[str, ...] = ()
+
+
+class LoopStatistics(msgspec.Struct, frozen=True):
+    """The control loop since its start. Lag: wake-up behind the deadline. Step: receive to send."""
+
+    rate_hz: float = 0.0
+    ticks: int = 0
+    overruns: int = 0
+    lag_us_p50: float = 0.0
+    lag_us_p99: float = 0.0
+    lag_us_p999: float = 0.0
+    lag_us_max: float = 0.0
+    step_us_p50: float = 0.0
+    step_us_p99: float = 0.0
+    overrun_causes: dict[str, int] = {}
+    stage_us_p50: dict[str, float] = {}
+    stage_us_p99: dict[str, float] = {}
+
+
+class ControlState(msgspec.Struct, frozen=True, tag=True):
+    """What the control process publishes, 50 times a second.
+
+    Pose is odometry: `base` in the `world` frame fixed where the control process started (m,
+    rad). Wheel arrays have one entry per driven wheel. Measured velocities are nan while wheel
+    feedback is stale. `sonar_m[i]` belongs to the i-th sonar of the configuration: inf where there
+    was no echo, nan where the sensor is missing, faulty or stale. `distance_m` counts from the
+    start of the process, `odometer_m` over the robot's life (nan where its file cannot be read).
+    `acks` are the last answers to `Arm`, the newest last. `armings` counts how often the robot was
+    armed since the start of the process: a stop and an arming between two states show in it alone.
+    """
+
+    stamp_ns: int
+    state: SafetyState
+    reason: str
+    x_m: float
+    y_m: float
+    theta_rad: float
+    v_m_s: float
+    omega_rad_s: float
+    v_ref_m_s: float
+    omega_ref_rad_s: float
+    distance_m: float
+    wheel_rad_s: tuple[float, ...]
+    wheel_ref_rad_s: tuple[float, ...]
+    wheel_distance_m: tuple[float, ...]
+    duty: tuple[float, ...]
+    current_a: tuple[float, ...]
+    temperature_c: tuple[float, ...]
+    steering_rad: float
+    bus_voltage_v: float
+    battery: BatteryFeedback | None
+    sonar_m: tuple[float, ...]
+    sonar_stamp_ns: tuple[int, ...]
+    faults: int
+    nodes: tuple[NodeStatus, ...]
+    bus: BusStatus
+    loop: LoopStatistics
+    odometer_m: float = 0.0
+    acks: tuple[Ack, ...] = ()
+    armings: int = 0
+
+
+class NavigationState(msgspec.Struct, frozen=True, tag=True):
+    """What the navigation process publishes after each of its steps.
+
+    `item` counts mission items from 0 and equals `items` when the mission is completed;
+    `item_s_m` is the way along an item that is a path or a wall (m).
+    """
+
+    stamp_ns: int
+    mode: Mode
+    mission: str
+    item: int
+    items: int
+    item_name: str
+    mission_completed: bool
+    mission_failed: bool
+    message: str
+    step_us: float = 0.0
+    item_s_m: float = 0.0
+
+
+class Notice(msgspec.Struct, frozen=True, tag=True):
+    """Lines of text for people; severities are those of RFC 5424 (0 worst), named or not."""
+
+    stamp_ns: int
+    severity: int
+    text: str

@@ -1,0 +1,108 @@
+"""Messages to and from the estimators: what was seen, the robot's place, pictures for people."""
+
+from __future__ import annotations
+
+import msgspec
+
+from robotctl.model.geometry.localisation import LocalisationStatus
+
+
+class LidarScan(msgspec.Struct, frozen=True, tag=True):
+    """One scan of a planar lidar, as its driver publishes it on the local socket `lidar`.
+
+    Beam i looks at `first_rad + i * step_rad` from forward of `base`, to the left; the sensor
+    stands at `x_m`, `y_m` of `base`. `ranges` are float32, little-endian [m]: inf where nothing
+    came back from within `max_range_m`.
+    """
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    first_rad: float
+    step_rad: float
+    max_range_m: float
+    ranges: bytes
+
+
+class SeenObstacle(msgspec.Struct, frozen=True):
+    """A thing on the floor, as the camera sees it from `base`.
+
+    The middle of its foot on the robot's side (m), the upper triangle of that place's covariance
+    (m^2), and how wide it is across the line of sight (m).
+    """
+
+    x_m: float
+    y_m: float
+    covariance: tuple[float, ...]
+    width_m: float
+
+
+class CameraView(msgspec.Struct, frozen=True, tag=True):
+    """What the camera process makes of one picture.
+
+    Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
+    (m): inf where the floor goes on up to `max_range_m`, nan where nothing was judged; `sigmas_m`
+    are their standard deviations. Floor nearer than `nearest_m` is not in the picture. `trouble`
+    says why the picture is not to be trusted; it is empty where it is.
+    """
+
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    max_range_m: float
+    angles_rad: tuple[float, ...]
+    ranges_m: tuple[float, ...]
+    sigmas_m: tuple[float, ...]
+    nearest_m: tuple[float, ...]
+    obstacles: tuple[SeenObstacle, ...] = ()
+    trouble: str = ""
+    step_us: float = 0.0
+
+
+class LocalisationState(msgspec.Struct, frozen=True, tag=True):
+    """What the localiser believes, published after each step of the navigation process.
+
+    `x_m`, `y_m`, `theta_rad` place the frame of the odometry in `world`: `located` applies them to
+    a control state. `covariance` is the upper triangle of that of (x, y, theta) of `base` in
+    `world`, row by row [m, m, rad]. `nis` is the normalised innovation squared of the EKF's last
+    update (nan without one) and `nis_dof` its degrees of freedom; `particles` is 0 for the EKF.
+    """
+
+    stamp_ns: int
+    method: str
+    status: LocalisationStatus
+    x_m: float
+    y_m: float
+    theta_rad: float
+    covariance: tuple[float, ...]
+    particles: int = 0
+    nis: float = float("nan")
+    nis_dof: int = 0
+    step_us: float = 0.0
+
+
+class ParticleCloud(msgspec.Struct, frozen=True, tag=True):
+    """Some of the particles, for people: float32 x, y, theta in `world` of each [m, m, rad]."""
+
+    stamp_ns: int
+    poses: bytes
+
+
+class LiveMap(msgspec.Struct, frozen=True, tag=True):
+    """The map as it grows: int8 cells by rows from the lower edge, as `model.grid_map.GridMap`."""
+
+    stamp_ns: int
+    rows: int
+    columns: int
+    resolution_m: float
+    x_m: float
+    y_m: float
+    cells: bytes
+    theta_rad: float = 0.0
+
+
+class GivenMap(msgspec.Struct, frozen=True, tag=True):
+    """The map that the robot localises itself in, told again and again for who comes late."""
+
+    stamp_ns: int
+    map: LiveMap

@@ -1,0 +1,50 @@
+"""What operators and ground stations ask of the navigator."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple, TypeAlias
+
+from robotctl.messages.mode import Mode
+
+REQUEST_LIFE_NS: Final = 1_000_000_000
+"""An older request for a mode or a position is not carried out [ns]; HOLD always is."""
+
+FARTHEST_M: Final = 1e6
+"""Coordinates of a position are below this [m]; where they are not, somebody has miscounted."""
+
+
+class ModeRequest(NamedTuple):
+    """Change who steers."""
+
+    mode: Mode
+    stamp_ns: int | None = None
+    """When it was asked for, monotonic [ns]; None: in the step that takes it."""
+
+
+class VelocityRequest(NamedTuple):
+    """GUIDED: drive with this velocity [m/s, rad/s] until `expires_ns`."""
+
+    expires_ns: int
+    v_m_s: float
+    omega_rad_s: float
+    heading_rad: float | None = None
+    """Direction of `world` to turn to and drive along [rad], in place of `omega_rad_s`."""
+
+
+class PositionRequest(NamedTuple):
+    """GUIDED: drive to this point of `world` [m]."""
+
+    x_m: float
+    y_m: float
+
+
+class StickRequest(NamedTuple):
+    """MANUAL: sticks in [-1, 1], forward and to the left, until `expires_ns`."""
+
+    expires_ns: int
+    forward: float
+    turn: float
+
+
+Request: TypeAlias = ModeRequest | VelocityRequest | PositionRequest | StickRequest
+"""Any of them; the application makes them from its messages."""

@@ -1,0 +1,1 @@
+"""Drive kinematics and the noise of motion."""

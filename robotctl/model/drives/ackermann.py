@@ -1,0 +1,154 @@
+"""Car-like drive: Ackermann steering in front, differential gear behind (notes, section 1.2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from robotctl.model.drives.wheels import (
+    SidePair,
+    WheelReference,
+    require_offset,
+    require_positive,
+    require_steering,
+    steering_angle_rad,
+    within_linkage,
+)
+from robotctl.model.geometry.twist import Twist
+
+
+@dataclass(frozen=True, slots=True)
+class AckermannDrive:
+    """Four wheels: front pair steered by an Ackermann linkage, rear pair on a differential gear.
+
+    The steering angle is that of a virtual wheel in the middle of the front axle; the speed of
+    the one motor is that of the differential's carrier, the mean of the rear wheels.
+
+    Parameters
+    ----------
+    kind
+        Always "ackermann".
+    wheelbase_m
+        Distance of the axles [m], > 0.
+    track_width_m
+        Distance of the left and right contact points, the same on both axles [m], > 0.
+    wheel_radius_m
+        Radius of the wheels [m], > 0.
+    steering_max_rad
+        Largest angle of the virtual centre wheel [rad], in (0, pi/2), such that the centre of
+        rotation stays outside of the track.
+    steering_rate_max_rad_s
+        Fastest steering [rad/s], > 0.
+    counts_per_revolution
+        Quadrature counts per turn of the carrier, > 0.
+    steering_offset_rad
+        Angle of the wheel where the steering servo says 0 [rad, positive left], smaller than
+        steering_max_rad; from calibration.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    kind: Literal["ackermann"]
+    wheelbase_m: float
+    track_width_m: float
+    wheel_radius_m: float
+    steering_max_rad: float
+    steering_rate_max_rad_s: float
+    counts_per_revolution: int
+    steering_offset_rad: float = 0.0
+
+    degrees_of_freedom: ClassVar[int] = 3
+    """Of the pose in the plane: x, y, theta."""
+    holonomic: ClassVar[bool] = False
+    """It can neither move sideways nor turn on the spot."""
+    steered: ClassVar[bool] = True
+    wheel_names: ClassVar[tuple[str, ...]] = ("drive",)
+
+    def __post_init__(self) -> None:
+        require_positive(
+            self,
+            "wheelbase_m",
+            "track_width_m",
+            "wheel_radius_m",
+            "steering_rate_max_rad_s",
+            "counts_per_revolution",
+        )
+        require_steering(self.steering_max_rad)
+        require_offset(self.steering_offset_rad, self.steering_max_rad)
+        if self.min_turning_radius_m <= 0.5 * self.track_width_m:
+            raise ValueError(
+                "steering_max_rad puts the centre of rotation between the wheels: "
+                f"{self.min_turning_radius_m:.3f} m from base, half the track is "
+                f"{0.5 * self.track_width_m:.3f} m"
+            )
+
+    @property
+    def min_turning_radius_m(self) -> float:
+        """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
+        reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
+        return self.wheelbase_m / math.tan(reach_rad)
+
+    @property
+    def wheel_radii_m(self) -> tuple[float, ...]:
+        """Radius of the one wheel that is measured [m]."""
+        return (self.wheel_radius_m,)
+
+    def inverse(
+        self, v_m_s: float, omega_rad_s: float, steering_meas_rad: float = 0.0
+    ) -> WheelReference:
+        """Return carrier speed and steering for a body velocity.
+
+        A curvature out of reach is clamped and v is kept. v = 0 keeps the present steering
+        `steering_meas_rad` [rad], within the linkage, as no steering then turns the robot.
+        """
+        if v_m_s == 0.0:
+            kept_rad = within_linkage(steering_meas_rad, self.steering_max_rad)
+            return WheelReference(0.0, 0.0, kept_rad)
+        steering = steering_angle_rad(
+            v_m_s,
+            omega_rad_s,
+            self.wheelbase_m,
+            self.steering_max_rad,
+            self.steering_offset_rad,
+        )
+        return WheelReference(v_m_s / self.wheel_radius_m, 0.0, steering)
+
+    def forward(
+        self,
+        omega1_rad_s: float,
+        omega2_rad_s: float,  # noqa: ARG002 - all drives share one signature
+        steering_rad: float,
+    ) -> Twist:
+        """Return the velocity of `base`: v and v tan(s) / L; `omega2_rad_s` is not used.
+
+        s is the angle of the virtual wheel, offset included.
+        """
+        v, s = omega1_rad_s * self.wheel_radius_m, steering_rad + self.steering_offset_rad
+        return Twist(v, v * math.tan(s) / self.wheelbase_m)
+
+    def turning_radius_m(self, steering_rad: float) -> float:
+        """Return the radius L / tan(s) of the path of `base` [m]: positive left, inf at 0."""
+        return self.wheelbase_m / math.tan(steering_rad) if steering_rad != 0.0 else math.inf
+
+    def linkage_angles_rad(self, steering_rad: float) -> SidePair:
+        """Return the angles of the left and right front wheels [rad, positive left].
+
+        Both wheels point along circles about one centre on the line of the rear axle:
+        cot(outer) - cot(inner) = track / wheelbase, with the virtual wheel half-way between.
+        """
+        tangent = math.tan(steering_rad)
+        offset = 0.5 * self.track_width_m * tangent
+        length = self.wheelbase_m
+        return SidePair(
+            math.atan(length * tangent / (length - offset)),
+            math.atan(length * tangent / (length + offset)),
+        )
+
+    def rear_wheel_speeds_rad_s(self, omega1_rad_s: float, steering_rad: float) -> SidePair:
+        """Return the speeds that the differential gives the rear wheels [rad/s]."""
+        share = 0.5 * self.track_width_m * math.tan(steering_rad) / self.wheelbase_m
+        return SidePair(omega1_rad_s * (1.0 - share), omega1_rad_s * (1.0 + share))

@@ -1,0 +1,94 @@
+"""Differential drive (notes, section 1.1)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from robotctl.model.drives.wheels import WheelReference, require_positive
+from robotctl.model.geometry.twist import Twist
+
+
+@dataclass(frozen=True, slots=True)
+class DifferentialDrive:
+    """Two driven wheels on one axle; turns on the spot.
+
+    Parameters
+    ----------
+    kind
+        Always "differential".
+    track_width_m
+        Distance of the wheels' contact points, W of the notes [m], > 0.
+    wheel_radius_m
+        Mean radius of the two wheels [m], > 0.
+    counts_per_revolution
+        Quadrature counts per turn of a wheel, > 0.
+    wheel_radius_ratio
+        Radius of the right wheel over that of the left, in [0.5, 2]; from calibration.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    kind: Literal["differential"]
+    track_width_m: float
+    wheel_radius_m: float
+    counts_per_revolution: int
+    wheel_radius_ratio: float = 1.0
+
+    degrees_of_freedom: ClassVar[int] = 3
+    """Of the pose in the plane: x, y, theta."""
+    holonomic: ClassVar[bool] = False
+    """It cannot move sideways at once: dy cos(theta) = dx sin(theta)."""
+    steered: ClassVar[bool] = False
+    wheel_names: ClassVar[tuple[str, ...]] = ("left", "right")
+
+    def __post_init__(self) -> None:
+        require_positive(self, "track_width_m", "wheel_radius_m", "counts_per_revolution")
+        if not 0.5 <= self.wheel_radius_ratio <= 2.0:
+            raise ValueError("wheel_radius_ratio must be between 0.5 and 2")
+
+    @property
+    def wheel_radii_m(self) -> tuple[float, ...]:
+        """Radius of the left and of the right wheel [m]."""
+        left_m = 2.0 * self.wheel_radius_m / (1.0 + self.wheel_radius_ratio)
+        return left_m, self.wheel_radius_ratio * left_m
+
+    @property
+    def min_turning_radius_m(self) -> float:
+        """Smallest radius of the path of `base` [m]: 0, it turns on the spot."""
+        return 0.0
+
+    def inverse(
+        self,
+        v_m_s: float,
+        omega_rad_s: float,
+        steering_meas_rad: float = 0.0,  # noqa: ARG002 - all drives share one signature
+    ) -> WheelReference:
+        """Return the wheel speeds for a body velocity; `steering_meas_rad` is not used."""
+        difference = 0.5 * self.track_width_m * omega_rad_s
+        left_m, right_m = self.wheel_radii_m
+        return WheelReference((v_m_s - difference) / left_m, (v_m_s + difference) / right_m, 0.0)
+
+    def forward(
+        self,
+        omega1_rad_s: float,
+        omega2_rad_s: float,
+        steering_rad: float = 0.0,  # noqa: ARG002 - all drives share one signature
+    ) -> Twist:
+        """Return the velocity of `base` for wheel speeds; `steering_rad` is not used."""
+        left_m, right_m = self.wheel_radii_m
+        v_left_m_s, v_right_m_s = left_m * omega1_rad_s, right_m * omega2_rad_s
+        return Twist(
+            0.5 * (v_left_m_s + v_right_m_s), (v_right_m_s - v_left_m_s) / self.track_width_m
+        )
+
+    def turning_radius_m(self, v_left_m_s: float, v_right_m_s: float) -> float:
+        """Return R = (W/2) (v_R + v_L) / (v_R - v_L) [m]: positive left, inf if not turning."""
+        difference = v_right_m_s - v_left_m_s
+        if difference == 0.0:
+            return math.inf
+        return 0.5 * self.track_width_m * (v_right_m_s + v_left_m_s) / difference

@@ -1,0 +1,77 @@
+"""Planar motion with constant velocity: straight, turn and arc (notes, section 1.4).
+
+All poses are of `base` in a fixed frame. Each function is exact while the velocities are constant
+and no wheel slips.
+"""
+
+from __future__ import annotations
+
+import math
+
+from robotctl.model.geometry.angles import sinc, wrap_angle
+from robotctl.model.geometry.se2 import SE2
+
+
+def straight(pose: SE2, distance_m: float) -> SE2:
+    """Return `pose` after driving `distance_m` straight on; negative is backwards [m]."""
+    return SE2(
+        pose.x_m + distance_m * math.cos(pose.theta_rad),
+        pose.y_m + distance_m * math.sin(pose.theta_rad),
+        wrap_angle(pose.theta_rad),
+    )
+
+
+def turn(pose: SE2, angle_rad: float) -> SE2:
+    """Return `pose` after turning `angle_rad` to the left on the spot [rad]."""
+    return SE2(pose.x_m, pose.y_m, wrap_angle(pose.theta_rad + angle_rad))
+
+
+def arc(pose: SE2, distance_m: float, angle_rad: float) -> SE2:
+    """Return `pose` after an arc of length `distance_m` [m] that turns by `angle_rad` [rad].
+
+    The chord form of the notes' arc: the chord has the length `d sinc(angle/2)` and the direction
+    `theta + angle/2`, so that neither straight motion nor turning on the spot is a special case.
+    """
+    half = 0.5 * angle_rad
+    chord = distance_m * sinc(half)
+    direction = pose.theta_rad + half
+    return SE2(
+        pose.x_m + chord * math.cos(direction),
+        pose.y_m + chord * math.sin(direction),
+        wrap_angle(pose.theta_rad + angle_rad),
+    )
+
+
+def arc_of_radius(pose: SE2, radius_m: float, angle_rad: float) -> SE2:
+    """Return `pose` after an arc of signed `radius_m` (centre to the left: positive) [m].
+
+    Raises
+    ------
+    ValueError
+        If `radius_m` is not finite: a straight line has no angle, use `straight`.
+    """
+    if not math.isfinite(radius_m):
+        raise ValueError(f"radius_m must be finite, found {radius_m}")
+    return arc(pose, radius_m * angle_rad, angle_rad)
+
+
+def integrate(pose: SE2, v_m_s: float, omega_rad_s: float, dt_s: float) -> SE2:
+    """Return `pose` after `dt_s` [s] of constant forward speed [m/s] and turn rate [rad/s]."""
+    return arc(pose, v_m_s * dt_s, omega_rad_s * dt_s)
+
+
+def between(before: SE2, after: SE2, share: float) -> SE2:
+    """Return the pose at a share [0, 1] of the way between two that are near each other.
+
+    Position and heading are interpolated linearly, the heading the shorter way round.
+    """
+    return SE2(
+        before.x_m + share * (after.x_m - before.x_m),
+        before.y_m + share * (after.y_m - before.y_m),
+        wrap_angle(before.theta_rad + share * wrap_angle(after.theta_rad - before.theta_rad)),
+    )
+
+
+def turning_radius_m(v_m_s: float, omega_rad_s: float) -> float:
+    """Return the signed radius v / omega of the path [m]: positive left, inf if not turning."""
+    return v_m_s / omega_rad_s if omega_rad_s != 0.0 else math.inf

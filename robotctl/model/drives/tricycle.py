@@ -1,0 +1,129 @@
+"""Tricycle with front or rear drive (notes, section 1.2 with its errata)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from robotctl.model.drives.wheels import (
+    WheelReference,
+    require_offset,
+    require_positive,
+    require_steering,
+    steering_angle_rad,
+    within_linkage,
+)
+from robotctl.model.geometry.twist import Twist
+
+
+@dataclass(frozen=True, slots=True)
+class TricycleDrive:
+    """One steered front wheel and two rear wheels; cannot turn on the spot.
+
+    Parameters
+    ----------
+    kind
+        Always "tricycle".
+    driven
+        "front": the motor turns the steered wheel, v_front = v / cos(s). "rear": it turns the
+        rear axle through a differential, whose mean speed is v.
+    wheelbase_m
+        Distance from the rear axle to the front wheel, L of the notes [m], > 0.
+    wheel_radius_m
+        Radius of the driven wheel [m], > 0.
+    steering_max_rad
+        Largest steering angle to either side [rad], in (0, pi/2).
+    steering_rate_max_rad_s
+        Fastest steering [rad/s], > 0.
+    counts_per_revolution
+        Quadrature counts per turn of the driven wheel, > 0.
+    steering_offset_rad
+        Angle of the wheel where the steering servo says 0 [rad, positive left], smaller than
+        steering_max_rad; from calibration.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    kind: Literal["tricycle"]
+    driven: Literal["front", "rear"]
+    wheelbase_m: float
+    wheel_radius_m: float
+    steering_max_rad: float
+    steering_rate_max_rad_s: float
+    counts_per_revolution: int
+    steering_offset_rad: float = 0.0
+
+    degrees_of_freedom: ClassVar[int] = 3
+    """Of the pose in the plane: x, y, theta."""
+    holonomic: ClassVar[bool] = False
+    """It can neither move sideways nor turn on the spot."""
+    steered: ClassVar[bool] = True
+    wheel_names: ClassVar[tuple[str, ...]] = ("drive",)
+
+    def __post_init__(self) -> None:
+        require_positive(
+            self,
+            "wheelbase_m",
+            "wheel_radius_m",
+            "steering_rate_max_rad_s",
+            "counts_per_revolution",
+        )
+        require_steering(self.steering_max_rad)
+        require_offset(self.steering_offset_rad, self.steering_max_rad)
+
+    @property
+    def min_turning_radius_m(self) -> float:
+        """Smallest radius L / tan(s) of the path of `base` that both sides allow [m]."""
+        reach_rad = self.steering_max_rad - abs(self.steering_offset_rad)
+        return self.wheelbase_m / math.tan(reach_rad)
+
+    @property
+    def wheel_radii_m(self) -> tuple[float, ...]:
+        """Radius of the one wheel that is measured [m]."""
+        return (self.wheel_radius_m,)
+
+    def inverse(
+        self, v_m_s: float, omega_rad_s: float, steering_meas_rad: float = 0.0
+    ) -> WheelReference:
+        """Return wheel speed and steering for a body velocity.
+
+        A curvature out of reach is clamped and v is kept. v = 0 keeps the present steering
+        `steering_meas_rad` [rad], within the linkage, as no steering then turns the robot.
+        """
+        if v_m_s == 0.0:
+            kept_rad = within_linkage(steering_meas_rad, self.steering_max_rad)
+            return WheelReference(0.0, 0.0, kept_rad)
+        offset = self.steering_offset_rad
+        steering = steering_angle_rad(
+            v_m_s, omega_rad_s, self.wheelbase_m, self.steering_max_rad, offset
+        )
+        v_wheel = v_m_s / math.cos(steering + offset) if self.driven == "front" else v_m_s
+        return WheelReference(v_wheel / self.wheel_radius_m, 0.0, steering)
+
+    def forward(
+        self,
+        omega1_rad_s: float,
+        omega2_rad_s: float,  # noqa: ARG002 - all drives share one signature
+        steering_rad: float,
+    ) -> Twist:
+        """Return the velocity of `base`; `omega2_rad_s` is not used.
+
+        Front drive: v cos(s) and v sin(s) / L; rear drive: v and v tan(s) / L, with v the speed
+        of the driven wheel and s its angle, offset included (notes 1.2 with errata).
+        """
+        v, s = omega1_rad_s * self.wheel_radius_m, steering_rad + self.steering_offset_rad
+        if self.driven == "front":
+            return Twist(v * math.cos(s), v * math.sin(s) / self.wheelbase_m)
+        return Twist(v, v * math.tan(s) / self.wheelbase_m)
+
+    def turning_radius_m(self, steering_rad: float) -> float:
+        """Return the radius L / tan(s) of the path of `base` [m]: positive left, inf at 0."""
+        return self.wheelbase_m / math.tan(steering_rad) if steering_rad != 0.0 else math.inf
+
+    def front_turning_radius_m(self, steering_rad: float) -> float:
+        """Return the radius L / sin(s) of the path of the front wheel [m]: inf at 0."""
+        return self.wheelbase_m / math.sin(steering_rad) if steering_rad != 0.0 else math.inf

@@ -1,0 +1,1 @@
+"""Angles, poses and twists in the plane and in space."""

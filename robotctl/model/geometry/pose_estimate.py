@@ -1,0 +1,47 @@
+"""What an estimator believes of the robot's pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.localisation import LocalisationStatus as LocalisationStatus  # noqa: PLC0414
+from robotctl.model.geometry.se2 import SE2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEstimate:
+    """A pose with its uncertainty.
+
+    Parameters
+    ----------
+    stamp_ns
+        Time that the pose belongs to [ns].
+    pose
+        `base` in `world`.
+    covariance
+        Of (x, y, theta) in `world`, (3, 3) [m, m, rad].
+    status
+        How far it may be trusted.
+    """
+
+    stamp_ns: int
+    pose: SE2
+    covariance: NDArray[np.float64]
+    status: LocalisationStatus
+
+
+def upper_triangle(covariance: NDArray[np.float64]) -> tuple[float, ...]:
+    """Return the upper triangle of a covariance (3, 3), row by row, as messages carry it."""
+    values: list[float] = covariance[np.triu_indices(3)].tolist()
+    return tuple(values)
+
+
+def from_upper_triangle(values: Sequence[float]) -> NDArray[np.float64]:
+    """Return the covariance (3, 3) of which `values` are the upper triangle, row by row."""
+    covariance = np.zeros((3, 3))
+    covariance[np.triu_indices(3)] = values
+    return covariance + np.triu(covariance, 1).T

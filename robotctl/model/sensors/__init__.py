@@ -1,0 +1,1 @@
+"""Geometry of sensors and their readings."""

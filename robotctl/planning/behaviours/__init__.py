@@ -1,0 +1,1 @@
+"""What the robot does: missions' items, wall following, return home, finding itself again."""

@@ -1,0 +1,164 @@
+"""The way back: where the robot has been, without its loops."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from typing import NamedTuple
+
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.local.path import Point
+
+_SAME_HEADING_RAD = math.radians(20.0)
+_RECENT = 5
+_JOINED_M = 1.0
+"""How the robot came to a place farther than this from the last one is not known [m]."""
+
+
+class Crumb(NamedTuple):
+    """One place on the way."""
+
+    x_m: float
+    y_m: float
+    theta_rad: float
+    reverse: bool
+    """The robot came here from the crumb before in reverse gear."""
+    gap: bool = False
+    """How it came here from the crumb before is not known."""
+
+
+class Leg(NamedTuple):
+    """A piece of the way back that is driven in one gear."""
+
+    points: tuple[Point, ...]
+    """At least two, from the robot towards home."""
+    reverse: bool
+    last: int
+    """Index of the crumb at `points[0]`; the next point is the crumb before it."""
+
+
+class Breadcrumbs:
+    """Remembers the way from home as points `spacing_m` apart.
+
+    Where the robot comes to a place again, the loop in between is forgotten. A drive-and-steer
+    robot drives its way back in reverse gear along its own tracks, since it cannot turn on the
+    spot and may not have room for a U-turn; there a place counts as the same only with the same
+    heading and gear. Beyond `count_max` crumbs every second one is dropped.
+
+    Where a pose is far from the one before (the localiser has found the robot elsewhere, or this
+    process began in the middle of a run) there is a gap: the straight line between them may lead
+    through walls. It is gone when the robot comes to a place from before the gap.
+
+    Parameters
+    ----------
+    home
+        The first crumb.
+    steered
+        The robot is of the drive-and-steer kind.
+    spacing_m
+        Distance of the crumbs [m], > 0.
+    count_max
+        Most crumbs kept.
+    """
+
+    def __init__(
+        self, home: SE2, *, steered: bool, spacing_m: float = 0.1, count_max: int = 20_000
+    ) -> None:
+        self._steered = steered
+        self._spacing = spacing_m
+        self._count_max = count_max
+        self._crumbs = [Crumb(home.x_m, home.y_m, home.theta_rad, False)]
+        self._cells: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
+        self._enter(0)
+
+    def __len__(self) -> int:
+        """Return the number of crumbs."""
+        return len(self._crumbs)
+
+    @property
+    def has_gap(self) -> bool:
+        """Whether a part of the way home is not known."""
+        return any(crumb.gap for crumb in self._crumbs)
+
+    def record(self, pose: SE2) -> None:
+        """Take note that the robot is at `pose`."""
+        last = self._crumbs[-1]
+        dx, dy = pose.x_m - last.x_m, pose.y_m - last.y_m
+        if dx * dx + dy * dy < self._spacing * self._spacing:
+            return
+        backwards = dx * math.cos(pose.theta_rad) + dy * math.sin(pose.theta_rad) < 0.0
+        gap = math.hypot(dx, dy) > max(_JOINED_M, 2.0 * self._spacing)
+        crumb = Crumb(pose.x_m, pose.y_m, pose.theta_rad, backwards, gap)
+        seen = self._same_place(crumb)
+        if seen is not None:
+            self.truncate(seen + 1)
+            return
+        self._crumbs.append(crumb)
+        self._enter(len(self._crumbs) - 1)
+        if len(self._crumbs) > self._count_max:
+            self._thin()
+
+    def truncate(self, count: int) -> None:
+        """Keep the first `count` crumbs, at least home."""
+        count = max(count, 1)
+        for index in range(count, len(self._crumbs)):
+            self._cells[self._cell(self._crumbs[index])].remove(index)
+        del self._crumbs[count:]
+
+    def legs(self) -> list[Leg]:
+        """Return the way back, one leg for each change of gear; none when the robot is home.
+
+        A differential drive always drives forwards: it turns round on the spot.
+        """
+        legs: list[Leg] = []
+        end = len(self._crumbs) - 1
+        while end > 0:
+            start = end - 1
+            gear = self._crumbs[end].reverse
+            while start > 0 and (not self._steered or self._crumbs[start].reverse == gear):
+                start -= 1
+            points = tuple((c.x_m, c.y_m) for c in reversed(self._crumbs[start : end + 1]))
+            legs.append(Leg(points, self._steered and not gear, end))
+            end = start
+        return legs
+
+    def _same_place(self, crumb: Crumb) -> int | None:
+        """Return the earliest crumb at the place of `crumb`, apart from those it comes from."""
+        cx, cy = self._cell(crumb)
+        latest = len(self._crumbs) - (0 if crumb.gap else _RECENT)
+        near = [
+            index
+            for x in (cx - 1, cx, cx + 1)
+            for y in (cy - 1, cy, cy + 1)
+            for index in self._cells.get((x, y), ())
+            if index < latest and self._same(self._crumbs[index], crumb)
+        ]
+        return min(near, default=None)
+
+    def _same(self, a: Crumb, b: Crumb) -> bool:
+        if math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) > self._spacing:
+            return False
+        if not self._steered:
+            return True
+        turned = abs(wrap_angle(a.theta_rad - b.theta_rad))
+        return a.reverse == b.reverse and turned < _SAME_HEADING_RAD
+
+    def _thin(self) -> None:
+        """Drop every second crumb and double the spacing."""
+        gaps = [False, *(crumb.gap for crumb in self._crumbs)]  # of the one before each
+        self._crumbs = [
+            crumb._replace(gap=crumb.gap or gaps[index])
+            for index, crumb in enumerate(self._crumbs)
+            if index % 2 == 0
+        ]
+        self._spacing *= 2.0
+        self._cells.clear()
+        for index in range(len(self._crumbs)):
+            self._enter(index)
+
+    def _enter(self, index: int) -> None:
+        self._cells[self._cell(self._crumbs[index])].append(index)
+
+    def _cell(self, crumb: Crumb) -> tuple[int, int]:
+        return math.floor(crumb.x_m / self._spacing), math.floor(crumb.y_m / self._spacing)

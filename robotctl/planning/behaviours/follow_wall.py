@@ -1,0 +1,199 @@
+"""The behaviour that follows a wall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robotctl.control.wall_following import (
+    WallFollowConfig,
+    WallFollower,
+    critically_damped,
+)
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.mission import FollowWallItem
+from robotctl.planning.guard.situation import Situation, Step, done, failed
+from robotctl.planning.guard.sonars import sonar_towards
+
+_TURNED_MAX_RAD = math.radians(30.0)
+"""Turned by more while somebody else steered, the robot would follow another wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class WallConfig:
+    """How walls are followed.
+
+    Parameters
+    ----------
+    length_m
+        Way over which a wrong distance is corrected [m], > 0.
+    omega_max_rad_s
+        Fastest turn [rad/s], > 0.
+    approach_max_deg
+        Steepest approach to the wall [deg], in (0, 90).
+    lost_max_m
+        Without a wall the robot drives straight on for this way, then gives up [m], > 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    length_m: float = 0.5
+    omega_max_rad_s: float = 0.8
+    approach_max_deg: float = 20.0
+    lost_max_m: float = 0.8
+
+    def __post_init__(self) -> None:
+        for key in ("length_m", "omega_max_rad_s", "lost_max_m"):
+            if not 0.0 < getattr(self, key) < math.inf:
+                raise ValueError(f"{key}: {getattr(self, key)} found, a number > 0 allowed")
+        if not 0.0 < self.approach_max_deg < 90.0:
+            raise ValueError(f"approach_max_deg: {self.approach_max_deg} found, (0, 90) allowed")
+
+
+class FollowWall:
+    """Drives along a wall until one of the item's conditions is met.
+
+    After an interruption it goes on if the robot still is where it was left, and faces there.
+
+    Parameters
+    ----------
+    item
+        Side, distance, speed and conditions.
+    config
+        See there.
+    mounts
+        The sonars, in the order of the ranges.
+    off_max_m
+        Farther from where it was left the robot does not go on [m].
+
+    Raises
+    ------
+    ValueError
+        If there is no sonar for the side or for the condition on the front.
+    """
+
+    def __init__(
+        self,
+        item: FollowWallItem,
+        config: WallConfig,
+        mounts: Sequence[SonarMount],
+        off_max_m: float,
+    ) -> None:
+        self._item = item
+        self._off_max_m = off_max_m
+        self._config = config
+        self._side = _required(mounts, item.side)
+        self._front = _required(mounts, "front") if item.until.front_below_m is not None else None
+        self._lateral = abs(mounts[self._side].y_m)
+        gains = critically_damped(config.length_m)
+        self._follower = WallFollower(
+            WallFollowConfig(
+                side=item.side,
+                distance_m=item.distance_m,
+                kp=gains.kp,
+                kd=gains.kd,
+                omega_max_rad_s=config.omega_max_rad_s,
+                approach_max_rad=math.radians(config.approach_max_deg),
+                range_max_m=item.distance_m + 2.0,
+            )
+        )
+        self.reset()
+
+    @property
+    def s_m(self) -> float:
+        """The way along the wall so far [m]."""
+        return self._travelled
+
+    @property
+    def anchor(self) -> SE2 | None:
+        """The pose in `world` at which it is, or was left; None before it began."""
+        return self._left if self._last is None else self._last[0]
+
+    def resume(self, s_m: float) -> None:
+        """Go on from wherever the robot is, with the way `s_m` behind it [m]."""
+        self.reset()
+        self._travelled = self._lost_since = s_m
+
+    def reset(self) -> None:
+        """Start anew: nothing travelled, no wall known."""
+        self._follower.reset()
+        self._last: tuple[SE2, int] | None = None
+        self._left: SE2 | None = None
+        self._travelled = 0.0
+        self._lost_since = 0.0
+        self._near = 0
+
+    def step(self, situation: Situation, now_ns: int) -> Step:
+        """Return the next velocity; fails when there has been no wall for too long a way.
+
+        It fails, too, where the robot is not any more where it was left.
+        """
+        pose, speed = situation.pose, self._item.speed_m_s
+        if self._left is not None and (elsewhere := self._elsewhere(self._left, pose)):
+            return failed(elsewhere)
+        self._left = None
+        dt = 0.0
+        if self._last is not None:
+            before, before_ns = self._last
+            dt = (now_ns - before_ns) / 1e9
+            self._travelled += math.hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+        self._last = (pose, now_ns)
+        if self._met(situation):
+            return done()
+        reading = situation.ranges_m[self._side] + self._lateral
+        twist = situation.twist
+        omega = self._follower.step(reading, twist.v_m_s, dt, twist.omega_rad_s)
+        if not self._follower.lost:
+            self._lost_since = self._travelled
+        elif self._travelled - self._lost_since > self._config.lost_max_m:
+            return failed(f"no wall on the {self._item.side} for {self._config.lost_max_m:g} m")
+        return Step(speed, omega, text=f"{self._travelled:.1f} m along the wall")
+
+    def pause(self) -> None:
+        """Forget the wall, which changes while somebody else drives, but not where that was."""
+        if self._last is not None:
+            self._left, self._last = self._last[0], None
+        self._lost_since = self._travelled
+        self._follower.reset()
+
+    def _elsewhere(self, left: SE2, pose: SE2) -> str:
+        """Return how the robot is not where it was left; empty where it is."""
+        off_m = math.hypot(pose.x_m - left.x_m, pose.y_m - left.y_m)
+        turned_rad = abs(wrap_angle(pose.theta_rad - left.theta_rad))
+        if off_m <= self._off_max_m and turned_rad <= _TURNED_MAX_RAD:
+            return ""
+        return (
+            f"not where it was left: {off_m:.2f} m away and turned by "
+            f"{math.degrees(turned_rad):.0f} deg, {self._off_max_m:g} m and "
+            f"{math.degrees(_TURNED_MAX_RAD):.0f} deg are allowed"
+        )
+
+    def _met(self, situation: Situation) -> bool:
+        """Say whether a condition to end is met; the front sonar has to say so twice running."""
+        until, pose = self._item.until, situation.pose
+        if until.length_m is not None and self._travelled >= until.length_m:
+            return True
+        if until.front_below_m is not None and self._front is not None:
+            if situation.new[self._front]:
+                near = situation.ranges_m[self._front] < until.front_below_m
+                self._near = self._near + 1 if near else 0
+            if self._near >= 2:
+                return True
+        if until.position is None:
+            return False
+        dx, dy = until.position[0] - pose.x_m, until.position[1] - pose.y_m
+        return dx * math.cos(pose.theta_rad) + dy * math.sin(pose.theta_rad) <= 0.0
+
+
+def _required(mounts: Sequence[SonarMount], direction: str) -> int:
+    """Return the index of the sonar in a direction."""
+    index = sonar_towards(mounts, direction)
+    if index is None:
+        raise ValueError(f"no sonar looks to the {direction}")
+    return index

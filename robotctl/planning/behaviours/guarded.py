@@ -1,0 +1,117 @@
+"""A behaviour under supervision: obstacles and time."""
+
+from __future__ import annotations
+
+from robotctl.planning.behaviours.behaviours import FollowPath, GoTo
+from robotctl.planning.behaviours.follow_wall import FollowWall
+from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
+from robotctl.planning.guard.situation import Behaviour, Situation, Status, Step, Stopwatch, failed
+from robotctl.planning.mission.rejoin import Anchor
+
+_STANDSTILL_M_S = 0.03
+"""Where the guard allows less, the robot stands."""
+
+
+def limited(step: Step, guard: ObstacleGuard) -> tuple[Step, GuardStep]:
+    """Return `step` slowed to what the guard allows, on the same arc, and what the guard said."""
+    allowed = guard.step(step.v_m_s, step.omega_rad_s)
+    speed = abs(step.v_m_s)
+    if speed <= allowed.v_max_m_s:
+        return step, allowed
+    share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= _STANDSTILL_M_S else 0.0
+    text = f"waiting: {allowed.obstacle}" if share == 0.0 else step.text
+    return Step(step.v_m_s * share, step.omega_rad_s * share, step.status, text), allowed
+
+
+class Guarded:
+    """Runs a behaviour with the obstacle guard and a time-out.
+
+    The robot slows down and stops ahead of an obstacle and goes on when it is gone; after
+    `GuardConfig.blocked_max_s` in one place the behaviour fails.
+
+    Parameters
+    ----------
+    behaviour
+        What to do.
+    guard
+        Shared with the other behaviours; the navigator feeds it.
+    config
+        Of the guard.
+    time_out_s
+        The behaviour fails after this time [s]; None: never.
+    """
+
+    def __init__(
+        self,
+        behaviour: Behaviour,
+        guard: ObstacleGuard,
+        config: GuardConfig,
+        time_out_s: float | None = None,
+    ) -> None:
+        self._behaviour = behaviour
+        self._guard = guard
+        self._blocked_max_ns = round(config.blocked_max_s * 1e9)
+        self._time_out_s = time_out_s
+        self._watch = Stopwatch()
+        self._blocked_ns: int | None = None
+
+    @property
+    def s_m(self) -> float:
+        """The way along the path or wall [m]; 0 for a behaviour without one."""
+        behaviour = self._behaviour
+        return behaviour.s_m if isinstance(behaviour, FollowPath | FollowWall) else 0.0
+
+    @property
+    def anchor(self) -> Anchor | None:
+        """Where it goes on after an interruption; None: it is for no place, or has not begun."""
+        behaviour = self._behaviour
+        if isinstance(behaviour, FollowPath | GoTo):
+            return Anchor(*behaviour.anchor)
+        pose = behaviour.anchor if isinstance(behaviour, FollowWall) else None
+        return None if pose is None else Anchor(pose.x_m, pose.y_m, pose.theta_rad)
+
+    def join(self) -> None:
+        """Go on from about its anchor, with all the time anew."""
+        self.retry()
+        if isinstance(self._behaviour, FollowPath):
+            self._behaviour.join()
+
+    def resume(self, s_m: float) -> None:
+        """Go on at the way `s_m` along the path or wall [m]; without one it begins anew."""
+        self.reset()
+        if isinstance(self._behaviour, FollowPath | FollowWall):
+            self._behaviour.resume(s_m)
+
+    def reset(self) -> None:
+        """Start anew."""
+        self._behaviour.reset()
+        self._watch = Stopwatch()
+        self._blocked_ns = None
+
+    def pause(self) -> None:
+        """Somebody else steers for a while, which takes none of the behaviour's time."""
+        self._behaviour.pause()
+        self._watch.pause()
+        self._blocked_ns = None
+
+    def retry(self) -> None:
+        """Go on after a failure from wherever the robot is, with all the time anew."""
+        self.pause()
+        self._watch = Stopwatch()
+
+    def step(self, situation: Situation, now_ns: int) -> Step:
+        """Return what the behaviour wants, as far as obstacles and time allow it."""
+        spent_ns = self._watch.step(now_ns)
+        step = self._behaviour.step(situation, now_ns)
+        if step.status is not Status.RUNNING:
+            return step
+        if self._time_out_s is not None and spent_ns > self._time_out_s * 1e9:
+            return failed(f"not done after {self._time_out_s:g} s ({step.text})")
+        step, allowed = limited(step, self._guard)
+        if allowed.v_max_m_s >= _STANDSTILL_M_S:
+            self._blocked_ns = None
+        elif self._blocked_ns is None:
+            self._blocked_ns = now_ns
+        elif now_ns - self._blocked_ns > self._blocked_max_ns:
+            return failed(f"blocked for {self._blocked_max_ns / 1e9:g} s: {allowed.obstacle}")
+        return step

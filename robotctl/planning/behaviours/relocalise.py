@@ -1,0 +1,164 @@
+"""What a robot does that does not know where it is: it looks around, and runs into nothing."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from robotctl.model.drives.drives import Drive
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
+from robotctl.planning.guard.situation import Situation, Step
+
+_BLOCKED_M_S: Final = 0.1
+"""Where the guard allows less, another way is looked for."""
+_TURN_RAD_S: Final = 0.6
+_LEAST_TURN_RAD: Final = math.radians(50.0)
+_MOST_TURN_RAD: Final = math.radians(200.0)
+_BACK_M: Final = 0.5
+_FAR_M: Final = 4.0
+"""A missing echo counts as this range [m]."""
+
+
+class _Doing(enum.Enum):
+    """What it is at."""
+
+    ROUND = "looking around"
+    FORWARD = "looking for a known place"
+    TURN = "turning to a free side"
+    BACK = "backing up"
+
+
+class _Way(NamedTuple):
+    """How it may drive."""
+
+    v_max_m_s: float
+    """At most [m/s], >= 0."""
+    turn_rad_m: float
+    """To the left > 0, per way."""
+
+
+class LookAround:
+    """Turns once round, then drives on wherever there is room; it never ends by itself.
+
+    A drive-and-steer robot cannot turn on the spot: it begins by driving, and where the way is
+    blocked it backs up with the wheels turned, so that it faces the freer side, or straight where
+    its nose has no room to swing out. Only relative poses are used. Nobody told it to move, so it
+    does not back up where no sonar looks back, and where none looks ahead it turns once round, if
+    it can, and stands.
+
+    Parameters
+    ----------
+    drive
+        Drive model.
+    guard
+        Shared with the other behaviours; the navigator feeds it.
+    mounts
+        The sonars, in the order of the ranges.
+    speed_m_s
+        Largest speed [m/s].
+    """
+
+    def __init__(
+        self, drive: Drive, guard: ObstacleGuard, mounts: Sequence[SonarMount], speed_m_s: float
+    ) -> None:
+        self._drive = drive
+        self._guard = guard
+        self._sides = tuple(_side(mount) for mount in mounts)
+        self._speed = speed_m_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Start anew."""
+        self._doing = _Doing.FORWARD if self._drive.steered else _Doing.ROUND
+        self._last: SE2 | None = None
+        self._turned_rad = 0.0
+        self._moved_m = 0.0
+        self._direction = 1.0
+
+    def pause(self) -> None:
+        """Somebody else steers for a while."""
+        self._last = None
+
+    def step(self, situation: Situation) -> Step:
+        """Return the next velocity."""
+        self._measure(situation.pose)
+        ahead = self._way(1.0)
+        if self._doing is _Doing.ROUND and abs(self._turned_rad) >= math.tau:
+            self._begin(_Doing.FORWARD)
+        blocked = ahead.v_max_m_s < _BLOCKED_M_S and self._guard.looks(1.0)
+        if self._doing is _Doing.FORWARD and blocked:
+            self._begin(_Doing.BACK if self._drive.steered else _Doing.TURN)
+            self._direction = self._freer_side(situation.ranges_m)
+        if self._doing is _Doing.TURN and self._has_turned(ahead.v_max_m_s):
+            self._begin(_Doing.FORWARD)
+        behind = self._way(-1.0)
+        if self._doing is _Doing.BACK and self._has_backed(behind.v_max_m_s):
+            self._begin(_Doing.FORWARD)
+        if self._doing in {_Doing.ROUND, _Doing.TURN}:
+            return Step(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
+        sign, way = (1.0, ahead) if self._doing is _Doing.FORWARD else (-1.0, behind)
+        speed = min(self._speed, way.v_max_m_s)
+        text = self._blind(blocked=blocked) or self._doing.value
+        return Step(sign * speed, speed * way.turn_rad_m, text=text)
+
+    def _begin(self, doing: _Doing) -> None:
+        """Go over to something else."""
+        self._doing = doing
+        self._turned_rad = self._moved_m = 0.0
+
+    def _measure(self, pose: SE2) -> None:
+        """Add up what was turned and moved."""
+        if self._last is not None:
+            self._turned_rad += wrap_angle(pose.theta_rad - self._last.theta_rad)
+            self._moved_m += math.hypot(pose.x_m - self._last.x_m, pose.y_m - self._last.y_m)
+        self._last = pose
+
+    def _has_turned(self, ahead_m_s: float) -> bool:
+        """Say whether the way is free after a real turn; in a niche any turn must do at last."""
+        turned = abs(self._turned_rad)
+        return turned >= _MOST_TURN_RAD or (turned >= _LEAST_TURN_RAD and ahead_m_s >= self._speed)
+
+    def _has_backed(self, behind_m_s: float) -> bool:
+        """Say whether there is room ahead now, or none behind."""
+        return self._moved_m >= _BACK_M or behind_m_s < _BLOCKED_M_S
+
+    def _way(self, direction: float) -> _Way:
+        """Return how fast it may drive forwards (1) or backwards (-1), and on which arc."""
+        if not self._guard.looks(direction):
+            return _Way(0.0, 0.0)
+        turn = 0.0
+        if self._drive.steered:
+            # Ahead in a small bend, or it would come back to where it was stuck.
+            turn = self._direction / self._drive.min_turning_radius_m
+            turn *= 0.5 if direction > 0.0 else 1.0
+        bent = self._guard.step(direction, turn).v_max_m_s
+        if bent >= _BLOCKED_M_S:
+            return _Way(bent, turn)
+        return _Way(self._guard.step(direction).v_max_m_s, 0.0)
+
+    def _blind(self, *, blocked: bool) -> str:
+        """Return what keeps it from driving where no sonar looks; empty if nothing does."""
+        if not self._guard.looks(1.0):
+            return "no sonar looks ahead"
+        if self._drive.steered and blocked and not self._guard.looks(-1.0):
+            return "the way is blocked, and no sonar looks back"
+        return ""
+
+    def _freer_side(self, ranges_m: Sequence[float]) -> float:
+        """Return 1 where there is more room to the left, else -1."""
+        room = 0.0
+        for side, range_m in zip(self._sides, ranges_m, strict=True):
+            if not math.isnan(range_m):
+                room += side * min(range_m, _FAR_M)
+        return 1.0 if room >= 0.0 else -1.0
+
+
+def _side(mount: SonarMount) -> float:
+    """Return how much a sonar looks to the left of the way ahead, -1 to 1."""
+    heading = wrap_angle(mount.heading_rad)
+    return math.sin(heading) if abs(heading) <= math.radians(100.0) else 0.0

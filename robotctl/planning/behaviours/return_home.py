@@ -1,0 +1,71 @@
+"""The behaviour that drives back home along the breadcrumbs."""
+
+from __future__ import annotations
+
+from robotctl.model.drives.drives import Drive
+from robotctl.planning.behaviours.behaviours import FollowPath
+from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs, Leg
+from robotctl.planning.guard.situation import Situation, Status, Step, done
+from robotctl.planning.local.path import Path
+from robotctl.planning.local.pursuit import PursuitConfig
+
+
+class ReturnHome:
+    """Follows the breadcrumbs back, leg by leg, and picks them up on its way.
+
+    Interrupted, it goes on with what is left; crumbs that others drop meanwhile count. It ends
+    within the crumbs' spacing of home.
+
+    Parameters
+    ----------
+    crumbs
+        The way from home; shortened as the robot returns.
+    config, drive, speed_m_s
+        As for `Pursuit`.
+    """
+
+    def __init__(
+        self, crumbs: Breadcrumbs, config: PursuitConfig, drive: Drive, speed_m_s: float
+    ) -> None:
+        self._legs: list[Leg] = []
+        self._path: Path | None = None
+        self._follow: FollowPath | None = None
+        self._crumbs = crumbs
+        self._config = config
+        self._drive = drive
+        self._speed = speed_m_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Plan the way back from the present crumbs."""
+        self._legs = self._crumbs.legs()
+        self._begin_leg()
+
+    def pause(self) -> None:
+        """Plan anew when going on."""
+        self._legs, self._path = [], None
+
+    def step(self, situation: Situation, now_ns: int) -> Step:
+        """Return the next velocity; done at home."""
+        if self._path is None:
+            self.reset()
+        while self._path is not None and self._follow is not None:
+            step = self._follow.step(situation, now_ns)
+            leg = self._legs[0]
+            self._crumbs.truncate(leg.last - self._path.segment_at(self._follow.s_m) + 1)
+            if step.status is not Status.DONE:
+                return step
+            self._crumbs.truncate(leg.last - len(leg.points) + 2)
+            del self._legs[0]
+            self._begin_leg()
+        return done("home")
+
+    def _begin_leg(self) -> None:
+        """Prepare to follow the first of the legs left."""
+        self._path, self._follow = None, None
+        if self._legs:
+            leg = self._legs[0]
+            self._path = Path(leg.points)
+            self._follow = FollowPath(
+                self._path, self._config, self._drive, self._speed, reverse=leg.reverse
+            )

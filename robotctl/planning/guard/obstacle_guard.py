@@ -1,0 +1,240 @@
+"""Slow down and stop ahead of what sonars and camera see where the robot's body is going."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Final, NamedTuple, TypeAlias
+
+from robotctl.model.sensors.sonar import SonarMount
+
+Point: TypeAlias = tuple[float, float]
+"""x, y of `base` [m]."""
+
+MOST_BLOCKED_S: Final = 1e6
+
+_LEAST_CLOSING: Final = 1e-9
+"""A corner that comes no nearer to a wall than this, per way of `base`, moves along it."""
+
+
+@dataclass(frozen=True, slots=True)
+class GuardConfig:
+    """When the guard brakes.
+
+    Parameters
+    ----------
+    margin_m
+        Way that each corner of the body keeps to an obstacle ahead of it [m], > 0.
+    deceleration_m_s2
+        Braking that the robot manages for sure [m/s^2], > 0.
+    reaction_s
+        Time from an echo to the brakes, with the median filter and the ring's refresh [s], > 0.
+    nose_m
+        How far the robot reaches ahead of `base` [m], > 0: from there the gap to what the camera
+        sees is counted; as far behind `base`, driving backwards.
+    half_width_m
+        Half of the robot's width with a little room [m], > 0: so far aside are its corners.
+    cone_deg
+        Sonars within this angle of the direction of travel look ahead [deg], > 0: without their
+        readings the robot stands.
+    blocked_max_s
+        A robot blocked for this long gives up [s], > 0, at most 1e6.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    margin_m: float = 0.12
+    deceleration_m_s2: float = 0.8
+    reaction_s: float = 0.2
+    nose_m: float = 0.2
+    half_width_m: float = 0.18
+    cone_deg: float = 30.0
+    blocked_max_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{field.name}: {value} found, a finite number > 0 allowed")
+        if self.blocked_max_s > MOST_BLOCKED_S:
+            raise ValueError(
+                f"blocked_max_s: {self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed"
+            )
+
+
+class GuardStep(NamedTuple):
+    """What the guard allows."""
+
+    v_max_m_s: float
+    """Fastest speed in the direction asked for [m/s], >= 0; inf where nothing is near."""
+    obstacle: str
+    """What limits it, for people; empty where nothing does."""
+
+
+class _View(NamedTuple):
+    """One sonar and the wall it may see."""
+
+    slot: int
+    name: str
+    normal: Point
+    """Where it looks, a unit vector of `base`."""
+    reaches_m: tuple[float, ...]
+    """How far each corner of the body reaches beyond the sonar, to where that looks [m]."""
+
+
+class ObstacleGuard:
+    """Limits the speed so that braking ends `margin_m` before the obstacle.
+
+    An echo is taken for a wall square to the axis of the sonar that heard it, and each corner of
+    the body is asked for its way up to there: gap / closing rate, on the straight line or the arc
+    that is asked for. So a wall beside the robot leaves it the more way the less it is approached,
+    in a bend or backwards with the wheels turned it is the outer corners that come near, and a
+    motion away from a wall is free.
+
+    A wall that is not square to the axis is heard more by the neighbour, on whose axis it is more
+    nearly so: with a sonar every 45 degrees it is off by 22.5 degrees at most from one of them,
+    which makes 8 % of way, and less than `margin_m` at the corners. The sonars ahead alone would
+    not do: a wall met at less than 45 degrees gives them no echo at all.
+
+    The body is the rectangle from the rearmost to the foremost sonar, `half_width_m` to each side
+    and at least to its outermost sonar. The median of the last three readings of each sonar keeps
+    single outliers and lost echoes out. A sonar ahead without reading (nan) makes the robot stand:
+    it would drive blind. Without a sonar in the direction of travel there is nothing to guard, and
+    the speed is free; `looks` tells who must know. Turning on the spot is free, too, or a robot in
+    a corner would never leave it. Points on the floor, which a camera sees, count where the robot
+    driving straight on would meet them.
+
+    Parameters
+    ----------
+    config
+        See there.
+    mounts
+        The sonars, in the order of the ranges.
+    """
+
+    def __init__(self, config: GuardConfig, mounts: Sequence[SonarMount]) -> None:
+        self._config = config
+        self._corners = _corners(mounts, config.half_width_m)
+        self._views = [_view(index, mount, self._corners) for index, mount in enumerate(mounts)]
+        self._cosine = math.cos(math.radians(config.cone_deg))
+        self._history: list[list[float]] = []
+        self._count = len(mounts)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget past readings."""
+        self._history = [[] for _ in range(self._count)]
+        self._floor: Sequence[Point] = ()
+
+    def observe(
+        self, ranges_m: Sequence[float], new: Sequence[bool], floor_base: Sequence[Point] = ()
+    ) -> None:
+        """Take what was heard and seen; once a step.
+
+        Parameters
+        ----------
+        ranges_m
+            The last reading of each sonar [m].
+        new
+            Whether it has come since the last step: each counts once, but a missing one (nan)
+            with each step, since nothing new may come any more.
+        floor_base
+            Points of the floor in `base` [m].
+        """
+        self._floor = floor_base
+        for past, reading, is_new in zip(self._history, ranges_m, new, strict=True):
+            if is_new or math.isnan(reading):
+                past.append(reading)
+                if len(past) > 3:
+                    del past[0]
+
+    def looks(self, direction: float) -> bool:
+        """Say whether a sonar looks forwards (`direction` > 0) or backwards (< 0)."""
+        return any(self._is_ahead(view, direction) for view in self._views)
+
+    def step(self, v_m_s: float, omega_rad_s: float = 0.0) -> GuardStep:
+        """Return the limit for a motion of `base`, whose arc is what counts and not its speed.
+
+        Parameters
+        ----------
+        v_m_s
+            Forwards > 0, backwards < 0 [m/s].
+        omega_rad_s
+            With it, to the left > 0 [rad/s].
+        """
+        if v_m_s == 0.0:
+            return GuardStep(math.inf, "")
+        direction = math.copysign(1.0, v_m_s)
+        turn = omega_rad_s / abs(v_m_s)
+        moves = [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
+        way, obstacle = math.inf, ""
+        for view in self._views:
+            reading = _median(self._history[view.slot])
+            if math.isnan(reading):
+                if self._is_ahead(view, direction):
+                    return GuardStep(0.0, f"sonar {view.name} gives no reading")
+                continue
+            free = self._free_way(view, reading, moves)
+            if free < way:
+                way, obstacle = free, f"{view.name} sees {reading:.2f} m"
+        on_floor = self._free_floor(direction)
+        if on_floor - self._config.margin_m < way:
+            way = on_floor - self._config.margin_m
+            obstacle = f"something lies on the floor {on_floor:.2f} m away"
+        return GuardStep(self._speed_for(way), obstacle)
+
+    def _is_ahead(self, view: _View, direction: float) -> bool:
+        """Say whether a sonar looks in the direction of travel, 1 or -1."""
+        return direction * view.normal[0] >= self._cosine
+
+    def _free_way(self, view: _View, reading: float, moves: Sequence[Point]) -> float:
+        """Return the way of `base` until the first corner is `margin_m` before a wall [m].
+
+        `moves` is how far each corner goes per way of `base`.
+        """
+        way = math.inf
+        for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
+            closing = view.normal[0] * x + view.normal[1] * y
+            if closing > _LEAST_CLOSING:
+                margin = self._config.margin_m / math.hypot(x, y)
+                way = min(way, (reading - reach_m) / closing - margin)
+        return way
+
+    def _free_floor(self, sign: float) -> float:
+        """Return the way from the robot's nose up to the nearest point on the floor [m]."""
+        half_m = self._config.half_width_m
+        met = (sign * x_m for x_m, y_m in self._floor if sign * x_m > 0.0 and abs(y_m) < half_m)
+        return min(met, default=math.inf) - self._config.nose_m
+
+    def _speed_for(self, way_m: float) -> float:
+        """Return the speed v with v reaction + v^2 / (2 a) = way [m/s]."""
+        if way_m <= 0.0:
+            return 0.0
+        delay = self._config.deceleration_m_s2 * self._config.reaction_s
+        return math.sqrt(delay * delay + 2.0 * self._config.deceleration_m_s2 * way_m) - delay
+
+
+def _corners(mounts: Sequence[SonarMount], half_width_m: float) -> list[Point]:
+    """Return the corners of the body, as far as its sonars tell how long that is."""
+    ends = {min((m.x_m for m in mounts), default=0.0), max((m.x_m for m in mounts), default=0.0)}
+    half_m = max(half_width_m, *(abs(m.y_m) for m in mounts)) if mounts else half_width_m
+    return [(x_m, side * half_m) for x_m in sorted(ends) for side in (1.0, -1.0)]
+
+
+def _view(index: int, mount: SonarMount, corners: Sequence[Point]) -> _View:
+    """Return what counts of a sonar."""
+    cos, sin = math.cos(mount.heading_rad), math.sin(mount.heading_rad)
+    reaches_m = tuple(cos * (x_m - mount.x_m) + sin * (y_m - mount.y_m) for x_m, y_m in corners)
+    return _View(index, mount.name, (cos, sin), reaches_m)
+
+
+def _median(readings: list[float]) -> float:
+    """Return the median of at most three readings; nan where most are nan or there is none."""
+    valid = sorted([reading for reading in readings if not math.isnan(reading)])
+    if 2 * len(valid) <= len(readings):
+        return math.nan
+    return valid[(len(valid) - 1) // 2]

@@ -1,0 +1,81 @@
+"""What behaviours see and what they answer."""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple, Protocol
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+
+
+class Situation(NamedTuple):
+    """The robot and its surroundings at one navigation step."""
+
+    pose: SE2
+    """`base` in `world`."""
+    twist: Twist
+    """Present velocity of `base`."""
+    ranges_m: tuple[float, ...]
+    """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale."""
+    new: tuple[bool, ...]
+    """Which of the ranges have come since the last step."""
+
+
+class Status(enum.Enum):
+    """How a behaviour is getting on."""
+
+    RUNNING = enum.auto()
+    DONE = enum.auto()
+    FAILED = enum.auto()
+
+
+class Step(NamedTuple):
+    """What a behaviour wants now: a velocity [m/s, rad/s], its status and a reason or remark."""
+
+    v_m_s: float
+    omega_rad_s: float
+    status: Status = Status.RUNNING
+    text: str = ""
+
+
+def done(text: str = "") -> Step:
+    """Return a stop at the end of a behaviour."""
+    return Step(0.0, 0.0, Status.DONE, text)
+
+
+def failed(reason: str) -> Step:
+    """Return a stop with the reason why a behaviour gives up."""
+    return Step(0.0, 0.0, Status.FAILED, reason)
+
+
+class Behaviour(Protocol):
+    """One thing the robot does until it is done or has failed."""
+
+    def reset(self) -> None:
+        """Start anew."""
+
+    def pause(self) -> None:
+        """Somebody else steers for a while; the next step goes on from wherever the robot is."""
+
+    def step(self, situation: Situation, now_ns: int) -> Step:
+        """Return what to do at `now_ns`, monotonic [ns]; time in a pause does not count."""
+
+
+class Stopwatch:
+    """Time spent in steps: it stands still from a pause to the next step."""
+
+    def __init__(self) -> None:
+        self._spent_ns = 0
+        self._last_ns: int | None = None
+
+    def pause(self) -> None:
+        """Stop until the next step."""
+        self._last_ns = None
+
+    def step(self, now_ns: int) -> int:
+        """Return the time spent up to this step [ns]."""
+        if self._last_ns is not None:
+            self._spent_ns += now_ns - self._last_ns
+        self._last_ns = now_ns
+        return self._spent_ns

@@ -1,0 +1,1 @@
+"""Between processes: topics, heartbeats and locks."""

@@ -1,0 +1,57 @@
+"""Files that appear when they are whole; before that they are `NAME.part`, locked by the writer."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from robotctl.runtime.storage.ring_file import hold, remove_dead
+
+_PART: Final = ".part"
+
+
+@contextmanager
+def part_file(target: Path) -> Iterator[BinaryIO]:
+    """Open a file that takes its target's place when it is whole and on the disk.
+
+    It is removed where that fails; what is at the target stays then.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    part = target.with_name(f"{target.name}{_PART}")
+    try:
+        with part.open("wb") as file:
+            hold(file)
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+            part.replace(target)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def write_whole(target: Path, content: str | bytes) -> None:
+    """Write a file that all may read; it is the old one or the new one, never half of it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; the old one stays.
+    """
+    with part_file(target) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+        os.fchmod(file.fileno(), 0o644)
+
+
+def remove_parts(folder: Path, pattern: str) -> None:
+    """Remove what writers of targets like `pattern` left when they died."""
+    for path in folder.glob(f"{pattern}{_PART}"):
+        with suppress(OSError):  # it ended just now, or may not be removed
+            remove_dead(path)

@@ -1,0 +1,218 @@
+"""A folder of logs, bounded in size: files of one kind are numbered, the oldest go first.
+
+A log is locked while it is written, and whoever makes room or cleans up leaves it alone.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+import time
+from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, BinaryIO, Final
+
+from robotctl.errors import RobotctlError
+from robotctl.runtime.storage.ring_file import hold, leads_to, remove_dead
+
+MOST_TOTAL_MB: Final = 1e9
+
+_LOG: Final = re.compile(
+    r"(control|can|robot|simulator|truth)-(\d{4,})\.(rec|log|mcap|tum)(?:\.damaged-\d+)?"
+)
+_NUMBERED: Final = re.compile(rf"{_LOG.pattern}|(map)-(\d{{4,}})\.yaml")
+_OF_THE_RECORDER: Final = ("control", "can", "robot")
+
+
+class LogError(RobotctlError):
+    """A log cannot be written or read."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogConfig:
+    """How much is logged, where logging is asked for.
+
+    Parameters
+    ----------
+    file_mb
+        A file that has become larger is followed by a new one [MB].
+    total_mb
+        The oldest files are removed while all logs of the folder are larger together [MB]: ten
+        times `file_mb` to 1e9.
+    """
+
+    file_mb: float = 64.0
+    total_mb: float = 2000.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 < self.file_mb <= 4000.0:
+            raise ValueError(f"file_mb must be above 0 and at most 4000, not {self.file_mb}")
+        if not 10.0 * self.file_mb <= self.total_mb <= MOST_TOTAL_MB:
+            raise ValueError(
+                f"total_mb must be at least ten times file_mb ({10 * self.file_mb:g}) and at most "
+                f"{MOST_TOTAL_MB:g}, not {self.total_mb}"
+            )
+
+
+def make_folder(directory: Path) -> None:
+    """Make a folder of logs and those above it, where it is missing.
+
+    Raises
+    ------
+    LogError
+        If it cannot be made.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise LogError(f"{directory}: is no folder") from error
+    except OSError as error:
+        raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
+
+
+def age_rank(status: os.stat_result) -> tuple[bool, int]:
+    """Return what sorts files, the oldest first.
+
+    What is dated after now was written before the clock was put back, as that of a computer
+    without a battery is at each start: it is older than whatever has been written since.
+    """
+    return status.st_mtime_ns <= time.time_ns(), status.st_mtime_ns
+
+
+def refusal(directory: Path) -> str:
+    """Return why no file can be written in a folder; empty where one can."""
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return ""
+    except OSError as error:
+        return f"{directory}: cannot be written: {error.strerror}"
+
+
+class LogFolder:
+    """Names new log files and removes old ones.
+
+    Parameters
+    ----------
+    directory
+        Made where it is missing.
+    config
+        Bounds.
+
+    Raises
+    ------
+    LogError
+        If the directory cannot be made.
+    """
+
+    def __init__(self, directory: Path, config: LogConfig) -> None:
+        self.directory = directory
+        self.file_bytes = round(config.file_mb * 1e6)
+        self._total_bytes = round(config.total_mb * 1e6)
+        make_folder(directory)
+
+    def new(self, kind: str, suffix: str) -> Path:
+        """Return the path of a new file, such as `control-0002.rec`; make room first."""
+        self.trim()
+        number = self._last(kind) + 1
+        if kind == "robot":
+            number = max(number, self._last("truth"))
+        return self.directory / f"{kind}-{number:04d}.{suffix}"
+
+    def open(self, kind: str, suffix: str) -> BinaryIO:
+        """Open a new file, such as `control-0002.rec`, locked until it is closed.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses.
+        """
+        while True:
+            path = self.new(kind, suffix)
+            file = path.open("wb")
+            hold(file)
+            if leads_to(path, file.fileno()):  # not removed as an empty one before it was locked
+                return file
+            file.close()
+
+    def begin_run(self) -> int:
+        """Return the number of a simulated run, that of its first log of states, its truth and map.
+
+        An empty truth takes it, and stays where the run does not come to its end: so its logs are
+        not taken for those of the run before.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses.
+        """
+        run = 1 + max(map(self._last, ("robot", "truth", "map")))
+        (self.directory / f"truth-{run:04d}.tum").touch(exist_ok=False)
+        return run
+
+    def _last(self, kind: str) -> int:
+        """Return the greatest number of the files of one kind; 0 without any."""
+        matches = (_NUMBERED.fullmatch(path.name) for path in self.directory.iterdir())
+        return max((int(m[2] or m[5]) for m in matches if m and kind in (m[1], m[4])), default=0)
+
+    def remove_empty(self) -> None:
+        """Remove logs of the recorder in which nothing arrived: a disk was full."""
+        for path in self.directory.iterdir():
+            match = _LOG.fullmatch(path.name)
+            if match and match[1] in _OF_THE_RECORDER:
+                _remove_if_empty(path)
+
+    def trim(self, keep: Collection[Path] = ()) -> None:
+        """Remove the oldest logs until the rest is within the bound.
+
+        Those in `keep` stay, and those that are being written.
+        """
+        files = []
+        for path in self.directory.iterdir():
+            if _LOG.fullmatch(path.name):
+                status = path.stat()
+                files.append((age_rank(status), path.name, path, status.st_size))
+        total = sum(size for *_, size in files)
+        for *_, path, size in sorted(files):
+            if total <= self._total_bytes:
+                return
+            if path not in keep and _removed(path):
+                total -= size
+
+
+def is_gone(file: IO[Any]) -> bool:
+    """Return whether somebody has removed a log that is being written: nobody would read it."""
+    return not leads_to(Path(file.name), file.fileno())
+
+
+def close_log(file: IO[Any]) -> None:
+    """Close a log and remove it if nothing arrived in it, as on a full disk.
+
+    Raises
+    ------
+    OSError
+        If the disk refuses what was still to be written; the file is closed nevertheless.
+    """
+    try:
+        file.close()
+    finally:
+        _remove_if_empty(Path(file.name))
+
+
+def _remove_if_empty(path: Path) -> None:
+    """Remove a file of no bytes that nobody writes; where that is refused it stays."""
+    with suppress(OSError):
+        if path.stat().st_size == 0:
+            _removed(path)
+
+
+def _removed(path: Path) -> bool:
+    """Remove a log unless it is being written; return whether it is gone."""
+    try:
+        remove_dead(path)
+    except OSError:  # a disk without locks, or one that refuses this as well
+        path.unlink(missing_ok=True)
+    return not path.exists()

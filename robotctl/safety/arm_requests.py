@@ -1,0 +1,46 @@
+"""Requests to arm: those that wait, and what was answered last."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.messages.control import Ack, Arm
+
+_KEPT: Final = 8
+"""Requests that wait, and answers, at most: so many ask within one period of publishing."""
+
+
+class ArmRequests:
+    """Those who asked to arm and have no answer yet, and the answers of the last.
+
+    Attributes
+    ----------
+    waiting
+        `request_id` of those who wait, in the order in which they asked.
+    since_ns
+        When the first of them asked [ns]: who asks later does not put off the answer.
+    acks
+        The last answers to any `Arm`, the newest last.
+    """
+
+    def __init__(self) -> None:
+        self.waiting: tuple[int, ...] = ()
+        self.since_ns = 0
+        self.acks: tuple[Ack, ...] = ()
+
+    def wait(self, request: Arm) -> None:
+        """Let a request wait."""
+        if not self.waiting:
+            self.since_ns = request.stamp_ns
+        self.waiting = (*self.waiting, request.request_id)[-_KEPT:]
+
+    def answer(self, request_id: int, *refusals: str) -> None:
+        """Answer one request: yes, unless there are reasons against it."""
+        ack = Ack(request_id, accepted=not refusals, reasons=refusals)
+        self.acks = (*self.acks, ack)[-_KEPT:]
+
+    def answer_waiting(self, *refusals: str) -> None:
+        """Answer all that wait: yes, unless there are reasons against it."""
+        for request_id in self.waiting:
+            self.answer(request_id, *refusals)
+        self.waiting = ()

@@ -1,0 +1,312 @@
+"""What the control core trusts: the newest of each input, its age, and why it would stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from robotctl.messages.control import (
+    BatteryFeedback,
+    BusState,
+    BusStatus,
+    DriveFault,
+    DriveState,
+    DriveStatus,
+    Feedback,
+    MotorStatus,
+    NodeStatus,
+    SonarFeedback,
+)
+from robotctl.safety.state_machine import SafetyConfig
+
+BUS_LOAD_MAX: Final = 0.8
+"""A fuller bus [1] delays what is least urgent, the node services, without bound."""
+
+_UNHEARD_NS: Final = 100_000_000
+"""So long behind them, lost commands explain what wheels do: monitors look at 50 ms at once."""
+
+_ENABLE_NS: Final = 100_000_000
+"""So soon behind arming the drive says that it is enabled: it takes three commands and a status,
+50 ms at 100 Hz; the rest is for some that are lost."""
+
+_SILENCE: Final = (
+    "older than",
+    "no heartbeat for",
+    "has given no range for",
+    "had no valid command for",
+    "is in stopped",
+)
+"""Parts of the reasons to stop that a pause of this process brings about."""
+
+_PAUSE_NS: Final = 250_000_000
+"""So long behind a pause it explains them: the motor controller's own words come a status later."""
+
+_NEVER_NS: Final = -(1 << 62)
+_LATCHED_DRIVE_STATES: Final = frozenset(
+    {DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP}
+)
+_DEAD_BUS_STATES: Final = frozenset({BusState.BUS_OFF, BusState.DOWN})
+
+
+class Health:
+    """Keeps the newest inputs and judges them.
+
+    Parameters
+    ----------
+    safety
+        Age limits.
+    period_ns
+        Control period [ns], the unit of the wheel feedback's age limit.
+    sonars
+        Names of the sonars of the ring; empty where nobody uses any.
+    """
+
+    def __init__(self, safety: SafetyConfig, period_ns: int, sonars: tuple[str, ...] = ()) -> None:
+        self.motor: MotorStatus | None = None
+        self.drive: DriveStatus | None = None
+        self._unheard: DriveStatus | None = None
+        """The last that said that its newest valid command was old."""
+        self._idle_ns = -_NEVER_NS
+        """When the drive was enabled last, or nobody wanted it to be [ns]."""
+        self.battery: BatteryFeedback | None = None
+        self._take_nodes(())
+        self.bus = BusStatus()
+        self.sonar_m = [math.nan] * len(sonars)
+        self.sonar_ns = [_NEVER_NS] * len(sonars)
+        """Time of the last range that was one [ns]; a sonar's own fault does not count."""
+        self._sonar_names = sonars
+        self._sonars_ns = span_ns(self.sonar_ns)
+        self._wheels_ns = _NEVER_NS
+        self._latch_us = -1
+        self._wheels_limit_ns = safety.feedback_timeout_periods * period_ns
+        self._status_limit_ns = safety.status_timeout_ms * 1_000_000
+        self._battery_limit_ns = safety.battery_timeout_ms * 1_000_000
+        self._sonar_limit_ns = safety.sonar_timeout_ms * 1_000_000
+        self._heartbeat_limit_ns = safety.heartbeat_timeout_ms * 1_000_000
+        self._stepped_ns: int | None = None
+        self._paused_ns = 0
+        self._pause_over_ns = _NEVER_NS
+
+    def update(self, feedback: Feedback) -> None:
+        """Take in what a tick brought."""
+        wheels = feedback.wheels
+        if wheels is not None and wheels.timestamp_us != self._latch_us:
+            self._latch_us = wheels.timestamp_us
+            self._wheels_ns = wheels.stamp_ns
+        if feedback.motor is not None:
+            self.motor = feedback.motor
+            if feedback.motor.state is DriveState.ENABLED:
+                self._idle_ns = feedback.motor.stamp_ns
+        if feedback.drive is not None:
+            self.drive = feedback.drive
+            if feedback.drive.command_age_ms * 1_000_000 > self._wheels_limit_ns:
+                self._unheard = feedback.drive
+        if feedback.battery is not None:
+            self.battery = feedback.battery
+        if feedback.sonars:
+            for sonar in feedback.sonars:
+                self._take_sonar(sonar)
+            self._sonars_ns = span_ns(self.sonar_ns)
+        if feedback.nodes is not self.nodes:
+            self._take_nodes(feedback.nodes)
+        self.bus = feedback.bus
+
+    def step(self, now_ns: int) -> None:
+        """Note the time of this step, and whether this process was held up since the last one.
+
+        Whoever is held up sends neither commands nor SYNC: what is missing then is its own doing.
+        """
+        before_ns, self._stepped_ns = self._stepped_ns, now_ns
+        if before_ns is not None and now_ns - before_ns > self._wheels_limit_ns:
+            self._paused_ns, self._pause_over_ns = now_ns - before_ns, now_ns
+
+    def _take_sonar(self, sonar: SonarFeedback) -> None:
+        """Keep the ranges of one group."""
+        for index, range_m in enumerate(sonar.ranges_m, sonar.first):
+            if index < len(self.sonar_m):
+                self.sonar_m[index] = range_m
+                if not math.isnan(range_m):
+                    self.sonar_ns[index] = sonar.stamp_ns
+
+    def _take_nodes(self, nodes: tuple[NodeStatus, ...]) -> None:
+        """Keep what is known of the nodes, which changes with their heartbeats only."""
+        self.nodes = nodes
+        self._heartbeats_ns = span_ns([node.heartbeat_ns for node in nodes])
+        # There are some, and none has a problem but perhaps its age.
+        self._in_service = bool(nodes) and not any(node.problem for node in nodes)
+
+    def wheels_fresh(self, now_ns: int) -> bool:
+        """Return whether the newest wheel feedback is not too old."""
+        return is_fresh(self._wheels_ns, now_ns, self._wheels_limit_ns)
+
+    def fresh_sonar_m(self, now_ns: int) -> tuple[float, ...]:
+        """Return the range of each sonar [m]; inf: no echo; nan: too old, or none at all."""
+        limit_ns = self._sonar_limit_ns
+        return tuple(
+            range_m if is_fresh(stamp_ns, now_ns, limit_ns) else math.nan
+            for range_m, stamp_ns in zip(self.sonar_m, self.sonar_ns, strict=True)
+        )
+
+    def fresh_motor(self, now_ns: int) -> MotorStatus | None:
+        """Return the motor status if it is not too old."""
+        motor = self.motor
+        fresh = motor is not None and is_fresh(motor.stamp_ns, now_ns, self._status_limit_ns)
+        return motor if fresh else None
+
+    def fresh_drive(self, now_ns: int) -> DriveStatus | None:
+        """Return the drive status if it is not too old."""
+        drive = self.drive
+        fresh = drive is not None and is_fresh(drive.stamp_ns, now_ns, self._status_limit_ns)
+        return drive if fresh else None
+
+    def fresh_battery(self, now_ns: int) -> BatteryFeedback | None:
+        """Return the battery's report if it is not too old."""
+        battery = self.battery
+        fresh = battery is not None and is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns)
+        return battery if fresh else None
+
+    def unheard(self, now_ns: int) -> str | None:
+        """Return a sentence where no command reached the motor controller, by its own words."""
+        drive = self._unheard
+        if drive is None or now_ns - drive.stamp_ns > _UNHEARD_NS:
+            return None
+        return _unheard_words(drive)
+
+    def node_problem(self, now_ns: int) -> str | None:
+        """Return what keeps a node from service, or None when all are in service."""
+        problems = self._node_problems(now_ns)
+        return problems[0] if problems else None
+
+    def fault(self, now_ns: int) -> str | None:
+        """Return why a powered robot must stop now, or None."""
+        reasons = self._faults(now_ns)
+        if reasons:
+            return self._explained(reasons[0], now_ns)
+        motor = self.motor
+        if motor is None or motor.stamp_ns - self._idle_ns <= _ENABLE_NS:
+            return None
+        stays = f"the motor controller stays in {_words(motor.state)}, told to drive"
+        return self.unheard(now_ns) or stays
+
+    def _explained(self, reason: str, now_ns: int) -> str:
+        """Return a reason to stop, behind what explains it where this process was held up."""
+        if now_ns - self._pause_over_ns > _PAUSE_NS or not any(part in reason for part in _SILENCE):
+            return reason
+        return f"control was held up for {self._paused_ns / 1e6:.0f} ms: {reason}"
+
+    def armed(self, now_ns: int) -> None:
+        """Take note that the robot is armed: from now on the drive is to be enabled."""
+        self._idle_ns = now_ns
+
+    def refusals(self, now_ns: int) -> tuple[str, ...]:
+        """Return all reasons against arming at this moment, in the operator's words."""
+        reasons = self._faults(now_ns)
+        drive, battery, bus = self.fresh_drive(now_ns), self.battery, self.bus
+        if drive is not None and drive is self._unheard:
+            reasons.append(_unheard_words(drive))
+        if battery is not None and battery.low and not battery.critical:
+            reasons.append(f"the battery is low ({battery.voltage_v:.1f} V)")
+        if bus.state == BusState.ERROR_PASSIVE:
+            reasons.append("the CAN bus is error passive")
+        if bus.load > BUS_LOAD_MAX:
+            reasons.append(f"the CAN bus is {bus.load:.0%} full, {BUS_LOAD_MAX:.0%} allowed")
+        return tuple(reasons)
+
+    def _faults(self, now_ns: int) -> list[str]:
+        """Return all reasons to stop, the most telling first."""
+        reasons = []
+        if self.bus.state in _DEAD_BUS_STATES:
+            reasons.append(f"the CAN bus is {_words(self.bus.state)}")
+        if not self.wheels_fresh(now_ns):
+            reasons.append(f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms")
+        motor, limit_ns = self.fresh_motor(now_ns), self._status_limit_ns
+        if motor is None:
+            reasons.append(f"motor status is older than {limit_ns / 1e6:g} ms")
+        elif motor.state in _LATCHED_DRIVE_STATES:
+            words = f"{_words(motor.state)}{fault_words(motor.faults)}"
+            reasons.append(f"the motor controller is in {words}")
+        elif motor.faults:
+            reasons.append(f"the motor controller reports{fault_words(motor.faults)}")
+        if self.fresh_drive(now_ns) is None:
+            reasons.append(f"drive status is older than {limit_ns / 1e6:g} ms")
+        reasons += self._battery_faults(now_ns)
+        reasons += self._sonar_faults(now_ns)
+        reasons += self._node_problems(now_ns)
+        return reasons
+
+    def _battery_faults(self, now_ns: int) -> list[str]:
+        """Return what is wrong with the battery."""
+        battery = self.battery
+        if battery is None:
+            return ["the battery has not reported yet"]
+        if not is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns):
+            return [f"the battery's report is older than {self._battery_limit_ns / 1e6:g} ms"]
+        if battery.critical:
+            return [f"the battery is critical ({battery.voltage_v:.1f} V)"]
+        return []
+
+    def _sonar_faults(self, now_ns: int) -> list[str]:
+        """Return which sonars have been silent for too long."""
+        limit_ns = self._sonar_limit_ns
+        if are_fresh(self._sonars_ns, now_ns, limit_ns):
+            return []
+        return [
+            f"sonar {name} has given no range for {limit_ns / 1e6:g} ms"
+            for name, stamp_ns in zip(self._sonar_names, self.sonar_ns, strict=True)
+            if not is_fresh(stamp_ns, now_ns, limit_ns)
+        ]
+
+    def _node_problems(self, now_ns: int) -> list[str]:
+        """Return what keeps each node from service."""
+        limit_ns = self._heartbeat_limit_ns
+        if self._in_service and are_fresh(self._heartbeats_ns, now_ns, limit_ns):
+            return []
+        problems = [] if self.nodes else ["no node has been heard on the bus"]
+        for node in self.nodes:
+            if node.problem:
+                problems.append(node.problem)
+            elif not is_fresh(node.heartbeat_ns, now_ns, limit_ns):
+                silence = f"no heartbeat for {limit_ns / 1e6:g} ms"
+                problems.append(f"{node.name} (node {node.node_id}): {silence}")
+        return problems
+
+    @property
+    def drive_latched(self) -> bool:
+        """Whether the motor controller waits for its faults to be cleared."""
+        return self.motor is not None and self.motor.state in _LATCHED_DRIVE_STATES
+
+
+def is_fresh(stamp_ns: int, now_ns: int, limit_ns: int) -> bool:
+    """Return whether a stamp lies within `limit_ns` of now, the limit itself included [ns].
+
+    A stamp from the future by more than that would never grow old, so it is not fresh either.
+    """
+    return -limit_ns <= now_ns - stamp_ns <= limit_ns
+
+
+def span_ns(stamps_ns: Sequence[int]) -> tuple[int, int]:
+    """Return the oldest and the newest stamp [ns]; of none, what is fresh at any time."""
+    return min(stamps_ns, default=-_NEVER_NS), max(stamps_ns, default=_NEVER_NS)
+
+
+def are_fresh(span: tuple[int, int], now_ns: int, limit_ns: int) -> bool:
+    """Return whether all stamps of a `span_ns` are fresh: the oldest and the newest are [ns]."""
+    oldest_ns, newest_ns = span
+    return newest_ns - limit_ns <= now_ns <= oldest_ns + limit_ns
+
+
+def fault_words(faults: int) -> str:
+    """Return the motor controller's fault bits as `: over current, encoder`, or nothing."""
+    names = [_words(fault) for fault in DriveFault if faults & fault]
+    return f": {', '.join(names)}" if names else ""
+
+
+def _unheard_words(drive: DriveStatus) -> str:
+    """Say for how long the motor controller had heard nothing."""
+    return f"the motor controller had no valid command for {drive.command_age_ms} ms"
+
+
+def _words(value: DriveState | BusState | DriveFault) -> str:
+    """Write an enum member for people."""
+    return str(value.name).lower().replace("_", " ")

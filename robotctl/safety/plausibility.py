@@ -1,0 +1,473 @@
+"""Plausibility: what the inputs say of each other.
+
+An input can be fresh, undamaged and wrong. Each monitor here compares inputs that come from
+different sensors:
+
+- encoder against duty and current. The voltage at a motor less the drop over its winding is its
+  back-EMF, hence its speed, whatever its load: ``w = (u - R i) / k``. An encoder that says
+  otherwise is stuck, disconnected, reversed, swapped with its neighbour, or loses counts;
+- current against motion. Much current one way for long, and the speed does not follow it: the
+  wheel is blocked, or the robot pushes against something;
+- wheel against wheel. Errors of supply, temperature and model are those of both wheels; what
+  differs between them is one wheel's own;
+- steering against its command, supply against battery, the drive's clock against the host's;
+- sonar against odometry: `plausibility_sonar.py`.
+
+What cannot be seen: a wheel and its motor both exchanged with the other side's, where no sonar sees
+it; slip on ice with no sonar echo ahead; tilt and being carried, since there is no IMU. No monitor
+leads to a degraded mode: each stops the robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from robotctl.messages.control import (
+    BatteryFeedback,
+    DriveStatus,
+    MotorStatus,
+    WheelCommand,
+    WheelFeedback,
+)
+
+COPPER_PER_K: Final = 0.0039
+"""Growth of a copper winding's resistance [1/K], from 25 degC."""
+
+REST_RAD_S: Final = 0.5
+"""A wheel slower than this counts as at rest [rad/s]."""
+
+GAIN_RAD_S: Final = 3.0
+"""A push that gains more speed its way than this in its time meets inertia, no wall [rad/s]."""
+
+GAIN_SHARE: Final = 1.0 / 3.0
+"""So much of what the robot gains at its greatest acceleration is enough, where that is less."""
+
+PAIR_RAD_S: Final = 4.0
+"""Wheels are compared from this speed on at the latest [rad/s], or from twice the tolerance."""
+
+TEMPERATURES_C: Final = (-30.0, 180.0)
+"""Outside of this the temperature sensor is broken [degC]; its wire off reads -40."""
+
+SUPPLY_V, SUPPLY_SHARE = 2.0, 0.2
+"""Bus and battery voltage may differ by the greater of these [V, share of the battery's]."""
+
+IDLE_CURRENT_A: Final = 1.0
+"""More in a bridge that is off, of a wheel at rest, is a broken current sensor [A]."""
+
+JUMPS: Final = 3
+"""So many impossible jumps of a count within a second: one glitch makes two."""
+
+CLOCK_WINDOW_NS: Final = 2_000_000_000
+_CLOCK_GAP_NS: Final = 500_000_000
+_SECOND_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class PlausibilityConfig:
+    """How far inputs may contradict each other.
+
+    Parameters
+    ----------
+    resistance_ohm
+        Of one motor's winding and leads at 25 degC [ohm], > 0: measure it at the terminals.
+    back_emf_v_s_rad
+        Voltage at the motor's terminals per speed of the wheel, without load [V s/rad], > 0: from
+        the data sheet, times the gear ratio. Not the loop's `kv`, so that tuning cannot blind it.
+    speed_tolerance_rad_s, speed_tolerance_share
+        The encoder may differ from the speed that duty and current tell by the sum of the first
+        [rad/s] and of the second times the greater of the two, > 0, at most 5 and 0.5. Slow motors
+        need less, coarse encoders more: see docs/safety.md.
+    speed_ms
+        Longer than this it may not [ms], 5 to 500; half as long if it differs twice as much, since
+        a loop whose encoders are exchanged speeds up the more, the faster it is.
+    push_v
+        Drop `R i` over a winding [V], > 0, at most 10; more than the steepest slope needs.
+    push_ms
+        Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000:
+        without 3 rad/s, or a third of what `limits.a_max_m_s2` gives in this time.
+    pair_share
+        Two wheels may differ by this in the ratio of counted to electrical speed, > 0, at most 0.5.
+    pair_ms
+        Longer than this they may not [ms], 20 to 5000.
+    steering_tolerance_rad
+        The steering may differ from its command by this [rad], > 0, at most 0.5, and below the
+        bound of the linkage.
+    steering_ms
+        Longer than this it may not [ms]; more than full travel takes, 20 to 2000.
+    clock_share
+        The drive's clock may be faster or slower than the host's by this, > 0, at most 0.25.
+    travel_m
+        Way straight ahead over which a sonar that looks along it is compared [m], > 0, at most 2.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range: a tolerance that nothing exceeds is no monitor.
+    """
+
+    resistance_ohm: float
+    back_emf_v_s_rad: float
+    speed_tolerance_rad_s: float = 2.0
+    speed_tolerance_share: float = 0.25
+    speed_ms: int = 50
+    push_v: float = 1.5
+    push_ms: int = 300
+    pair_share: float = 0.15
+    pair_ms: int = 1000
+    steering_tolerance_rad: float = 0.35
+    steering_ms: int = 600
+    clock_share: float = 0.03
+    travel_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for name, most in _MOST.items():
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{name}: {value} found, a finite number > 0 allowed")
+            if value > most:
+                raise ValueError(f"{name}: {value} found, at most {most} allowed")
+        for name, (low, high) in _RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(f"{name}: {value} found, {low} to {high} allowed")
+
+
+_MOST: Final = {
+    "resistance_ohm": math.inf,
+    "back_emf_v_s_rad": math.inf,
+    "speed_tolerance_rad_s": 5.0,
+    "speed_tolerance_share": 0.5,
+    "push_v": 10.0,
+    "pair_share": 0.5,
+    "steering_tolerance_rad": 0.5,
+    "clock_share": 0.25,
+    "travel_m": 2.0,
+}
+_RANGES: Final = {
+    "speed_ms": (5, 500),
+    "push_ms": (20, 2000),
+    "pair_ms": (20, 5000),
+    "steering_ms": (20, 2000),
+}
+
+
+class Standing:
+    """How long a condition has stood without a break."""
+
+    __slots__ = ("_since_ns",)
+
+    def __init__(self) -> None:
+        self._since_ns: int | None = None
+
+    def lasts_ns(self, condition: bool, now_ns: int) -> int:
+        """Return how long the condition has stood up to now [ns]; 0 where it does not."""
+        if not condition:
+            self._since_ns = None
+            return 0
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        return now_ns - self._since_ns
+
+
+class WheelMonitor:
+    """Encoder, current and motion of one wheel.
+
+    Parameters
+    ----------
+    name
+        Name of the wheel.
+    config
+        Tolerances.
+    a_max_rad_s2
+        What the wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
+    """
+
+    def __init__(self, name: str, config: PlausibilityConfig, a_max_rad_s2: float) -> None:
+        self.name = name
+        self._config = config
+        self._speed_ns = config.speed_ms * 1_000_000
+        self._push_ns = config.push_ms * 1_000_000
+        self._gain_rad_s = min(GAIN_RAD_S, GAIN_SHARE * a_max_rad_s2 * config.push_ms * 1e-3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what has stood so far."""
+        self.counted_rad_s = 0.0
+        self.electrical_rad_s = 0.0
+        self.is_off = False
+        """Whether the encoder has said something else than the motor for too long."""
+        self._off = Standing()
+        self._drop_v = self._current_a = self._before_rad_s = 0.0
+        self._push = 0
+        self._pushing = Standing()
+
+    @property
+    def tolerance_rad_s(self) -> float:
+        """How far the two speeds may lie apart now [rad/s]."""
+        config = self._config
+        faster = max(abs(self.counted_rad_s), abs(self.electrical_rad_s))
+        return config.speed_tolerance_rad_s + config.speed_tolerance_share * faster
+
+    @property
+    def ratio(self) -> float:
+        """Counted over electrical speed; nan where they are not compared yet."""
+        least_rad_s = min(PAIR_RAD_S, 2.0 * self._config.speed_tolerance_rad_s)
+        if abs(self.electrical_rad_s) < least_rad_s:
+            return math.nan
+        return self.counted_rad_s / self.electrical_rad_s
+
+    def update(
+        self,
+        counted_rad_s: float,
+        voltage_v: float,
+        current_a: float,
+        temperature_c: float,
+        stamp_ns: int,
+    ) -> None:
+        """Take one sample of an enabled wheel.
+
+        Parameters
+        ----------
+        counted_rad_s
+            Speed by the encoder [rad/s].
+        voltage_v
+            Mean voltage at the motor [V].
+        current_a, temperature_c
+            Of its winding [A, degC].
+        stamp_ns
+            Time of the sample [ns].
+        """
+        config = self._config
+        warm = 1.0 + COPPER_PER_K * (temperature_c - 25.0)
+        self._drop_v = config.resistance_ohm * warm * current_a
+        self._current_a = current_a
+        self.counted_rad_s = counted_rad_s
+        self.electrical_rad_s = (voltage_v - self._drop_v) / config.back_emf_v_s_rad
+        excess = abs(self.electrical_rad_s - counted_rad_s) / self.tolerance_rad_s
+        self.is_off = self._off.lasts_ns(excess > 1.0, stamp_ns) * excess > self._speed_ns
+
+    def encoder_fault(self) -> str:
+        """Return what is wrong with the encoder; empty where nothing."""
+        if not self.is_off:
+            return ""
+        counted, electrical = self.counted_rad_s, self.electrical_rad_s
+        if abs(counted) < REST_RAD_S:
+            kind = "stuck or disconnected"
+        elif counted * electrical < 0.0:
+            kind = "reversed"
+        else:
+            kind = "wrong"
+        return (
+            f"{self.name} encoder {kind}: {counted:.1f} rad/s counted, {electrical:.1f} rad/s by "
+            "duty and current"
+        )
+
+    def push_fault(self, now_ns: int) -> str:
+        """Return what holds the wheel; empty where nothing."""
+        counted, push_v = self.counted_rad_s, self._config.push_v
+        push = (self._drop_v > push_v) - (self._drop_v < -push_v)
+        if push != self._push:
+            self._push, self._pushing = push, Standing()
+        lasts_ns = self._pushing.lasts_ns(push != 0, now_ns)
+        if lasts_ns == 0:
+            self._before_rad_s = counted
+        if lasts_ns <= self._push_ns:
+            return ""
+        if push * (counted - self._before_rad_s) > self._gain_rad_s:
+            # The current does its work. A wheel that loses speed against it is held.
+            self._pushing = Standing()
+            return ""
+        if abs(counted) < REST_RAD_S:
+            return f"{self.name} wheel is blocked: {self._current_a:.1f} A and no motion"
+        return f"{self.name} wheel pushes against something: {self._current_a:.1f} A, no faster"
+
+
+class Plausibility:
+    """All monitors but the sonars'.
+
+    Parameters
+    ----------
+    config
+        Tolerances.
+    wheel_names
+        The driven wheels.
+    deadband
+        Of the bridges.
+    steering_max_rad
+        Bound of the linkage [rad]; 0: no steering.
+    a_max_rad_s2
+        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
+    """
+
+    def __init__(
+        self,
+        config: PlausibilityConfig,
+        wheel_names: tuple[str, ...],
+        deadband: float,
+        steering_max_rad: float,
+        a_max_rad_s2: float,
+    ) -> None:
+        self._config = config
+        self._deadband = deadband
+        self._steering_max_rad = steering_max_rad
+        self._wheels = tuple(WheelMonitor(name, config, a_max_rad_s2) for name in wheel_names)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew: the robot is armed."""
+        self.fault = ""
+        """What contradicts what; stays until `reset`."""
+        for wheel in self._wheels:
+            wheel.reset()
+        self._pair = Standing()
+        self._steering = Standing()
+        self._jumps = -1
+        self._jumped_ns: deque[int] = deque(maxlen=JUMPS)
+        self._latch_us, self._host_ns = -1, 0
+        self._drive_us = self._elapsed_ns = 0
+
+    def take_wheels(self, wheels: WheelFeedback) -> None:
+        """Compare the drive's clock with the host's, over windows of `CLOCK_WINDOW_NS`."""
+        latch_us, stamp_ns = wheels.timestamp_us, wheels.stamp_ns
+        host_ns = stamp_ns - self._host_ns
+        if self._latch_us < 0 or host_ns > _CLOCK_GAP_NS:
+            self._drive_us = self._elapsed_ns = 0
+        else:
+            self._drive_us += (latch_us - self._latch_us) & 0xFFFFF
+            self._elapsed_ns += host_ns
+            if self._elapsed_ns >= CLOCK_WINDOW_NS:
+                excess = self._drive_us * 1000.0 / self._elapsed_ns - 1.0
+                if abs(excess) > self._config.clock_share:
+                    self._say(f"the drive's clock runs {excess:+.1%} against the host's")
+                self._drive_us = self._elapsed_ns = 0
+        self._latch_us, self._host_ns = latch_us, stamp_ns
+
+    def take_motor(
+        self,
+        motor: MotorStatus,
+        command: WheelCommand,
+        bus_voltage_v: float,
+        speeds_rad_s: tuple[float, ...],
+        jumps: int,
+    ) -> None:
+        """Compare the wheels with their motors.
+
+        Parameters
+        ----------
+        motor
+            The sample.
+        command
+            What the bridges did when it was taken.
+        bus_voltage_v
+            Supply [V].
+        speeds_rad_s
+            Speed of each wheel by its encoder [rad/s].
+        jumps
+            Impossible jumps of the counts so far.
+        """
+        if not command.enable:
+            return
+        currents = motor.current1_a, motor.current2_a
+        temperatures = motor.temperature1_c, motor.temperature2_c
+        duties = command.duty1, command.duty2
+        for index, wheel in enumerate(self._wheels):
+            wheel.update(
+                speeds_rad_s[index],
+                self._effective(duties[index]) * bus_voltage_v,
+                currents[index],
+                temperatures[index],
+                motor.stamp_ns,
+            )
+        self._check_jumps(jumps, motor.stamp_ns)
+        self._check_encoders(motor.stamp_ns)
+        for wheel in self._wheels:
+            self._say(wheel.push_fault(motor.stamp_ns))
+
+    def _effective(self, duty: float) -> float:
+        """Return the share of the supply that a duty gives to the motor."""
+        share = max(0.0, abs(duty) - self._deadband) / (1.0 - self._deadband)
+        return math.copysign(share, duty)
+
+    def _check_encoders(self, now_ns: int) -> None:
+        """Name exchanged encoders as such, else each alone; then compare the pair."""
+        wheels = self._wheels
+        if len(wheels) == 2 and self._exchanged(*wheels):
+            self._say("left and right encoders are swapped")
+        for wheel in wheels:
+            self._say(wheel.encoder_fault())
+        if len(wheels) == 2:
+            one, other = (wheel.ratio for wheel in wheels)
+            # False for nan.
+            apart = abs(one - other) > self._config.pair_share
+            if self._pair.lasts_ns(apart, now_ns) > self._config.pair_ms * 1_000_000:
+                self._say(
+                    f"{wheels[0].name} and {wheels[1].name} wheel contradict each other: counted "
+                    f"over electrical speed is {one:.2f} and {other:.2f}"
+                )
+
+    def _exchanged(self, one: WheelMonitor, other: WheelMonitor) -> bool:
+        """Return whether each wheel's count fits the other's motor, and not its own."""
+        if not (one.is_off and other.is_off):
+            return False
+        first = abs(one.electrical_rad_s - other.counted_rad_s) <= other.tolerance_rad_s
+        return first and abs(other.electrical_rad_s - one.counted_rad_s) <= one.tolerance_rad_s
+
+    def _check_jumps(self, jumps: int, now_ns: int) -> None:
+        """Look whether the last `JUMPS` impossible jumps came within a second."""
+        if self._jumps >= 0:
+            last_ns = self._jumped_ns
+            last_ns.extend([now_ns] * min(jumps - self._jumps, JUMPS))
+            if len(last_ns) == JUMPS and last_ns[-1] - last_ns[0] <= _SECOND_NS:
+                self._say(f"encoder counts jump: {JUMPS} times within a second")
+        self._jumps = jumps
+
+    def take_drive(self, drive: DriveStatus, command: WheelCommand) -> None:
+        """Compare the steering with what it was told, `command`."""
+        if not command.enable or self._steering_max_rad == 0.0:
+            return
+        config = self._config
+        error_rad = abs(drive.steering_rad - command.steering_rad)
+        apart = error_rad > config.steering_tolerance_rad
+        if self._steering.lasts_ns(apart, drive.stamp_ns) > config.steering_ms * 1_000_000:
+            self._say(
+                f"the steering stands at {drive.steering_rad:.2f} rad, told to be at "
+                f"{command.steering_rad:.2f} rad"
+            )
+
+    def value_faults(
+        self,
+        motor: MotorStatus,
+        drive: DriveStatus,
+        battery: BatteryFeedback,
+        speeds_rad_s: tuple[float, ...],
+        *,
+        enabled: bool,
+    ) -> tuple[str, ...]:
+        """Return what no healthy sensor would say now, each with its value."""
+        faults = []
+        for index, wheel in enumerate(self._wheels):
+            current_a = (motor.current1_a, motor.current2_a)[index]
+            temperature_c = (motor.temperature1_c, motor.temperature2_c)[index]
+            if not TEMPERATURES_C[0] <= temperature_c <= TEMPERATURES_C[1]:
+                faults.append(
+                    f"{wheel.name} motor's temperature sensor says {temperature_c:g} degC"
+                )
+            idle = not enabled and abs(speeds_rad_s[index]) < REST_RAD_S
+            if not math.isfinite(current_a) or (idle and abs(current_a) > IDLE_CURRENT_A):
+                faults.append(f"{wheel.name} motor's current sensor says {current_a:g} A, at rest")
+        supply_v, battery_v = drive.bus_voltage_v, battery.voltage_v
+        # False for nan.
+        if not abs(supply_v - battery_v) <= max(SUPPLY_V, SUPPLY_SHARE * battery_v):
+            faults.append(f"supply {supply_v:.1f} V and battery {battery_v:.1f} V contradict")
+        far_rad = self._steering_max_rad + self._config.steering_tolerance_rad
+        if self._steering_max_rad and not abs(drive.steering_rad) <= far_rad:
+            faults.append(f"the steering says {drive.steering_rad:.2f} rad, beyond its linkage")
+        return tuple(faults)
+
+    def _say(self, fault: str) -> None:
+        """Keep the first fault that is none of nothing."""
+        self.fault = self.fault or fault

@@ -1,0 +1,159 @@
+"""Sonar against odometry: what a sonar sees along the way must come nearer as the robot drives.
+
+Only sonars that look along the way can be judged, and only what a passer-by cannot imitate is
+judged: a range that is the same to the millimetre over the whole way (the sensor is stuck), a near
+obstacle that does not come nearer (the wheels slip, or the robot is held), and front and rear both
+changing just as if the robot drove the other way (it does).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
+
+ALONG_RAD: Final = math.radians(20.0)
+"""A sonar looks along the way within this angle of it [rad]."""
+
+TURN_RAD: Final = 0.1
+"""After a greater turn a comparison begins anew [rad]."""
+
+NEAR_M: Final = 0.6
+"""Only what is nearer can tell that the wheels slip [m]: farther off people walk along."""
+
+SPREAD_M: Final = 0.05
+"""Ranges within this are the same obstacle at the same place, noise included [m]."""
+
+MATCH_M: Final = 0.08
+"""How well the change of range must fit the way driven backwards [m]."""
+
+READINGS: Final = 5
+"""A comparison needs so many; a fast robot drives farther than `travel_m` for them."""
+
+CONTRADICTION_NS: Final = 2_000_000_000
+"""Front and rear must contradict within this [ns], or within one comparison of a slow robot."""
+
+
+class _Track:
+    """What one sonar has seen since its comparison began; `sign` 1 looks ahead, -1 behind."""
+
+    __slots__ = ("began_ns", "contradicted_ns", "farthest_m", "first_m", "name", "nearest_m",
+                 "readings", "sign", "start")  # fmt: skip
+
+    def __init__(self, name: str, sign: float) -> None:
+        self.name = name
+        self.sign = sign
+        self.contradicted_ns = -CONTRADICTION_NS
+        self.begin(math.nan, SE2(), 0)
+
+    def begin(self, range_m: float, start: SE2, stamp_ns: int) -> None:
+        """Start a comparison with this reading."""
+        self.began_ns = stamp_ns
+        self.first_m = self.nearest_m = self.farthest_m = range_m
+        self.start = start
+        self.readings = 1
+
+    def add(self, range_m: float) -> None:
+        """Take another reading."""
+        self.nearest_m = min(self.nearest_m, range_m)
+        self.farthest_m = max(self.farthest_m, range_m)
+        self.readings += 1
+
+
+class SonarMonitor:
+    """Compares the sonars along the way with odometry.
+
+    Parameters
+    ----------
+    mounts
+        The ring.
+    travel_m
+        Way of a comparison [m], > 0.
+    """
+
+    def __init__(self, mounts: tuple[SonarMount, ...], travel_m: float) -> None:
+        self._travel_m = travel_m
+        self._tracks: dict[int, _Track] = {}
+        for index, mount in enumerate(mounts):
+            heading_rad = abs(wrap_angle(mount.heading_rad))
+            if heading_rad <= ALONG_RAD:
+                self._tracks[index] = _Track(mount.name, 1.0)
+            elif heading_rad >= math.pi - ALONG_RAD:
+                self._tracks[index] = _Track(mount.name, -1.0)
+
+    def reset(self) -> None:
+        """Begin all comparisons anew."""
+        for track in self._tracks.values():
+            track.readings = 0
+            track.contradicted_ns = -CONTRADICTION_NS
+
+    def update(
+        self, first: int, ranges_m: tuple[float, ...], pose_world_base: SE2, stamp_ns: int
+    ) -> str:
+        """Take the ranges of sonars `first` on [m]; return a contradiction, empty where none."""
+        fault = ""
+        for index, track in self._tracks.items():
+            if first <= index < first + len(ranges_m):
+                found = self._compare(track, ranges_m[index - first], pose_world_base, stamp_ns)
+                fault = fault or found
+        return fault
+
+    def _compare(self, track: _Track, range_m: float, pose: SE2, stamp_ns: int) -> str:
+        """Add a reading to a comparison, and judge it once the way is long enough."""
+        start = track.start
+        turned = abs(wrap_angle(pose.theta_rad - start.theta_rad)) > TURN_RAD
+        same = track.nearest_m == track.farthest_m == range_m
+        echoes = math.isfinite(range_m + track.first_m)
+        if track.readings == 0 or not echoes or (turned and not same):
+            track.begin(range_m, pose, stamp_ns)
+            return ""
+        track.add(range_m)
+        if turned:
+            return self._compare_in_bend(track, pose)
+        ahead_m = (pose.x_m - start.x_m) * math.cos(start.theta_rad) + (
+            pose.y_m - start.y_m
+        ) * math.sin(start.theta_rad)
+        if abs(ahead_m) < self._travel_m or track.readings < READINGS:
+            return ""
+        fault = self._judge(track, range_m, ahead_m * track.sign, stamp_ns)
+        track.begin(range_m, pose, stamp_ns)
+        return fault
+
+    def _compare_in_bend(self, track: _Track, pose: SE2) -> str:
+        """Judge readings that are all the same behind a turn: no wall stays there so exactly."""
+        way_m = math.hypot(pose.x_m - track.start.x_m, pose.y_m - track.start.y_m)
+        if way_m < self._travel_m or track.readings < READINGS:
+            return ""
+        return _stuck(track)
+
+    def _judge(self, track: _Track, range_m: float, nearer_m: float, stamp_ns: int) -> str:
+        """Return what is wrong after driving `nearer_m` towards what the sonar sees [m]."""
+        spread_m = track.farthest_m - track.nearest_m
+        if spread_m <= SPREAD_M and nearer_m > 0.0 and track.farthest_m < NEAR_M:
+            return (
+                f"odometry came {nearer_m:.2f} m nearer, but sonar {track.name} still sees "
+                f"{range_m:.2f} m: the wheels slip, something holds the robot, or the sonar is "
+                "stuck"
+            )
+        if spread_m == 0.0:
+            return _stuck(track)
+        if abs(range_m - track.first_m - nearer_m) <= MATCH_M:
+            track.contradicted_ns = stamp_ns
+            return self._contradiction(track.began_ns, stamp_ns)
+        return ""
+
+    def _contradiction(self, began_ns: int, now_ns: int) -> str:
+        """Return a sentence where a sonar ahead and one behind see the way driven backwards."""
+        since_ns = min(began_ns, now_ns - CONTRADICTION_NS + 1)
+        against = [track for track in self._tracks.values() if track.contradicted_ns >= since_ns]
+        if {track.sign for track in against} != {1.0, -1.0}:
+            return ""
+        names = " and ".join(track.name for track in against)
+        return f"the robot drives the other way than odometry says, by sonar {names}"
+
+
+def _stuck(track: _Track) -> str:
+    return f"sonar {track.name} is stuck at {track.nearest_m:.3f} m"

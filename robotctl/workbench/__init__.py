@@ -1,0 +1,1 @@
+"""What happens offline behind a command."""

@@ -1,0 +1,1 @@
+"""Calibrating a camera and judging what it sees."""

@@ -1,0 +1,294 @@
+"""`robotctl camera calibrate`: the lens from a board, the mount from places on the floor.
+
+What lies on the floor may be a board at a measured place, markers at measured places, points
+clicked in a picture, or several of these: all points go into one fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.config.robot_file import RobotConfig, load_robot
+from robotctl.errors import CalibrationError, ConfigError
+from robotctl.estimation.camera.calibration.homography import PointNoise
+from robotctl.estimation.camera.calibration.intrinsics import LensFit
+from robotctl.estimation.camera.calibration.mount import MountFit, fit_mount
+from robotctl.estimation.camera.calibration.pattern import Board, larger_board
+from robotctl.estimation.camera.calibration.spread import (
+    Advice,
+    Expected,
+    expected_errors,
+    recommend,
+)
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.camera import CameraIntrinsics
+from robotctl.workbench.camera.correspondences import (
+    FloorPoints,
+    board_seen,
+    clicked_points,
+    markers_seen,
+    markers_unseen,
+)
+from robotctl.workbench.camera.lens import Progress, lens_of_pictures
+from robotctl.workbench.camera.pictures import check_size, read_picture
+
+_FEW, _MANY = 2, 20
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateOptions:
+    """What the user asked for.
+
+    Parameters
+    ----------
+    robot, overrides
+        The robot's file, and `key=value` settings on top of it.
+    lens
+        Pictures of the board for the lens; empty: the lens of the robot's file.
+    lens_unknown
+        Find the focal length from the floor instead.
+    board
+        The chessboard, of `lens` and of `floor`.
+    floor
+        A picture of the board or of markers on the floor.
+    at
+        Where the board lies in `base`: its middle and its arrow; None: there is none.
+    markers
+        CSV of markers on the floor: id, x, y.
+    family
+        Of the markers.
+    points
+        CSV of clicked points: u, v, x, y.
+    noise
+        How well places and pixels are known.
+    seed
+        Of the search for wrong points.
+    """
+
+    robot: Path
+    overrides: tuple[str, ...] = ()
+    lens: tuple[Path, ...] = ()
+    lens_unknown: bool = False
+    board: Board = field(default_factory=Board)
+    floor: Path | None = None
+    at: SE2 | None = None
+    markers: Path | None = None
+    family: str = "apriltag_36h11"
+    points: Path | None = None
+    noise: PointNoise = field(default_factory=PointNoise)
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        on_floor = self.at is not None or self.markers is not None
+        if on_floor and self.floor is None:
+            raise ConfigError("--at and --markers need --floor PICTURE, in which they are seen")
+        if self.floor is not None and not on_floor:
+            raise ConfigError(
+                "--floor needs --at X,Y,HEADING, where the board lies, or --markers FILE.csv"
+            )
+        if self.lens and self.lens_unknown:
+            raise ConfigError("--lens and --lens-unknown contradict each other")
+        if not (self.lens or self.floor or self.points):
+            raise ConfigError(
+                "nothing to calibrate from: give --lens PICTURES, --floor PICTURE with --at or "
+                "--markers, --points FILE.csv, or several of these; docs/camera.md says how"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateResult:
+    """All that a calibration brought.
+
+    Parameters
+    ----------
+    options, config
+        What was asked for, and the robot as it was.
+    picture
+        Of the floor; None: there is none.
+    lens
+        The lens; None: not calibrated.
+    points
+        What the mount was found from; empty if it was not.
+    fit
+        The mount; None: not calibrated.
+    expected
+        What it will err at several distances.
+    advice
+        Which markers would help; None: none are needed.
+    notes
+        Sentences for people.
+    """
+
+    options: CalibrateOptions
+    config: RobotConfig
+    picture: NDArray[np.uint8] | None
+    lens: LensFit | None
+    points: FloorPoints
+    fit: MountFit | None
+    expected: tuple[Expected, ...]
+    advice: Advice | None
+    notes: tuple[str, ...]
+
+
+def calibrate_camera(options: CalibrateOptions, progress: Progress) -> CalibrateResult:
+    """Find lens and mount, as far as there is something to find them from.
+
+    Raises
+    ------
+    ConfigError
+        If a file is wrong.
+    CalibrationError
+        If the data do not tell what is asked for; says why.
+    OSError
+        If a file cannot be read.
+    """
+    config = load_robot(options.robot, options.overrides)
+    # Read once: each look at a live camera is another picture.
+    picture = None if options.floor is None else read_picture(options.floor)
+    lens: LensFit | None = None
+    notes: list[str] = []
+    if options.lens:
+        lens, notes = lens_of_pictures(options.lens, options.board, progress)
+    points, fit = FloorPoints.none(), None
+    if options.floor is not None or options.points is not None:
+        intrinsics, known, said = _intrinsics(options, config, lens, picture)
+        progress("finding the points on the floor")
+        fixed, boards = _floor_points(options, intrinsics, picture)
+        progress("fitting the mount")
+        points, fit = _fitted(options, config, intrinsics, fixed, boards, known=known)
+        notes += said + _about(options, fit, points, picture)
+    expected = () if fit is None else expected_errors(fit, options.noise.sigma_px)
+    advice = None if fit is None else recommend(fit, options.noise)
+    return CalibrateResult(
+        options, config, picture, lens, points, fit, expected, advice, tuple(notes)
+    )
+
+
+def _intrinsics(
+    options: CalibrateOptions,
+    config: RobotConfig,
+    lens: LensFit | None,
+    picture: NDArray[np.uint8] | None,
+) -> tuple[CameraIntrinsics, bool, list[str]]:
+    """Return the lens to use for the mount, whether it is known, and notes."""
+    if lens is not None:
+        return lens.intrinsics, True, []
+    if config.camera is not None and not options.lens_unknown:
+        return config.camera.intrinsics, True, [f"the lens is that of {options.robot.name}"]
+    assumed = (
+        "without a calibrated lens: pixels are taken to be square, the optical axis to meet the "
+        "middle of the picture, and the lens to bend nothing; --lens finds what is true"
+    )
+    if picture is not None:
+        height, width = picture.shape[:2]
+    elif config.camera is not None:
+        lens_then = config.camera.intrinsics
+        width, height = lens_then.width_px, lens_then.height_px
+    else:
+        raise ConfigError(
+            f"{options.robot}: no table [camera], so the size of the picture is not known: give "
+            "--floor PICTURE or --lens PICTURES"
+        )
+    return CameraIntrinsics(width, height, 1.0, 1.0, 0.0, 0.0), False, [assumed]
+
+
+def _floor_points(
+    options: CalibrateOptions, lens: CameraIntrinsics, picture: NDArray[np.uint8] | None
+) -> tuple[FloorPoints, list[FloorPoints]]:
+    """Return points that are certain, and those of the board in each order it could lie."""
+    fixed, boards = FloorPoints.none(), []
+    if options.points is not None:
+        fixed = fixed.joined(clicked_points(options.points))
+    if picture is not None and options.floor is not None:
+        check_size(picture, options.floor, lens)
+        if options.markers is not None:
+            fixed = fixed.joined(markers_seen(picture, options.markers, options.family))
+        if options.at is not None:
+            boards = board_seen(picture, options.floor, options.board, options.at)
+    return fixed, boards
+
+
+def _fitted(
+    options: CalibrateOptions,
+    config: RobotConfig,
+    lens: CameraIntrinsics,
+    fixed: FloorPoints,
+    boards: Sequence[FloorPoints],
+    *,
+    known: bool,
+) -> tuple[FloorPoints, MountFit]:
+    """Fit the mount; of the ways a board could lie, that which agrees with the rest."""
+    ways = [fixed.joined(board) for board in boards] or [fixed]
+    fits, reasons = [], []
+    for points in ways:
+        rng = np.random.default_rng(options.seed)
+        try:
+            fit = fit_mount(
+                lens, points.ground, points.pixels, rng, options.noise, lens_known=known
+            )
+        except ValueError as error:
+            reasons.append(str(error))
+        else:
+            fits.append((points, fit))
+    if not fits:
+        raise CalibrationError(reasons[0])
+    nominal_deg = 0.0 if config.camera is None else config.camera.mount.yaw_deg
+
+    def doubt(way: tuple[FloorPoints, MountFit]) -> tuple[int, float]:
+        """Count points that disagree, then the angle to where the camera should look."""
+        fit = way[1]
+        turned = math.remainder(fit.mount.yaw_deg - nominal_deg, 360.0)
+        return int(np.sum(~fit.agree)), abs(turned)
+
+    return min(fits, key=doubt)
+
+
+def _about(
+    options: CalibrateOptions,
+    fit: MountFit,
+    points: FloorPoints,
+    picture: NDArray[np.uint8] | None,
+) -> list[str]:
+    """Return what people should know of a fit."""
+    notes = []
+    if options.markers is not None:
+        unseen = markers_unseen(options.markers, points)
+        if unseen:
+            notes.append(
+                f"not seen: {', '.join(unseen)}; far ones may be too flat in the picture to be "
+                "read: click their middles instead (--points)"
+            )
+    noise = options.noise
+    if fit.degrees > 0 and fit.chi2 > 2.0 * fit.degrees:
+        factor = math.sqrt(fit.chi2 / fit.degrees)
+        notes.append(
+            f"the points fit {factor:.1f} times worse than {noise.sigma_px:g} px and "
+            f"{1e3 * noise.sigma_m:g} mm allow: are places, board and lens right? The intervals "
+            "are as much wider"
+        )
+    if fit.degrees >= _MANY and fit.chi2 < 0.25 * fit.degrees:
+        notes.append(
+            f"the points fit {math.sqrt(fit.degrees / fit.chi2):.1f} times better than "
+            f"{noise.sigma_px:g} px and {1e3 * noise.sigma_m:g} mm allow; where --sigma-px and "
+            "--sigma-mm are given smaller, the intervals are narrower"
+        )
+    if fit.degrees <= _FEW:
+        notes.append("so few points hardly check each other: measure some more")
+    if options.at is not None and picture is not None:
+        board = options.board
+        larger = larger_board(picture, board)
+        if larger is not None:
+            notes.append(
+                f"the board looks as if it had {larger.columns} x {larger.rows} inner corners, not "
+                f"{board.columns} x {board.rows}: count them, its middle would be another"
+            )
+        notes.append(
+            "the place of the board counts in full: what --at is off, all places on the floor are"
+        )
+    return notes

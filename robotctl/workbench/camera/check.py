@@ -1,0 +1,117 @@
+"""`robotctl camera check`: markers at known places against what the calibration says of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from robotctl.config.robot_file import camera_of, load_robot
+from robotctl.errors import ConfigError
+from robotctl.estimation.camera.calibration.errors import Band, FloorErrors, bands, floor_errors
+from robotctl.estimation.camera.calibration.homography import PointNoise
+from robotctl.model.sensors.camera_geometry import CameraGeometry
+from robotctl.workbench.camera.correspondences import FloorPoints, clicked_points, markers_seen
+from robotctl.workbench.camera.pictures import read_picture_of
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOptions:
+    """What the user asked for.
+
+    Parameters
+    ----------
+    robot, overrides
+        The robot's file, and `key=value` settings on top of it.
+    picture
+        With markers in it.
+    markers
+        CSV of these: id, x, y.
+    family
+        Of the markers.
+    points
+        CSV of clicked points: u, v, x, y.
+    noise
+        How well places and pixels are known.
+    """
+
+    robot: Path
+    overrides: tuple[str, ...]
+    picture: Path | None
+    markers: Path | None
+    family: str
+    points: Path | None
+    noise: PointNoise
+
+    def __post_init__(self) -> None:
+        if (self.picture is None) != (self.markers is None):
+            raise ConfigError("a picture and --markers FILE.csv belong together")
+        if self.markers is None and self.points is None:
+            raise ConfigError(
+                "nothing to check against: give PICTURE with --markers FILE.csv, or --points "
+                "FILE.csv, or both"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """What a check brought.
+
+    Parameters
+    ----------
+    options
+        What was asked for.
+    camera
+        As calibrated.
+    points
+        The known places and their pixels.
+    errors, bands
+        For each point, and by distance.
+    """
+
+    options: CheckOptions
+    camera: CameraGeometry
+    points: FloorPoints
+    errors: FloorErrors
+    bands: tuple[Band, ...]
+
+    @property
+    def doubts(self) -> list[str]:
+        """What speaks against the calibration; empty: nothing."""
+        above = [
+            name
+            for name, told in zip(self.points.names, self.errors.told, strict=True)
+            if math.isnan(told[0])
+        ]
+        doubts = [f"{', '.join(above)}: not on the floor, says the camera"] if above else []
+        doubts += [
+            f"{band.low_m:g} to {band.high_m:g} m: errors of {1e3 * band.rmse_m:.0f} mm, "
+            f"{1e3 * band.expected_m:.0f} mm expected"
+            for band in self.bands
+            if band.surprising
+        ]
+        return doubts
+
+
+def check_camera(options: CheckOptions) -> CheckResult:
+    """Compare known places with what the camera says.
+
+    Raises
+    ------
+    ConfigError
+        If a file is wrong.
+    CalibrationError
+        If no marker is seen.
+    OSError
+        If a file cannot be read.
+    """
+    config = camera_of(load_robot(options.robot, options.overrides), options.robot)
+    camera = CameraGeometry.of(config)
+    points = FloorPoints.none()
+    if options.points is not None:
+        points = points.joined(clicked_points(options.points))
+    if options.picture is not None and options.markers is not None:
+        picture = read_picture_of(options.picture, config.intrinsics)
+        points = points.joined(markers_seen(picture, options.markers, options.family))
+    errors = floor_errors(camera, points.ground, points.pixels, options.noise)
+    return CheckResult(options, camera, points, errors, bands(errors))

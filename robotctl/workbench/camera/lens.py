@@ -1,0 +1,87 @@
+"""The lens from pictures of a chessboard."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from robotctl.errors import CalibrationError, ConfigError
+from robotctl.estimation.camera.calibration.intrinsics import LensFit, calibrate_lens
+from robotctl.estimation.camera.calibration.pattern import Board, find_corners
+from robotctl.model.sensors.camera import CameraIntrinsics
+from robotctl.model.sensors.camera_lens import straightened
+from robotctl.workbench.camera.pictures import read_picture, tagged_to_turn, turned_hint
+
+Progress: TypeAlias = Callable[[str], None]
+
+
+def lens_of_pictures(
+    paths: Sequence[Path], board: Board, progress: Progress
+) -> tuple[LensFit, list[str]]:
+    """Calibrate the lens; return it and sentences for people.
+
+    Raises
+    ------
+    ConfigError
+        If a file is no picture, or one has another size.
+    CalibrationError
+        If the pictures do not tell the lens.
+    OSError
+        If a file cannot be read.
+    """
+    found, seen, without = [], [], []
+    sizes: dict[tuple[int, ...], Path] = {}
+    for path in paths:
+        progress(f"looking for the board in {path.name}")
+        picture = read_picture(path)
+        sizes.setdefault(picture.shape[:2], path)
+        if len(sizes) > 1:
+            (first, other) = (f"{file}: {w} x {h}" for (h, w), file in sizes.items())
+            raise ConfigError(
+                f"pictures of one lens have one size, not {first} and {other}{turned_hint(*sizes)}"
+            )
+        corners = find_corners(picture, board)
+        if corners is None:
+            without.append(path.name)
+        else:
+            found.append(corners)
+            seen.append(path)
+    notes = []
+    if without:
+        notes.append(
+            f"no board of {board.columns} x {board.rows} inner corners in {', '.join(without)}"
+        )
+    if tagged := tagged_to_turn(paths):
+        notes.append(
+            f"the EXIF orientation of {', '.join(path.name for path in tagged)} is not followed: "
+            "pictures count as the sensor took them, not as a viewer turns them"
+        )
+    progress("fitting the lens")
+    ((height, width),) = sizes
+    try:
+        lens = calibrate_lens(found, board, width, height)
+    except ValueError as error:
+        raise CalibrationError("; ".join([str(error), *notes])) from error
+    if not _invertible(lens.intrinsics):
+        notes.append(
+            "the distortion found bends back within the picture: what lies there has no place on "
+            "the floor. Take pictures with the board in the corners too"
+        )
+    out = [path.name for path, rms in zip(seen, lens.rms_px, strict=True) if math.isnan(rms)]
+    if out:
+        notes.append(f"left out, since they fit much worse than the others: {', '.join(out)}")
+    return lens, notes
+
+
+def _invertible(lens: CameraIntrinsics) -> bool:
+    """Tell whether each pixel at the edge of the picture has a direction."""
+    u, v = np.arange(0.0, lens.width_px, 8.0), np.arange(0.0, lens.height_px, 8.0)
+    edge = np.vstack(
+        [np.column_stack([u, np.full(len(u), row)]) for row in (0.0, lens.height_px - 1.0)]
+        + [np.column_stack([np.full(len(v), column), v]) for column in (0.0, lens.width_px - 1.0)]
+    )
+    return bool(np.isfinite(straightened(edge, lens)).all())

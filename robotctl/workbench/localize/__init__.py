@@ -1,0 +1,1 @@
+"""Localisation and mapping on recordings."""

@@ -1,0 +1,82 @@
+"""EKF localisation of a recorded drive by its sightings of known landmarks."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from robotctl.estimation.landmarks.config import LandmarkConfig
+from robotctl.estimation.landmarks.cylinders import CylinderConfig, cylinders
+from robotctl.estimation.landmarks.localisation import CountedOdometry, localise_by_landmarks
+from robotctl.logs.recorded_motion import (
+    known_from_ns,
+    reference_at,
+    with_noise,
+    with_noisy_motion,
+)
+from robotctl.model.recording import UNKNOWN_LANDMARK, Recording, Sighting
+from robotctl.workbench.localize.options import (
+    LocalizeError,
+    LocalizeOptions,
+    Progress,
+    known_start,
+)
+from robotctl.workbench.localize.report import Run
+
+_TOLD = 1000
+_ARM_SIGMA_M = 0.01
+_BEARING_SIGMA_RAD = 0.01
+"""How well it is known where a lidar sits and looks: better than a camera."""
+
+
+def run_ekf(
+    recording: Recording, options: LocalizeOptions, rng: np.random.Generator, progress: Progress
+) -> Run:
+    """Follow the filter through the drive, from where motion and reference begin.
+
+    Raises
+    ------
+    LocalizeError
+        If there are no sightings, no motion, or no start is known.
+    """
+    config = LandmarkConfig()
+    if recording.landmarks and not recording.sightings:
+        recording = replace(recording, sightings=_cylinders(recording))
+        config = replace(config, arm_sigma_m=_ARM_SIGMA_M, bearing_sigma_rad=_BEARING_SIGMA_RAD)
+    if not recording.sightings:
+        raise LocalizeError(
+            f"{options.log}: no sightings of landmarks in it, and no sonars with a map of walls, "
+            "which --method ekf needs; a log with scans is for --method mcl"
+        )
+    start_rng, odometry_rng = rng.spawn(2)
+    recording = with_noisy_motion(recording, options.odometry_noise, odometry_rng)
+    config = replace(config, motion=with_noise(config.motion, options.odometry_noise))
+    try:
+        begin_ns = CountedOdometry(recording).begin_ns
+        if options.start is None:
+            begin_ns = max(begin_ns, known_from_ns(recording))
+    except ValueError as error:
+        raise LocalizeError(str(error)) from error
+    start = known_start(recording, options, begin_ns, start_rng)
+    run = Run(has_heading=recording.reference_has_heading)
+    began_ns = time.process_time_ns()
+    for step in localise_by_landmarks(recording, config, start):
+        spent_ms = 1e-6 * (time.process_time_ns() - began_ns)
+        if step.innovations:
+            run.update_ms += [spent_ms / len(step.innovations)] * len(step.innovations)
+        run.add(step.estimate, reference_at(recording, step.estimate.stamp_ns))
+        progress(round(_TOLD * step.share), _TOLD)
+        began_ns = time.process_time_ns()
+    return run
+
+
+def _cylinders(recording: Recording) -> tuple[Sighting, ...]:
+    """Return the cylinders in the scans as sightings of unknown landmarks."""
+    config = CylinderConfig()
+    return tuple(
+        Sighting(entry.scan.stamp_ns, UNKNOWN_LANDMARK, range_m, bearing_rad)
+        for entry in recording.scans
+        for range_m, bearing_rad in cylinders(entry.scan, config).tolist()
+    )

@@ -1,0 +1,199 @@
+"""A map from a recorded log: the work of `robotctl map`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotctl.errors import ConfigError
+from robotctl.estimation.grid.config import OccupancyGridConfig
+from robotctl.estimation.grid.map_rows import MapRows
+from robotctl.estimation.grid.occupancy_grid import GridFigures, OccupancyGrid
+from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.maps.map_file import save_map
+from robotctl.model.grid_map import GridMap
+from robotctl.model.recording import RecordedScan, Recording
+from robotctl.toml_source import nearest
+
+_TAKEN: Final = {"all": slice(None), "even": slice(0, None, 2), "odd": slice(1, None, 2)}
+_AT_ONCE: Final = 256
+_STRAYS: Final = 0.0002
+"""A map is cropped at each side while that cuts off no more of the known cells: rays that leave by
+windows and doors."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapOptions:
+    """What to map.
+
+    Parameters
+    ----------
+    log
+        A recorded log of any kind with lidar scans.
+    prefix
+        The map is written to PREFIX.yaml and PREFIX.pgm; PREFIX.yaml and PREFIX.pgm mean it too.
+    scans
+        `all`, or only those of `even` or `odd` place in the log, counted from 0.
+    resolution_m
+        Side of a cell [m], > 0.
+    max_range_m, time_unit
+        See `read_recording`.
+    """
+
+    log: Path
+    prefix: Path
+    scans: str = "all"
+    resolution_m: float = 0.05
+    max_range_m: float | None = None
+    time_unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MapResult:
+    """A map that was made and written.
+
+    Parameters
+    ----------
+    options
+        As asked for.
+    rows
+        The map, row by row.
+    figures
+        How much of it is known.
+    used, of
+        Number of scans used, and in the log.
+    from_reference
+        Whether the poses are the log's reference; else they are its odometry.
+    files
+        What was written.
+    notes
+        What the reader of the log had to say.
+    """
+
+    options: MapOptions
+    rows: MapRows
+    figures: GridFigures
+    used: int
+    of: int
+    from_reference: bool
+    files: tuple[Path, Path]
+    notes: tuple[str, ...]
+
+    @property
+    def grid(self) -> GridMap:
+        """The map as a whole."""
+        return self.rows.whole()
+
+
+def choose_scans(recording: Recording, which: str) -> Sequence[RecordedScan]:
+    """Return all scans of a recording, or those of even or odd place.
+
+    Raises
+    ------
+    ConfigError
+        If `which` is none of these, or there is no such scan.
+    """
+    if which not in _TAKEN:
+        raise ConfigError(f"--scans {which}: unknown{nearest(which, tuple(_TAKEN))}")
+    scans = recording.scans[_TAKEN[which]]
+    if not scans:
+        raise ConfigError(
+            f"{recording.name}: {len(recording.scans)} lidar scans in it, of which --scans {which} "
+            "takes none"
+        )
+    return scans
+
+
+def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = None) -> MapResult:
+    """Read a log, map its scans at its poses and write the map.
+
+    Parameters
+    ----------
+    options
+        What to map.
+    progress
+        Called with the number of scans done, and of all.
+
+    Raises
+    ------
+    ConfigError
+        If an option is wrong, or the log has no scans.
+    LogFormatError
+        If the log cannot be read.
+    OSError
+        If a file cannot be read or written.
+    """
+    grid = _empty_grid(options)
+    used, of, from_reference, notes = _fill(grid, options, progress)
+    rows = grid.map_rows(strays=_STRAYS)
+    return MapResult(
+        options,
+        rows,
+        grid.figures(),
+        used,
+        of,
+        from_reference,
+        save_map(_bare(options.prefix), rows),
+        notes,
+    )
+
+
+def _fill(
+    grid: OccupancyGrid, options: MapOptions, progress: Callable[[int, int], None] | None
+) -> tuple[int, int, bool, tuple[str, ...]]:
+    """Map the scans of a log, which is forgotten after.
+
+    Returns
+    -------
+    used, of
+        Numbers of scans.
+    from_reference
+        Whether their poses are the log's reference.
+    notes
+        Of the log.
+    """
+    recording = read_recording(
+        options.log,
+        with_sonars=False,
+        time_unit=options.time_unit,
+        max_range_m=options.max_range_m,
+    )
+    scans = choose_scans(recording, options.scans)
+    references = [scan.reference for scan in scans if scan.reference is not None]
+    from_reference = len(references) == len(scans)
+    taken = references if from_reference else [scan.odometry for scan in scans]
+    poses = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in taken])
+    for begin in range(0, len(scans), _AT_ONCE):
+        end = min(begin + _AT_ONCE, len(scans))
+        try:
+            grid.update_scans(poses[begin:end], [scan.scan for scan in scans[begin:end]])
+        except ValueError as error:
+            raise ConfigError(f"{options.log}: scans {begin} to {end - 1}: {error}") from error
+        if progress is not None:
+            progress(end, len(scans))
+    return len(scans), len(recording.scans), from_reference, recording.notes
+
+
+def _bare(prefix: Path) -> Path:
+    """Return a prefix without the suffix of one of its files."""
+    return prefix.with_suffix("") if prefix.suffix in {".yaml", ".pgm"} else prefix
+
+
+def _empty_grid(options: MapOptions) -> OccupancyGrid:
+    """Return the grid to fill; check what can be checked before the log is read."""
+    if options.prefix.is_dir():
+        raise ConfigError(
+            f"--out {options.prefix}: is a folder; give a PREFIX, such as {options.prefix / 'map'}"
+        )
+    if not options.prefix.parent.is_dir():
+        raise ConfigError(
+            f"--out {options.prefix}: the folder {options.prefix.parent} does not exist"
+        )
+    try:
+        return OccupancyGrid(OccupancyGridConfig(resolution_m=options.resolution_m))
+    except ValueError as error:
+        raise ConfigError(f"--resolution {options.resolution_m:g}: {error}") from error

@@ -1,0 +1,163 @@
+"""Monte Carlo localisation of a recorded drive by its scans and sonars."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from operator import attrgetter
+from typing import Final
+
+import numpy as np
+
+from robotctl.app.localisation.map_sensors import LIDAR, MapSensors, sonar_name
+from robotctl.estimation.localisation_config import LocalisationConfig
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
+from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.mcl.map_symmetry import symmetries
+from robotctl.estimation.mcl.search_size import search_size, too_large
+from robotctl.estimation.ranging.echo_share import EchoShare
+from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.logs.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
+from robotctl.maps.localisation_map import LocalisationMap, off_map
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.recording import Recording
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.workbench.localize.mapping import choose_scans
+from robotctl.workbench.localize.options import (
+    START_SIGMA_M,
+    START_SIGMA_RAD,
+    LocalizeError,
+    LocalizeOptions,
+    Progress,
+    known_start,
+)
+from robotctl.workbench.localize.report import Run
+
+FITS_NOWHERE: Final = (
+    "what was seen fits no place of this map; is it the map of this place, and as it is now?"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """Something that was measured."""
+
+    stamp_ns: int
+    sensor: str
+    odometry: SE2
+    reference: SE2 | None
+    measurement: Callable[[MapSensors], LogLikelihood]
+    scan: RangeScan | None = None
+
+
+def run_mcl(
+    recording: Recording,
+    options: LocalizeOptions,
+    chart: LocalisationMap,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Run:
+    """Follow the particles through all that was measured.
+
+    As in the navigation process, each sensor weighs them once for each piece of way. The first
+    measurements are tried on a throw-away localiser before: that compiles the kernels, so that the
+    times of the updates are theirs alone.
+
+    Raises
+    ------
+    LocalizeError
+        If nothing was measured, no start is known, or the map is empty.
+    """
+    moments = _moments(recording, options)
+    start_rng, odometry_rng, filter_rng = rng.spawn(3)
+    localiser, sensors = _made(recording, options, chart, moments, filter_rng)
+    if not options.search:
+        known_ns = known_from_ns(recording) if options.start is None else 0
+        moments = [each for each in moments if each.stamp_ns >= known_ns] or moments
+        first = moments[0]
+        start = known_start(recording, options, first.stamp_ns, start_rng, first.reference)
+        localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
+    echo_share = EchoShare(chart.grid)
+    deltas = increments([moment.odometry for moment in moments])
+    run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
+    if not options.search and (said := off_map(chart, start.pose)):
+        run.notes.append(said)
+    if options.search and options.particles is None:
+        run.notes += filter(None, [too_large(free_area_m2(chart.grid))])
+    for done, (moment, delta) in enumerate(
+        zip(moments, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
+    ):
+        began_ns = time.process_time_ns()
+        localiser.move(delta)
+        if localiser.due(moment.sensor):
+            localiser.measure(moment.measurement(sensors), moment.sensor)
+            run.update_ms.append(1e-6 * (time.process_time_ns() - began_ns))
+            run.particles.append(len(localiser.poses))
+        estimate, scan = localiser.estimate(moment.stamp_ns), moment.scan
+        share = None if scan is None else echo_share(scan, estimate.pose)
+        run.add(estimate, moment.reference, share)
+        progress(done, len(moments))
+    if localiser.fits_nowhere:
+        run.notes.append(f"{options.map}: {FITS_NOWHERE}")
+    return run
+
+
+def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
+    """Return all that was measured in the order of its times."""
+    moments = []
+    for entry in choose_scans(recording, options.scans) if recording.scans else ():
+        stamp_ns, scan = entry.scan.stamp_ns, entry.scan
+        reference = entry.reference or reference_at(recording, stamp_ns)
+        measurement = partial(MapSensors.scan, scan=scan)
+        moments.append(_Moment(stamp_ns, LIDAR, entry.odometry, reference, measurement, scan))
+    for heard in recording.sonars if recording.sonar_mounts else ():
+        stamp_ns, reading = heard.reading.stamp_ns, heard.reading
+        reference = reference_at(recording, stamp_ns)
+        sonar = partial(MapSensors.sonar, reading=reading)
+        moments.append(_Moment(stamp_ns, sonar_name(reading), heard.odometry, reference, sonar))
+    if not moments:
+        raise LocalizeError(
+            f"{options.log}: no scans in it, which --method mcl weighs; a log with sightings of "
+            "landmarks is for --method ekf"
+        )
+    return sorted(moments, key=attrgetter("stamp_ns"))
+
+
+def _made(
+    recording: Recording,
+    options: LocalizeOptions,
+    chart: LocalisationMap,
+    moments: Sequence[_Moment],
+    rng: np.random.Generator,
+) -> tuple[MonteCarloLocaliser, MapSensors]:
+    """Return a localiser and what weighs its particles, with compiled kernels."""
+    config = MclConfig()
+    most, noise = options.max_particles, config.motion.noise
+    if options.odometry is not None:
+        noise = noise.at_least(options.odometry)
+    config = replace(
+        config,
+        motion=replace(config.motion, noise=with_noise(noise, options.odometry_noise)),
+        max_particles=most,
+        min_particles=min(most, config.min_particles),
+    )
+    try:
+        settings = options.sensors or LocalisationConfig()
+        if options.beams is not None:
+            settings = replace(settings, lidar=replace(settings.lidar, beams=options.beams))
+        sensors = MapSensors(chart, recording.sonar_mounts, settings)
+        free = free_poses(chart.grid)
+        fewer = replace(config, max_particles=config.min_particles)
+        if options.particles is None:
+            size = search_size(free_area_m2(chart.grid))
+            config = replace(config, search_particles=max(size, most))
+        tried = MonteCarloLocaliser(fewer, free, np.random.default_rng(0))
+        for sensor in {moment.sensor for moment in moments}:
+            first = next(moment for moment in moments if moment.sensor == sensor)
+            tried.measure(first.measurement(sensors))
+        return MonteCarloLocaliser(config, free, rng, symmetries(chart.grid)), sensors
+    except ValueError as error:
+        raise LocalizeError(f"{options.map}: {error}") from error

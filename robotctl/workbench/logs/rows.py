@@ -1,0 +1,175 @@
+"""Everything that a recording holds, as rows of tables.
+
+A recording is a folder of `--record`, one `robot-*.mcap` of it, or a record of the control loop: a
+dump of the flight recorder or a `control-*.rec`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, islice
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from robotctl.errors import RobotctlError
+from robotctl.logs.formats.robotctl_log import is_mcap, json_messages, mcap_files
+from robotctl.logs.mcap.table import Row, rows_of
+from robotctl.runtime.flight.recorder import RecordError
+from robotctl.workbench.logs.record_rows import TopicRow, record_rows
+
+KINDS: Final = (
+    "a folder of --record, a robot-*.mcap, or a record of the control loop (fault-*.rec, "
+    "crash-*.rec, control-*.rec, or what `robotctl record dump` wrote)"
+)
+"""What is read, for messages."""
+
+
+TOLD: Final = 5_000
+"""After so many entries progress is told."""
+
+
+class RecordingError(RobotctlError):
+    """A recording cannot be read, or has not what is wanted of it."""
+
+
+@dataclass(slots=True)
+class Topic:
+    """What is known of a topic: its columns in order, which are texts, and how many rows it has."""
+
+    columns: list[str] = field(default_factory=list)
+    texts: set[str] = field(default_factory=set)
+    rows: int = 0
+    _known: set[str] = field(default_factory=set)
+
+    def add(self, row: Row) -> None:
+        """Learn the columns of a row; one that is new comes behind the one before it there."""
+        self.rows += 1
+        if self._known.issuperset(row):
+            return
+        place = 0
+        for column in row:
+            if column in self._known:
+                place = self.columns.index(column) + 1
+            else:
+                self.columns.insert(place, column)
+                self._known.add(column)
+                if isinstance(row[column], str):
+                    self.texts.add(column)
+                place += 1
+
+
+@dataclass(slots=True)
+class Survey:
+    """What a recording holds.
+
+    Parameters
+    ----------
+    topics
+        By name.
+    first_ns
+        Time of the first entry [ns].
+    count
+        Entries.
+    notes
+        Sentences on what cannot be read.
+    """
+
+    topics: dict[str, Topic] = field(default_factory=dict)
+    first_ns: int = 0
+    count: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    @staticmethod
+    def of(
+        files: Sequence[Path],
+        tell: Callable[[int], None],
+        topics: Collection[str] | None = None,
+    ) -> Survey:
+        """Read files once; see `log_rows`. `tell` is called with the entries so far."""
+        found = Survey()
+        for file in files:
+            for topic, time_ns, row in log_rows(file, found.notes, topics):
+                found.topics.setdefault(topic, Topic()).add(row)
+                found.first_ns = min(found.first_ns, time_ns) if found.count else time_ns
+                found.count += 1
+                if found.count % TOLD == 0:
+                    tell(found.count)
+        return found
+
+    def rows_again(
+        self, files: Sequence[Path], topics: Collection[str] | None = None
+    ) -> Iterator[TopicRow]:
+        """Yield the same rows once more; what came meanwhile of a run that goes on is left out."""
+        rows = chain.from_iterable(log_rows(file, [], topics) for file in files)
+        return islice(rows, self.count)
+
+
+def log_files(run: Path) -> list[Path]:
+    """Return the files of a recording, in their order.
+
+    Raises
+    ------
+    RecordingError
+        If it is none.
+    """
+    if not run.exists():
+        raise RecordingError(f"{run}: no such file or folder; needed is {KINDS}")
+    if not run.is_dir():
+        return [run]
+    files = mcap_files(run)
+    if not files:
+        records = sorted(run.glob("*.rec"))
+        there = f"; give one of its records, such as {records[0]}" if records else ""
+        raise RecordingError(f"{run}: no robot-*.mcap in it{there}. Needed is {KINDS}")
+    return files
+
+
+def log_rows(
+    file: Path, notes: list[str], topics: Collection[str] | None = None
+) -> Iterator[TopicRow]:
+    """Yield what a file holds, of some topics or of all.
+
+    Parameters
+    ----------
+    file
+        One of `log_files`.
+    notes
+        Sentences on what could not be read are added here.
+    topics
+        Others are passed over; None: all are wanted.
+
+    Raises
+    ------
+    RecordingError
+        If it is no recording, or a message of it cannot be read.
+    OSError
+        If it cannot be read.
+    """
+    if is_mcap(file):
+        yield from _of_states(file, notes, topics)
+        return
+    try:
+        yield from record_rows(file, notes, topics)
+    except RecordError as error:
+        raise RecordingError(
+            f"{file}: neither an MCAP log nor a record of the control loop; needed is {KINDS}"
+        ) from error
+
+
+def _of_states(file: Path, notes: list[str], topics: Collection[str] | None) -> Iterator[TopicRow]:
+    """Yield the messages of a log of states."""
+    for topic, message in json_messages(file, notes):
+        if topics is not None and topic not in topics:
+            continue
+        try:
+            content = msgspec.json.decode(message.data)
+            rows = list(rows_of(content))
+        except (msgspec.DecodeError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise RecordingError(
+                f"{file}: topic {topic}, message at {message.log_time} ns: {error}"
+            ) from error
+        for row in rows:
+            yield topic, message.log_time, row

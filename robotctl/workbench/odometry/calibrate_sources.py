@@ -1,0 +1,216 @@
+"""From logs and tape measures to the runs that calibration works on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl import toml_source
+from robotctl.errors import CalibrationError, ConfigError
+from robotctl.estimation.odometry.model import OdometryModel
+from robotctl.estimation.odometry.runs import OdometryRun, thinned
+from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.logs.formats.times import is_timeless
+from robotctl.model.drives.drives import DifferentialDrive
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.recording import Recording
+from robotctl.model.trajectory import Trajectory
+
+SPACING_M: Final = 0.25
+"""References nearer than this, as the wheels travel, are left out [m]."""
+
+_LEAST = 12
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredRun:
+    """A drive from a mark on the floor, and where it ended by the tape.
+
+    Parameters
+    ----------
+    log
+        The record of it, beside this file or with its whole path.
+    x_m, y_m
+        Where the middle of the axle stands at the end, ahead and to the left of its start [m].
+    heading_deg
+        How far it is turned to the left against the start [deg]; may be left out.
+    name
+        What people call it; default: the log's name.
+    """
+
+    log: str
+    x_m: float
+    y_m: float
+    heading_deg: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for key in ("x_m", "y_m", "heading_deg"):
+            value = getattr(self, key)
+            if value is not None and not math.isfinite(value):
+                raise ValueError(f"{key} must be finite")
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredRuns:
+    """A file of measured runs.
+
+    Parameters
+    ----------
+    run
+        At least one, written as `[[run]]`.
+    tape_sigma_m
+        Standard deviation of what the tape says, and of placing the robot at its start [m], > 0.
+    heading_sigma_deg
+        Standard deviation of the heading in which the robot is placed [deg], > 0.
+    """
+
+    run: tuple[MeasuredRun, ...]
+    tape_sigma_m: float = 0.002
+    heading_sigma_deg: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not self.run:
+            raise ValueError("at least one [[run]] is needed")
+        for key in ("tape_sigma_m", "heading_sigma_deg"):
+            value = getattr(self, key)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{key} must be positive and finite")
+
+    @property
+    def start_sigma(self) -> tuple[float, float, float]:
+        """Deviations of the start pose [m, m, rad]."""
+        return self.tape_sigma_m, self.tape_sigma_m, math.radians(self.heading_sigma_deg)
+
+
+def runs_of_file(path: Path, model: OdometryModel) -> tuple[MeasuredRuns, tuple[OdometryRun, ...]]:
+    """Read a file of measured runs and the logs that it names.
+
+    Raises
+    ------
+    ConfigError
+        With one line for each error of the file.
+    LogFormatError, CalibrationError
+        If a log cannot be read or holds no odometry.
+    """
+    measured = toml_source.load(path, MeasuredRuns)
+    runs = []
+    for each in measured.run:
+        log = path.parent / each.log
+        if not log.exists():
+            raise ConfigError(f"{path}: run.log: {log}: no such file or folder")
+        stamps_ns, wheels = wheels_of(read_recording(log, with_sonars=False), model)
+        runs.append(measured_run(each.name or each.log, stamps_ns, wheels, each, measured))
+    return measured, tuple(runs)
+
+
+def measured_run(
+    name: str,
+    stamps_ns: NDArray[np.int64],
+    wheels: NDArray[np.float64],
+    end: MeasuredRun,
+    measured: MeasuredRuns,
+) -> OdometryRun:
+    """Return the run that ended where the tape says."""
+    stamps_s = _seconds(stamps_ns - stamps_ns[0])
+    heading = math.nan if end.heading_deg is None else math.radians(end.heading_deg)
+    return OdometryRun(
+        name,
+        stamps_s,
+        wheels,
+        stamps_s[-1:],
+        np.array([[end.x_m, end.y_m, heading]]),
+        SE2(),
+        measured.start_sigma,
+    )
+
+
+def run_of_recording(recording: Recording, model: OdometryModel) -> tuple[OdometryRun, OdometryRun]:
+    """Return a recording as a run with all its references, and with those to be fitted.
+
+    Raises
+    ------
+    CalibrationError
+        If it has no reference, no odometry, or too little of both at the same time.
+    """
+    if recording.reference is None:
+        raise CalibrationError(
+            f"{recording.name}: no reference poses in it, against which odometry could be "
+            "calibrated; with a tape measure use --runs, see docs/calibration.md"
+        )
+    stamps_ns, wheels = wheels_of(recording, model)
+    if is_timeless(stamps_ns) or is_timeless(recording.reference.stamps_ns):
+        raise CalibrationError(
+            f"{recording.name}: all its odometry or reference has one time, so nobody knows which "
+            "belong together"
+        )
+    # from the first stamp on: a float64 of the wall time is too coarse for a search in time
+    stamps_s = _seconds(stamps_ns - stamps_ns[0])
+    reference_s = _seconds(recording.reference.stamps_ns - stamps_ns[0])
+    reference = recording.reference.poses.copy()
+    if not recording.reference_has_heading:
+        reference[:, 2] = math.nan
+    inside = (reference_s >= stamps_s[0]) & (reference_s <= stamps_s[-1])
+    if np.count_nonzero(inside) < _LEAST:
+        raise CalibrationError(
+            f"{recording.name}: {np.count_nonzero(inside)} references while there is odometry, at "
+            f"least {_LEAST} are needed"
+        )
+    full = OdometryRun(recording.name, stamps_s, wheels, reference_s[inside], reference[inside])
+    run = thinned(full, model.travel_m(wheels), SPACING_M)
+    if len(run.reference_s) < _LEAST:
+        raise CalibrationError(
+            f"{recording.name}: the robot drives {float(np.sum(model.travel_m(wheels))):.1f} m, at "
+            f"least {_LEAST * SPACING_M:g} m are needed"
+        )
+    return full, run
+
+
+def wheels_of(
+    recording: Recording, model: OdometryModel
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return times (n + 1,) [ns] and wheels (n, 3) of a recording, as `OdometryRun` has them.
+
+    From counts where there are any, else from odometry poses, else from velocities; these two are
+    taken to be made with the nominal drive.
+
+    Raises
+    ------
+    CalibrationError
+        If there is none of them, or counts of two wheels belong to a drive with one.
+    """
+    if len(recording.wheel_ticks) > 1:
+        if not isinstance(model.nominal, DifferentialDrive):
+            raise CalibrationError(
+                f"{recording.name}: holds counts of two wheels, but the robot is of the kind "
+                f'"{model.nominal.kind}"; name a differential one by --robot'
+            )
+        ticks = recording.wheel_ticks
+        turns = np.diff(ticks[:, 1:], axis=0) * math.tau / model.nominal.counts_per_revolution
+        return ticks[:, 0], np.column_stack([turns, np.zeros(len(turns))])
+    if recording.odometry is not None and len(recording.odometry.stamps_ns) > 1:
+        return recording.odometry.stamps_ns, model.wheels(_arcs(recording.odometry))
+    if len(recording.twists) > 1:
+        stamps_ns = recording.twist_stamps_ns
+        spans_s = 1e-9 * np.diff(stamps_ns)
+        return stamps_ns, model.wheels(recording.twists[:-1] * spans_s[:, None])
+    raise CalibrationError(f"{recording.name}: no counts, odometry poses or velocities in it")
+
+
+def _arcs(odometry: Trajectory) -> NDArray[np.float64]:
+    """Return the arcs between poses, (n, 2) [m, rad]; see `odometry_estimate.arc_between`."""
+    x, y, theta = odometry.poses.T
+    turn = np.remainder(np.diff(theta) + math.pi, math.tau) - math.pi
+    direction = theta[:-1] + 0.5 * turn
+    chord = np.diff(x) * np.cos(direction) + np.diff(y) * np.sin(direction)
+    return np.stack([chord / np.sinc(0.5 * turn / math.pi), turn], axis=1)
+
+
+def _seconds(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return times as [s]."""
+    return np.asarray(1e-9 * stamps_ns)

@@ -1,0 +1,1 @@
+"""Learning places and judging them."""

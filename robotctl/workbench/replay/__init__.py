@@ -1,0 +1,1 @@
+"""Replaying a flight record through the control core."""

@@ -1,0 +1,1 @@
+"""Tuning the wheel loops."""

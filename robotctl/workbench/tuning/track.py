@@ -1,0 +1,159 @@
+"""The simulated robot on a straight track, in lockstep, and a step of its closed loop.
+
+The robot stands at the west end of the corridor of `configs/worlds/office.toml`, and each
+experiment has a simulation of its own, so all start from the same state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig, find_file
+from robotctl.errors import RobotctlError
+from robotctl.messages.control import Arm, SafetyState, VelocityCommand
+from robotctl.safety.state_machine import LATCHED
+
+WORLD: Final = "office"
+START: Final = (1.5, 7.5, 0.0)
+ROOM_M: Final = 24.0
+"""Straight floor ahead of the start [m]."""
+
+READY_S: Final = 3.0
+"""How long the nodes may take until the robot can be armed [s]."""
+
+_REST_S: Final = 0.1
+_COMMAND_NS: Final = 100_000_000
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class ExperimentError(RobotctlError):
+    """An experiment could not be carried out; says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Where and with what an experiment takes place.
+
+    Parameters
+    ----------
+    robot
+        The robot's file.
+    overrides
+        `key=value` settings on top of it.
+    seed
+        Seed of the simulated world.
+    charge
+        Charge of the battery at the start, [0, 1]; None: as the robot's file says.
+    """
+
+    robot: Path
+    overrides: tuple[str, ...] = ()
+    seed: int = 1
+    charge: float | None = None
+
+    def bench(self, config: RobotConfig) -> Bench:
+        """Return a fresh robot, controlled as `config` says, at the start of the track."""
+        overrides = self.overrides
+        if self.charge is not None:
+            overrides = (*overrides, f"simulation.battery.charge={float(self.charge)}")
+        simulation = make_simulation(
+            self.robot, find_file(WORLD, "worlds"), self.seed, START, overrides
+        )
+        x_m, y_m, theta_rad = START
+        options = StackOptions(
+            "tune", str(self.robot), overrides, x_m=x_m, y_m=y_m, theta_rad=theta_rad
+        )
+        return Bench(config, options, simulation)
+
+
+def check_room(bench: Bench) -> None:
+    """Raise ExperimentError once the robot has met a wall or is about to leave the track."""
+    truth = bench.simulation.truth()
+    ahead_m, aside_m = truth.x_m - START[0], truth.y_m - START[1]
+    if truth.collisions:
+        raise ExperimentError(
+            f"not enough room: the robot met a wall {ahead_m:.1f} m ahead and {aside_m:+.2f} m "
+            f"aside of its start in {WORLD}; do the wheels turn alike?"
+        )
+    if ahead_m > ROOM_M:
+        raise ExperimentError(
+            f"not enough room: the experiment needs more than the {ROOM_M:g} m of straight floor "
+            f"in {WORLD}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedStep:
+    """A step of the wanted speed from rest, as the loop met it.
+
+    Parameters
+    ----------
+    time_s
+        Since the step was commanded, shape (n,) [s].
+    wanted_m_s
+        The step's height [m/s].
+    reference_m_s, measured_m_s, true_m_s
+        The limiter's output, the odometry's speed and the true speed of `base`, shape (n,) [m/s].
+    """
+
+    time_s: Array
+    wanted_m_s: float
+    reference_m_s: Array
+    measured_m_s: Array
+    true_m_s: Array
+
+
+def speed_step(bench: Bench, wanted_m_s: float, duration_s: float) -> SpeedStep:
+    """Arm, command a speed from rest and record so long [s], through limiter and loop as in use.
+
+    Raises
+    ------
+    ExperimentError
+        If the robot does not arm, stops with a fault, or has not enough room.
+    """
+    _arm(bench)
+    rows = []
+    start_ns = bench.clock.now_ns() + bench.period_ns
+    for _ in range(round(duration_s * 1e9 / bench.period_ns)):
+        now_ns = bench.clock.now_ns() + bench.period_ns
+        bench.tick((VelocityCommand(now_ns, now_ns + _COMMAND_NS, wanted_m_s, 0.0),))
+        _check_running(bench)
+        check_room(bench)
+        state, truth = bench.snapshot(), bench.simulation.truth()
+        rows.append((now_ns - start_ns, state.v_ref_m_s, state.v_m_s, truth.v_m_s))
+    time_ns, reference, measured, true = np.array(rows, dtype=np.float64).T
+    return SpeedStep(time_ns * 1e-9, wanted_m_s, reference, measured, true)
+
+
+def _arm(bench: Bench) -> None:
+    """Wait for the nodes, arm, and let the wheels come to rest."""
+    machine = bench.core.machine
+    request_id = 1
+    for _ in range(round(READY_S * 1e9 / bench.period_ns)):
+        if machine.state == SafetyState.ARMED:
+            break
+        wish: tuple[Arm, ...] = ()
+        if machine.state == SafetyState.STANDBY:
+            wish = (Arm(bench.clock.now_ns(), request_id, arm=True),)
+        bench.tick(wish)
+        _check_running(bench)
+    else:
+        acks = bench.snapshot().acks
+        reasons = "; ".join(acks[-1].reasons) if acks else ""
+        raise ExperimentError(f"the robot does not arm: {reasons or machine.reason}")
+    for _ in range(round(_REST_S * 1e9 / bench.period_ns)):
+        bench.tick()
+
+
+def _check_running(bench: Bench) -> None:
+    machine = bench.core.machine
+    if machine.state in LATCHED:
+        raise ExperimentError(f"the robot stopped by itself: {machine.reason}")

@@ -1,0 +1,308 @@
+"""The pilot: which requests of other processes reach the navigator."""
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robotctl.app.processes.pilot import PRESENCE_MAX_AGE_NS, STATE_MAX_AGE_NS, Pilot
+from robotctl.app.processes.robot import make_core
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig, find_file, load_robot
+from robotctl.messages.control import (
+    GroundStationPresence,
+    LoopStatistics,
+    ManualControl,
+    Mode,
+    NavigationRequest,
+    NavigationState,
+    PositionTarget,
+    SafetyState,
+    SetMode,
+    VelocityCommand,
+)
+from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.requests import REQUEST_LIFE_NS
+from robotctl.model.geometry.localisation import LocalisationStatus
+
+CONFIG = load_robot(find_file("diff_drive"))
+STATE = make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics())
+MISSION = """
+name = "ahead"
+world = "flat"
+start = { x_m = 0.0, y_m = 0.0 }
+[[item]]
+kind = "drive"
+waypoints = [[0.0, 0.0], [9.0, 0.0]]
+"""
+LATE_NS = REQUEST_LIFE_NS + 1
+HANG_NS = 4_500_000_000
+
+
+class Armed:
+    """A pilot of an armed robot that stands on a free floor."""
+
+    def __init__(self, mission: Path, config: RobotConfig = CONFIG) -> None:
+        mission.write_text(MISSION)
+        self.pilot = Pilot(config, StackOptions("x", "", mission=str(mission)))
+        self.now_ns = 10**12
+        self.armings = 1
+        self.enabled = True
+        self.front_m = math.inf
+        self.stamp_ns: int | None = None
+        self.theta_rad = 0.0
+        self.step()
+
+    def step(
+        self,
+        *requests: NavigationRequest,
+        pause_ns: int = 0,
+        age_ns: int = 0,
+        localisation: LocalisationState | None = None,
+    ) -> tuple[VelocityCommand, NavigationState]:
+        """Step once, `pause_ns` later than is due, by a state of control of this age."""
+        self.now_ns += self.pilot.period_ns + pause_ns
+        control = msgspec.structs.replace(
+            STATE,
+            stamp_ns=self.now_ns - age_ns,
+            state=SafetyState.ARMED if self.enabled else SafetyState.STANDBY,
+            armings=self.armings,
+            v_m_s=0.0,
+            omega_rad_s=0.0,
+            sonar_m=(self.front_m, *(math.inf,) * (len(CONFIG.sonar) - 1)),
+            sonar_stamp_ns=(self.stamp_ns or self.now_ns,) * len(CONFIG.sonar),
+            theta_rad=self.theta_rad,
+        )
+        return self.pilot.step(control, localisation, requests, self.now_ns)
+
+    def next_ns(self) -> int:
+        """Return the time of the next step that is in time."""
+        return self.now_ns + self.pilot.period_ns
+
+
+@pytest.fixture
+def armed(tmp_path: Path) -> Armed:
+    return Armed(tmp_path / "mission.toml")
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED, Mode.MANUAL])
+def test_a_mode_that_waited_for_longer_than_its_life_is_dropped(armed: Armed, mode: Mode) -> None:
+    _, state = armed.step(SetMode(armed.next_ns() - LATE_NS, mode))
+    assert state.mode is Mode.HOLD
+    _, state = armed.step(SetMode(armed.next_ns() - REQUEST_LIFE_NS, mode))
+    assert state.mode is mode
+    assert armed.pilot.news() == ["1 request for a mode or position dropped: 1.0 s old"]
+
+
+def test_hold_is_taken_however_old_it_is(armed: Armed) -> None:
+    command, state = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    assert command.v_m_s > 0.0
+    command, state = armed.step(SetMode(1, Mode.HOLD))
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+    assert armed.pilot.news() == []
+
+
+def test_a_position_that_waited_for_longer_than_its_life_is_dropped(armed: Armed) -> None:
+    armed.step(SetMode(armed.next_ns(), Mode.GUIDED))
+    command, _ = armed.step(PositionTarget(armed.next_ns() - LATE_NS, 3.0, 0.0))
+    assert command.v_m_s == 0.0
+    command, _ = armed.step(PositionTarget(armed.next_ns() - REQUEST_LIFE_NS, 3.0, 0.0))
+    assert command.v_m_s > 0.0
+
+
+def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed: Armed) -> None:
+    """Telemetry has answered "temporarily rejected" long before navigation goes on."""
+    asked_ns = armed.next_ns()
+    guided = (SetMode(asked_ns, Mode.GUIDED), PositionTarget(asked_ns + 1, 3.0, 0.0))
+    command, state = armed.step(SetMode(asked_ns, Mode.AUTO), *guided, pause_ns=HANG_NS)
+    for _ in range(3):
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+        command, state = armed.step()
+    assert armed.pilot.news() == ["3 requests for a mode or position dropped: 4.5 s old"]
+    assert armed.pilot.news() == []
+
+
+@pytest.mark.parametrize(
+    ("pause_ns", "reason"),
+    [(0, "nothing was heard of control"), (HANG_NS, "navigation was held up for 4.5 s")],
+)
+def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
+    armed: Armed, pause_ns: int, reason: str
+) -> None:
+    command, state = armed.step(SetMode(armed.next_ns(), Mode.AUTO), age_ns=STATE_MAX_AGE_NS)
+    assert command.v_m_s > 0.0
+    for _ in range(2):
+        command, state = armed.step(pause_ns=pause_ns, age_ns=STATE_MAX_AGE_NS + 1)
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+        assert state.message == "nothing is heard of control"
+    command, state = armed.step()
+    assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert state.message == f"hold: {reason}"
+    assert f"hold: {reason}" in armed.pilot.news()
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_a_mode_that_was_asked_for_before_a_stop_is_not_taken_behind_it(
+    armed: Armed, mode: Mode
+) -> None:
+    armed.enabled = False
+    _, state = armed.step(SetMode(armed.now_ns + 1, mode))
+    assert (state.mode, state.message) == (Mode.HOLD, "refused: the robot was stopped")
+    _, state = armed.step(SetMode(armed.next_ns(), mode))  # who asks now knows of the stop
+    assert state.mode is mode
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+@pytest.mark.parametrize("armed_again", [False, True])
+def test_a_mode_of_before_a_stop_that_arrives_later_than_the_stop_is_not_taken(
+    armed: Armed, mode: Mode, armed_again: bool
+) -> None:
+    asked_ns = armed.next_ns()
+    armed.step()
+    armed.enabled = False
+    armed.step()
+    if armed_again:
+        armed.enabled, armed.armings = True, armed.armings + 1
+        armed.step()
+    command, state = armed.step(SetMode(asked_ns, mode))
+    assert (state.mode, state.message) == (Mode.HOLD, "refused: the robot was stopped")
+    assert (command.v_m_s, command.omega_rad_s) == (0.0, 0.0)
+    _, state = armed.step(SetMode(armed.now_ns, mode))
+    assert state.mode is mode
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.MANUAL])
+def test_modes_in_which_the_operator_drives_are_taken_however_old_the_stop(
+    armed: Armed, mode: Mode
+) -> None:
+    asked_ns = armed.next_ns()
+    armed.enabled = False
+    armed.step()
+    _, state = armed.step(SetMode(asked_ns, mode))
+    assert state.mode is mode
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_a_mode_asked_for_between_a_stop_and_an_arming_that_showed_in_no_state_is_not_taken(
+    armed: Armed, mode: Mode
+) -> None:
+    armed.armings += 1
+    command, state = armed.step(SetMode(armed.now_ns + 1, mode))
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+
+
+def test_a_stop_while_the_place_is_no_number_ends_the_mode_too(armed: Armed) -> None:
+    command, _ = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    assert command.v_m_s > 0.0
+    armed.theta_rad = math.nan
+    _, state = armed.step()
+    assert (state.mode, state.message) == (Mode.AUTO, "no valid pose or velocity")
+    armed.enabled = False
+    armed.step()
+    armed.theta_rad, armed.enabled, armed.armings = 0.0, True, armed.armings + 1
+    command, state = armed.step()
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_a_robot_stopped_and_armed_again_between_two_states_does_not_drive_on(
+    armed: Armed, mode: Mode
+) -> None:
+    armed.step(SetMode(armed.next_ns(), mode))
+    if mode is Mode.GUIDED:
+        armed.step(PositionTarget(armed.next_ns(), 3.0, 0.0))
+    armed.armings += 1
+    for _ in range(3):
+        command, state = armed.step()
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert state.message == "hold: the robot was stopped"
+    command, _ = armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    assert command.v_m_s > 0.0
+
+
+@pytest.fixture
+def attended(tmp_path: Path) -> Armed:
+    """A robot that drives by itself only while a ground station is there."""
+    overrides = ("mavlink.hold_without_gcs=true", 'mavlink.link=[{url="udpin:127.0.0.1:0"}]')
+    return Armed(tmp_path / "mission.toml", load_robot(find_file("diff_drive"), overrides))
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
+def test_without_the_ground_station_that_it_needs_a_robot_holds(
+    attended: Armed, mode: Mode
+) -> None:
+    _, state = attended.step(SetMode(attended.next_ns(), mode))
+    assert (state.mode, state.message) == (Mode.HOLD, "refused: no ground station is there")
+    last_ns = attended.next_ns()
+    wish = SetMode(last_ns, mode)
+    _, state = attended.step(wish, GroundStationPresence(last_ns))
+    assert state.mode is mode
+    while attended.next_ns() - last_ns <= PRESENCE_MAX_AGE_NS:
+        _, state = attended.step()
+        assert state.mode is mode
+    for _ in range(3):
+        command, state = attended.step()
+        assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
+    assert state.message == "hold: no ground station is there"
+    _, state = attended.step(GroundStationPresence(attended.next_ns()))
+    assert state.mode is Mode.HOLD  # nothing goes on by itself
+
+
+def test_a_robot_that_needs_a_ground_station_is_driven_by_hand_without(attended: Armed) -> None:
+    attended.step(SetMode(attended.next_ns(), Mode.MANUAL))
+    for _ in range(2 * PRESENCE_MAX_AGE_NS // attended.pilot.period_ns):
+        now_ns = attended.next_ns()
+        sticks = ManualControl(now_ns, now_ns + 10**8, 0.5, 0.0)
+        command, state = attended.step(sticks)
+    assert state.mode is Mode.MANUAL
+    assert command.v_m_s > 0.0
+
+
+def test_a_mode_chosen_before_does_not_begin_when_a_robot_is_armed_unattended(
+    attended: Armed,
+) -> None:
+    now_ns = attended.next_ns()
+    attended.enabled = False
+    attended.step(SetMode(now_ns, Mode.AUTO), GroundStationPresence(now_ns))
+    attended.enabled = True
+    command, state = attended.step(pause_ns=PRESENCE_MAX_AGE_NS)
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+
+
+def test_a_reading_that_control_tells_of_twice_counts_once(armed: Armed) -> None:
+    armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    for _ in range(3):
+        command, _ = armed.step()
+    free_m_s = command.v_m_s
+    armed.front_m = 0.05
+    command, _ = armed.step()
+    armed.stamp_ns = armed.now_ns  # nothing new comes: it was one wrong reading
+    for _ in range(5):
+        command, _ = armed.step()
+        assert command.v_m_s == free_m_s
+    armed.stamp_ns = None
+    command, state = armed.step()
+    assert command.v_m_s == 0.0
+    assert "front sees 0.05 m" in state.message
+
+
+def test_a_robot_that_looks_around_goes_by_its_odometry_and_not_by_guesses(armed: Armed) -> None:
+    """The guess jumps by a radian with each step; the robot has to turn once round all the same."""
+    turned_rad, step_rad, looked = 0.0, 0.1, 0
+    armed.step(SetMode(armed.next_ns(), Mode.AUTO))
+    while turned_rad < 2 * math.pi - step_rad:
+        armed.theta_rad = turned_rad
+        guess = LocalisationState(
+            stamp_ns=armed.next_ns(),
+            method="mcl",
+            status=LocalisationStatus.LOST,
+            x_m=float(looked),
+            y_m=0.0,
+            theta_rad=float(looked % 6),
+            covariance=(0.0,) * 6,
+        )
+        _, state = armed.step(localisation=guess)
+        assert state.message == "looking around"
+        turned_rad += step_rad
+        looked += 1

@@ -1,0 +1,348 @@
+"""Each contradiction between sensors is put into a simulated robot, and stops it in time."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robotctl.app.simulation.lockstep import run_lockstep
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.messages.control import Feedback, SafetyState, WheelFeedback
+from tests.app.simulation.tampered import Bend, Trial, replace
+
+ROBOTS = ("diff_drive", "tricycle", "ackermann")
+
+
+def counts(change: Callable[[WheelFeedback, WheelFeedback], WheelFeedback]) -> Bend:
+    """Bend the wheel feedback alone."""
+
+    def bend(feedback: Feedback, last: Feedback) -> Feedback:
+        if feedback.wheels is None or last.wheels is None:
+            return feedback
+        return replace(feedback, wheels=change(feedback.wheels, last.wheels))
+
+    return bend
+
+
+def from_there(count: int, start: int, factor: float) -> int:
+    """Let counts go on from `start` by a factor of what they really do."""
+    moved = (count - start + 0x8000 & 0xFFFF) - 0x8000
+    return start + round(factor * moved) & 0xFFFF
+
+
+def scaled(factor1: float, factor2: float) -> Bend:
+    return counts(
+        lambda now, start: replace(
+            now,
+            count1=from_there(now.count1, start.count1, factor1),
+            count2=from_there(now.count2, start.count2, factor2),
+        )
+    )
+
+
+SWAPPED = counts(
+    lambda now, start: replace(
+        now,
+        count1=start.count1 + now.count2 - start.count2 & 0xFFFF,
+        count2=start.count2 + now.count1 - start.count1 & 0xFFFF,
+    )
+)
+
+
+def glitches() -> Bend:
+    """Every twentieth count of the left wheel is nonsense."""
+    seen = iter(range(10**9))
+    return counts(
+        lambda now, _: (
+            replace(now, count1=now.count1 + 9000 & 0xFFFF) if next(seen) % 20 == 0 else now
+        )
+    )
+
+
+def clock(factor: float) -> Bend:
+    """The latch times run by a factor of the real ones, over any number of roll-overs."""
+    state = {"start": None, "true": 0, "told": 0.0}
+
+    def change(now: WheelFeedback, start: WheelFeedback) -> WheelFeedback:
+        if state["start"] is not start:
+            state.update(start=start, true=start.timestamp_us, told=0.0)
+        state["told"] += factor * (now.timestamp_us - state["true"] & 0xFFFFF)
+        state["true"] = now.timestamp_us
+        return replace(now, timestamp_us=start.timestamp_us + round(state["told"]) & 0xFFFFF)
+
+    return counts(change)
+
+
+def steering_stuck(feedback: Feedback, last: Feedback) -> Feedback:
+    if feedback.drive is None:
+        return feedback
+    return replace(feedback, drive=replace(feedback.drive, steering_rad=last.drive.steering_rad))
+
+
+def front_sonar(range_m: float) -> Bend:
+    def bend(feedback: Feedback, _: Feedback) -> Feedback:
+        sonars = tuple(
+            replace(each, ranges_m=(range_m, *each.ranges_m[1:])) if each.first == 0 else each
+            for each in feedback.sonars
+        )
+        return replace(feedback, sonars=sonars)
+
+    return bend
+
+
+def motor(**values: float) -> Bend:
+    return lambda feedback, _: (
+        replace(feedback, motor=replace(feedback.motor, **values)) if feedback.motor else feedback
+    )
+
+
+def drive(**values: float) -> Bend:
+    return lambda feedback, _: (
+        replace(feedback, drive=replace(feedback.drive, **values)) if feedback.drive else feedback
+    )
+
+
+LEFT = "left encoder"
+CASES = {
+    # name: robots, bend, velocity, longest time to the stop [s], words of the reason
+    "left encoder stuck": ("diff_drive", scaled(0, 1), (0.4, 0.0), 0.12, f"{LEFT} stuck"),
+    "right encoder stuck": ("diff_drive", scaled(1, 0), (-0.4, 0), 0.12, "right encoder stuck"),
+    "encoder stuck, tricycle": ("tricycle", scaled(0, 0), (0.4, 0.3), 0.12, "drive encoder stuck"),
+    "encoder stuck, ackermann": ("ackermann", scaled(0, 0), (0.4, 0), 0.12, "drive encoder stuck"),
+    "encoder stuck, slow": ("diff_drive", scaled(0, 1), (0.08, 0.0), 0.6, f"{LEFT} stuck"),
+    "left encoder reversed": ("diff_drive", scaled(-1, 1), (0.4, 0.0), 0.12, f"{LEFT} reversed"),
+    "left encoder reversed, slow": (
+        "diff_drive", scaled(-1, 1), (0.08, 0), 0.2, f"{LEFT} reversed"),
+    "encoder reversed, tricycle": (
+        "tricycle", scaled(-1, 1), (-0.3, 0.0), 0.12, "drive encoder reversed"),
+    "encoders swapped, turning": (
+        "diff_drive", SWAPPED, (0.0, 1.0), 0.12, "left and right encoders are swapped"),
+    "encoders swapped, arc": (
+        "diff_drive", SWAPPED, (0.3, 1.0), 0.35, "left and right encoders are swapped"),
+    "half of the counts lost": ("diff_drive", scaled(0.5, 1), (0.4, 0.0), 0.15, f"{LEFT} wrong"),
+    "a fifth of the counts lost": (
+        "diff_drive", scaled(0.8, 1), (0.4, 0.0), 1.2, "left and right wheel contradict"),
+    "glitches": ("diff_drive", glitches(), (0.4, 0.0), 1.1, "encoder counts jump"),
+    "clock 5 % fast": ("diff_drive", clock(1.05), (0.2, 0.0), 4.1, "clock runs +"),
+    "clock 5 % slow": ("tricycle", clock(0.95), (0.2, 0.0), 4.1, "clock runs -"),
+    "front sonar stuck": (
+        "diff_drive", front_sonar(2.5), (0.4, 0.0), 1.6, "sonar front is stuck at 2.500 m"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_fault_in_motion_stops_the_robot_in_time_and_says_which(name: str) -> None:
+    robot, bend, (v_m_s, omega_rad_s), longest_s, words = CASES[name]
+    trial = Trial(robot).armed()
+    trial.drive(v_m_s, omega_rad_s, 1.0)
+    assert trial.state == SafetyState.DRIVING, trial.reason
+    trial.port.feedback = bend
+    took_s = trial.drive(v_m_s, omega_rad_s, longest_s + 2.0)
+    assert words in trial.reason
+    assert took_s <= longest_s
+
+
+def heavy(gear_ratio: float) -> tuple[str, ...]:
+    """Settings of 40 kg behind such gears."""
+    kv = 0.06 * gear_ratio
+    return (
+        *("limits.omega_max_rad_s=0.5", "limits.a_max_m_s2=1.0"),
+        f"plausibility.back_emf_v_s_rad={kv}",
+        *(f"simulation.motor.gear_ratio={gear_ratio}", "simulation.motor.back_emf_v_s_rad=0.06"),
+        *("simulation.mass_kg=40.0", "simulation.yaw_inertia_kg_m2=3.0"),
+        "simulation.battery.cells=7",
+        *(
+            f"control.{wheel}.{gain}"
+            for wheel in ("left", "right")
+            for gain in (f"kp={1.4 * kv}", f"ki={9.0 * kv}", f"kv={kv}", "ks=0.3", f"ka={kv / 20}")
+        ),
+    )
+
+
+SLOW = (*heavy(200.0), "limits.v_max_m_s=0.5", "plausibility.speed_tolerance_rad_s=0.625")
+"""On wheels of 0.3 m it ends at 0.73 m/s; the widest tolerance allowed."""
+
+
+def with_wheels(radius_m: float, folder: Path) -> str:
+    """The file of a `diff_drive` on such wheels, 0.6 m apart; the simulated robot has them too."""
+    text = find_file("diff_drive").read_text(encoding="utf-8")
+    for old, new in (("wheel_radius_m = 0.050", radius_m), ("track_width_m = 0.300", 0.6)):
+        assert text.count(old) == 1
+        text = text.replace(old, f"{old.partition(' ')[0]} = {new}")
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("bend", "v_m_s", "longest_s", "words"),
+    [
+        (scaled(0, 0), 0.1, 0.18, f"{LEFT} stuck"),
+        (scaled(0, 1), -0.1, 0.18, f"{LEFT} stuck"),
+        (scaled(0, 0), 0.4, 0.08, f"{LEFT} stuck"),
+        (scaled(0.75, 1), 0.45, 1.2, "left and right wheel contradict"),
+    ],
+)
+def test_a_large_slow_wheel_does_not_run_away_behind_a_wrong_encoder(
+    tmp_path: Path, bend: Bend, v_m_s: float, longest_s: float, words: str
+) -> None:
+    trial = Trial(with_wheels(0.3, tmp_path), overrides=SLOW).armed()
+    trial.drive(v_m_s, 0.0, 1.0)
+    trial.port.feedback = bend
+    took_s = trial.drive(v_m_s, 0.0, 3.0)
+    assert words in trial.reason
+    assert took_s <= longest_s
+    assert trial.top_m_s <= abs(v_m_s) + 0.3
+
+
+def test_a_large_slow_wheel_that_is_sound_is_not_stopped(tmp_path: Path) -> None:
+    trial = Trial(with_wheels(0.3, tmp_path), overrides=SLOW).armed()
+    for v_m_s, omega_rad_s in ((0.45, 0.0), (-0.45, 0.0), (0.0, 0.5), (0.2, -0.5), (0.02, 0.0)):
+        trial.drive(v_m_s, omega_rad_s, 3.0)
+        assert trial.state == SafetyState.DRIVING, trial.reason
+
+
+def test_a_heavy_robot_drives_off_as_fast_as_it_may_and_a_blocked_wheel_still_stops_it(
+    tmp_path: Path,
+) -> None:
+    fast = (*heavy(50.0), "limits.v_max_m_s=1.0")
+    trial = Trial(with_wheels(0.17, tmp_path), overrides=fast).armed()
+    for v_m_s in (0.8, -0.8, 0.3):
+        trial.drive(v_m_s, 0.0, 2.0)
+        assert trial.state == SafetyState.DRIVING, trial.reason
+    trial.drive(0.0, 0.0, 2.0)
+    trial.bench.simulation.faults.inject("wheel_blocked wheel=left")
+    assert trial.drive(0.3, 0.0, 2.0) < 0.5
+    assert "left wheel is blocked" in trial.reason
+
+
+@pytest.mark.parametrize(
+    ("robot", "bend", "velocity", "words"),
+    [
+        ("diff_drive", scaled(0, 1), (0.4, 0.0), "left encoder stuck"),
+        ("diff_drive", scaled(-1, 1), (0.4, 0.0), "left encoder reversed"),
+        ("diff_drive", scaled(-1, -1), (0.4, 0.0), "left encoder reversed"),
+        ("diff_drive", SWAPPED, (0.0, 1.0), "left and right encoders are swapped"),
+        ("tricycle", scaled(-1, -1), (0.4, 0.0), "drive encoder reversed"),
+        ("ackermann", scaled(0, 0), (-0.4, 0.0), "drive encoder stuck"),
+    ],
+)
+def test_a_robot_put_together_wrongly_stops_when_it_first_drives(
+    robot: str, bend: Bend, velocity: tuple[float, float], words: str
+) -> None:
+    trial = Trial(robot)
+    trial.wait(0.2)
+    trial.port.feedback = bend
+    trial.armed()
+    took_s = trial.drive(*velocity, 1.0)
+    assert words in trial.reason
+    assert took_s < 0.25
+    assert trial.top_m_s < 0.8
+
+
+def test_a_motor_with_its_wires_exchanged_stops_when_it_first_drives() -> None:
+    trial = Trial("diff_drive")
+    trial.port.command = lambda command: replace(command, duty1=-command.duty1)
+    trial.armed()
+    assert trial.drive(0.4, 0.0, 1.0) < 0.25
+    assert "left encoder reversed" in trial.reason
+
+
+def test_a_robot_that_drives_backwards_in_every_respect_is_seen_by_its_sonars() -> None:
+    trial = Trial("diff_drive", (3.0, 2.0, 0.0))
+    negated = scaled(-1, -1)
+
+    def mirror(feedback: Feedback, last: Feedback) -> Feedback:
+        feedback = negated(feedback, last)
+        if feedback.motor is None:
+            return feedback
+        currents = {
+            "current1_a": -feedback.motor.current1_a,
+            "current2_a": -feedback.motor.current2_a,
+        }
+        return replace(feedback, motor=replace(feedback.motor, **currents))
+
+    trial.wait(0.2)
+    trial.port.feedback = mirror
+    trial.port.command = lambda c: replace(c, duty1=-c.duty1, duty2=-c.duty2)
+    trial.armed()
+    took_s = trial.drive(0.3, 0.0, 4.0)
+    assert "drives the other way than odometry says, by sonar front and rear" in trial.reason
+    assert took_s < 2.0
+
+
+@pytest.mark.parametrize("robot", ["tricycle", "ackermann"])
+def test_steering_that_stays_where_it_is_stops_the_robot(robot: str) -> None:
+    trial = Trial(robot, (2.0, 1.0, 0.0)).armed()
+    trial.drive(0.3, 0.0, 1.0)
+    trial.port.feedback = steering_stuck
+    assert trial.drive(0.3, 0.5, 2.0) < 1.0
+    assert trial.reason.startswith("the steering stands at")
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 0.5])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_wall_stops_the_robot_that_pushes_against_it(robot: str, heading_rad: float) -> None:
+    trial = Trial(robot, (4.3, 2.0, heading_rad)).armed()
+    while trial.bench.simulation.truth().collisions == 0:
+        assert trial.drive(0.4, 0.0, 0.05) == 0.05, trial.reason
+    took_s = trial.drive(0.4, 0.0, 3.0)
+    assert "pushes against something" in trial.reason or "is blocked" in trial.reason
+    assert took_s < 0.8
+
+
+def test_a_wheel_that_cannot_turn_is_blocked_and_no_broken_encoder() -> None:
+    trial = Trial("diff_drive", (5.81, 2.0, 0.0), ("simulation.wheels.friction=5.0",)).armed()
+    took_s = trial.drive(0.4, 0.0, 3.0)
+    assert "wheel is blocked" in trial.reason
+    assert took_s < 1.5
+
+
+def test_slipping_wheels_in_front_of_a_wall_are_seen_by_sonar_where_the_push_is_weak() -> None:
+    weak = ("simulation.wheels.friction=0.15",)
+    trial = Trial("diff_drive", (5.0, 2.0, 0.0), weak).armed()
+    trial.drive(0.4, 0.0, 5.0)
+    assert "the wheels slip, something holds the robot" in trial.reason
+
+
+@pytest.mark.parametrize(
+    ("bend", "words"),
+    [
+        (motor(temperature1_c=-40.0), "left motor's temperature sensor says -40 degC"),
+        (motor(temperature2_c=200.0), "right motor's temperature sensor says 200 degC"),
+        (motor(current1_a=1.5), "left motor's current sensor says 1.5 A, at rest"),
+        (motor(current2_a=-102.4), "right motor's current sensor says -102.4 A, at rest"),
+        (drive(bus_voltage_v=7.0), "supply 7.0 V and battery"),
+        (drive(bus_voltage_v=math.nan), "supply nan V and battery"),
+        (lambda feedback, _: replace(feedback, wheels=None), "wheel feedback is older"),
+    ],
+)
+def test_an_implausible_sensor_keeps_the_robot_from_arming(bend: Bend, words: str) -> None:
+    trial = Trial("diff_drive")
+    trial.wait(1.0)
+    trial.port.feedback = bend
+    trial.wait(0.1)
+    trial.arm()
+    ack = trial.bench.snapshot().acks[-1]
+    assert not ack.accepted
+    assert any(words in reason for reason in ack.reasons), ack.reasons
+    assert trial.state == SafetyState.STANDBY
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_no_monitor_stops_a_mission_of_a_heavier_robot_with_more_friction_and_a_used_battery(
+    robot: str,
+) -> None:
+    path = find_file(robot)
+    mass_kg = 1.3 * load_robot(path).simulation["mass_kg"]
+    overrides = (
+        f"simulation.mass_kg={mass_kg}",
+        "simulation.battery.charge=0.25",
+        "simulation.motor.coulomb_n_m=0.006",
+        "simulation.wheels.rolling_resistance=0.04",
+    )
+    mission = find_file("patrol", "missions")
+    report = run_lockstep(SimOptions(path, mission, seed=3, overrides=overrides))
+    assert report.mission_completed, report.message

@@ -1,0 +1,43 @@
+"""What is told while functions are compiled."""
+
+import numba
+import pytest
+
+from robotctl.app.supervision import compile_progress as progress
+from robotctl.app.supervision.compile_progress import compile_progress
+from robotctl.compiled import COMPILING
+
+
+def fresh(module: str) -> object:
+    """Return a function of a module that is compiled when it is called."""
+
+    def function(x: float) -> float:
+        return x + 1.0
+
+    function.__module__ = module
+    return numba.njit(function)
+
+
+def test_what_compiles_is_told_once_and_then_how_far_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(progress, "_EVERY_S", 0.0)
+    said: list[str] = []
+    ours, others = fresh("robotctl.estimation.tried"), fresh("elsewhere")
+    with compile_progress(said.append):
+        assert ours(1.0) == 2.0  # type: ignore[operator]
+        assert others(1.0) == 2.0  # type: ignore[operator]
+        assert ours(2.0) == 3.0  # type: ignore[operator]
+    assert said[0] == COMPILING
+    assert [line.partition(" of at most ")[0] for line in said[1:]] == ["compiling: 1"] * 2
+    fresh("robotctl.estimation.tried")(1.0)  # type: ignore[operator]
+    assert len(said) == 3
+
+
+def test_what_is_compiled_already_is_not_told() -> None:
+    function = fresh("robotctl.estimation.tried")
+    function(1.0)  # type: ignore[operator]
+    said: list[str] = []
+    with compile_progress(said.append):
+        function(1.0)  # type: ignore[operator]
+    assert said == []

@@ -1,0 +1,200 @@
+"""What a person watches during a run: each figure in its place, and none that nobody measures."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from rich.console import Console
+
+from robotctl.app.processes.robot import make_core
+from robotctl.app.simulation.sim import Progress
+from robotctl.cli.live.view import LineView, LiveView
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.messages.control import (
+    BatteryFeedback,
+    ControlState,
+    LoopStatistics,
+    NavigationState,
+    SafetyState,
+)
+from robotctl.messages.mode import Mode
+from robotctl.model.wall_map import WallMap
+
+CONFIG = load_robot(find_file("diff_drive"))
+SILENT = make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics())
+MOVING = msgspec.structs.replace(
+    SILENT,
+    state=SafetyState.DRIVING,
+    x_m=1.25,
+    y_m=2.0,
+    theta_rad=math.pi / 2,
+    v_m_s=0.4,
+    omega_rad_s=-0.25,
+    wheel_rad_s=(7.5, 8.5),
+    sonar_m=(1.5, math.inf, *(math.nan,) * (len(CONFIG.sonar) - 2)),
+)
+ROOM = np.array([[0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]], dtype=float)
+
+
+def printed(control: ControlState | None) -> str:
+    console = Console(file=io.StringIO(), width=120)
+    with LineView(console, CONFIG, ("CAN vcan0",)) as view:
+        view.update(Progress(6.0, control, lines=["armed"]))
+        view.update(Progress(7.0, control))
+    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+
+
+def screen(control: ControlState | None) -> str:
+    console = Console(file=io.StringIO(), width=140, height=50)
+    view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",))
+    console.print(view.screen(Progress(6.0, control)))
+    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+
+
+def test_a_line_tells_state_pose_and_velocity_and_comes_each_five_seconds() -> None:
+    connect, notice, line = printed(MOVING).splitlines()
+    assert connect == "    0.0 s  connect: CAN vcan0"
+    assert notice == "    6.0 s  armed"
+    assert line.startswith("    6.0 s  DRIVING  x 1.25 m y 2.00 m 90° v 0.40 m/s lag p99 0 µs")
+    assert len(printed(None).splitlines()) == 2
+
+
+def test_the_screen_tells_each_wheel_and_each_sonar() -> None:
+    lines = screen(MOVING).splitlines()
+
+    def after(name: str) -> list[str]:
+        """Return the words that follow a name where it first stands at the side of the map."""
+        return next(line.split(name, 1)[1] for line in lines if f" {name} " in line).split()
+
+    assert "DRIVING" in lines[0]
+    assert after("velocity")[:4] == ["0.40", "m/s", "(ref", "0.00)"]
+    assert after("velocity")[4:6] == ["-0.25", "rad/s"]
+    assert after("left")[:2] == ["7.50", "rad/s"]
+    assert after("right")[:2] == ["8.50", "rad/s"]
+    assert after("front")[:2] == ["1.50", "m"]
+    assert after("front_left") == ["no", "echo"]
+    assert after("rear") == ["-"]
+    assert any("↑" in line for line in lines)
+
+
+@pytest.mark.parametrize("show", [printed, screen])
+def test_what_nobody_measures_is_a_dash(show: object) -> None:
+    assert callable(show)
+    text = show(SILENT)
+    assert "nan" not in text
+    assert "- m/s" in text
+
+
+def test_a_screen_without_control_says_for_whom_it_waits() -> None:
+    assert "waiting for the control process" in screen(None)
+
+
+def test_the_walls_stay_and_what_moved_does_not() -> None:
+    console = Console(file=io.StringIO(), width=140, height=50)
+    view = LiveView(console, CONFIG, WallMap(ROOM), ())
+    shown = []
+    for x_m in (1.25, 2.5):
+        control = msgspec.structs.replace(MOVING, x_m=x_m)
+        console.print(view.screen(Progress(6.0, control)))
+        shown.append(console.file.getvalue())  # type: ignore[attr-defined]
+    first, second = shown[0], shown[1].removeprefix(shown[0])
+    assert [text.count("↑") for text in (first, second)] == [1, 1]
+    corners = [
+        line.index("⣇") for text in (first, second) for line in text.splitlines() if "⣇" in line
+    ]
+    assert len(corners) == 2
+    assert corners[0] == corners[1]
+
+
+NAVIGATION = NavigationState(
+    stamp_ns=0,
+    mode=Mode.AUTO,
+    mission="patrol",
+    item=1,
+    items=5,
+    item_name="south wall",
+    mission_completed=False,
+    mission_failed=False,
+    message='item 2 "south wall": 3.2 m to go',
+)
+CHARGED = msgspec.structs.replace(
+    MOVING, battery=BatteryFeedback(0, 24.5, 0.0, 0.87, 25.0, low=False, critical=False)
+)
+NOTICES = [
+    f"notice {number} of a robot that has a lot to tell, more than a line" for number in range(9)
+]
+
+
+def shown(
+    control: ControlState, width: int, height: int, *, helps: bool = False, **known: object
+) -> list[str]:
+    """Return the lines of the screen of a terminal."""
+    console = Console(file=io.StringIO(), width=width, height=height)
+    view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",), keys=True)
+    progress = Progress(6.0, control, NAVIGATION, lines=list(NOTICES), **known)  # type: ignore[arg-type]
+    view.update(progress)
+    if helps:
+        view.help()
+    console = Console(file=io.StringIO(), width=width, height=height)
+    console.print(view.screen(progress))
+    return console.file.getvalue().splitlines()  # type: ignore[attr-defined, no-any-return]
+
+
+SIZES = [(80, 24), (80, 25), (132, 43), (200, 60), (60, 20), (40, 12), (250, 24)]
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+@pytest.mark.parametrize("helps", [False, True])
+def test_a_screen_fits_its_terminal_and_what_counts_comes_first(
+    width: int, height: int, helps: bool
+) -> None:
+    lines = shown(CHARGED, width, height, helps=helps)
+    assert len(lines) <= height - 1 or (helps and height < 20)
+    assert all(len(line) <= width for line in lines)
+    assert "DRIVING" in lines[0]
+    assert "to go" in lines[1]
+    assert "x 1.25 m  y 2.00 m  90°" in lines[2]
+    assert ("battery 24.5 V 87 %" in lines[2]) == (width >= 60)
+    assert lines[3].startswith("Space or e: EMERGENCY STOP  a arm")
+    has_map = any("─ map ─" in line for line in lines)
+    assert has_map == (not helps and height > 15)
+
+
+def test_at_80_by_24_there_are_a_map_the_names_of_the_keys_and_the_last_notices() -> None:
+    lines = shown(CHARGED, 80, 24)
+    assert lines[3].endswith("m mission  h hold  r home  ? help")
+    framed = [line for line in lines if line.startswith("│")]
+    assert len(framed) >= 10
+    assert any("↑" in line for line in framed)
+    assert any("front_left" in line for line in framed)
+    assert [NOTICES[number][:8] in lines[-3 + index] for index, number in enumerate((6, 7, 8))]
+    assert "notice 5" not in "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("state", "what"),
+    [
+        (SafetyState.STANDBY, "a arms it"),
+        (SafetyState.FAULT, "a arms it again, m then goes on with the mission, Ctrl-C ends"),
+        (SafetyState.EMERGENCY_STOP, "a arms it again, m then goes on with the mission"),
+        (SafetyState.ARMED, ""),
+    ],
+)
+def test_a_robot_that_stands_says_why_and_what_to_do(state: SafetyState, what: str) -> None:
+    standing = msgspec.structs.replace(CHARGED, state=state, reason="a cable is off")
+    lines = shown(standing, 80, 24)
+    if what:
+        assert "a cable is off" in lines[1]
+        assert lines[2].startswith(what)
+    else:
+        assert lines[2].startswith("x 1.25")
+
+
+def test_the_factor_is_shown_where_the_computer_does_not_keep_up() -> None:
+    assert "0.83 × real time" in shown(CHARGED, 80, 24, real_time_factor=0.831)[2]
+    assert "real time" not in shown(CHARGED, 80, 24, real_time_factor=0.999)[2]

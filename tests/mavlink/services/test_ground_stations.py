@@ -1,0 +1,159 @@
+"""Ground stations: who is there, on which link, and when they are lost."""
+
+import itertools
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.messages.control import GroundStationPresence, Notice
+from robotctl.messages.mavlink_port import LinkConfig, Peer
+
+
+def heartbeat(kind=common.MAV_TYPE_GCS):
+    return common.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3)
+
+
+def test_a_ground_station_is_there_while_its_heartbeat_is_heard(make_bench):
+    bench = make_bench(links=2, gcs_timeout_s=3.0)
+    bench.receive(heartbeat(), peer=Peer(0, 0))
+    bench.receive(heartbeat(), peer=Peer(1, 0))
+    bench.step()
+    (station,) = bench.telemetry.ground_stations
+    assert (station.system_id, station.component_id, station.links) == (255, 190, (0, 1))
+    for _ in range(5):
+        bench.receive(heartbeat(), peer=Peer(1, 0))
+        bench.run(1.0)
+    assert bench.telemetry.ground_stations[0].links == (1,)
+    bench.run(3.1)
+    assert bench.telemetry.ground_stations == ()
+
+
+def test_coming_and_going_are_said_once_each_and_handed_to_the_process(bench):
+    for _ in range(3):
+        bench.receive(heartbeat())
+        bench.run(1.0)
+    bench.run(6.0)
+    assert bench.texts() == ["Ground station 255 is here", "Ground station 255 is lost"]
+    notices = bench.telemetry.take_notices()
+    assert [(notice.severity, notice.text[-4:]) for notice in notices] == [(6, "here"), (4, "lost")]
+    assert bench.telemetry.take_notices() == []
+
+
+def test_heartbeats_of_other_vehicles_do_not_count(bench):
+    bench.receive(heartbeat(common.MAV_TYPE_QUADROTOR), system=2)
+    bench.receive(heartbeat(common.MAV_TYPE_ONBOARD_CONTROLLER), system=1, component=191)
+    bench.step()
+    assert bench.telemetry.ground_stations == ()
+
+
+def test_invented_ground_stations_do_not_fill_the_memory(bench):
+    for system in range(2, 255):
+        bench.receive(heartbeat(), system=system)
+    bench.step()
+    assert len(bench.telemetry.ground_stations) == 32
+    bench.run(20.0)
+    assert len(bench.telemetry.take_notices()) <= 64
+
+
+def test_what_was_said_while_nobody_was_there_is_said_again_once_with_its_age(bench):
+    bench.step(Notice(0, 6, "the camera sees the floor"), Notice(0, 2, "stopped: no feedback"))
+    bench.run(9.98)
+    bench.step(Notice(0, 4, "one line\nand another"))
+    sent = ["the camera sees the floor", "stopped: no feedback", "one line", "and another"]
+    assert bench.texts() == sent
+
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    again = [(text.severity, text.text) for text, _ in bench.take("STATUSTEXT")]
+    assert again == [
+        (2, "stopped: no feedback (10 s ago)"),
+        (4, "one line (0 s ago)"),
+        (4, "and another (0 s ago)"),
+        (6, "Ground station 255 is here"),
+    ]
+
+    bench.step(Notice(0, 4, "said to its face"))
+    bench.receive(heartbeat(), system=254)
+    bench.run(1.0)
+    assert bench.texts() == ["said to its face", "Ground station 254 is here"]
+
+
+def test_a_ground_station_that_was_lost_hears_why_the_robot_stands(bench):
+    bench.receive(heartbeat())
+    bench.run(6.0)
+    bench.step(Notice(0, 2, "stopped: no commands"))
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    lost, stopped, here = bench.texts()
+    assert (lost[:30], here) == ("Ground station 255 is lost (1 ", "Ground station 255 is here")
+    assert stopped == "stopped: no commands (0 s ago)"
+
+
+def test_a_ground_station_that_vanishes_while_it_is_told_hears_the_rest_with_one_age(bench):
+    for number in range(12):
+        bench.step(Notice(0, 4, f"trouble {number}"))
+    bench.run(10.0)
+    bench.take()
+    bench.receive(heartbeat())
+    bench.step()
+    told = bench.texts()
+    bench.step(advance_s=10.0)
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    told += [text for text in bench.texts() if text.startswith("trouble")]
+    ages = [text.partition(" (")[2] for text in told]
+    assert [text.split(" (")[0] for text in told] == [f"trouble {n}" for n in range(12)]
+    assert ages == ["10 s ago)"] * 4 + ["20 s ago)"] * 8
+
+
+def test_only_the_last_texts_wait_for_a_ground_station(bench):
+    for number in range(40):
+        bench.step(Notice(0, 4, f"trouble {number}"))
+    bench.take()
+    bench.receive(heartbeat())
+    bench.run(1.0)
+    texts = bench.texts()
+    assert [text.split(" (")[0] for text in texts[:-1]] == [f"trouble {n}" for n in range(24, 40)]
+
+
+def test_what_is_said_again_and_again_does_not_hide_why_the_robot_stands(bench):
+    bench.step(Notice(0, 2, "stopped: no feedback"))
+    for _ in range(40):
+        bench.step(Notice(0, 4, "logging stopped: disk full"))
+    bench.run(2.0)
+    bench.take()
+    bench.receive(heartbeat())
+    bench.step()
+    assert bench.texts() == [
+        "stopped: no feedback (3 s ago)",
+        "logging stopped: disk full (2 s ago)",
+        "Ground station 255 is here",
+    ]
+
+
+LINK = (LinkConfig("udpin:127.0.0.1:0"),)
+
+
+def presences(requests):
+    return [each.stamp_ns for each in requests if isinstance(each, GroundStationPresence)]
+
+
+def test_navigation_is_told_that_a_station_is_there_where_it_must_be(make_bench):
+    bench = make_bench(gcs_timeout_s=3.0, hold_without_gcs=True, link=LINK)
+    assert presences(bench.run(1.0)) == []
+    bench.receive(heartbeat(common.MAV_TYPE_ONBOARD_CONTROLLER))
+    assert presences(bench.run(1.0)) == []
+    begin_ns = bench.now_ns
+    bench.receive(heartbeat())
+    told = presences(bench.run(8.0))
+    assert told[0] - begin_ns <= 40_000_000
+    assert 2.7e9 < told[-1] - begin_ns <= 3.1e9
+    assert all(0 < after - before <= 240_000_000 for before, after in itertools.pairwise(told))
+
+
+def test_it_is_not_told_where_nobody_need_be_there(make_bench):
+    bench = make_bench(link=LINK)
+    bench.receive(heartbeat())
+    assert presences(bench.run(1.0)) == []

@@ -1,0 +1,280 @@
+"""Set-points and sticks: what drives the robot, when it is void, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common
+
+from robotctl.messages.control import ManualControl, PositionTarget, VelocityTarget
+from robotctl.messages.requests import FARTHEST_M
+
+BODY_NED, BODY_OFFSET_NED, BODY_FRD, LOCAL = 8, 9, 12, 1
+# Bits of type_mask: 0-2 position, 3-5 velocity, 6-8 acceleration, 9 force, 10 yaw, 11 yaw rate.
+POSITION, VELOCITY, ACCELERATION, YAW, YAW_RATE = 0x007, 0x038, 0x1C0, 0x400, 0x800
+ALL = POSITION | VELOCITY | ACCELERATION | YAW | YAW_RATE
+
+
+def setpoint(frame=BODY_NED, mask=ALL, target=(1, 1), **fields):
+    names = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
+    values = [fields.get(name, 0.0) for name in names]
+    return common.MAVLink_set_position_target_local_ned_message(0, *target, frame, mask, *values)
+
+
+def using(*parts):
+    mask = ALL
+    for part in parts:
+        mask &= ~part
+    return mask
+
+
+@pytest.mark.parametrize("frame", [BODY_NED, BODY_FRD, BODY_OFFSET_NED])
+def test_a_body_velocity_drives_forward_and_a_positive_yaw_rate_turns_right(bench, frame):
+    bench.receive(setpoint(frame, using(VELOCITY, YAW_RATE), vx=0.5, yaw_rate=0.25))
+    (request,) = bench.step()
+    assert isinstance(request, VelocityTarget)
+    assert (request.v_m_s, request.omega_rad_s) == (0.5, -0.25)
+
+
+def test_velocities_are_void_after_the_configured_time(make_bench):
+    bench = make_bench(setpoint_timeout_s=0.75)
+    bench.receive(setpoint(mask=using(VELOCITY), vx=-0.5))
+    (request,) = bench.step()
+    assert request.stamp_ns == bench.now_ns
+    assert request.expires_ns - request.stamp_ns == 750_000_000
+    assert request.v_m_s == -0.5
+    assert bench.run(1.0) == []  # and nothing renews them
+
+
+def test_vx_alone_is_enough_in_the_body_frame(bench):
+    bench.receive(setpoint(mask=ALL & ~0x008, vx=0.5, vy=math.nan))
+    (request,) = bench.step()
+    assert request.v_m_s == 0.5
+
+
+def test_the_mask_0fc7_that_many_programs_use_is_a_velocity(bench):
+    bench.receive(setpoint(LOCAL, 0x0FC7, vy=0.5))
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert request.v_m_s == pytest.approx(0.5)
+
+
+def test_a_position_becomes_a_point_of_the_world(bench):
+    bench.receive(setpoint(LOCAL, using(POSITION, YAW), x=3.0, y=1.0, z=-2.0, yaw=1.0))
+    assert bench.step() == [PositionTarget(bench.now_ns, 1.0, 3.0)]  # 3 north, 1 east
+
+
+def test_a_far_position_is_taken_as_long_as_the_navigator_goes_there(bench):
+    far_m = float(np.nextafter(np.float32(FARTHEST_M), np.float32(0.0)))
+    bench.receive(setpoint(LOCAL, using(POSITION), x=-far_m, y=far_m))
+    assert bench.step() == [PositionTarget(bench.now_ns, far_m, -far_m)]
+    assert bench.texts() == []
+
+
+@pytest.mark.parametrize("theta", [0.0, 2.0, -3.1])
+@pytest.mark.parametrize(
+    ("north", "east", "heading"),
+    [(0.0, 0.5, 0.0), (0.5, 0.0, math.pi / 2), (0.0, -0.5, math.pi), (-0.3, 0.4, -0.6435)],
+)
+def test_a_local_velocity_is_driven_along_its_direction(bench, theta, north, east, heading):
+    """Whatever the heading now: how far that is off is seen where the robot is steered."""
+    bench.receive(setpoint(LOCAL, using(VELOCITY), vx=north, vy=east))
+    (request,) = bench.step(bench.control(theta_rad=theta))
+    assert (request.v_m_s, request.omega_rad_s) == pytest.approx((0.5, 0.0))
+    assert math.remainder(request.heading_rad - heading, math.tau) == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_local_velocity_against_its_yaw_drives_backwards(bench):
+    """Yaw east (90 degrees), velocity west."""
+    mask = using(VELOCITY, YAW)
+    bench.receive(setpoint(LOCAL, mask, vy=-0.5, yaw=math.pi / 2))
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert (request.v_m_s, request.heading_rad) == pytest.approx((-0.5, 0.0), abs=1e-6)
+
+
+def test_a_local_velocity_with_yaw_rate_is_projected_on_the_heading(bench):
+    bench.receive(setpoint(LOCAL, using(VELOCITY, YAW_RATE), vx=0.5, vy=0.5, yaw_rate=0.25))
+    (request,) = bench.step(bench.control(theta_rad=math.pi / 2))  # heading north
+    assert (request.v_m_s, request.omega_rad_s) == pytest.approx((0.5, -0.25))
+
+
+def test_a_zero_local_velocity_stops(bench):
+    bench.receive(setpoint(LOCAL, using(VELOCITY)))
+    (request,) = bench.step(bench.control(theta_rad=2.0))
+    assert (request.v_m_s, request.omega_rad_s) == (0.0, 0.0)
+
+
+REFUSED = {
+    "nothing": setpoint(mask=ALL),
+    "position and velocity": setpoint(LOCAL, using(POSITION, VELOCITY)),
+    "accelerations": setpoint(mask=using(ACCELERATION)),
+    "velocity with accelerations": setpoint(mask=using(VELOCITY, ACCELERATION)),
+    "one acceleration": setpoint(mask=ALL & ~VELOCITY & ~0x040),
+    "force": setpoint(mask=using(VELOCITY, ACCELERATION) | 0x200),
+    "yaw alone": setpoint(mask=using(YAW)),
+    "yaw and yaw rate": setpoint(LOCAL, using(VELOCITY, YAW, YAW_RATE)),
+    "yaw of a body velocity": setpoint(mask=using(VELOCITY, YAW)),
+    "half a position": setpoint(LOCAL, ALL & ~0x001),
+    "half a position and a velocity": setpoint(LOCAL, using(VELOCITY) & ~0x002),
+    "sideways alone": setpoint(mask=ALL & ~0x010, vy=1.0),
+    "sideways": setpoint(mask=using(VELOCITY), vx=1.0, vy=0.1),
+    "half a local velocity": setpoint(LOCAL, ALL & ~0x008, vx=1.0),
+    "position in the body": setpoint(BODY_NED, using(POSITION)),
+    "offset position": setpoint(7, using(POSITION)),
+    "offset velocity": setpoint(7, using(VELOCITY)),
+    "ENU": setpoint(4, using(VELOCITY)),
+    "unknown frame": setpoint(255, using(VELOCITY)),
+    "nan vx": setpoint(mask=using(VELOCITY), vx=math.nan),
+    "nan vy": setpoint(mask=using(VELOCITY), vy=math.nan),
+    "inf vx": setpoint(mask=using(VELOCITY), vx=math.inf),
+    "nan yaw rate": setpoint(mask=using(VELOCITY, YAW_RATE), yaw_rate=math.nan),
+    "nan x": setpoint(LOCAL, using(POSITION), x=math.nan),
+    "far north": setpoint(LOCAL, using(POSITION), x=FARTHEST_M),
+    "far west": setpoint(LOCAL, using(POSITION), y=-2e6),
+    "inf y": setpoint(LOCAL, using(POSITION), y=-math.inf),
+    "nan local vx": setpoint(LOCAL, using(VELOCITY), vx=math.nan),
+    "nan yaw": setpoint(LOCAL, using(VELOCITY, YAW), yaw=math.nan),
+}
+
+
+@pytest.mark.parametrize("message", REFUSED.values(), ids=REFUSED.keys())
+def test_what_cannot_be_followed_is_refused_and_said_once(bench, message):
+    requests = []
+    for _ in range(20):
+        bench.receive(message)
+        requests += bench.step(bench.control())
+    assert requests == []
+    texts = bench.texts()
+    assert len(texts) == 1
+    assert texts[0].startswith("Setpoint: ")
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        common.MAVLink_set_position_target_global_int_message(0, 1, 1, 6, 0xDC7, *[0] * 11),
+        common.MAVLink_set_attitude_target_message(0, 1, 1, 0, [1, 0, 0, 0], 0, 0, 0, 1),
+    ],
+)
+def test_set_points_of_other_kinds_are_refused_and_it_is_said(bench, message):
+    bench.receive(message)
+    assert bench.step() == []
+    text = "".join(bench.texts())
+    kind = message.get_type()
+    assert text == f"Setpoint: {kind}: only SET_POSITION_TARGET_LOCAL_NED counts"
+
+
+def test_a_local_velocity_without_a_known_heading_is_refused(bench):
+    bench.receive(setpoint(LOCAL, using(VELOCITY), vx=0.5))
+    assert bench.step() == []
+    assert "heading not known" in "".join(bench.texts())
+
+
+def test_set_points_for_other_systems_are_not_taken(bench):
+    bench.receive(setpoint(mask=using(VELOCITY), vx=0.5, target=(2, 1)))
+    assert bench.step() == []
+
+
+FLOAT32 = st.floats(width=32)
+NUMBERS = st.floats(-9.0, 9.0, width=32) | st.sampled_from([0.0, math.nan, -math.inf, 3e38])
+MASKS = [using(POSITION), using(VELOCITY), using(VELOCITY, YAW), using(VELOCITY, YAW_RATE)]
+
+
+def requests_of(bench, frame, mask, values):
+    """Return what a set-point leads to, checked: finite numbers of what the mask uses."""
+    bench.receive(
+        common.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *values)
+    )
+    requests = bench.step(bench.control(theta_rad=1.0))
+    for request in requests:
+        if isinstance(request, PositionTarget):
+            assert max(abs(request.x_m), abs(request.y_m)) < FARTHEST_M
+            assert mask & 3 == 0
+        else:
+            assert math.isfinite(request.v_m_s)
+            assert math.isfinite(request.omega_rad_s)
+            assert request.expires_ns > request.stamp_ns
+            assert mask & 0x008 == 0
+    return requests
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    frame=st.sampled_from([LOCAL, BODY_NED, BODY_FRD]) | st.integers(0, 255),
+    mask=st.integers(0, 0xFFFF),
+    values=st.lists(FLOAT32, min_size=11, max_size=11),
+)
+def test_any_set_point_gives_finite_numbers_or_nothing(make_bench, frame, mask, values):
+    assert len(requests_of(make_bench(), frame, mask, values)) <= 1
+
+
+@pytest.mark.parametrize("mask", MASKS)
+def test_a_set_point_that_is_whole_gives_finite_numbers_whatever_it_asks_for(make_bench, mask):
+    taken = []
+
+    @settings(max_examples=100, deadline=None)
+    @given(values=st.lists(NUMBERS, min_size=11, max_size=11))
+    def give(values):
+        taken.extend(requests_of(make_bench(), LOCAL, mask, values))
+
+    give()
+    assert len(taken) > 5
+
+
+def sticks(x=0, y=0, z=500, r=0, target=1):
+    return common.MAVLink_manual_control_message(target, x, y, z, r, 0)
+
+
+@pytest.mark.parametrize(
+    ("message", "forward", "turn"),
+    [
+        (sticks(x=1000), 1.0, 0.0),
+        (sticks(x=-250), -0.25, 0.0),
+        (sticks(y=500), 0.0, -0.5),  # right
+        (sticks(r=500), 0.0, -0.5),  # right
+        (sticks(r=-1000, y=200), 0.0, 1.0),  # the larger deflection counts
+        (sticks(y=0x7FFF, r=100), 0.0, -0.1),  # y is marked absent
+        (sticks(y=0x7FFF, r=0x7FFF), 0.0, 0.0),
+        (sticks(x=0x7FFF), 0.0, 0.0),
+        (sticks(x=0x7FFF, y=500), 0.0, -0.5),
+        (sticks(x=300, y=0x7FFF, r=0x7FFF), 0.3, 0.0),
+        (sticks(x=0x7FFF, y=0x7FFF, z=0x7FFF, r=0x7FFF), 0.0, 0.0),
+        (sticks(z=1000), 0.0, 0.0),  # the throttle lever does not drive
+        (sticks(x=100, target=0), 0.1, 0.0),
+    ],
+)
+def test_sticks_drive_and_turn(bench, message, forward, turn):
+    bench.receive(message)
+    (request,) = bench.step()
+    assert isinstance(request, ManualControl)
+    assert (request.forward, request.turn) == (forward, turn)
+    assert request.expires_ns - request.stamp_ns == 500_000_000
+    assert bench.texts() == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        sticks(x=1001),
+        sticks(x=0x7FFE),
+        sticks(y=-1001),
+        sticks(r=-32768),
+        sticks(x=1000, target=2),
+    ],
+    ids=["x too large", "x nearly absent", "y too small", "r too small", "other target"],
+)
+def test_sticks_out_of_range_or_of_others_do_nothing(bench, message):
+    bench.receive(message)
+    assert bench.step() == []
+
+
+def test_sticks_out_of_range_are_said_once_in_a_while(bench):
+    for _ in range(3):
+        bench.receive(sticks(x=1001))
+        bench.step()
+    assert "".join(bench.texts()) == "Sticks: x 1001, y 0, r 0: allowed -1000 to 1000"
+    bench.step(advance_s=30.0)
+    bench.receive(sticks(r=-1001))
+    bench.step()
+    assert "".join(bench.texts()) == "Sticks: x 0, y 0, r -1001: allowed -1000 to 1000"

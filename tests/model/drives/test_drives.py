@@ -1,0 +1,225 @@
+"""Drive models: round trips, the notes' formulas with their errata, and the steering linkage."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, TricycleDrive
+from robotctl.model.drives.motion import turning_radius_m
+
+DIFFERENTIAL = DifferentialDrive("differential", 0.3, 0.05, 2400)
+FRONT = TricycleDrive("tricycle", "front", 0.35, 0.06, 1.0, 3.0, 2400)
+REAR = TricycleDrive("tricycle", "rear", 0.35, 0.06, 1.0, 3.0, 2400)
+CAR = AckermannDrive("ackermann", 0.4, 0.3, 0.05, 0.6, 3.0, 2400)
+ALL = (DIFFERENTIAL, FRONT, REAR, CAR)
+STEERED = (FRONT, REAR, CAR)
+
+speeds = st.floats(0.01, 2.0) | st.floats(-2.0, -0.01)
+rates = st.floats(-3.0, 3.0)
+steerings = st.floats(-0.6, 0.6)
+
+
+@pytest.mark.parametrize("drive", ALL, ids=lambda d: d.kind)
+def test_every_drive_has_three_degrees_of_freedom_and_is_not_holonomic(drive):
+    assert drive.degrees_of_freedom == 3
+    assert drive.holonomic is False
+    assert len(drive.wheel_names) == (1 if drive.steered else 2)
+
+
+@given(st.floats(-2.0, 2.0), rates)
+def test_a_differential_drive_gives_back_any_twist(v, omega):
+    wheels = DIFFERENTIAL.inverse(v, omega)
+    twist = DIFFERENTIAL.forward(*wheels)
+    assert twist.v_m_s == pytest.approx(v, abs=1e-12)
+    assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
+@given(v=speeds, share=st.floats(-1.0, 1.0))
+def test_a_drive_and_steer_robot_gives_back_any_twist_within_reach(drive, v, share):
+    omega = share * v / drive.min_turning_radius_m
+    twist = drive.forward(*drive.inverse(v, omega))
+    assert twist.v_m_s == pytest.approx(v, rel=1e-12)
+    assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
+@given(v=speeds, excess=st.floats(1.001, 1e6), side=st.sampled_from([-1.0, 1.0]))
+def test_a_curvature_out_of_reach_is_clamped_and_the_speed_kept(drive, v, excess, side):
+    omega = side * excess * v / drive.min_turning_radius_m
+    wheels = drive.inverse(v, omega)
+    twist = drive.forward(*wheels)
+    assert abs(wheels.steering_rad) == drive.steering_max_rad
+    assert twist.v_m_s == pytest.approx(v, rel=1e-12)
+    assert turning_radius_m(*twist) == pytest.approx(
+        math.copysign(drive.min_turning_radius_m, v * omega)
+    )
+
+
+@pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
+@pytest.mark.parametrize("beyond_rad", [1e-6, 0.001, 0.3])
+def test_a_standing_robot_steers_no_farther_than_its_linkage(drive, beyond_rad):
+    for side in (1.0, -1.0):
+        measured_rad = side * (drive.steering_max_rad + beyond_rad)
+        kept_rad = drive.inverse(0.0, 0.0, measured_rad).steering_rad
+        assert kept_rad == side * drive.steering_max_rad
+
+
+@pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
+def test_a_standing_robot_keeps_its_steering(drive):
+    assert drive.inverse(0.0, 1.0, 0.21) == (0.0, 0.0, 0.21)
+
+
+def test_wheels_of_a_differential_drive_run_on_radii_half_a_track_to_each_side():
+    R, angle, W = 1.3, 0.4, 0.3
+    left, right = (R - W / 2) * angle, (R + W / 2) * angle  # in one second
+    twist = DIFFERENTIAL.forward(left / 0.05, right / 0.05, 0.0)
+    assert twist.omega_rad_s == pytest.approx(angle)
+    assert twist.v_m_s == pytest.approx(R * angle)
+    assert DIFFERENTIAL.turning_radius_m(left, right) == pytest.approx(R)
+
+
+def test_equal_wheel_speeds_have_an_infinite_radius_and_opposite_ones_none():
+    assert DIFFERENTIAL.turning_radius_m(0.4, 0.4) == math.inf
+    assert DIFFERENTIAL.turning_radius_m(-0.4, 0.4) == 0.0
+    assert DIFFERENTIAL.forward(3.0, 3.0).omega_rad_s == 0.0
+    assert DIFFERENTIAL.min_turning_radius_m == 0.0
+
+
+@given(st.floats(-20.0, 20.0), steerings)
+def test_front_drive_turns_with_the_sine_and_rear_drive_with_the_tangent(omega1, s):
+    v = omega1 * 0.06
+    assert FRONT.forward(omega1, 0.0, s).omega_rad_s == pytest.approx(v * math.sin(s) / 0.35)
+    assert REAR.forward(omega1, 0.0, s).omega_rad_s == pytest.approx(v * math.tan(s) / 0.35)
+
+
+@given(st.floats(0.1, 20.0), st.floats(0.01, 0.6))
+def test_the_front_wheel_rolls_along_its_own_larger_circle(omega1, s):
+    """Rigid body: the velocity of the front wheel is v + omega x (L, 0), along the wheel."""
+    twist = FRONT.forward(omega1, 0.0, s)
+    vx, vy = twist.v_m_s, twist.omega_rad_s * FRONT.wheelbase_m
+    assert math.hypot(vx, vy) == pytest.approx(omega1 * FRONT.wheel_radius_m)
+    assert math.atan2(vy, vx) == pytest.approx(s)
+    assert math.hypot(vx, vy) / twist.omega_rad_s == pytest.approx(FRONT.front_turning_radius_m(s))
+    assert turning_radius_m(*twist) == pytest.approx(FRONT.turning_radius_m(s))
+
+
+@pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
+def test_straight_steering_has_an_infinite_radius_and_full_steering_the_smallest(drive):
+    assert drive.turning_radius_m(0.0) == math.inf
+    full = drive.turning_radius_m(-drive.steering_max_rad)
+    assert -full == pytest.approx(drive.min_turning_radius_m)
+
+
+@given(st.floats(0.01, 0.6))
+def test_the_linkage_keeps_the_ackermann_condition(s):
+    inner, outer = CAR.linkage_angles_rad(s)
+    assert inner > s > outer
+    assert 1 / math.tan(outer) - 1 / math.tan(inner) == pytest.approx(
+        CAR.track_width_m / CAR.wheelbase_m
+    )
+    right_turn = CAR.linkage_angles_rad(-s)
+    assert right_turn.left == pytest.approx(-outer)
+    assert right_turn.right == pytest.approx(-inner)
+
+
+def test_straight_on_both_front_wheels_are_straight():
+    assert CAR.linkage_angles_rad(0.0) == (0.0, 0.0)
+
+
+@given(st.floats(-20.0, 20.0), steerings)
+def test_rear_wheels_of_a_car_move_as_a_rigid_body_and_average_to_the_carrier(omega1, s):
+    twist = CAR.forward(omega1, 0.0, s)
+    left, right = CAR.rear_wheel_speeds_rad_s(omega1, s)
+    half = 0.5 * CAR.track_width_m * twist.omega_rad_s
+    assert left * CAR.wheel_radius_m == pytest.approx(twist.v_m_s - half, abs=1e-12)
+    assert right * CAR.wheel_radius_m == pytest.approx(twist.v_m_s + half, abs=1e-12)
+    assert 0.5 * (left + right) == pytest.approx(omega1, abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", ALL, ids=lambda d: d.kind)
+def test_a_length_that_is_not_positive_is_refused_by_name(drive):
+    for key in ("wheel_radius_m", "counts_per_revolution"):
+        for value in (0, -1, math.nan, math.inf):
+            with pytest.raises(ValueError, match=key):
+                dataclasses.replace(drive, **{key: value})
+
+
+@pytest.mark.parametrize("limit", [0.0, -0.2, math.pi / 2, math.nan])
+@pytest.mark.parametrize("drive", STEERED, ids=lambda d: f"{d.kind}")
+def test_a_steering_limit_out_of_its_range_is_refused(drive, limit):
+    with pytest.raises(ValueError, match="steering_max_rad"):
+        dataclasses.replace(drive, steering_max_rad=limit)
+
+
+def test_a_car_whose_centre_of_rotation_lies_between_its_wheels_is_refused():
+    with pytest.raises(ValueError, match="between the wheels"):
+        dataclasses.replace(CAR, steering_max_rad=1.3)
+
+
+@pytest.mark.parametrize("drive", ALL, ids=lambda d: d.kind)
+def test_nan_goes_through_and_is_not_turned_into_a_valid_command(drive):
+    assert any(math.isnan(value) for value in drive.inverse(0.3, math.nan))
+    assert any(math.isnan(value) for value in drive.inverse(math.nan, 0.1))
+    if drive.steered:
+        assert math.isnan(drive.inverse(0.0, 0.0, math.nan).steering_rad)
+
+
+# What calibration brings: unequal wheels, a steering that does not stand where it says
+
+
+UNEQUAL = dataclasses.replace(DIFFERENTIAL, wheel_radius_ratio=1.02)
+SKEWED = tuple(dataclasses.replace(drive, steering_offset_rad=0.05) for drive in STEERED)
+
+
+def test_unequal_wheels_have_the_mean_radius_and_the_ratio():
+    left_m, right_m = UNEQUAL.wheel_radii_m
+    assert right_m / left_m == pytest.approx(1.02)
+    assert 0.5 * (left_m + right_m) == pytest.approx(UNEQUAL.wheel_radius_m)
+
+
+def test_with_a_greater_right_wheel_equal_turns_bend_to_the_left():
+    """One turn of both wheels: the right one's rim moves on by 2 pi (R_right - R_left) more."""
+    left_m, right_m = UNEQUAL.wheel_radii_m
+    moved_m, turned_rad = UNEQUAL.forward(math.tau, math.tau)
+    assert moved_m == pytest.approx(math.tau * UNEQUAL.wheel_radius_m)
+    assert turned_rad == pytest.approx(math.tau * (right_m - left_m) / UNEQUAL.track_width_m)
+
+
+@given(st.floats(-2.0, 2.0), rates)
+def test_unequal_wheels_give_back_any_twist(v, omega):
+    twist = UNEQUAL.forward(*UNEQUAL.inverse(v, omega))
+    assert twist.v_m_s == pytest.approx(v, abs=1e-12)
+    assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", SKEWED, ids=lambda d: f"{d.kind}")
+@given(v=speeds, share=st.floats(-1.0, 1.0))
+def test_a_skewed_steering_gives_back_any_twist_within_reach(drive, v, share):
+    omega = share * v / drive.min_turning_radius_m
+    wheels = drive.inverse(v, omega)
+    twist = drive.forward(*wheels)
+    assert abs(wheels.steering_rad) <= drive.steering_max_rad
+    assert twist.v_m_s == pytest.approx(v, rel=1e-12)
+    assert twist.omega_rad_s == pytest.approx(omega, abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", SKEWED, ids=lambda d: f"{d.kind}")
+def test_a_skewed_steering_at_zero_bends_the_way_by_its_offset(drive):
+    plain = dataclasses.replace(drive, steering_offset_rad=0.0)
+    assert drive.forward(3.0, 0.0, 0.1) == pytest.approx(plain.forward(3.0, 0.0, 0.15))
+
+
+@pytest.mark.parametrize("offset_rad", [1.0, -1.5, math.nan])
+def test_an_offset_that_leaves_no_way_to_one_side_is_refused(offset_rad):
+    with pytest.raises(ValueError, match=r"steering_offset_rad must be between -0.571 and 0.571"):
+        dataclasses.replace(FRONT, steering_offset_rad=offset_rad)
+
+
+@pytest.mark.parametrize("ratio", [0.4, 2.1, math.nan])
+def test_wheels_of_wholly_different_sizes_are_refused(ratio):
+    with pytest.raises(ValueError, match="wheel_radius_ratio must be between"):
+        dataclasses.replace(DIFFERENTIAL, wheel_radius_ratio=ratio)

@@ -1,0 +1,279 @@
+"""The obstacle guard: what it counts, how fast it allows, what it does when blind."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+
+CONFIG = GuardConfig()
+MOUNTS = (
+    SonarMount("front", 0.18, 0.0, 0.0),
+    SonarMount("front_left", 0.15, 0.10, 45.0),
+    SonarMount("left", 0.0, 0.15, 90.0),
+    SonarMount("rear", -0.15, 0.0, 180.0),
+)
+FREE = (math.inf,) * 4
+NEW = (True,) * 4
+
+
+def limit(front=math.inf, front_left=math.inf, left=math.inf, rear=math.inf, direction=1.0):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    for _ in range(3):
+        guard.observe((front, front_left, left, rear), NEW)
+    return guard.step(direction)
+
+
+def turning(curvature, front=math.inf, front_left=math.inf, left=math.inf, direction=1.0):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    guard.observe((front, front_left, left, math.inf), NEW)
+    return guard.step(direction, curvature)
+
+
+def test_with_nothing_near_the_speed_is_free():
+    assert limit() == (math.inf, "")
+
+
+@given(st.floats(0.12, 4.0))
+def test_braking_from_the_speed_allowed_ends_before_the_margin(reading):
+    v = limit(front=reading).v_max_m_s
+    way = v * CONFIG.reaction_s + v * v / (2 * CONFIG.deceleration_m_s2)
+    assert way == pytest.approx(reading - CONFIG.margin_m, abs=1e-9)
+
+
+@given(st.floats(0.0, 0.12))
+def test_within_the_margin_the_robot_stands(reading):
+    step = limit(front=reading)
+    assert step.v_max_m_s == pytest.approx(0.0, abs=1e-9)
+    assert "front sees" in step.obstacle
+
+
+def test_a_robot_that_does_not_drive_is_not_limited():
+    assert limit(front=0.05, direction=0.0) == (math.inf, "")
+
+
+def test_only_the_direction_of_travel_counts():
+    assert limit(front=0.05, direction=-1.0).v_max_m_s == math.inf
+    assert limit(rear=0.05, direction=1.0).v_max_m_s == math.inf
+    assert limit(rear=0.05, direction=-1.0).v_max_m_s == 0.0
+    assert limit(front=0.05, rear=0.05, direction=0.0).v_max_m_s == math.inf
+
+
+def way_for(v):
+    """Return the way that a robot needs to stop [m]."""
+    return v * CONFIG.reaction_s + v * v / (2 * CONFIG.deceleration_m_s2)
+
+
+def test_a_slanting_sonar_sees_a_wall_square_to_its_axis_that_the_corner_comes_to():
+    # The corner (0.18, 0.18) lies (0.03 + 0.08) / sqrt 2 beyond the sonar, towards such a wall.
+    gap = 0.50 - 0.11 / math.sqrt(2)
+    step = limit(front_left=0.50)
+    assert way_for(step.v_max_m_s) == pytest.approx(gap * math.sqrt(2) - CONFIG.margin_m)
+    assert step.obstacle == "front_left sees 0.50 m"
+    assert limit(front_left=0.16).v_max_m_s == 0.0
+    assert limit(front_left=0.17).v_max_m_s > 0.0
+
+
+def test_a_wall_beside_counts_where_a_bend_brings_a_corner_near_and_not_straight_on():
+    assert limit(left=0.05) == (math.inf, "")
+    # The front left corner goes (1 - 0.18, 0.18) per way of base; 0.03 m of the gap is body.
+    step = turning(1.0, left=0.1)
+    way = 0.07 / 0.18 - CONFIG.margin_m / math.hypot(0.82, 0.18)
+    assert way_for(step.v_max_m_s) == pytest.approx(way)
+    assert step.obstacle == "left sees 0.10 m"
+    # To the right the rear corner swings out, which reaches less far.
+    assert step.v_max_m_s < turning(-1.0, left=0.1).v_max_m_s < math.inf
+
+
+def test_in_a_bend_the_outer_corner_reaches_the_wall_ahead_first():
+    # Per way of base the front right corner goes (1 + 0.18, 0.18).
+    step = turning(1.0, front=0.5)
+    assert way_for(step.v_max_m_s) == pytest.approx(0.5 / 1.18 - 0.12 / math.hypot(1.18, 0.18))
+    assert turning(-1.0, front=0.5).v_max_m_s == pytest.approx(step.v_max_m_s)
+
+
+def test_backwards_with_the_wheels_turned_the_front_swings_out():
+    assert turning(2.0, left=0.06, direction=-1.0).v_max_m_s == 0.0
+    assert turning(0.0, left=0.06, direction=-1.0).v_max_m_s == math.inf
+    assert turning(2.0, front_left=0.1, direction=-1.0).v_max_m_s == math.inf  # away from it
+
+
+@given(st.floats(0.1, 0.8), st.floats(-3.0, 3.0), st.floats(0.05, 2.0))
+def test_the_limit_depends_on_the_arc_and_not_on_the_speed_asked_for(v, curvature, reading):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    guard.observe((reading, reading, reading, reading), NEW)
+    slow, fast = guard.step(v, curvature * v), guard.step(2 * v, 2 * curvature * v)
+    assert slow.v_max_m_s == pytest.approx(fast.v_max_m_s, abs=1e-9)
+
+
+@given(st.floats(-3.0, 3.0), st.sampled_from([1.0, -1.0]), st.lists(st.floats(0.03, 3.0)))
+def test_a_nearer_echo_never_allows_more(curvature, direction, readings):
+    limits = []
+    for reading in sorted(readings):
+        guard = ObstacleGuard(CONFIG, MOUNTS)
+        guard.observe((1.0, reading, reading, 1.0), NEW)
+        limits.append(guard.step(direction, curvature).v_max_m_s)
+    assert limits == sorted(limits)
+
+
+def test_a_mirrored_robot_gets_the_same_limit():
+    right = (SonarMount("front_right", 0.15, -0.10, -45.0),)
+    left = (SonarMount("front_left", 0.15, 0.10, 45.0),)
+    limits = []
+    for mounts, omega in ((left, 0.5), (right, -0.5)):
+        guard = ObstacleGuard(CONFIG, mounts)
+        guard.observe((0.30,), NEW[:1])
+        limits.append(guard.step(1.0, omega).v_max_m_s)
+    assert limits[0] == pytest.approx(limits[1])
+    assert 0.0 < limits[0] < 1.0
+
+
+def test_slanting_rear_sonars_see_along_the_way_back():
+    guard = ObstacleGuard(CONFIG, (SonarMount("rear_left", -0.12, 0.10, 135.0),))
+    guard.observe((0.1,), NEW[:1])
+    assert guard.step(-1.0).v_max_m_s == 0.0
+    assert guard.step(1.0).v_max_m_s == math.inf
+    for _ in range(3):
+        guard.observe((0.3,), NEW[:1])
+    assert 0.0 < guard.step(-1.0).v_max_m_s < 0.5
+    assert guard.step(1.0).v_max_m_s == math.inf
+
+
+def test_a_single_outlier_and_a_single_lost_echo_change_nothing():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for reading in (2.0, 2.0, 0.05):
+        guard.observe((reading,), NEW[:1])
+    assert guard.step(1.0).v_max_m_s > 1.0
+    for reading in (0.1, 0.1, math.inf):
+        guard.observe((reading,), NEW[:1])
+    assert guard.step(1.0).v_max_m_s == 0.0
+
+
+def test_an_obstacle_that_two_of_three_readings_do_not_see_any_more_is_gone():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for reading in (0.1, 0.1, 2.0):
+        guard.observe((reading,), NEW[:1])
+    assert guard.step(1.0).v_max_m_s == 0.0
+    guard.observe((2.0,), NEW[:1])
+    assert guard.step(1.0).v_max_m_s > 1.0
+
+
+def test_a_reading_counts_once_however_often_it_is_looked_at():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for _ in range(3):
+        guard.observe((2.0,), (True,))
+    for new in (True, False, False, False):
+        guard.observe((0.05,), (new,))  # one outlier
+        assert guard.step(1.0).v_max_m_s > 1.0
+    guard.observe((0.05,), (True,))
+    assert guard.step(1.0).v_max_m_s == 0.0
+
+
+def test_a_sonar_that_falls_silent_stops_the_robot_within_two_steps():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    for _ in range(3):
+        guard.observe((2.0,), (True,))
+    for _ in range(2):
+        guard.observe((math.nan,), (False,))
+    assert guard.step(1.0).v_max_m_s == 0.0
+
+
+def test_half_of_the_readings_is_not_enough():
+    guard = ObstacleGuard(CONFIG, MOUNTS[:1])
+    guard.observe((2.0,), (True,))
+    guard.observe((math.nan,), (False,))
+    assert guard.step(1.0) == (0.0, "sonar front gives no reading")
+
+
+def test_a_sonar_aside_without_reading_hides_no_other():
+    assert limit(front_left=math.nan, rear=0.05, direction=-1.0).v_max_m_s == 0.0
+
+
+def test_a_sonar_ahead_without_reading_stops_the_robot_and_is_named():
+    step = limit(front=math.nan)
+    assert step.v_max_m_s == 0.0
+    assert "front gives no reading" in step.obstacle
+    assert limit(front_left=math.nan).v_max_m_s == math.inf
+
+
+def test_before_the_first_reading_the_robot_stands():
+    assert ObstacleGuard(CONFIG, MOUNTS).step(1.0).v_max_m_s == 0.0
+
+
+def test_without_a_sonar_in_the_direction_of_travel_there_is_nothing_to_guard():
+    assert ObstacleGuard(CONFIG, ()).step(1.0).v_max_m_s == math.inf
+
+
+def test_the_body_reaches_at_least_to_its_outermost_sonar():
+    ways = []
+    for y_m in (0.10, CONFIG.half_width_m, 0.30):
+        guard = ObstacleGuard(CONFIG, (SonarMount("front_left", 0.15, y_m, 45.0),))
+        guard.observe((0.30,), NEW[:1])
+        ways.append(way_for(guard.step(1.0).v_max_m_s))
+    assert ways[0] < ways[1] == pytest.approx(ways[2])
+
+
+def test_it_says_whether_a_sonar_looks_the_way_asked_for():
+    assert ObstacleGuard(CONFIG, MOUNTS).looks(1.0)
+    assert ObstacleGuard(CONFIG, MOUNTS).looks(-1.0)
+    front = ObstacleGuard(CONFIG, MOUNTS[:3])
+    assert (front.looks(1.0), front.looks(-1.0)) == (True, False)
+    slanting = ObstacleGuard(CONFIG, MOUNTS[1:3])
+    assert not slanting.looks(1.0)
+    assert not ObstacleGuard(CONFIG, ()).looks(1.0)
+
+
+def test_a_sonar_at_the_edge_of_the_cone_looks_ahead():
+    for heading_deg, looks in ((30.0, True), (30.1, False), (-30.0, True), (-30.1, False)):
+        guard = ObstacleGuard(CONFIG, (SonarMount("aside", 0.1, 0.1, heading_deg),))
+        assert guard.looks(1.0) is looks
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("key", ["margin_m", "reaction_s", "blocked_max_s"])
+def test_a_setting_that_is_not_positive_and_finite_is_refused_by_name(key, value):
+    with pytest.raises(ValueError, match=key):
+        GuardConfig(**{key: value})
+
+
+def test_a_robot_may_be_blocked_for_days_and_not_for_ever():
+    GuardConfig(blocked_max_s=1e6)
+    with pytest.raises(ValueError, match="blocked_max_s: 1000001 found, at most 1000000 allowed"):
+        GuardConfig(blocked_max_s=1_000_001)
+
+
+def on_floor(*points, direction=1.0):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    guard.observe(FREE, NEW, points)
+    return guard.step(direction)
+
+
+@given(st.floats(0.12, 1.5))
+def test_braking_for_a_thing_on_the_floor_ends_before_the_margin_from_the_nose(gap):
+    v = on_floor((CONFIG.nose_m + gap, 0.0)).v_max_m_s
+    way = v * CONFIG.reaction_s + v * v / (2 * CONFIG.deceleration_m_s2)
+    assert way == pytest.approx(gap - CONFIG.margin_m, abs=1e-9)
+
+
+def test_things_on_the_floor_count_in_the_way_and_in_the_direction_of_travel():
+    assert on_floor((0.3, 0.17)).v_max_m_s == 0.0
+    assert on_floor((0.3, -0.17)).v_max_m_s == 0.0
+    assert on_floor((0.3, CONFIG.half_width_m)).v_max_m_s == math.inf
+    assert on_floor((0.0, 0.0)).v_max_m_s == math.inf  # below it
+    assert on_floor((-0.3, 0.0)).v_max_m_s == math.inf
+    assert on_floor((-0.3, 0.0), direction=-1.0).v_max_m_s == 0.0
+    assert on_floor().v_max_m_s == math.inf
+
+
+def test_the_nearer_of_sonar_and_camera_counts_and_is_named():
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    for _ in range(3):
+        guard.observe((0.5, math.inf, math.inf, math.inf), NEW, [(0.6, 0.0)])
+    assert guard.step(1.0).obstacle == "something lies on the floor 0.40 m away"
+    guard.observe((0.5, math.inf, math.inf, math.inf), NEW, [(0.8, 0.0)])
+    assert guard.step(1.0).obstacle == "front sees 0.50 m"
+    guard.observe((0.5, math.inf, math.inf, math.inf), NEW)
+    assert guard.step(1.0).obstacle == "front sees 0.50 m"

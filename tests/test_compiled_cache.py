@@ -1,0 +1,176 @@
+"""Where compiled code is kept: wherever somebody may write, or nowhere, and then all works too.
+
+Copies of the packages have a file where their cache would be: not even root can write there.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+CALLS = {
+    "robotctl": """
+import numpy as np
+from robotctl.estimation.mcl.tempering import _size as function
+assert abs(function(np.ones(4), np.zeros(4), 1.0) - 4.0) < 1e-12
+""",
+    "firmware_sim": """
+from firmware_sim.plant.battery import open_circuit_voltage as function
+assert 3.0 < function(0.5) < 4.2
+""",
+}
+SAY = """
+print(sum(function.stats.cache_hits.values()), function.stats.cache_path)
+"""
+
+
+@pytest.fixture(params=CALLS)
+def package(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """An installation that nobody can write to."""
+    folder = tmp_path / "installed"
+    ignore = shutil.ignore_patterns("__pycache__")
+    for name in ("robotctl", "firmware_sim"):
+        shutil.copytree(ROOT / name, folder / name, ignore=ignore)
+    for name in ("robotctl", "firmware_sim"):
+        (folder / name / "__pycache__").write_text("no folder")
+    return folder
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    (tmp_path / "home").mkdir()
+    return tmp_path / "home"
+
+
+def start(
+    installed: Path, package: str, *, before: str = "", home: Path | str, temporary: Path | str
+) -> tuple[int, str]:
+    """Call a compiled function in a new process; return how often the cache had it, and where."""
+    code = (
+        f"import tempfile\ntempfile.tempdir = {str(temporary)!r}\n{before}\n{CALLS[package]}{SAY}"
+    )
+    environment = {"HOME": str(home), "PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=installed, env=environment,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    hits, _, place = done.stdout.strip().partition(" ")
+    return int(hits), place
+
+
+def test_it_is_kept_in_the_users_cache(
+    installed: Path, package: str, home: Path, tmp_path: Path
+) -> None:
+    first = start(installed, package, home=home, temporary=tmp_path)
+    second = start(installed, package, home=home, temporary=tmp_path)
+    assert (first[0], second[0]) == (0, 1)
+    assert Path(first[1]).is_relative_to(home / ".cache" / "robotctl" / package.rpartition(".")[2])
+
+
+@pytest.mark.parametrize("home", ["/proc", "relative"])
+def test_it_is_kept_in_a_private_temporary_folder_of_a_user_without_a_home(
+    installed: Path, package: str, home: str, tmp_path: Path
+) -> None:
+    first = start(installed, package, home=home, temporary=tmp_path)
+    second = start(installed, package, home=home, temporary=tmp_path)
+    assert (first[0], second[0]) == (0, 1)
+    folder = tmp_path / f"robotctl-cache-{os.geteuid()}"
+    assert Path(first[1]).is_relative_to(folder)
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("trap", ["open to others", "link"])
+def test_a_temporary_folder_that_others_could_write_to_is_not_trusted(
+    installed: Path, package: str, tmp_path: Path, trap: str
+) -> None:
+    folder = tmp_path / f"robotctl-cache-{os.geteuid()}"
+    target = tmp_path / "elsewhere"
+    target.mkdir(mode=0o700)
+    if trap == "open to others":
+        folder.mkdir()
+        folder.chmod(0o777)
+    else:
+        folder.symlink_to(target)
+    assert start(installed, package, home="/proc", temporary=tmp_path) == (0, "None")
+    assert not list(target.iterdir())
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give folders away")
+def test_a_temporary_folder_of_another_user_is_not_trusted(
+    installed: Path, package: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / f"robotctl-cache-{os.geteuid()}"
+    folder.mkdir(mode=0o700)
+    os.chown(folder, 1234, 1234)
+    assert start(installed, package, home="/proc", temporary=tmp_path) == (0, "None")
+
+
+def test_nothing_is_kept_where_nothing_can_be_written(installed: Path, package: str) -> None:
+    assert start(installed, package, home="/proc", temporary="/proc") == (0, "None")
+
+
+def test_a_folder_that_the_user_names_comes_first(
+    installed: Path, package: str, home: Path, tmp_path: Path
+) -> None:
+    before = f"import os; os.environ['NUMBA_CACHE_DIR'] = {str(tmp_path / 'mine')!r}"
+    _, place = start(installed, package, before=before, home=home, temporary=tmp_path)
+    assert Path(place).is_relative_to(tmp_path / "mine")
+
+
+@pytest.mark.parametrize(("suffix", "left"), [(".nbi", 0), (".nbi", 40), (".nbc", 200)])
+def test_a_file_that_was_cut_is_compiled_anew(
+    installed: Path, package: str, home: Path, tmp_path: Path, suffix: str, left: int
+) -> None:
+    _, place = start(installed, package, home=home, temporary=tmp_path)
+    for file in Path(place).glob(f"*{suffix}"):
+        file.write_bytes(file.read_bytes()[:left])
+    hits = [start(installed, package, home=home, temporary=tmp_path)[0] for _ in range(2)]
+    assert hits == [0, 1]
+
+
+def test_a_disk_that_is_full_only_costs_time(
+    installed: Path, package: str, home: Path, tmp_path: Path
+) -> None:
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))"
+    hits, _ = start(installed, package, before=full, home=home, temporary=tmp_path)
+    assert hits == 0
+
+
+def test_a_run_in_lockstep_says_once_that_nothing_is_kept(installed: Path) -> None:
+    code = (
+        "import sys, tempfile; tempfile.tempdir = '/proc'\n"
+        "sys.argv[1:] = ['sim', '--lockstep', '--max-seconds', '1']\n"
+        "from robotctl.cli.main import main; main()"
+    )
+    shutil.copytree(ROOT / "configs", installed / "configs")
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=installed, env={"HOME": "/proc"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("NUMBA_CACHE_DIR") == 1
+
+
+@pytest.mark.parametrize(("temporary", "said"), [("/proc", "NUMBA_CACHE_DIR"), ("/tmp", "kept in")])
+def test_people_are_told_where_it_is_kept(installed: Path, temporary: str, said: str) -> None:
+    code = (
+        f"import tempfile; tempfile.tempdir = {temporary!r}\n"
+        "from robotctl.compiled import COMPILING\n"
+        "print(COMPILING)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=installed, env={"HOME": "/proc"},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert said in done.stdout
