@@ -11,8 +11,9 @@ with the table of the repeats until then.
 Each repeat has its number as the seed (`--seed` of the tests): of what is drawn by the simulated
 robot, and of the moments at which faults strike. Under virtual time it can thus be had again.
 
-A soak may take days: with `--keep FILE` each repeat is kept in a line, with what was printed where
-a test failed, and a later soak of the same code on the same bus goes on behind them.
+A soak may take days: with `--keep FILE` (`runs/soak.jsonl`, which git ignores) each repeat is kept
+in a line, with what was printed where a test failed, and a later soak of the same code on the same
+bus continues after them.
 """
 
 from __future__ import annotations
@@ -186,6 +187,8 @@ def main() -> int:
             repeats = kept(options.keep, state, options.bus)
         except ValueError as error:
             parser.error(str(error))
+    if options.keep is not None:
+        options.keep.parent.mkdir(parents=True, exist_ok=True)
     before = len(repeats)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     begin_s = time.monotonic()

@@ -108,7 +108,7 @@ def test_a_soak_of_which_all_repeats_passed_says_so(monkeypatch, capsys, on_term
 def test_a_soak_goes_on_behind_the_repeats_that_are_kept(
     monkeypatch, capsys, tmp_path, on_termination
 ):
-    file = tmp_path / "soak.jsonl"
+    file = tmp_path / "runs" / "soak.jsonl"  # a folder that is not there yet
     assert soak_of(monkeypatch, 0, 1, keep=file) == 1
     capsys.readouterr()
     assert soak_of(monkeypatch, 0, 0, repeats=4, keep=file) == 1
