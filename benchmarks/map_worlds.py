@@ -22,11 +22,12 @@ from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.sensors.sonar import SonarRing
 from firmware_sim.world.world import World, load_world
 from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.room import straight_mission
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file
 from robotctl.estimation.grid.wall_raster import grid_of_walls
 from robotctl.maps.map_file import save_map
-from robotctl.maps.world import load_walls, straight_mission
+from robotctl.maps.world import load_walls
 
 ROBOT = find_file("diff_drive")
 POSES = 200

@@ -337,6 +337,8 @@ def _key_lines(text: str) -> dict[Key, int]:
         if header := _HEADER.match(line):
             table = _resolve(_split(header[2]), counts, append=header[1] == "[[")
             lines.setdefault(table, number)
+            if isinstance(table[-1], int):
+                lines.setdefault(table[:-1], number)  # a list begins where its first table does
         elif assignment := _ASSIGNMENT.match(line):
             lines.setdefault((*table, *_split(assignment[1])), number)
             _pass_value(line, rest)

@@ -86,6 +86,11 @@ def test_an_unknown_key_names_its_line_and_the_nearest_key() -> None:
     ]
 
 
+def test_an_unknown_list_of_tables_names_the_line_where_it_begins() -> None:
+    (line,) = errors("[gains]\nkp = 1\n[[shap]]\n[[shap]]\n")
+    assert line == 'robot.toml:3: shap: unknown key; did you mean "shape"?'
+
+
 def test_all_errors_of_a_file_come_at_once() -> None:
     found = errors('[gains]\nkp = "fast"\n[[shape]]\nkind = "round"\nradus_m = 1\n')
     assert any(line.startswith("robot.toml:2: gains.kp:") and "'fast'" in line for line in found)

@@ -195,10 +195,12 @@ def _refuse_what_has_no_effect(
 def _mission(name: str, world: str) -> Path:
     """Return the mission's file; where none is asked for, one that fits into the world."""
     from robotctl.config.robot_file import MAPS, find_file  # noqa: PLC0415
-    from robotctl.maps.world import find_world, straight_mission  # noqa: PLC0415
+    from robotctl.maps.world import find_world  # noqa: PLC0415
 
     if name or not world or find_world(world).suffix.lower() not in MAPS:
         return find_file(name or PATROL, "missions")
+    from robotctl.app.simulation.room import straight_mission  # noqa: PLC0415
+
     folder = tempfile.mkdtemp(prefix="robotctl-mission-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     mission = Path(folder) / "straight.toml"

@@ -1,19 +1,35 @@
-"""Where a simulated robot drives: the file of a world, or of a ROS map that is taken for one."""
+"""The walls of a world's file, which a robot localises itself by.
+
+This is robotctl's own reading: `firmware_sim.world` has another, and tests compare the two. Of a
+world it takes what is on a map: `[[wall]]`, `[[box]]` and `[[furniture]]`. Obstacles are on none;
+floor, lamps and boards are the camera's, and only the simulator reads them.
+"""
 
 from __future__ import annotations
 
-import json
+import itertools
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from firmware_sim.errors import SimulationError
-from firmware_sim.world.world import World, load_world
+import numpy as np
+from pydantic import Field
+
+from robotctl import toml_source
 from robotctl.config.robot_file import MAPS, TOML, find_file
 from robotctl.errors import ConfigError
 from robotctl.maps.map_file import refuse_image
 from robotctl.model.wall_map import WallMap
 
-_SHORTEST_M = 0.5
+FARTHEST_M: Final = 500.0
+"""Of any wall from the origin: a map has cells for all that lies between."""
+_TOUCHING_M: Final = 1.0e-6
+
+Point: TypeAlias = tuple[float, float]
+Outline: TypeAlias = list[Point]
+"""A chain of corners [m]; closed where the last is the first."""
 
 
 def find_world(name: str, beside: Path | None = None) -> Path:
@@ -30,58 +46,139 @@ def find_world(name: str, beside: Path | None = None) -> Path:
     return find_file(name, "worlds", (*TOML, *MAPS), beside=beside).resolve()
 
 
-def load_room(world: Path) -> World:
-    """Return a world as the simulator has it.
+@dataclass(frozen=True, slots=True)
+class _Wall:
+    """A polyline, or a row of rectangles about its parts where it has a thickness."""
 
-    Raises
-    ------
-    ConfigError
-        If the file is wrong, or has no wall.
-    """
-    try:
-        room = load_world(world)
-    except SimulationError as error:
-        raise ConfigError(str(error)) from error
-    if len(room.segments) == 0:
-        raise ConfigError(f"{world}: has no wall: a robot drives among some")
-    return room
+    points: tuple[Point, ...]
+    closed: bool = False
+    thickness_m: float = 0.0
+    name: str = "wall"
+    height_m: float = 2.5
+    colour: str | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.points) < 2:
+            raise ValueError(f"points: must be two at least, found {len(self.points)}")
+        if not 0.0 <= self.thickness_m < math.inf:
+            raise ValueError("thickness_m: must be 0 m or more")
+
+    def outlines(self) -> Iterator[Outline]:
+        """Yield the polyline, or each rectangle."""
+        points = [*self.points, self.points[0]] if self.closed else list(self.points)
+        if self.thickness_m == 0.0:
+            yield points
+            return
+        for a, b in itertools.pairwise(points):
+            length_m = math.dist(a, b) or 1.0  # points that coincide are refused with the file
+            nx = (a[1] - b[1]) / length_m * self.thickness_m / 2.0
+            ny = (b[0] - a[0]) / length_m * self.thickness_m / 2.0
+            first = a[0] - nx, a[1] - ny
+            yield [first, (b[0] - nx, b[1] - ny), (b[0] + nx, b[1] + ny), (a[0] + nx, a[1] + ny),
+                   first]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Box:
+    """A rectangle, turned by `heading_deg` about its centre."""
+
+    centre: Point
+    size: tuple[float, float]
+    heading_deg: float = 0.0
+    name: str = "box"
+    kind: Literal["box"] = "box"
+    height_m: float = 0.8
+    colour: str | None = None
+
+    def __post_init__(self) -> None:
+        if not all(0.0 < side_m < math.inf for side_m in self.size):
+            raise ValueError("size: must be two lengths above 0 m")
+        if not math.isfinite(self.heading_deg):
+            raise ValueError("heading_deg: must be a finite number of degrees")
+
+    def outlines(self) -> Iterator[Outline]:
+        """Yield its four sides."""
+        c, s = math.cos(math.radians(self.heading_deg)), math.sin(math.radians(self.heading_deg))
+        if self.heading_deg % 90.0 == 0.0:
+            c, s = round(c), round(s)  # its sides are exactly along x and y
+        (x, y), u, v = self.centre, self.size[0] / 2.0, self.size[1] / 2.0
+        corners = ((-u, -v), (u, -v), (u, v), (-u, v), (-u, -v))
+        yield [(x + c * a - s * b, y + s * a + c * b) for a, b in corners]
+
+
+@dataclass(frozen=True, slots=True)
+class _Pillar:
+    """A round pillar: the regular polygon about its circle, with a corner in direction x."""
+
+    kind: Literal["pillar"]
+    centre: Point
+    radius_m: float
+    sides: int = 16
+    name: str = "pillar"
+    height_m: float = 0.8
+    colour: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.radius_m < math.inf:
+            raise ValueError("radius_m: must be above 0 m")
+        if not 6 <= self.sides <= 128:
+            raise ValueError("sides: must be 6 to 128")
+
+    def outlines(self) -> Iterator[Outline]:
+        """Yield its sides."""
+        (x, y), step_rad = self.centre, math.tau / self.sides
+        r = self.radius_m / math.cos(math.pi / self.sides)
+        angles = [step_rad * i for i in (*range(self.sides), 0)]
+        yield [(x + r * math.cos(angle), y + r * math.sin(angle)) for angle in angles]
+
+
+@dataclass(frozen=True, slots=True)
+class _WorldFile:
+    """A world's file; the tables without a type are the simulator's."""
+
+    world: dict[str, Any]
+    wall: tuple[_Wall, ...] = ()
+    box: tuple[_Box, ...] = ()
+    furniture: tuple[Annotated[_Box | _Pillar, Field(discriminator="kind")], ...] = ()
+    obstacle: tuple[dict[str, Any], ...] = ()
+    floor: dict[str, Any] = field(default_factory=dict)
+    lamp: tuple[dict[str, Any], ...] = ()
+    board: tuple[dict[str, Any], ...] = ()
+
+    def outlines(self) -> Iterator[tuple[toml_source.Key, Outline]]:
+        """Yield the outlines of all that is on a map, each with the key that describes it."""
+        groups: tuple[tuple[str, Sequence[_Wall | _Box | _Pillar]], ...] = (
+            ("wall", self.wall),
+            ("box", self.box),
+            ("furniture", self.furniture),
+        )
+        for key, group in groups:
+            for i, each in enumerate(group):
+                yield from (((key, i), outline) for outline in each.outlines())
 
 
 def load_walls(world: Path) -> WallMap:
-    """Return the walls of a world.
+    """Return the walls of a world's file, `.toml`.
 
     Raises
     ------
     ConfigError
         If the file is wrong, or has no wall.
     """
-    return WallMap(load_room(world).segments)
+    file = toml_source.load(world, _WorldFile, rules=_misplaced)
+    sides = [(*a, *b) for _, outline in file.outlines() for a, b in itertools.pairwise(outline)]
+    if not sides:
+        raise ConfigError(f"{world}: has no wall: a robot drives among some")
+    return WallMap(np.array(sides, dtype=np.float64))
 
 
-def straight_mission(world: Path) -> str:
-    """Return a mission in a map, as TOML: from the place with the most room straight ahead.
-
-    Raises
-    ------
-    ConfigError
-        If the map is wrong, or has no straight way of half a metre from there.
-    """
-    cells = load_room(world).cells
-    if cells is None:
-        raise ValueError(f"{world} is no map")
-    x_m, y_m, heading_rad, length_m = cells.clear_way()
-    if length_m < _SHORTEST_M:
-        raise ConfigError(
-            f"{world}: is too narrow for a robot to drive straight on from x {x_m:.2f} m, "
-            f"y {y_m:.2f} m, where it has the most room; give it a --mission"
-        )
-    end = x_m + length_m * math.cos(heading_rad), y_m + length_m * math.sin(heading_rad)
-    heading_deg = math.degrees(heading_rad)
-    return (
-        'name = "straight"\n'
-        f"world = {json.dumps(str(world), ensure_ascii=False)}\n"
-        f"start = {{ x_m = {x_m:.3f}, y_m = {y_m:.3f}, heading_deg = {heading_deg:.1f} }}\n"
-        "[[item]]\n"
-        'kind = "drive"\n'
-        f"waypoints = [[{x_m:.3f}, {y_m:.3f}], [{end[0]:.3f}, {end[1]:.3f}]]\n"
-    )
+def _misplaced(file: _WorldFile) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what stands too far away, and sides without length."""
+    for key, outline in file.outlines():
+        # The comparison is so that a coordinate that is not a number is refused too.
+        far = [each for point in outline for each in point if not abs(each) <= FARTHEST_M]
+        if far:
+            allowed = f"allowed are {FARTHEST_M:g} m either side of the origin"
+            yield key, f"has a coordinate of {far[0]:g} m; {allowed}"
+        elif any(math.dist(a, b) < _TOUCHING_M for a, b in itertools.pairwise(outline)):
+            yield key, "two points coincide"

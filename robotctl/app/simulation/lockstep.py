@@ -23,6 +23,7 @@ from robotctl.app.processes.robot import make_codec, make_core, node_parameters,
 from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.lockstep_camera import LockstepCamera
 from robotctl.app.simulation.lockstep_logs import LockstepLogs
+from robotctl.app.simulation.room import load_room
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import (
     Report,
@@ -47,7 +48,6 @@ from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.errors import DiskError
 from robotctl.logs.mcap.entries import Published
 from robotctl.maps.map_fit import misfit
-from robotctl.maps.world import load_room
 from robotctl.messages.control import (
     Arm,
     ControlRequest,

@@ -21,6 +21,7 @@ from firmware_sim.faults.scenario import not_begun
 from robotctl.app.processes.pilot import load_mission
 from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.held_up import HeldUp
+from robotctl.app.simulation.room import load_room
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import (
     Report,
@@ -44,7 +45,6 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import DiskError
 from robotctl.maps.map_fit import misfit
-from robotctl.maps.world import load_room
 from robotctl.messages.control import (
     Arm,
     ControlState,

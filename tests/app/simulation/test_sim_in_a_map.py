@@ -11,15 +11,17 @@ import pytest
 
 from robotctl.app.localisation.estimators import make_estimators
 from robotctl.app.simulation.lockstep import LockstepRun, run_lockstep
+from robotctl.app.simulation.room import load_room, straight_mission
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.estimation.grid.wall_raster import grid_of_walls
 from robotctl.maps.map_file import load_map, save_map
 from robotctl.maps.map_fit import misfit, shares_near
-from robotctl.maps.world import find_world, load_walls, straight_mission
+from robotctl.maps.world import find_world, load_walls
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
+from robotctl.model.wall_map import WallMap
 from tests.cli.command import status_of
 from tests.firmware_sim.world.cell_rooms import room_map
 
@@ -66,7 +68,8 @@ def test_a_mission_is_driven_in_the_map_beside_its_file(mission: Path, tmp_path:
     assert report.map_quality is not None
     assert report.map_quality.precision > 0.95
     # What its lidar mapped, drawn at its own resolution, are the sides of the map's cells.
-    seen, drawn = load_map(tmp_path / "logs" / "map-0001.yaml"), load_walls(tmp_path / "room.yaml")
+    seen = load_map(tmp_path / "logs" / "map-0001.yaml")
+    drawn = WallMap(load_room(tmp_path / "room.yaml").segments)
     of_map, of_walls = shares_near(seen, drawn)
     assert of_map > 0.99
     assert of_walls > 0.5
@@ -122,9 +125,9 @@ def test_a_world_that_is_no_map_is_refused(name: str, said: str) -> None:
 
 def test_a_map_without_a_wall_or_a_free_cell_is_no_world(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"room\.yaml: has no wall"):
-        load_walls(room_map(tmp_path, drawing="...\n..."))
+        load_room(room_map(tmp_path, drawing="...\n..."))
     with pytest.raises(ConfigError, match=r"room\.yaml: no cell is free"):
-        load_walls(room_map(tmp_path, drawing="###\n###"))
+        load_room(room_map(tmp_path, drawing="###\n###"))
 
 
 def moved(grid: GridMap, by_m: float) -> GridMap:

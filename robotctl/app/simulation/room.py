@@ -1,0 +1,59 @@
+"""The room of a simulated run, as the simulator reads it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+from firmware_sim.errors import SimulationError
+from firmware_sim.world.world import World, load_world
+from robotctl.errors import ConfigError
+
+_SHORTEST_M = 0.5
+
+
+def load_room(world: Path) -> World:
+    """Return a world as the simulator has it.
+
+    Raises
+    ------
+    ConfigError
+        If the file is wrong, or has no wall.
+    """
+    try:
+        room = load_world(world)
+    except SimulationError as error:
+        raise ConfigError(str(error)) from error
+    if len(room.segments) == 0:
+        raise ConfigError(f"{world}: has no wall: a robot drives among some")
+    return room
+
+
+def straight_mission(world: Path) -> str:
+    """Return a mission in a map, as TOML: from the place with the most room straight ahead.
+
+    Raises
+    ------
+    ConfigError
+        If the map is wrong, or has no straight way of half a metre from there.
+    """
+    cells = load_room(world).cells
+    if cells is None:
+        raise ValueError(f"{world} is no map")
+    x_m, y_m, heading_rad, length_m = cells.clear_way()
+    if length_m < _SHORTEST_M:
+        raise ConfigError(
+            f"{world}: is too narrow for a robot to drive straight on from x {x_m:.2f} m, "
+            f"y {y_m:.2f} m, where it has the most room; give it a --mission"
+        )
+    end = x_m + length_m * math.cos(heading_rad), y_m + length_m * math.sin(heading_rad)
+    heading_deg = math.degrees(heading_rad)
+    return (
+        'name = "straight"\n'
+        f"world = {json.dumps(str(world), ensure_ascii=False)}\n"
+        f"start = {{ x_m = {x_m:.3f}, y_m = {y_m:.3f}, heading_deg = {heading_deg:.1f} }}\n"
+        "[[item]]\n"
+        'kind = "drive"\n'
+        f"waypoints = [[{x_m:.3f}, {y_m:.3f}], [{end[0]:.3f}, {end[1]:.3f}]]\n"
+    )
