@@ -36,8 +36,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.grid.revisits import revisit_agreement
-from robotctl.logs.formats.carmen_lines import CarmenLines, LaserLine, OdometryLine, sorted_lines
-from robotctl.logs.formats.log_text import LogFormatError, read_text
+from robotctl.logs.formats.carmen_lines import (
+    KNOWN,
+    CarmenLines,
+    LaserLine,
+    OdometryLine,
+    sorted_lines,
+)
+from robotctl.logs.formats.log_format import LogFormat, ReadOptions
+from robotctl.logs.formats.log_text import LogFormatError, first_word, read_text
 from robotctl.logs.formats.no_echo import reaches, valid_ranges
 from robotctl.logs.formats.times import note_pairs, ordered_stamps
 from robotctl.model.geometry.angles import wrap_angle
@@ -258,3 +265,14 @@ def _odometry(lines: CarmenLines, scans: Sequence[RecordedScan], unit: str) -> T
         )
     stamps_ns = _stamps(lines, timed, unit, "ODOM lines")
     return Trajectory(stamps_ns, np.array([line.pose for line in timed]))
+
+
+def _matches(path: Path) -> bool:
+    return path.is_file() and first_word(path) in KNOWN
+
+
+def _read(path: Path, options: ReadOptions) -> Recording:
+    return read_carmen(path, options.time_unit or "s", options.max_range_m)
+
+
+CARMEN: Final = LogFormat("a CARMEN log", _matches, _read, has_time_unit=True)

@@ -23,7 +23,15 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.logs.formats.log_text import LogFormatError, LogText, integer, numbers, read_text
+from robotctl.logs.formats.log_format import LogFormat, ReadOptions
+from robotctl.logs.formats.log_text import (
+    LogFormatError,
+    LogText,
+    first_word,
+    integer,
+    numbers,
+    read_text,
+)
 from robotctl.logs.formats.times import note_pairs, ordered_stamps
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.se2 import SE2
@@ -222,3 +230,16 @@ def _scans(
         pose = odometry.at(min(max(stamp_ns, begin_ns), end_ns))
         scans.append(RecordedScan(scan, pose or SE2()))
     return scans
+
+
+def _matches(path: Path) -> bool:
+    return is_lego(path) if path.is_dir() else first_word(path) in LINES
+
+
+def _read(path: Path, options: ReadOptions) -> Recording:
+    return read_lego(path, options.time_unit or "ms")
+
+
+LEGO: Final = LogFormat(
+    "a log of the LEGO robot", _matches, _read, has_time_unit=True, in_folder="*_motors.txt"
+)

@@ -123,6 +123,20 @@ def first_words(path: Path) -> str:
     return "" if "\0" in text else text
 
 
+def first_row(path: Path) -> list[str]:
+    """Return the words of the first line that is no comment; raises as `first_words`."""
+    for line in first_words(path).splitlines():
+        words = line.split()
+        if words and not words[0].startswith("#"):
+            return words
+    return []
+
+
+def first_word(path: Path) -> str:
+    """Return the first word of the first line that is no comment; raises as `first_words`."""
+    return next(iter(first_row(path)), "")
+
+
 def _first_odd(lines: Sequence[str]) -> int:
     """Return the number of the first line that damaged data may have changed, else of the last.
 
@@ -132,9 +146,9 @@ def _first_odd(lines: Sequence[str]) -> int:
     known = {word for line in lines[:_SOUND] for word in line.split()}
     for number, line in enumerate(lines, 1):
         words = line.split()
-        odd = [word for word in words if word[0] in "+-.0123456789" and not _is_number(word)]
+        odd = [word for word in words if word[0] in "+-.0123456789" and not is_number(word)]
         if not known.issuperset(odd) or (
-            words and not known.issuperset(words[:1]) and not _is_number(words[0])
+            words and not known.issuperset(words[:1]) and not is_number(words[0])
         ):
             return number
     return len(lines)
@@ -218,7 +232,7 @@ def numbers(text: LogText, line: int, words: Sequence[str]) -> NDArray[np.float6
     try:
         return np.array(list(map(float, words)))
     except ValueError:
-        bad = next(word for word in words if not _is_number(word))
+        bad = next(word for word in words if not is_number(word))
         raise text.error(line, f"found {_shown(bad)}, a number is needed{hint(bad)}") from None
 
 
@@ -282,7 +296,7 @@ def _is_row(words: Sequence[str], columns: int) -> bool:
     return len(words) == columns and all(map(_is_finite, words))
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
     """Return whether a word is a number."""
     try:
         float(word)
@@ -293,7 +307,7 @@ def _is_number(word: str) -> bool:
 
 def _is_finite(word: str) -> bool:
     """Return whether a word is a finite number."""
-    return _is_number(word) and bool(np.isfinite(float(word)))
+    return is_number(word) and bool(np.isfinite(float(word)))
 
 
 def hint(word: str) -> str:

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError, LogText, read_text, row_number, table
 from robotctl.logs.formats.times import ordered_stamps
 from robotctl.model.recording import Recording, Sighting
@@ -165,3 +166,19 @@ def _sightings(
             "landmark and no robot, left out"
         )
     return tuple(found)
+
+
+def _matches(path: Path) -> bool:
+    return is_mrclam(path) if path.is_dir() else robot_of(path) is not None
+
+
+def _read(path: Path, options: ReadOptions) -> Recording:
+    if path.is_dir():
+        return read_mrclam(path, options.mrclam_robot or 1, options.time_unit or "s")
+    robot = options.mrclam_robot or robot_of(path) or 1
+    return read_mrclam(path.parent, robot, options.time_unit or "s")
+
+
+MRCLAM: Final = LogFormat(
+    "a MRCLAM folder", _matches, _read, has_time_unit=True, in_folder="RobotN_Odometry.dat"
+)

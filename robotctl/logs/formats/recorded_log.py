@@ -1,9 +1,10 @@
-"""Recorded logs of every kind that is read, told apart by their content."""
+"""Recorded logs of every format that is read, told apart by their content."""
 
 from __future__ import annotations
 
 import difflib
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -11,22 +12,27 @@ from typing import Final
 import numpy as np
 
 from robotctl.errors import ConfigError
-from robotctl.logs.formats.carmen_lines import KNOWN
-from robotctl.logs.formats.carmen_log import read_carmen
-from robotctl.logs.formats.lego_log import LINES as LEGO_LINES
-from robotctl.logs.formats.lego_log import is_lego, read_lego
-from robotctl.logs.formats.log_text import LogFormatError, first_words, hint
-from robotctl.logs.formats.mrclam_log import is_mrclam, read_mrclam, robot_of
-from robotctl.logs.formats.robotctl_log import is_mcap, mcap_files, read_own
-from robotctl.logs.formats.ros_bag import is_ros_bag, read_ros_bag
+from robotctl.logs.formats.carmen_log import CARMEN
+from robotctl.logs.formats.lego_log import LEGO
+from robotctl.logs.formats.log_format import LogFormat, ReadOptions
+from robotctl.logs.formats.log_text import LogFormatError, first_word, hint
+from robotctl.logs.formats.mrclam_log import MRCLAM
+from robotctl.logs.formats.robotctl_log import ROBOTCTL
+from robotctl.logs.formats.ros_bag import ROS_BAG
 from robotctl.logs.formats.times import check_pace, check_unit
+from robotctl.logs.formats.tum import TUM
 from robotctl.model.recording import Recording
+from robotctl.model.trajectory import Trajectory
 
-KINDS: Final = (
-    "a CARMEN log, a MRCLAM folder, a log of the LEGO robot, a ROS bag, or a recording of "
-    "robotctl (a folder of --record, or one robot-*.mcap of it)"
+LOG_FORMATS: tuple[LogFormat, ...] = (
+    CARMEN,
+    MRCLAM,
+    ROBOTCTL,  # before ROS bags: its folders may hold what looks like one
+    ROS_BAG,
+    LEGO,
+    TUM,
 )
-"""What is read, for messages."""
+"""All that is read; the first that matches reads. A new format is a file and a line here."""
 
 _OF_MAPS: Final = ("image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate")
 _PICTURES: Final = (b"P2", b"P5", b"P6", b"\x89PNG", b"\xff\xd8\xff", b"BM")
@@ -40,7 +46,7 @@ def read_recording(
     time_unit: str | None = None,
     max_range_m: float | None = None,
 ) -> Recording:
-    """Read a recorded drive of any kind.
+    """Read a recorded drive of any format in `LOG_FORMATS`.
 
     Parameters
     ----------
@@ -51,7 +57,7 @@ def read_recording(
     with_sonars
         Whether what the sonars heard is wanted, which in a recording of ours takes a while to read.
     time_unit
-        Of the times in the log, one of `log_times.TIME_UNITS`; None: that of its format, if the
+        Of the times in the log, one of `times.TIME_UNITS`; None: that of its format, if the
         times can have it.
     max_range_m
         Ranges of the lidar from here on are no echoes [m]; None: as the log has it.
@@ -61,56 +67,69 @@ def read_recording(
     ConfigError
         If an option is none, or has no meaning for such a log.
     LogFormatError
-        If it is of no kind that is read, damaged, or not there; the message names file and line,
-        what was found and what is allowed.
+        If it has no format that is read, tells no motion, is damaged, or not there; the message
+        names file and line, what was found and what is allowed.
     OSError
         If a file cannot be read.
     """
     check_unit(time_unit)
     if max_range_m is not None and not 0.0 < max_range_m < math.inf:
         raise ConfigError(f"--max-range {max_range_m:g}: a length above 0 m is needed")
-    if not path.exists():
-        raise LogFormatError(f"{path}: no such file or folder{_near(path)}")
-    robot = robot_of(path)
-    tells_unit = True
-    if is_mrclam(path) if path.is_dir() else robot is not None:
-        folder = path if path.is_dir() else path.parent
-        recording = read_mrclam(folder, mrclam_robot or robot or 1, time_unit or "s")
-    elif not (path.is_dir() and mcap_files(path)) and is_ros_bag(path):
-        tells_unit = False
-        recording = read_ros_bag(path, max_range_m)
-    elif mcap_files(path) if path.is_dir() else is_mcap(path):
-        tells_unit = False
-        recording = read_own(path, with_sonars=with_sonars)
-    elif is_lego(path) if path.is_dir() else _first_word(path) in LEGO_LINES:
-        recording = read_lego(path, time_unit or "ms")
-    elif path.is_dir():
+    kind = _format_of(path)
+    recording = kind.read(path, ReadOptions(mrclam_robot, with_sonars, time_unit, max_range_m))
+    if recording.odometry is None and not len(recording.twists):
+        others = [each for each in LOG_FORMATS if each is not kind]
         raise LogFormatError(
-            f"{path}: a folder with neither RobotN_Odometry.dat, robot-*.mcap nor *_motors.txt; "
-            f"needed is {KINDS}"
+            f"{path}: {kind.name}, which tells no motion of the robot; needed is {_named(others)}"
         )
-    else:
-        _check_carmen(path)
-        recording = read_carmen(path, time_unit or "s", max_range_m)
-    if time_unit is not None and not tells_unit:
+    if time_unit is not None and not kind.has_time_unit:
         raise ConfigError(f"--time-unit {time_unit}: the times of {path} are nanoseconds")
     if time_unit is None:
-        check_pace(recording, tells_unit)
+        check_pace(recording, kind.has_time_unit)
     return recording if max_range_m is None else _limited(recording, max_range_m)
 
 
-def _check_carmen(path: Path) -> None:
-    """Refuse a file that is no CARMEN log, and so nothing that is read."""
-    word = _first_word(path)
-    if word not in KNOWN:
-        raise LogFormatError(f"{path}: {_found(path, word)}; needed is {KINDS}")
+def read_reference(path: Path) -> tuple[Trajectory, bool]:
+    """Read the reference of a trajectory or of a log that has one; return whether it has headings.
+
+    Raises
+    ------
+    LogFormatError
+        As `read_recording`, or if there is no reference in it.
+    OSError
+        If a file cannot be read.
+    """
+    recording = _format_of(path).read(path, ReadOptions(with_sonars=False))
+    if recording.reference is None:
+        raise LogFormatError(f"{path}: no reference in it; {TUM.name} is one")
+    return recording.reference, recording.reference_has_heading
+
+
+def _format_of(path: Path) -> LogFormat:
+    """Return the format of a file or folder; raises `LogFormatError` where none matches."""
+    if not path.exists():
+        raise LogFormatError(f"{path}: no such file or folder{_near(path)}")
+    for kind in LOG_FORMATS:
+        if kind.matches(path):
+            return kind
+    if path.is_dir():
+        names = [kind.in_folder for kind in LOG_FORMATS if kind.in_folder]
+        found = f"a folder with neither {', '.join(names[:-1])} nor {names[-1]}"
+    else:
+        found = _found(path, first_word(path))
+    raise LogFormatError(f"{path}: {found}; needed is {_named(LOG_FORMATS)}")
+
+
+def _named(formats: Sequence[LogFormat]) -> str:
+    """Return the names of formats as a choice, for messages."""
+    names = [each.name for each in formats]
+    return f"{', '.join(names[:-1])}, or {names[-1]}"
 
 
 def is_log(path: Path) -> bool:
-    """Return whether a file is a recorded log, by its beginning."""
+    """Return whether a file or folder is a recorded log, by its beginning."""
     try:
-        word = _first_word(path)
-        return is_mcap(path) or is_ros_bag(path) or word in KNOWN or word in LEGO_LINES
+        return any(kind.matches(path) for kind in LOG_FORMATS)
     except (LogFormatError, OSError):
         return False
 
@@ -139,15 +158,6 @@ def _limited(recording: Recording, max_range_m: float) -> Recording:
             replace(entry, scan=replace(entry.scan, ranges_m=ranges, max_range_m=max_range_m))
         )
     return replace(recording, scans=tuple(scans))
-
-
-def _first_word(path: Path) -> str:
-    """Return the first word of the first line that is no comment."""
-    for line in first_words(path).splitlines():
-        words = line.split()
-        if words and not words[0].startswith("#"):
-            return words[0]
-    return ""
 
 
 def _near(path: Path) -> str:

@@ -25,6 +25,7 @@ from mcap.records import Channel, Message
 from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC
 
+from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.logs.formats.robotctl_messages import (
     LoggedBelief,
@@ -35,6 +36,7 @@ from robotctl.logs.formats.robotctl_messages import (
     logged_state,
 )
 from robotctl.logs.formats.robotctl_sonars import OwnSonars, own_sonars
+from robotctl.logs.formats.ros_bag import is_ros_bag
 from robotctl.logs.formats.times import in_order
 from robotctl.logs.formats.tum import read_tum
 from robotctl.logs.mcap.log import log_records
@@ -267,3 +269,22 @@ def _scan(
     return RecordedScan(
         scan, odometry.at(inside_ns) or SE2(), reference.at(stamp_ns) if reference else None
     )
+
+
+def _matches(path: Path) -> bool:
+    if path.is_dir():
+        return bool(mcap_files(path))
+    return is_mcap(path) and not is_ros_bag(path)
+
+
+def _read(path: Path, options: ReadOptions) -> Recording:
+    return read_own(path, with_sonars=options.with_sonars)
+
+
+ROBOTCTL: Final = LogFormat(
+    "a recording of robotctl (a folder of --record, or one robot-*.mcap of it)",
+    _matches,
+    _read,
+    has_time_unit=False,
+    in_folder="robot-*.mcap",
+)

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import ConfigError
+from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError
 from robotctl.logs.formats.no_echo import reaches, valid_ranges
 from robotctl.logs.formats.ros_frames import Frames
@@ -344,3 +345,12 @@ def _directions(message: Any, count: int, mount: SE3) -> NDArray[np.float64]:
     beams = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
     x, y, _ = (beams @ mount.rotation().T).T
     return np.asarray(np.unwrap(np.arctan2(y, x)))
+
+
+def _read(path: Path, options: ReadOptions) -> Recording:
+    return read_ros_bag(path, options.max_range_m)
+
+
+ROS_BAG: Final = LogFormat(
+    "a ROS bag", is_ros_bag, _read, has_time_unit=False, in_folder="metadata.yaml"
+)

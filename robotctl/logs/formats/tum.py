@@ -12,8 +12,17 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.logs.formats.log_text import LogFormatError, read_text, row_number, table
+from robotctl.logs.formats.log_format import LogFormat, ReadOptions
+from robotctl.logs.formats.log_text import (
+    LogFormatError,
+    first_row,
+    is_number,
+    read_text,
+    row_number,
+    table,
+)
 from robotctl.logs.formats.times import checked_stamps
+from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
 
 _COLUMNS: Final = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -83,3 +92,15 @@ def _seconds(stamp_ns: int) -> str:
     """Return a time [ns] as seconds with all its digits."""
     whole, rest = divmod(abs(stamp_ns), 1_000_000_000)
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
+
+
+def _matches(path: Path) -> bool:
+    words = first_row(path) if path.is_file() else []
+    return len(words) == len(_COLUMNS) and all(map(is_number, words))
+
+
+def _read(path: Path, _options: ReadOptions) -> Recording:
+    return Recording(path.name, reference=read_tum(path))
+
+
+TUM: Final = LogFormat("a TUM trajectory (for --reference)", _matches, _read, has_time_unit=False)

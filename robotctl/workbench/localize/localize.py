@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robotctl.logs.formats.recorded_log import read_recording
-from robotctl.logs.formats.tum import read_tum
+from robotctl.logs.formats.recorded_log import read_recording, read_reference
 from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
 from robotctl.model.grid_map import GridMap
 from robotctl.model.recording import Recording
@@ -117,7 +116,7 @@ def _run(
 
 
 def _with_reference(recording: Recording, file: Path) -> Recording:
-    """Return a recording whose reference is the trajectory in a TUM file.
+    """Return a recording whose reference is that of a TUM file, or of another log.
 
     Raises
     ------
@@ -126,7 +125,7 @@ def _with_reference(recording: Recording, file: Path) -> Recording:
     LogFormatError, OSError
         If the file cannot be read.
     """
-    reference = read_tum(file)
+    reference, has_heading = read_reference(file)
     stamps_ns = [entry.scan.stamp_ns for entry in recording.scans]
     if recording.odometry is not None:
         stamps_ns += [int(recording.odometry.stamps_ns[0]), int(recording.odometry.stamps_ns[-1])]
@@ -142,4 +141,4 @@ def _with_reference(recording: Recording, file: Path) -> Recording:
     scans = tuple(
         replace(entry, reference=reference.at(entry.scan.stamp_ns)) for entry in recording.scans
     )
-    return replace(recording, scans=scans, reference=reference, reference_has_heading=True)
+    return replace(recording, scans=scans, reference=reference, reference_has_heading=has_heading)

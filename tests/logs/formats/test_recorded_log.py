@@ -5,9 +5,15 @@ import gzip
 import numpy as np
 import pytest
 
+from robotctl.errors import ConfigError
+from robotctl.logs.formats import recorded_log
+from robotctl.logs.formats.log_format import LogFormat
 from robotctl.logs.formats.log_text import LogFormatError, inflated
-from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.logs.formats.recorded_log import is_log, read_recording, read_reference
 from robotctl.logs.formats.tum import read_tum
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.recording import Recording
+from robotctl.model.trajectory import Trajectory
 
 
 def test_a_file_that_is_not_there_is_named_with_the_nearest_one(tmp_path):
@@ -124,3 +130,83 @@ def test_decimal_commas_in_a_log_are_named(tmp_path):
 def test_the_public_log_with_a_mark_is_read(recordings):
     recording = read_recording(recordings / "cases" / "robotlaser1-bom.log.gz")
     assert len(recording.scans) == 40
+
+
+def compass_log(path):
+    """Return whether a file has the format of these tests: `# compass`, then one line a pose."""
+    return path.is_file() and path.read_bytes().startswith(b"# compass\n")
+
+
+def read_compass_log(path, options):
+    rows = [line.split() for line in path.read_text().splitlines()[1:]]
+    stamps_ns = [int(row[0]) for row in rows]
+    poses = [SE2(*map(float, row[1:])) for row in rows]
+    return Recording(path.name, odometry=Trajectory.of(stamps_ns, poses))
+
+
+COMPASS = LogFormat("a compass log", compass_log, read_compass_log, has_time_unit=False)
+
+
+@pytest.fixture
+def with_compass_logs(monkeypatch):
+    """Add the one line that a new format needs."""
+    monkeypatch.setattr(recorded_log, "LOG_FORMATS", (*recorded_log.LOG_FORMATS, COMPASS))
+
+
+def test_a_format_is_added_by_one_entry(tmp_path, with_compass_logs):
+    path = tmp_path / "a.txt"
+    path.write_text("# compass\n0 0 0 0\n1000000000 0.5 0 0.1\n")
+    assert is_log(path)
+    assert read_recording(path).odometry.poses.tolist() == [[0.0, 0.0, 0.0], [0.5, 0.0, 0.1]]
+    with pytest.raises(ConfigError, match=r"--time-unit ms: the times of .* are nanoseconds"):
+        read_recording(path, time_unit="ms")
+
+
+def test_what_is_read_is_listed_from_the_registry(tmp_path, with_compass_logs):
+    path = tmp_path / "a.txt"
+    path.write_text("nothing known\n")
+    with pytest.raises(LogFormatError) as error:
+        read_recording(path)
+    places = [str(error.value).find(each.name) for each in recorded_log.LOG_FORMATS]
+    assert -1 not in places
+    assert places == sorted(places)
+
+
+def test_the_files_that_tell_a_folder_are_listed_from_the_registry(tmp_path):
+    with pytest.raises(LogFormatError) as error:
+        read_recording(tmp_path)
+    for kind in recorded_log.LOG_FORMATS:
+        assert kind.in_folder in str(error.value)
+
+
+def test_no_two_formats_claim_one_file(tmp_path):
+    (tmp_path / "a.log").write_text(LINE)
+    (tmp_path / "Robot1_Odometry.dat").write_text("# t v w\n1 0 0\n")
+    (tmp_path / "r_motors.txt").write_text("M 0 0 0 0 0 0\n")
+    (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0 1\n")
+    (tmp_path / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
+    (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n robotctl")
+    (tmp_path / "b.mcap").write_bytes(b"\x89MCAP0\r\n ros2")
+    claims = {
+        path.name: [kind.name for kind in recorded_log.LOG_FORMATS if kind.matches(path)]
+        for path in tmp_path.iterdir()
+    }
+    assert {name: len(names) for name, names in claims.items()} == dict.fromkeys(claims, 1)
+    assert len({names[0] for names in claims.values()}) == len(recorded_log.LOG_FORMATS)
+
+
+def test_a_trajectory_is_a_reference_and_no_log(tmp_path):
+    path = tmp_path / "a.tum"
+    path.write_text("0 0 0 0 0 0 0 1\n1 0.5 0 0 0 0 0 1\n")
+    reference, has_heading = read_reference(path)
+    assert reference.poses.tolist() == [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]
+    assert has_heading
+    with pytest.raises(LogFormatError, match=r"a TUM trajectory .*no motion of the robot; needed"):
+        read_recording(path)
+
+
+def test_a_log_without_a_reference_is_no_reference(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_text(LINE)
+    with pytest.raises(LogFormatError, match=r"a\.log: no reference in it; a TUM trajectory"):
+        read_reference(path)

@@ -1,0 +1,57 @@
+"""What each format of recorded logs says of itself; `recorded_log.LOG_FORMATS` lists them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from robotctl.model.recording import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOptions:
+    """How a log is read; a format ignores what it has no use for.
+
+    Parameters
+    ----------
+    mrclam_robot
+        Which robot of a MRCLAM folder; None: the one whose file is read, else robot 1.
+    with_sonars
+        Whether sonar readings are wanted; reading those of our own recordings takes a while.
+    time_unit
+        Of the times in the log, one of `times.TIME_UNITS`; None: that of the format.
+    max_range_m
+        Lidar ranges from here on are no echoes [m]; None: as the log has it.
+    """
+
+    mrclam_robot: int | None = None
+    with_sonars: bool = True
+    time_unit: str | None = None
+    max_range_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LogFormat:
+    """One format of recorded logs.
+
+    Parameters
+    ----------
+    name
+        With its article, for messages.
+    matches
+        Whether a file or folder, which exists, has this format. It reads the beginning of a file or
+        the names in a folder, no more.
+    read
+        Reads what `matches`; raises `LogFormatError` with file and line, or `OSError`.
+    has_time_unit
+        Whether times are numbers whose unit the user can give; False where the format fixes it.
+    in_folder
+        Which file tells a folder of this format, for messages; "" where it has no folders.
+    """
+
+    name: str
+    matches: Callable[[Path], bool]
+    read: Callable[[Path, ReadOptions], Recording]
+    has_time_unit: bool
+    in_folder: str = ""
