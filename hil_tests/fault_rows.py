@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robotctl.messages.faults import FaultCode as C
+
 BRAKED_M, UNBRAKED_M = 0.05, 0.25
 """What a drive needs that shorts its motors, and one that has no supply or boots."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One fault: its line, what the operator reads, and how soon the wheels are without power.
+    """One fault: its line, what the host says of it, and how soon the wheels are without power.
 
-    Where several guards see a fault, it depends on the moment which is first: any of the reasons.
+    Where several guards see a fault, it depends on the moment which is first: any of the causes,
+    codes or codes with the part that is named.
     """
 
     fault: str
-    reasons: tuple[str, ...]
+    causes: frozenset[C | tuple[C, str]]
     limit_ms: float
     omega_rad_s: float = 0.8
     rests_within_m: float = BRAKED_M
@@ -31,9 +34,9 @@ class Row:
         """The fault without its duration."""
         return self.fault.partition(" duration=")[0]
 
-    def explains(self, reason: str) -> bool:
-        """Return whether the operator may read this of the fault."""
-        return any(words in reason for words in self.reasons)
+    def explains(self, code: C, part: str) -> bool:
+        """Return whether the host may say this of the fault."""
+        return code in self.causes or (code, part) in self.causes
 
     @property
     def duration_s(self) -> float:
@@ -41,57 +44,67 @@ class Row:
         return float(self.fault.partition(" duration=")[2] or 0.0)
 
 
-SILENT = ("wheel feedback is older",)
-STOPPED = ("the motor controller is in stopped",)
-DRIVE_GONE = ("drive (node 1)", *SILENT)
-BUS_GONE = ("the CAN bus is", *SILENT, *STOPPED)
-DRIVE_BOOTS = (*DRIVE_GONE, "under voltage")
-NO_RANGE = ("has given no range for",)
+SILENT = frozenset({C.WHEELS_STALE})
+STOPPED = frozenset({C.DRIVE_STOPPED})
+NODE_GONE = (C.NODE_SILENT, C.NODE_STARTING, C.NODE_REFUSED, C.NODE_PUT_OUT, C.NODE_RESTARTED)
+DRIVE_GONE = SILENT | {(code, "drive") for code in NODE_GONE}
+BUS_GONE = SILENT | STOPPED | {C.BUS_OFF, C.BUS_DOWN}
+DRIVE_BOOTS = DRIVE_GONE | {C.DRIVE_UNDER_VOLTAGE}
+NO_RANGE = frozenset({C.SONAR_STALE})
+LEFT_ENCODER = frozenset(
+    (code, "left") for code in (C.ENCODER_STUCK, C.ENCODER_REVERSED, C.ENCODER_WRONG)
+)
+
+
+def only(code: C, part: str = "") -> frozenset[C | tuple[C, str]]:
+    """Return the one cause."""
+    return frozenset({(code, part) if part else code})
+
 
 ROWS = (
     Row("node_reset node=drive", DRIVE_GONE, 100, rests_within_m=UNBRAKED_M),
-    Row("node_reset node=power", ("power (node 3) restarted",), 500),
+    Row("node_reset node=power", only(C.NODE_RESTARTED, "power"), 500),
     Row("node_silent node=drive duration=0.5", SILENT, 80),
-    Row("node_silent node=sonar duration=1", ("sonar (node 2)", *NO_RANGE), 600),
+    Row("node_silent node=sonar duration=1", NO_RANGE | {(C.NODE_SILENT, "sonar")}, 600),
     Row("feedback_lost duration=0.5", SILENT, 80),
-    Row("feedback_frozen duration=0.5", ("encoder stuck or disconnected",), 600),
-    Row("encoder_stuck wheel=right duration=0.5", ("right encoder stuck or disconnected",), 600),
-    Row("encoder_reversed wheel=left duration=0.5", ("left encoder reversed",), 600),
+    Row("feedback_frozen duration=0.5", only(C.ENCODER_STUCK), 600),
+    Row("encoder_stuck wheel=right duration=0.5", only(C.ENCODER_STUCK, "right"), 600),
+    Row("encoder_reversed wheel=left duration=0.5", only(C.ENCODER_REVERSED, "left"), 600),
     # It counts noise: nothing, backwards, or too little.
-    Row("encoder_disconnected wheel=left duration=0.5", ("left encoder",), 600),
-    Row("wheel_blocked wheel=left duration=0.5", ("left wheel is blocked", "over current"), 600),
+    Row("encoder_disconnected wheel=left duration=0.5", LEFT_ENCODER, 600),
+    Row(
+        "wheel_blocked wheel=left duration=0.5",
+        frozenset({(C.WHEEL_BLOCKED, "left"), C.DRIVE_OVER_CURRENT}),
+        600,
+    ),
     # Its share of the voltage leaves a motor nothing to turn forwards with.
-    Row("over_current amperes=30 duration=0.5", ("encoder reversed", "over current"), 400),
-    Row("over_temperature kelvin=150 duration=0.5", ("over temperature",), 400),
-    Row("under_voltage volts=6 duration=0.5", ("under voltage",), 400),
+    Row(
+        "over_current amperes=30 duration=0.5",
+        frozenset({C.ENCODER_REVERSED, C.DRIVE_OVER_CURRENT}),
+        400,
+    ),
+    Row("over_temperature kelvin=150 duration=0.5", only(C.DRIVE_OVER_TEMPERATURE), 400),
+    Row("under_voltage volts=6 duration=0.5", only(C.DRIVE_UNDER_VOLTAGE), 400),
     Row("brown_out volts=4 duration=0.5", DRIVE_BOOTS, 400, rests_within_m=UNBRAKED_M),
     Row("brown_out volts=8 duration=0.5", DRIVE_BOOTS, 400),
     Row("parameter_lost node=drive", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
     # Each setting is read once in 0.7 s, twice where it differs.
-    Row("parameter_changed value=2000", ("command time-out reads back 2000 ms",), 850),
+    Row("parameter_changed value=2000", only(C.NODE_CHANGED, "drive"), 850),
     Row(
-        "parameter_changed parameter=current_limit value=60000",
-        ("current limit reads back 60000 mA",),
-        850,
+        "parameter_changed parameter=current_limit value=60000", only(C.NODE_CHANGED, "drive"), 850
     ),
-    Row(
-        "parameter_changed parameter=ring_period value=240", ("ring period reads back 240 ms",), 400
-    ),
-    Row(
-        "parameter_changed parameter=battery_critical value=1",
-        ("critical limit reads back 1 mV",),
-        450,
-    ),
+    Row("parameter_changed parameter=ring_period value=240", only(C.NODE_CHANGED, "sonar"), 400),
+    Row("parameter_changed parameter=battery_critical value=1", only(C.NODE_CHANGED, "power"), 450),
     Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
-    Row("clock_drift node=drive ppm=100000 duration=5", ("the drive's clock runs",), 4500),
+    Row("clock_drift node=drive ppm=100000 duration=5", only(C.CLOCK_DRIFT), 4500),
     Row("sonar_silent duration=0.5", NO_RANGE, 400),
     # A comparison takes 0.3 m; the fault may have to wait for the end of the one it began in.
     # Where the range that sticks was an outlier, an obstacle there would have been reached.
-    Row("sonar_stuck duration=3", ("is stuck at", "still sees"), 1700, omega_rad_s=0.0),
+    Row("sonar_stuck duration=3", frozenset({C.SONAR_STUCK, C.WHEELS_SLIP}), 1700, omega_rad_s=0.0),
     # Until it is found out each wheel is driven by the other's error: twice the turn rate.
     Row(
         "wheels_swapped duration=0.5",
-        ("encoders are swapped", "encoder wrong"),
+        frozenset({C.ENCODERS_SWAPPED, C.ENCODER_WRONG}),
         600,
         omega_rad_s=0.5,
     ),

@@ -139,7 +139,8 @@ def test_the_robot_stops_in_time_says_why_and_waits_for_arming(
     taken_ms = 1000 * (stopped_s - began_s)
     reaction(row.name, taken_ms)
     assert taken_ms <= row.limit_ms
-    assert row.explains(lasting.control.reason), lasting.control.reason
+    control = lasting.control
+    assert row.explains(control.fault, control.fault_part), (control.fault.name, control.reason)
     assert lasting.control.state == SafetyState.FAULT
     assert any(lasting.control.reason in notice for notice in lasting.notices)
     stop = lasting.truth_at(monotonic_ns(stopped_s))

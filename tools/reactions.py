@@ -28,6 +28,7 @@ from robotctl.app.simulation.sim_options import simulated_robot
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.messages.control import Arm, SafetyState, VelocityCommand
+from robotctl.messages.faults import FaultCode
 from robotctl.safety.state_machine import POWERED
 
 BUS = "simcan, lockstep"
@@ -96,10 +97,14 @@ class Run:
         """Return the simulated time [ns]."""
         return self._bench.clock.now_ns()
 
-    def reason(self) -> str:
-        """Return why the host has stopped, once it has: it may hear of it later than the wheels."""
+    def fault(self) -> tuple[FaultCode, str]:
+        """Return code and part of the fault for which the host has stopped, once it has.
+
+        It may hear of it later than the wheels.
+        """
         self.drive(self.now_ns() + SECOND_NS)
-        return self._bench.snapshot().reason
+        control = self._bench.snapshot()
+        return control.fault, control.fault_part
 
     def _look(self) -> None:
         if self._off_ns is None and not self.simulation.plant.powered:

@@ -34,6 +34,7 @@ from robotctl.messages.control import (
     WheelCommand,
     WheelFeedback,
 )
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.drives.drives import DifferentialDrive, Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
@@ -216,8 +217,8 @@ class ControlCore:
         self._supervise(now_ns)
         if self.machine.state not in POWERED and self._drives_unasked():
             stop = EmergencyStopSource.HOST_FAULT if stop is None else stop
-            reason = "emergency stop: the motor controller drives without being told to"
-            self._on(Event.EMERGENCY_STOP, reason, now_ns)
+            text = "emergency stop: the motor controller drives without being told to"
+            self._on(Event.EMERGENCY_STOP, Fault(FaultCode.DRIVES_UNASKED, text), now_ns)
         clear = bool(self._arming.waiting) and self._try_to_arm(now_ns)
         self._command_before = self._command
         self._command = self._drive_wheels(now_ns)
@@ -247,7 +248,8 @@ class ControlCore:
                 self._notices.append(Notice(now_ns, Severity.WARNING, text))
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
-            self._on(Event.EMERGENCY_STOP, f"emergency stop on the bus ({source})", now_ns)
+            text = f"emergency stop on the bus ({source})"
+            self._on(Event.EMERGENCY_STOP, Fault(FaultCode.EMERGENCY_STOP_BUS, text), now_ns)
 
     def _take_counts(self, wheels: WheelFeedback, *, anew: bool) -> None:
         """Update velocities and odometry; `anew`: behind a gap of unknown length."""
@@ -299,7 +301,8 @@ class ControlCore:
             text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
         if was_up and self.machine.state in POWERED:
-            self._on(Event.FAULT, f"{node.name} (node {node.node_id}) restarted", now_ns)
+            text = f"{node.name} (node {node.node_id}) restarted"
+            self._on(Event.FAULT, Fault(FaultCode.NODE_RESTARTED, text, node.name), now_ns)
 
     def _take_requests(self, inputs: Inputs, now_ns: int) -> EmergencyStopSource | None:
         """Carry out requests that are not too old; an emergency stop has no age.
@@ -319,7 +322,8 @@ class ControlCore:
                 case EmergencyStop():
                     stop = request.source
                     source = request.source.name.lower().replace("_", " ")
-                    self._on(Event.EMERGENCY_STOP, f"emergency stop ({source})", now_ns)
+                    fault = Fault(FaultCode.EMERGENCY_STOP, f"emergency stop ({source})")
+                    self._on(Event.EMERGENCY_STOP, fault, now_ns)
                 case Arm(arm=False):
                     self._arming.answer_waiting("disarmed")
                     self._on(Event.DISARM, "disarmed", now_ns)
@@ -350,7 +354,7 @@ class ControlCore:
             if problem is None:
                 self._on(Event.READY, "", now_ns)
             elif not self._on(Event.NOT_READY, problem, now_ns):
-                self.machine.reason = problem
+                self.machine.explain(problem)
 
     def _drives_unasked(self) -> bool:
         """Return whether the motor controller reports power though it was not told to for long.
@@ -457,7 +461,8 @@ class ControlCore:
             self._command.steering_rad,
         )
         if guarded.fault:
-            self._on(Event.FAULT, f"command guard: {guarded.fault}", now_ns)
+            fault = Fault(FaultCode.COMMAND_GUARD, f"command guard: {guarded.fault}")
+            self._on(Event.FAULT, fault, now_ns)
             return self._stopped()
         return WheelCommand(True, False, guarded.duty1, guarded.duty2, guarded.steering_rad)
 
@@ -466,22 +471,22 @@ class ControlCore:
         self._twist_ref = Twist(0.0, 0.0)
         return WheelCommand(False, True, 0.0, 0.0, self._steering_rad)
 
-    def _on(self, event: Event, reason: str, now_ns: int) -> bool:
+    def _on(self, event: Event, why: Fault | str, now_ns: int) -> bool:
         """Apply an event to the state machine and tell people of stops and starts."""
-        changed = self.machine.on(event, reason)
+        changed = self.machine.on(event, why)
         self._armings += changed and event is Event.ARM
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
             self._stopped_ns = now_ns
-            self._arming.answer_waiting(f"made before the stop: {reason}")
+            self._arming.answer_waiting(f"made before the stop: {why}")
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._velocity = None
-            self._notices.append(Notice(now_ns, Severity.CRITICAL, f"stopped: {reason}"))
+            self._notices.append(Notice(now_ns, Severity.CRITICAL, f"stopped: {why}"))
         elif changed and event in (Event.ARM, Event.DISARM, Event.READY):
             text = {"arm accepted": "armed", "all nodes ready": "ready to arm"}
             line = text.get(event.value, "disarmed")
             self._notices.append(Notice(now_ns, Severity.INFORMATION, line))
         elif changed and event is Event.NOT_READY:
-            self._notices.append(Notice(now_ns, Severity.WARNING, f"not ready: {reason}"))
+            self._notices.append(Notice(now_ns, Severity.WARNING, f"not ready: {why}"))
         return changed
 
     def snapshot(self, now_ns: int, loop: LoopStatistics) -> ControlState:
@@ -492,7 +497,7 @@ class ControlCore:
         measured = health.wheels_fresh(now_ns)
         twist = self._twist_meas if measured else _UNKNOWN_TWIST
         duties = (self._command.duty1, self._command.duty2)
-        n = len(wheels)
+        n, fault = len(wheels), self.machine.fault
         return ControlState(
             stamp_ns=now_ns,
             state=self.machine.state,
@@ -526,6 +531,8 @@ class ControlCore:
             odometer_m=self.odometer_start_m + self.odometry.distance_m,
             acks=self._arming.acks,
             armings=self._armings,
+            fault=fault.code if fault else FaultCode.NONE,
+            fault_part=fault.part if fault else "",
         )
 
 

@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import msgspec
 
+from robotctl.messages.faults import FaultCode
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
 
 
@@ -144,7 +145,7 @@ class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
 
     `boots` counts how often it began anew, the first time included; `problem` is empty once the
     node is identified, has confirmed its parameters and is operational, otherwise one sentence for
-    the operator.
+    the operator, and `fault` its kind.
     """
 
     node_id: int
@@ -153,6 +154,7 @@ class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
     heartbeat_ns: int
     boots: int
     problem: str
+    fault: FaultCode = FaultCode.NONE
 
 
 class BusStatus(msgspec.Struct, frozen=True, array_like=True):
@@ -322,6 +324,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     start of the process, `odometer_m` over the robot's life (nan where its file cannot be read).
     `acks` are the last answers to `Arm`, the newest last. `armings` counts how often the robot was
     armed since the start of the process: a stop and an arming between two states show in it alone.
+    `fault` is the kind of what `reason` says, NONE where that is no fault; `fault_part` names the
+    node, wheel or sonar it is about.
     """
 
     stamp_ns: int
@@ -353,6 +357,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     odometer_m: float = 0.0
     acks: tuple[Ack, ...] = ()
     armings: int = 0
+    fault: FaultCode = FaultCode.NONE
+    fault_part: str = ""
 
 
 class NavigationState(msgspec.Struct, frozen=True, tag=True):

@@ -18,6 +18,7 @@ from robotctl.messages.control import (
     NodeStatus,
     SonarFeedback,
 )
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.state_machine import SafetyConfig
 
 BUS_LOAD_MAX: Final = 0.8
@@ -30,14 +31,18 @@ _ENABLE_NS: Final = 100_000_000
 """So soon behind arming the drive says that it is enabled: it takes three commands and a status,
 50 ms at 100 Hz; the rest is for some that are lost."""
 
-_SILENCE: Final = (
-    "older than",
-    "no heartbeat for",
-    "has given no range for",
-    "had no valid command for",
-    "is in stopped",
+_SILENCE: Final = frozenset(
+    {
+        FaultCode.WHEELS_STALE,
+        FaultCode.MOTOR_STALE,
+        FaultCode.DRIVE_STALE,
+        FaultCode.BATTERY_STALE,
+        FaultCode.SONAR_STALE,
+        FaultCode.NODE_SILENT,
+        FaultCode.DRIVE_STOPPED,
+    }
 )
-"""Parts of the reasons to stop that a pause of this process brings about."""
+"""Faults that a pause of this process brings about."""
 
 _PAUSE_NS: Final = 250_000_000
 """So long behind a pause it explains them: the motor controller's own words come a status later."""
@@ -46,7 +51,24 @@ _NEVER_NS: Final = -(1 << 62)
 _LATCHED_DRIVE_STATES: Final = frozenset(
     {DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP}
 )
-_DEAD_BUS_STATES: Final = frozenset({BusState.BUS_OFF, BusState.DOWN})
+_DEAD_BUS_STATES: Final = {
+    BusState.BUS_OFF: FaultCode.BUS_OFF,
+    BusState.DOWN: FaultCode.BUS_DOWN,
+}
+_LATCHED_CODES: Final = {
+    DriveState.STOPPED: FaultCode.DRIVE_STOPPED,
+    DriveState.EMERGENCY_STOP: FaultCode.DRIVE_EMERGENCY_STOP,
+}
+_DRIVE_FAULT_CODES: Final = {
+    DriveFault.OVER_CURRENT: FaultCode.DRIVE_OVER_CURRENT,
+    DriveFault.OVER_TEMPERATURE: FaultCode.DRIVE_OVER_TEMPERATURE,
+    DriveFault.UNDER_VOLTAGE: FaultCode.DRIVE_UNDER_VOLTAGE,
+    DriveFault.ENCODER: FaultCode.DRIVE_ENCODER,
+    DriveFault.COMMAND_TIMEOUT: FaultCode.DRIVE_COMMAND_TIMEOUT,
+    DriveFault.PARAMETER: FaultCode.DRIVE_PARAMETER,
+}
+_DRIVE: Final = "drive"
+"""The node whose feedback has no other name."""
 
 
 class Health:
@@ -166,34 +188,35 @@ class Health:
         fresh = battery is not None and is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns)
         return battery if fresh else None
 
-    def unheard(self, now_ns: int) -> str | None:
-        """Return a sentence where no command reached the motor controller, by its own words."""
+    def unheard(self, now_ns: int) -> Fault | None:
+        """Return a fault where no command reached the motor controller, by its own words."""
         drive = self._unheard
         if drive is None or now_ns - drive.stamp_ns > _UNHEARD_NS:
             return None
-        return _unheard_words(drive)
+        return Fault(FaultCode.COMMANDS_UNHEARD, _unheard_words(drive), _DRIVE)
 
-    def node_problem(self, now_ns: int) -> str | None:
+    def node_problem(self, now_ns: int) -> Fault | None:
         """Return what keeps a node from service, or None when all are in service."""
         problems = self._node_problems(now_ns)
         return problems[0] if problems else None
 
-    def fault(self, now_ns: int) -> str | None:
+    def fault(self, now_ns: int) -> Fault | None:
         """Return why a powered robot must stop now, or None."""
-        reasons = self._faults(now_ns)
-        if reasons:
-            return self._explained(reasons[0], now_ns)
+        faults = self._faults(now_ns)
+        if faults:
+            return self._explained(faults[0], now_ns)
         motor = self.motor
         if motor is None or motor.stamp_ns - self._idle_ns <= _ENABLE_NS:
             return None
         stays = f"the motor controller stays in {_words(motor.state)}, told to drive"
-        return self.unheard(now_ns) or stays
+        return self.unheard(now_ns) or Fault(FaultCode.DRIVE_NOT_ENABLED, stays, _DRIVE)
 
-    def _explained(self, reason: str, now_ns: int) -> str:
-        """Return a reason to stop, behind what explains it where this process was held up."""
-        if now_ns - self._pause_over_ns > _PAUSE_NS or not any(part in reason for part in _SILENCE):
-            return reason
-        return f"control was held up for {self._paused_ns / 1e6:.0f} ms: {reason}"
+    def _explained(self, fault: Fault, now_ns: int) -> Fault:
+        """Return a fault, or that this process was held up where this explains it."""
+        if now_ns - self._pause_over_ns > _PAUSE_NS or fault.code not in _SILENCE:
+            return fault
+        text = f"control was held up for {self._paused_ns / 1e6:.0f} ms: {fault}"
+        return Fault(FaultCode.CONTROL_HELD_UP, text)
 
     def armed(self, now_ns: int) -> None:
         """Take note that the robot is armed: from now on the drive is to be enabled."""
@@ -201,7 +224,7 @@ class Health:
 
     def refusals(self, now_ns: int) -> tuple[str, ...]:
         """Return all reasons against arming at this moment, in the operator's words."""
-        reasons = self._faults(now_ns)
+        reasons = [str(fault) for fault in self._faults(now_ns)]
         drive, battery, bus = self.fresh_drive(now_ns), self.battery, self.bus
         if drive is not None and drive is self._unheard:
             reasons.append(_unheard_words(drive))
@@ -213,62 +236,69 @@ class Health:
             reasons.append(f"the CAN bus is {bus.load:.0%} full, {BUS_LOAD_MAX:.0%} allowed")
         return tuple(reasons)
 
-    def _faults(self, now_ns: int) -> list[str]:
+    def _faults(self, now_ns: int) -> list[Fault]:
         """Return all reasons to stop, the most telling first."""
-        reasons = []
+        faults = []
         if self.bus.state in _DEAD_BUS_STATES:
-            reasons.append(f"the CAN bus is {_words(self.bus.state)}")
+            code = _DEAD_BUS_STATES[self.bus.state]
+            faults.append(Fault(code, f"the CAN bus is {_words(self.bus.state)}"))
         if not self.wheels_fresh(now_ns):
-            reasons.append(f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms")
+            text = f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms"
+            faults.append(Fault(FaultCode.WHEELS_STALE, text, _DRIVE))
         motor, limit_ns = self.fresh_motor(now_ns), self._status_limit_ns
         if motor is None:
-            reasons.append(f"motor status is older than {limit_ns / 1e6:g} ms")
-        elif motor.state in _LATCHED_DRIVE_STATES:
-            words = f"{_words(motor.state)}{fault_words(motor.faults)}"
-            reasons.append(f"the motor controller is in {words}")
-        elif motor.faults:
-            reasons.append(f"the motor controller reports{fault_words(motor.faults)}")
+            text = f"motor status is older than {limit_ns / 1e6:g} ms"
+            faults.append(Fault(FaultCode.MOTOR_STALE, text, _DRIVE))
+        elif motor.faults or motor.state in _LATCHED_DRIVE_STATES:
+            faults.append(_motor_fault(motor))
         if self.fresh_drive(now_ns) is None:
-            reasons.append(f"drive status is older than {limit_ns / 1e6:g} ms")
-        reasons += self._battery_faults(now_ns)
-        reasons += self._sonar_faults(now_ns)
-        reasons += self._node_problems(now_ns)
-        return reasons
+            text = f"drive status is older than {limit_ns / 1e6:g} ms"
+            faults.append(Fault(FaultCode.DRIVE_STALE, text, _DRIVE))
+        faults += self._battery_faults(now_ns)
+        faults += self._sonar_faults(now_ns)
+        faults += self._node_problems(now_ns)
+        return faults
 
-    def _battery_faults(self, now_ns: int) -> list[str]:
+    def _battery_faults(self, now_ns: int) -> list[Fault]:
         """Return what is wrong with the battery."""
         battery = self.battery
         if battery is None:
-            return ["the battery has not reported yet"]
+            return [Fault(FaultCode.BATTERY_UNHEARD, "the battery has not reported yet")]
         if not is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns):
-            return [f"the battery's report is older than {self._battery_limit_ns / 1e6:g} ms"]
+            text = f"the battery's report is older than {self._battery_limit_ns / 1e6:g} ms"
+            return [Fault(FaultCode.BATTERY_STALE, text)]
         if battery.critical:
-            return [f"the battery is critical ({battery.voltage_v:.1f} V)"]
+            text = f"the battery is critical ({battery.voltage_v:.1f} V)"
+            return [Fault(FaultCode.BATTERY_CRITICAL, text)]
         return []
 
-    def _sonar_faults(self, now_ns: int) -> list[str]:
+    def _sonar_faults(self, now_ns: int) -> list[Fault]:
         """Return which sonars have been silent for too long."""
         limit_ns = self._sonar_limit_ns
         if are_fresh(self._sonars_ns, now_ns, limit_ns):
             return []
+        silence = f"has given no range for {limit_ns / 1e6:g} ms"
         return [
-            f"sonar {name} has given no range for {limit_ns / 1e6:g} ms"
+            Fault(FaultCode.SONAR_STALE, f"sonar {name} {silence}", name)
             for name, stamp_ns in zip(self._sonar_names, self.sonar_ns, strict=True)
             if not is_fresh(stamp_ns, now_ns, limit_ns)
         ]
 
-    def _node_problems(self, now_ns: int) -> list[str]:
+    def _node_problems(self, now_ns: int) -> list[Fault]:
         """Return what keeps each node from service."""
         limit_ns = self._heartbeat_limit_ns
         if self._in_service and are_fresh(self._heartbeats_ns, now_ns, limit_ns):
             return []
-        problems = [] if self.nodes else ["no node has been heard on the bus"]
+        problems = []
+        if not self.nodes:
+            problems.append(Fault(FaultCode.NODE_NOT_HEARD, "no node has been heard on the bus"))
         for node in self.nodes:
             if node.problem:
-                problems.append(node.problem)
+                problems.append(Fault(node.fault, node.problem, node.name))
             elif not is_fresh(node.heartbeat_ns, now_ns, limit_ns):
                 silence = f"no heartbeat for {limit_ns / 1e6:g} ms"
-                problems.append(f"{node.name} (node {node.node_id}): {silence}")
+                text = f"{node.name} (node {node.node_id}): {silence}"
+                problems.append(Fault(FaultCode.NODE_SILENT, text, node.name))
         return problems
 
     @property
@@ -300,6 +330,20 @@ def fault_words(faults: int) -> str:
     """Return the motor controller's fault bits as `: over current, encoder`, or nothing."""
     names = [_words(fault) for fault in DriveFault if faults & fault]
     return f": {', '.join(names)}" if names else ""
+
+
+def _motor_fault(motor: MotorStatus) -> Fault:
+    """Return the fault of a motor controller that has stopped or reports one.
+
+    Its code is that of the first fault bit, as in the text, but of a stop it says itself.
+    """
+    bits = [code for bit, code in _DRIVE_FAULT_CODES.items() if motor.faults & bit]
+    first = bits[0] if bits else FaultCode.DRIVE_FAULT
+    words = fault_words(motor.faults)
+    if motor.state not in _LATCHED_DRIVE_STATES:
+        return Fault(first, f"the motor controller reports{words}", _DRIVE)
+    code = _LATCHED_CODES.get(motor.state, first)
+    return Fault(code, f"the motor controller is in {_words(motor.state)}{words}", _DRIVE)
 
 
 def _unheard_words(drive: DriveStatus) -> str:

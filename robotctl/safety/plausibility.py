@@ -32,6 +32,7 @@ from robotctl.messages.control import (
     WheelCommand,
     WheelFeedback,
 )
+from robotctl.messages.faults import Fault, FaultCode
 
 COPPER_PER_K: Final = 0.0039
 """Growth of a copper winding's resistance [1/K], from 25 degC."""
@@ -250,24 +251,25 @@ class WheelMonitor:
         excess = abs(self.electrical_rad_s - counted_rad_s) / self.tolerance_rad_s
         self.is_off = self._off.lasts_ns(excess > 1.0, stamp_ns) * excess > self._speed_ns
 
-    def encoder_fault(self) -> str:
-        """Return what is wrong with the encoder; empty where nothing."""
+    def encoder_fault(self) -> Fault | None:
+        """Return what is wrong with the encoder; None where nothing."""
         if not self.is_off:
-            return ""
+            return None
         counted, electrical = self.counted_rad_s, self.electrical_rad_s
         if abs(counted) < REST_RAD_S:
-            kind = "stuck or disconnected"
+            code, kind = FaultCode.ENCODER_STUCK, "stuck or disconnected"
         elif counted * electrical < 0.0:
-            kind = "reversed"
+            code, kind = FaultCode.ENCODER_REVERSED, "reversed"
         else:
-            kind = "wrong"
-        return (
+            code, kind = FaultCode.ENCODER_WRONG, "wrong"
+        text = (
             f"{self.name} encoder {kind}: {counted:.1f} rad/s counted, {electrical:.1f} rad/s by "
             "duty and current"
         )
+        return Fault(code, text, self.name)
 
-    def push_fault(self, now_ns: int) -> str:
-        """Return what holds the wheel; empty where nothing."""
+    def push_fault(self, now_ns: int) -> Fault | None:
+        """Return what holds the wheel; None where nothing."""
         counted, push_v = self.counted_rad_s, self._config.push_v
         push = (self._drop_v > push_v) - (self._drop_v < -push_v)
         if push != self._push:
@@ -276,14 +278,16 @@ class WheelMonitor:
         if lasts_ns == 0:
             self._before_rad_s = counted
         if lasts_ns <= self._push_ns:
-            return ""
+            return None
         if push * (counted - self._before_rad_s) > self._gain_rad_s:
             # The current does its work. A wheel that loses speed against it is held.
             self._pushing = Standing()
-            return ""
+            return None
         if abs(counted) < REST_RAD_S:
-            return f"{self.name} wheel is blocked: {self._current_a:.1f} A and no motion"
-        return f"{self.name} wheel pushes against something: {self._current_a:.1f} A, no faster"
+            text = f"{self.name} wheel is blocked: {self._current_a:.1f} A and no motion"
+            return Fault(FaultCode.WHEEL_BLOCKED, text, self.name)
+        text = f"{self.name} wheel pushes against something: {self._current_a:.1f} A, no faster"
+        return Fault(FaultCode.WHEEL_PUSHES, text, self.name)
 
 
 class Plausibility:
@@ -319,7 +323,7 @@ class Plausibility:
 
     def reset(self) -> None:
         """Begin anew: the robot is armed."""
-        self.fault = ""
+        self.fault: Fault | None = None
         """What contradicts what; stays until `reset`."""
         for wheel in self._wheels:
             wheel.reset()
@@ -342,7 +346,8 @@ class Plausibility:
             if self._elapsed_ns >= CLOCK_WINDOW_NS:
                 excess = self._drive_us * 1000.0 / self._elapsed_ns - 1.0
                 if abs(excess) > self._config.clock_share:
-                    self._say(f"the drive's clock runs {excess:+.1%} against the host's")
+                    text = f"the drive's clock runs {excess:+.1%} against the host's"
+                    self._say(Fault(FaultCode.CLOCK_DRIFT, text, "drive"))
                 self._drive_us = self._elapsed_ns = 0
         self._latch_us, self._host_ns = latch_us, stamp_ns
 
@@ -396,7 +401,8 @@ class Plausibility:
         """Name exchanged encoders as such, else each alone; then compare the pair."""
         wheels = self._wheels
         if len(wheels) == 2 and self._exchanged(*wheels):
-            self._say("left and right encoders are swapped")
+            text = "left and right encoders are swapped"
+            self._say(Fault(FaultCode.ENCODERS_SWAPPED, text))
         for wheel in wheels:
             self._say(wheel.encoder_fault())
         if len(wheels) == 2:
@@ -404,10 +410,11 @@ class Plausibility:
             # False for nan.
             apart = abs(one - other) > self._config.pair_share
             if self._pair.lasts_ns(apart, now_ns) > self._config.pair_ms * 1_000_000:
-                self._say(
+                text = (
                     f"{wheels[0].name} and {wheels[1].name} wheel contradict each other: counted "
                     f"over electrical speed is {one:.2f} and {other:.2f}"
                 )
+                self._say(Fault(FaultCode.WHEELS_CONTRADICT, text))
 
     def _exchanged(self, one: WheelMonitor, other: WheelMonitor) -> bool:
         """Return whether each wheel's count fits the other's motor, and not its own."""
@@ -422,7 +429,8 @@ class Plausibility:
             last_ns = self._jumped_ns
             last_ns.extend([now_ns] * min(jumps - self._jumps, JUMPS))
             if len(last_ns) == JUMPS and last_ns[-1] - last_ns[0] <= _SECOND_NS:
-                self._say(f"encoder counts jump: {JUMPS} times within a second")
+                text = f"encoder counts jump: {JUMPS} times within a second"
+                self._say(Fault(FaultCode.ENCODER_JUMPS, text))
         self._jumps = jumps
 
     def take_drive(self, drive: DriveStatus, command: WheelCommand) -> None:
@@ -433,10 +441,11 @@ class Plausibility:
         error_rad = abs(drive.steering_rad - command.steering_rad)
         apart = error_rad > config.steering_tolerance_rad
         if self._steering.lasts_ns(apart, drive.stamp_ns) > config.steering_ms * 1_000_000:
-            self._say(
+            text = (
                 f"the steering stands at {drive.steering_rad:.2f} rad, told to be at "
                 f"{command.steering_rad:.2f} rad"
             )
+            self._say(Fault(FaultCode.STEERING_OFF, text))
 
     def value_faults(
         self,
@@ -468,6 +477,6 @@ class Plausibility:
             faults.append(f"the steering says {drive.steering_rad:.2f} rad, beyond its linkage")
         return tuple(faults)
 
-    def _say(self, fault: str) -> None:
-        """Keep the first fault that is none of nothing."""
+    def _say(self, fault: Fault | None) -> None:
+        """Keep the first fault."""
         self.fault = self.fault or fault

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -92,16 +93,16 @@ class SonarMonitor:
 
     def update(
         self, first: int, ranges_m: tuple[float, ...], pose_world_base: SE2, stamp_ns: int
-    ) -> str:
-        """Take the ranges of sonars `first` on [m]; return a contradiction, empty where none."""
-        fault = ""
+    ) -> Fault | None:
+        """Take the ranges of sonars `first` on [m]; return a contradiction, None where none is."""
+        fault = None
         for index, track in self._tracks.items():
             if first <= index < first + len(ranges_m):
                 found = self._compare(track, ranges_m[index - first], pose_world_base, stamp_ns)
                 fault = fault or found
         return fault
 
-    def _compare(self, track: _Track, range_m: float, pose: SE2, stamp_ns: int) -> str:
+    def _compare(self, track: _Track, range_m: float, pose: SE2, stamp_ns: int) -> Fault | None:
         """Add a reading to a comparison, and judge it once the way is long enough."""
         start = track.start
         turned = abs(wrap_angle(pose.theta_rad - start.theta_rad)) > TURN_RAD
@@ -109,7 +110,7 @@ class SonarMonitor:
         echoes = math.isfinite(range_m + track.first_m)
         if track.readings == 0 or not echoes or (turned and not same):
             track.begin(range_m, pose, stamp_ns)
-            return ""
+            return None
         track.add(range_m)
         if turned:
             return self._compare_in_bend(track, pose)
@@ -117,43 +118,46 @@ class SonarMonitor:
             pose.y_m - start.y_m
         ) * math.sin(start.theta_rad)
         if abs(ahead_m) < self._travel_m or track.readings < READINGS:
-            return ""
+            return None
         fault = self._judge(track, range_m, ahead_m * track.sign, stamp_ns)
         track.begin(range_m, pose, stamp_ns)
         return fault
 
-    def _compare_in_bend(self, track: _Track, pose: SE2) -> str:
+    def _compare_in_bend(self, track: _Track, pose: SE2) -> Fault | None:
         """Judge readings that are all the same behind a turn: no wall stays there so exactly."""
         way_m = math.hypot(pose.x_m - track.start.x_m, pose.y_m - track.start.y_m)
         if way_m < self._travel_m or track.readings < READINGS:
-            return ""
+            return None
         return _stuck(track)
 
-    def _judge(self, track: _Track, range_m: float, nearer_m: float, stamp_ns: int) -> str:
+    def _judge(self, track: _Track, range_m: float, nearer_m: float, stamp_ns: int) -> Fault | None:
         """Return what is wrong after driving `nearer_m` towards what the sonar sees [m]."""
         spread_m = track.farthest_m - track.nearest_m
         if spread_m <= SPREAD_M and nearer_m > 0.0 and track.farthest_m < NEAR_M:
-            return (
+            text = (
                 f"odometry came {nearer_m:.2f} m nearer, but sonar {track.name} still sees "
                 f"{range_m:.2f} m: the wheels slip, something holds the robot, or the sonar is "
                 "stuck"
             )
+            return Fault(FaultCode.WHEELS_SLIP, text, track.name)
         if spread_m == 0.0:
             return _stuck(track)
         if abs(range_m - track.first_m - nearer_m) <= MATCH_M:
             track.contradicted_ns = stamp_ns
             return self._contradiction(track.began_ns, stamp_ns)
-        return ""
+        return None
 
-    def _contradiction(self, began_ns: int, now_ns: int) -> str:
-        """Return a sentence where a sonar ahead and one behind see the way driven backwards."""
+    def _contradiction(self, began_ns: int, now_ns: int) -> Fault | None:
+        """Return a fault where a sonar ahead and one behind see the way driven backwards."""
         since_ns = min(began_ns, now_ns - CONTRADICTION_NS + 1)
         against = [track for track in self._tracks.values() if track.contradicted_ns >= since_ns]
         if {track.sign for track in against} != {1.0, -1.0}:
-            return ""
+            return None
         names = " and ".join(track.name for track in against)
-        return f"the robot drives the other way than odometry says, by sonar {names}"
+        text = f"the robot drives the other way than odometry says, by sonar {names}"
+        return Fault(FaultCode.ODOMETRY_REVERSED, text)
 
 
-def _stuck(track: _Track) -> str:
-    return f"sonar {track.name} is stuck at {track.nearest_m:.3f} m"
+def _stuck(track: _Track) -> Fault:
+    text = f"sonar {track.name} is stuck at {track.nearest_m:.3f} m"
+    return Fault(FaultCode.SONAR_STUCK, text, track.name)

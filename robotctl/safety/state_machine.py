@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robotctl.messages.control import SafetyState
+from robotctl.messages.faults import Fault
 
 
 class Event(enum.Enum):
@@ -131,17 +132,32 @@ _RANGES: Final = {
 
 
 class SafetyMachine:
-    """Holds the present state and the reason of the last stop."""
+    """Holds the present state and why the robot is in it.
+
+    Attributes
+    ----------
+    state
+        The present state.
+    reason
+        Why, in words for the operator; empty where nothing needs to be said.
+    fault
+        The same where it is a fault, else None.
+    """
 
     def __init__(self) -> None:
         self.state = SafetyState.BOOT
-        self.reason = "starting"
+        self.explain("starting")
 
-    def on(self, event: Event, reason: str = "") -> bool:
-        """Apply `event`; return whether the state changed. `reason` is kept for the operator."""
+    def on(self, event: Event, why: Fault | str = "") -> bool:
+        """Apply `event`; return whether the state changed. `why` is kept then."""
         new = TRANSITIONS.get((self.state, event))
         if new is None:
             return False
         self.state = new
-        self.reason = reason
+        self.explain(why)
         return True
+
+    def explain(self, why: Fault | str) -> None:
+        """Keep why the robot is in the present state."""
+        self.reason = str(why)
+        self.fault = why if isinstance(why, Fault) else None

@@ -25,6 +25,7 @@ from robotctl.messages.control import (
     WheelCommand,
     WheelFeedback,
 )
+from robotctl.messages.faults import FaultCode
 from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -161,7 +162,17 @@ class RobotDouble:
             battery=self._battery(),
             emergencies=self.emergencies,
             emergency_stop=stop,
-            nodes=(NodeStatus(self.node_id, "drive", 5, heartbeat_ns, self.boots, self.problem),),
+            nodes=(
+                NodeStatus(
+                    self.node_id,
+                    "drive",
+                    5,
+                    heartbeat_ns,
+                    self.boots,
+                    self.problem,
+                    FaultCode.NODE_REFUSED if self.problem else FaultCode.NONE,
+                ),
+            ),
             bus=self.bus,
         )
 

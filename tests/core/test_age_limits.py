@@ -82,12 +82,12 @@ def test_the_drive_says_for_how_long_no_command_has_reached_it() -> None:
     assert health.unheard(1000 * MS) is None
     status(1020, limit_ms + 1)
     said = f"the motor controller had no valid command for {limit_ms + 1} ms"
-    assert health.unheard(1020 * MS) == said
+    assert str(health.unheard(1020 * MS)) == said
     status(1040, 0)  # the next ones came through
-    assert health.unheard(1120 * MS) == said
+    assert str(health.unheard(1120 * MS)) == said
     assert health.unheard(1120 * MS + 1) is None
     status(1140, 255)
-    assert health.unheard(1140 * MS) == said.replace(f"{limit_ms + 1} ms", "255 ms")
+    assert str(health.unheard(1140 * MS)) == said.replace(f"{limit_ms + 1} ms", "255 ms")
 
 
 def test_lost_commands_alone_stop_nobody_before_the_drive_does() -> None:

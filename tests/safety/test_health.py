@@ -20,6 +20,7 @@ from robotctl.messages.control import (
     SonarFeedback,
     WheelFeedback,
 )
+from robotctl.messages.faults import FaultCode
 from robotctl.safety.health import Health, are_fresh, fault_words, is_fresh, span_ns
 from robotctl.safety.state_machine import SafetyConfig
 
@@ -114,7 +115,7 @@ def test_a_refusal_tells_its_limit_as_it_was_configured() -> None:
 def test_a_health_that_never_saw_anything_has_seen_nothing_at_any_time(now_ns: int) -> None:
     """Nor does the time since the machine's start let it look fresh."""
     kept = Health(SAFETY, PERIOD_NS, NAMES)
-    assert kept.fault(now_ns) == "wheel feedback is older than 15 ms"
+    assert str(kept.fault(now_ns)) == "wheel feedback is older than 15 ms"
     assert len(kept.fresh_sonar_m(now_ns)) == len(NAMES)
     assert all(math.isnan(range_m) for range_m in kept.fresh_sonar_m(now_ns))
     found = kept.fresh_motor(now_ns), kept.fresh_drive(now_ns), kept.fresh_battery(now_ns)
@@ -177,13 +178,13 @@ def test_nodes_and_bus_are_the_present_state() -> None:
     assert kept.bus.state == BusState.BUS_OFF
     kept.update(Feedback())
     assert kept.bus == BusStatus()
-    assert kept.node_problem(NOW) == "no node has been heard on the bus"
+    assert str(kept.node_problem(NOW)) == "no node has been heard on the bus"
 
 
 def test_wheel_feedback_with_the_latch_of_before_is_none() -> None:
     later = NOW + 15 * MS + 1
     kept = health(GOOD, replace(GOOD, wheels=replace(GOOD.wheels, stamp_ns=later)))
-    assert kept.fault(later) == "wheel feedback is older than 15 ms"
+    assert str(kept.fault(later)) == "wheel feedback is older than 15 ms"
     kept.update(replace(GOOD, wheels=replace(GOOD.wheels, stamp_ns=later, timestamp_us=78)))
     assert kept.fault(later) is None
 
@@ -237,7 +238,7 @@ def test_each_reason_to_stop_also_keeps_from_arming_and_stands_once(
     feedback: Feedback, reason: str
 ) -> None:
     kept = health(feedback)
-    assert kept.fault(NOW) == reason
+    assert str(kept.fault(NOW)) == reason
     assert kept.refusals(NOW) == (reason,)
 
 
@@ -278,7 +279,7 @@ def test_what_is_allowed_is_no_reason(feedback: Feedback) -> None:
 def test_a_drive_that_reports_a_fault_is_not_trusted_though_it_has_not_stopped() -> None:
     kept = health(motor(state=DriveState.READY, faults=int(DriveFault.PARAMETER)))
     assert kept.refusals(NOW) == ("the motor controller reports: parameter",)
-    assert kept.fault(NOW) == "the motor controller reports: parameter"
+    assert str(kept.fault(NOW)) == "the motor controller reports: parameter"
 
 
 def test_what_the_drive_heard_last_counts_for_arming() -> None:
@@ -312,12 +313,12 @@ def test_a_drive_that_is_not_enabled_100_ms_behind_arming_or_being_so_is_a_fault
     assert kept.fault(NOW + late_ns) is None
     kept.update(at(late_ns + 1, state))
     words = f"the motor controller stays in {state.name.lower()}, told to drive"
-    assert kept.fault(NOW + late_ns + 1) == words
+    assert str(kept.fault(NOW + late_ns + 1)) == words
     kept.update(at(late_ns + 2, state, age_ms=16))
     unheard = "the motor controller had no valid command for 16 ms"
-    assert kept.fault(NOW + late_ns + 2) == unheard
+    assert str(kept.fault(NOW + late_ns + 2)) == unheard
     kept.update(at(late_ns + 3, DriveState.STOPPED))
-    assert kept.fault(NOW + late_ns + 3) == "the motor controller is in stopped"
+    assert str(kept.fault(NOW + late_ns + 3)) == "the motor controller is in stopped"
     kept.update(at(late_ns + 4, DriveState.ENABLED))
     assert kept.fault(NOW + late_ns + 4) is None
 
@@ -326,7 +327,7 @@ def test_each_node_that_is_out_of_service_is_named() -> None:
     silent = replace(NODES[0], heartbeat_ns=NOW - 350 * MS - 1)
     wrong = replace(NODES[1], problem="sonar ring (node 2): wrong firmware", heartbeat_ns=0)
     kept = health(replace(GOOD, nodes=(silent, wrong)))
-    assert kept.node_problem(NOW) == "drive (node 1): no heartbeat for 350 ms"
+    assert str(kept.node_problem(NOW)) == "drive (node 1): no heartbeat for 350 ms"
     assert kept.refusals(NOW) == (
         "drive (node 1): no heartbeat for 350 ms",
         "sonar ring (node 2): wrong firmware",
@@ -339,7 +340,7 @@ def test_the_drive_is_latched_in_its_three_stopped_states_however_old(state: Dri
     assert health(motor(state=state, stamp_ns=0)).drive_latched == latched
 
 
-def paused(pause_ms: int, later: Feedback | None = None, later_ms: int = 0) -> str | None:
+def paused(pause_ms: int, later: Feedback | None = None, later_ms: int = 0) -> str:
     """Return the reason to stop behind a pause, after which `later` comes."""
     made = health(GOOD)
     made.armed(NOW)
@@ -351,7 +352,58 @@ def paused(pause_ms: int, later: Feedback | None = None, later_ms: int = 0) -> s
         made.step(now_ns)
     if later is not None:
         made.update(later)
-    return made.fault(now_ns)
+    return str(made.fault(now_ns) or "")
+
+
+CODES = [
+    (bus(state=BusState.BUS_OFF), FaultCode.BUS_OFF, ""),
+    (bus(state=BusState.DOWN), FaultCode.BUS_DOWN, ""),
+    (aged("wheels", 16 * MS), FaultCode.WHEELS_STALE, "drive"),
+    (aged("motor", 201 * MS), FaultCode.MOTOR_STALE, "drive"),
+    (aged("drive", 201 * MS), FaultCode.DRIVE_STALE, "drive"),
+    (aged("battery", 501 * MS), FaultCode.BATTERY_STALE, ""),
+    (replace(GOOD, battery=None), FaultCode.BATTERY_UNHEARD, ""),
+    (battery(critical=True), FaultCode.BATTERY_CRITICAL, ""),
+    (aged("sonars", 251 * MS), FaultCode.SONAR_STALE, "front"),
+    (aged("nodes", 351 * MS), FaultCode.NODE_SILENT, "drive"),
+    (replace(GOOD, nodes=()), FaultCode.NODE_NOT_HEARD, ""),
+    (
+        replace(
+            GOOD,
+            nodes=(NODES[0], replace(NODES[1], problem="no", fault=FaultCode.NODE_CHANGED)),
+        ),
+        FaultCode.NODE_CHANGED,
+        "sonar ring",
+    ),
+    (motor(state=DriveState.STOPPED, faults=16), FaultCode.DRIVE_STOPPED, "drive"),
+    (motor(state=DriveState.EMERGENCY_STOP, faults=1), FaultCode.DRIVE_EMERGENCY_STOP, "drive"),
+    (motor(state=DriveState.FAULT), FaultCode.DRIVE_FAULT, "drive"),
+    (motor(state=DriveState.FAULT, faults=8 | 1), FaultCode.DRIVE_OVER_CURRENT, "drive"),
+    *(
+        (motor(state=state, faults=int(bit)), FaultCode[f"DRIVE_{bit.name}"], "drive")
+        for bit in DriveFault
+        for state in (DriveState.FAULT, DriveState.ENABLED)
+    ),
+]
+
+
+@pytest.mark.parametrize(("feedback", "code", "part"), CODES)
+def test_each_fault_has_its_code_and_the_part_it_is_about(
+    feedback: Feedback, code: FaultCode, part: str
+) -> None:
+    fault = health(feedback).fault(NOW)
+    assert fault is not None
+    assert (fault.code, fault.part) == (code, part)
+
+
+@pytest.mark.parametrize(("pause_ms", "code"), [(15, None), (16, FaultCode.CONTROL_HELD_UP)])
+def test_a_pause_has_a_code_of_its_own(pause_ms: int, code: FaultCode | None) -> None:
+    made = health(GOOD)
+    made.armed(NOW)
+    made.step(NOW)
+    made.step(NOW + pause_ms * MS)
+    fault = made.fault(NOW + pause_ms * MS)
+    assert (fault and fault.code) == code
 
 
 def test_what_is_too_old_behind_a_pause_of_this_process_is_blamed_on_the_pause() -> None:
@@ -362,7 +414,7 @@ def test_what_is_too_old_without_a_pause_is_not() -> None:
     made = health(GOOD)
     for tick in range(20):
         made.step(NOW + tick * 5 * MS)
-    assert made.fault(NOW + 95 * MS) == "wheel feedback is older than 15 ms"
+    assert str(made.fault(NOW + 95 * MS)) == "wheel feedback is older than 15 ms"
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def steer(
     for stamp_ns in (T0, T0 + lasts_ns):
         status = DriveStatus(stamp_ns, 0, stands, 12.0, 1, 0)
         monitors.take_drive(status, WheelCommand(enable, False, 0.0, 0.0, told))
-    return monitors.fault
+    return str(monitors.fault or "")
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -65,7 +65,7 @@ def test_after_a_reset_the_steering_has_its_whole_time_again() -> None:
 
     def at(time_ns: int) -> str:
         monitors.take_drive(DriveStatus(T0 + time_ns, 0, 0.0, 12.0, 1, 0), command)
-        return monitors.fault
+        return str(monitors.fault or "")
 
     at(0)
     monitors.reset()
@@ -89,7 +89,7 @@ class Clocks:
             self.stamp_ns += step_ns
             latch_us = self.latch_us & 0xFFFFF
             self.monitors.take_wheels(WheelFeedback(self.stamp_ns, latch_us, 0, 0))
-        return self.monitors.fault
+        return str(self.monitors.fault or "")
 
 
 def test_a_clock_may_run_off_by_its_share_and_no_more() -> None:

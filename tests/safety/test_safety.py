@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.messages.control import SafetyState
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.state_machine import LATCHED, POWERED, TRANSITIONS, Event, SafetyMachine
 
 EVENTS = st.lists(st.sampled_from(list(Event)), max_size=60)
@@ -101,6 +102,19 @@ def test_an_event_says_whether_it_changed_the_state_and_keeps_its_reason_only_th
         machine = SafetyMachine()
         machine.on(event)
         assert machine.reason == ("" if changes else "starting")
+
+
+def test_a_fault_is_kept_beside_its_text_until_another_reason() -> None:
+    machine = SafetyMachine()
+    machine.on(Event.READY)
+    machine.on(Event.ARM)
+    fault = Fault(FaultCode.BUS_DOWN, "the CAN bus is down")
+    machine.on(Event.FAULT, fault)
+    assert (machine.fault, machine.reason) == (fault, "the CAN bus is down")
+    machine.on(Event.FAULT, Fault(FaultCode.BUS_OFF, "later"))
+    assert machine.fault == fault
+    machine.on(Event.RESET, "arming after a stop")
+    assert (machine.fault, machine.reason) == (None, "arming after a stop")
 
 
 def test_every_state_can_be_reached_and_left() -> None:

@@ -10,16 +10,18 @@ from firmware_sim.nodes.e2e import Protector
 from hil_tests.fault_rows import ROWS
 from hil_tests.rig import COMMAND, EMCY_DRIVE
 from hil_tests.test_12_robot_faults import without_power_s
+from robotctl.messages.faults import FaultCode
 
-REASONS = {
-    "encoder": "left encoder reversed: -5.1 rad/s counted, 5.6 rad/s by duty and current",
-    "feedback": "wheel feedback is older than 15 ms",
-    "pair": "left and right wheel contradict each other: counted over electrical speed is 1 and 2",
-    "sonar": "odometry came 0.31 m nearer, but sonar front stands",
-    "sonar node": "sonar (node 2): no heartbeat for 350 ms",
-    "bus load": "the CAN bus is 93% full, 80% allowed",
-    "clock": "the drive's clock runs +9.8% against the host's",
-    "current": "left motor's current sensor says 3 A, at rest",
+FAULTS = {
+    "encoder": (FaultCode.ENCODER_REVERSED, "left"),
+    "other encoder": (FaultCode.ENCODER_REVERSED, "right"),
+    "feedback": (FaultCode.WHEELS_STALE, "drive"),
+    "pair": (FaultCode.WHEELS_CONTRADICT, ""),
+    "sonar": (FaultCode.WHEELS_SLIP, "front"),
+    "sonar node": (FaultCode.NODE_SILENT, "sonar"),
+    "nothing": (FaultCode.NONE, ""),
+    "clock": (FaultCode.CLOCK_DRIFT, "drive"),
+    "battery": (FaultCode.BATTERY_CRITICAL, ""),
 }
 
 
@@ -36,7 +38,7 @@ def row(name: str):
         ("encoder_disconnected wheel=left", {"encoder"}),
         ("wheels_swapped", set()),
         ("wheel_blocked wheel=left", set()),
-        ("over_current amperes=30", {"encoder"}),
+        ("over_current amperes=30", {"encoder", "other encoder"}),
         ("under_voltage volts=6", set()),
         ("node_silent node=drive", {"feedback"}),
         ("node_reset node=drive", {"feedback"}),
@@ -48,7 +50,7 @@ def row(name: str):
 def test_a_fault_is_explained_by_the_guards_that_can_see_it_alone(
     name: str, explained: set[str]
 ) -> None:
-    assert {kind for kind, text in REASONS.items() if row(name).explains(text)} == explained
+    assert {kind for kind, fault in FAULTS.items() if row(name).explains(*fault)} == explained
 
 
 def test_a_command_counts_as_a_stop_only_where_the_drive_takes_it_for_one() -> None:

@@ -34,7 +34,8 @@ def test_the_host_says_what_the_fault_can_explain(row):
     run = Run(find_file("diff_drive"), 7, row.omega_rad_s)
     run.drive(run.now_ns() + 1_000_000_000)
     run.reaction_ms(row, 0)
-    assert row.explains(run.reason())
+    code, part = run.fault()
+    assert row.explains(code, part), (code.name, part)
 
 
 @pytest.mark.parametrize("seed", [0, 2, 28])

@@ -9,6 +9,7 @@ from typing import Final
 from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, Response, SdoClient
 from robotctl.messages.control import NodeStatus
+from robotctl.messages.faults import FaultCode
 
 NMT_ID: Final = 0x000
 NMT_BOOT_UP, NMT_STOPPED, NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 0, 4, 5, 127
@@ -91,7 +92,7 @@ class Node:
         self._boots = 0
         self._attempts = 0
         self._wait_until_ns = 0
-        self._problem = "not heard on the bus"
+        self._problem, self._fault = "not heard on the bus", FaultCode.NODE_NOT_HEARD
         self.busy = False
         """Whether `poll` may have something to send."""
         self.status: NodeStatus
@@ -126,7 +127,7 @@ class Node:
         if command in _PUT_OUT and self.phase in (Phase.VERIFYING, Phase.READY):
             self._nmt_state, words = _PUT_OUT[command]
             self._begin()
-            self._say(f"{words} by somebody else on the bus (NMT)")
+            self._say(f"{words} by somebody else on the bus (NMT)", FaultCode.NODE_PUT_OUT)
 
     def on_sdo(self, data: bytes) -> None:
         """Take a frame of the node's SDO server."""
@@ -141,7 +142,7 @@ class Node:
         self._stop_script()
         self.phase = Phase.SILENT
         self.busy = False
-        self._say(f"no heartbeat for {self._timeout_ns / 1e6:g} ms")
+        self._say(f"no heartbeat for {self._timeout_ns / 1e6:g} ms", FaultCode.NODE_SILENT)
         return True
 
     def request(self, request: Request) -> bool:
@@ -211,7 +212,7 @@ class Node:
         self._wait_until_ns = 0
         self.busy = True
         if not again:
-            self._say("is being identified")
+            self._say("is being identified", FaultCode.NODE_STARTING)
         if self._nmt_state == NMT_STOPPED:
             self.phase = Phase.WAKING
         else:
@@ -267,17 +268,18 @@ class Node:
             self._doubted = False
             self._kept = (*self._kept[1:], setting)
         elif self._doubted:
-            self._refuse(f"{setting.differs(response.value)}: it was changed", self._heartbeat_ns)
+            problem = f"{setting.differs(response.value)}: it was changed"
+            self._refuse(problem, self._heartbeat_ns, FaultCode.NODE_CHANGED)
         else:
             self._doubted = True
             self._read()
 
-    def _refuse(self, problem: str, now_ns: int) -> None:
+    def _refuse(self, problem: str, now_ns: int, fault: FaultCode = FaultCode.NODE_REFUSED) -> None:
         """Keep the node out of service and say why; try again later."""
         self.phase = Phase.REFUSED
         self.busy = True
         self._wait_until_ns = now_ns + RETRY_NS
-        self._say(problem)
+        self._say(problem, fault)
 
     def _finish(self, kept: tuple[Setting, ...]) -> None:
         """Put the node into service; `kept` must stay as it is."""
@@ -286,7 +288,7 @@ class Node:
         self._kept = kept
         self._doubted = False
         self._unread = 0
-        self._say("")
+        self._say("", FaultCode.NONE)
 
     def _stop_script(self) -> None:
         """Drop whatever transfer is under way."""
@@ -305,14 +307,20 @@ class Node:
         """Return the NMT state that it shall bring, in words."""
         return "pre-operational" if self.phase is Phase.WAKING else "operational"
 
-    def _say(self, problem: str) -> None:
-        """Set the sentence for the operator."""
-        self._problem = problem
+    def _say(self, problem: str, fault: FaultCode) -> None:
+        """Set the sentence for the operator, and its kind."""
+        self._problem, self._fault = problem, fault
         self._refresh()
 
     def _refresh(self) -> None:
         """Make `status` say what is known now."""
         problem = f"{self._name} (node {self.node_id}): {self._problem}" if self._problem else ""
         self.status = NodeStatus(
-            self.node_id, self._name, self._nmt_state, self._heartbeat_ns, self._boots, problem
+            self.node_id,
+            self._name,
+            self._nmt_state,
+            self._heartbeat_ns,
+            self._boots,
+            problem,
+            self._fault,
         )

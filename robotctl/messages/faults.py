@@ -1,0 +1,98 @@
+"""Faults: why a robot stops, as a code for programs and a text for people."""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple
+
+
+class FaultCode(enum.IntEnum):
+    """Kinds of faults. Numbers are kept for good: logs hold them.
+
+    docs/safety.md says for each what an operator reads of it, how soon, and what to look at.
+    """
+
+    NONE = 0
+
+    # The bus.
+    BUS_OFF = 10
+    BUS_DOWN = 11
+
+    # Inputs that are missing or too old.
+    WHEELS_STALE = 20
+    MOTOR_STALE = 21
+    DRIVE_STALE = 22
+    BATTERY_STALE = 23
+    BATTERY_UNHEARD = 24
+    SONAR_STALE = 25
+
+    # This computer.
+    CONTROL_HELD_UP = 30
+    COMMAND_GUARD = 31
+
+    # What the motor controller says of itself.
+    COMMANDS_UNHEARD = 40
+    DRIVE_NOT_ENABLED = 41
+    DRIVE_STOPPED = 42
+    DRIVE_EMERGENCY_STOP = 43
+    DRIVE_FAULT = 44
+    DRIVE_OVER_CURRENT = 45
+    DRIVE_OVER_TEMPERATURE = 46
+    DRIVE_UNDER_VOLTAGE = 47
+    DRIVE_ENCODER = 48
+    DRIVE_COMMAND_TIMEOUT = 49
+    DRIVE_PARAMETER = 50
+
+    # The battery.
+    BATTERY_CRITICAL = 60
+
+    # Nodes on the bus.
+    NODE_NOT_HEARD = 70
+    NODE_SILENT = 71
+    NODE_STARTING = 72
+    NODE_REFUSED = 73
+    NODE_CHANGED = 74
+    NODE_PUT_OUT = 75
+    NODE_RESTARTED = 76
+
+    # Emergency stops.
+    EMERGENCY_STOP = 80
+    EMERGENCY_STOP_BUS = 81
+    DRIVES_UNASKED = 82
+
+    # Inputs that contradict each other.
+    ENCODER_STUCK = 100
+    ENCODER_REVERSED = 101
+    ENCODERS_SWAPPED = 102
+    ENCODER_WRONG = 103
+    ENCODER_JUMPS = 104
+    WHEELS_CONTRADICT = 105
+    WHEEL_BLOCKED = 106
+    WHEEL_PUSHES = 107
+    STEERING_OFF = 108
+    CLOCK_DRIFT = 109
+    WHEELS_SLIP = 120
+    SONAR_STUCK = 121
+    ODOMETRY_REVERSED = 122
+
+
+class Fault(NamedTuple):
+    """One fault.
+
+    Parameters
+    ----------
+    code
+        Its kind.
+    text
+        A sentence for people, with the values found; `str(fault)` is this.
+    part
+        Name of the node, wheel or sonar that it is about; empty where it is about none alone.
+    """
+
+    code: FaultCode
+    text: str
+    part: str = ""
+
+    def __str__(self) -> str:
+        """Return the text."""
+        return self.text
