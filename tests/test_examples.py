@@ -62,6 +62,22 @@ def test_the_homography_agrees_with_opencv():
         assert (x_m, y_m) == pytest.approx(tuple(expected), abs=1e-3)
 
 
+def test_bayes_finds_the_door_and_survives_a_wild_range():
+    (cell, percent), (mean_m, sigma_m), (gaussian_m, robust_m) = run("bayes_in_a_corridor")
+    assert cell == 4
+    assert percent > 50
+    assert (mean_m, sigma_m) == pytest.approx((2.02, 0.1 / 5**0.5), abs=1e-3)
+    assert gaussian_m > 2.4
+    assert robust_m == pytest.approx(2.0, abs=0.05)
+
+
+def test_a_median_removes_wild_readings_and_smoothing_noise():
+    (raw_m, _), (median_m, _), (smooth_m, late) = run("filter_sonar_readings")
+    assert raw_m > 0.2
+    assert smooth_m < median_m < 0.1 * raw_m
+    assert late == pytest.approx(2.0 + 1.5)
+
+
 def test_signals_are_heard_on_simcan(tmp_path):
     settings = {"XDG_RUNTIME_DIR": str(tmp_path)}
     robot, world = (f"configs/{name}.toml" for name in ("diff_drive", "worlds/flat"))

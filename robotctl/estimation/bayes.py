@@ -188,25 +188,6 @@ def fuse(sources: Iterable[Gaussian]) -> Gaussian:
     return Gaussian(weighted / information, 1.0 / information)
 
 
-def fuse_vectors(means: Array, covariances: Array) -> tuple[Array, Array]:
-    """Return what k independent sources say together of one vector.
-
-    Parameters
-    ----------
-    means
-        (k, n), none of them an angle near the wrap.
-    covariances
-        (k, n, n), each positive definite.
-
-    Returns
-    -------
-    Mean (n,) and covariance (n, n).
-    """
-    information = np.linalg.inv(covariances)
-    covariance = np.linalg.inv(information.sum(axis=0))
-    return covariance @ np.einsum("kij,kj->i", information, means), covariance
-
-
 def gaussian_likelihood(z: ArrayLike, expected: ArrayLike, sigma: float) -> Array:
     """Return the density of measurements about what was expected, with sigma in the same unit."""
     off = (np.asarray(z, np.float64) - np.asarray(expected, np.float64)) / sigma

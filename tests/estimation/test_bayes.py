@@ -14,7 +14,6 @@ from robotctl.estimation.bayes import (
     DiscreteBayes,
     Gaussian,
     fuse,
-    fuse_vectors,
     gaussian_likelihood,
     robust_likelihood,
     shift_transition,
@@ -171,26 +170,11 @@ def test_odometry_and_rangefinders_follow_a_robot_to_a_wall():
     assert np.mean(np.square(normalised)) == pytest.approx(1.0, abs=0.5)
 
 
-def test_fusing_many_is_multiplying_them_and_vectors_fuse_as_their_parts_do():
+def test_fusing_many_is_multiplying_them():
     sources = [Gaussian(1.0, 0.5), Gaussian(1.4, 0.2), Gaussian(0.7, 1.5)]
     product = sources[0] * sources[1] * sources[2]
     assert fuse(sources).mean == pytest.approx(product.mean)
     assert fuse(sources).variance == pytest.approx(product.variance)
-    mean, covariance = fuse_vectors(
-        np.array([[each.mean, -each.mean] for each in sources]),
-        np.array([np.eye(2) * each.variance for each in sources]),
-    )
-    np.testing.assert_allclose(mean, [product.mean, -product.mean])
-    np.testing.assert_allclose(covariance, np.eye(2) * product.variance)
-
-
-def test_a_sensor_that_is_sure_of_one_direction_alone_leaves_the_other_to_the_rest():
-    mean, covariance = fuse_vectors(
-        np.array([[1.0, 5.0], [3.0, 2.0]]),
-        np.array([np.diag([1e-6, 1e6]), np.diag([1e6, 1e-6])]),
-    )
-    np.testing.assert_allclose(mean, [1.0, 2.0], atol=1e-4)
-    np.testing.assert_allclose(np.diag(covariance), 1e-6, rtol=1e-4)
 
 
 @given(finite, finite, positive)
