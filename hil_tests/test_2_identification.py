@@ -7,6 +7,7 @@ import pytest
 from hil_tests.rig import DRIVE, NODE_NAMES, Rig
 from robotctl.config.robot_file import config_directory
 from robotctl.messages.control import SafetyState
+from robotctl.messages.faults import FaultCode
 
 
 @pytest.mark.parametrize("node", NODE_NAMES)
@@ -42,4 +43,4 @@ def test_without_the_firmware_the_host_says_what_is_missing_and_does_not_arm(mak
     rig.wait_for_state(SafetyState.STANDBY)
     rig.kill("firmware")
     state = rig.wait_for_state(SafetyState.BOOT)
-    assert "drive" in state.reason
+    assert (state.fault, state.fault_part) == (FaultCode.NODE_SILENT, "drive"), state.reason

@@ -30,6 +30,7 @@ _PURE: Final = (
     "robotctl.safety.health",
     "robotctl.safety.stale_frame_filter",
     "robotctl.messages.control",
+    "robotctl.messages.faults",
     "robotctl.safety.node_events",
     "robotctl.safety.plausibility",
     "robotctl.safety.state_machine",

@@ -20,6 +20,7 @@ from robotctl.messages.control import (
     EmergencyStopSource,
     SafetyState,
 )
+from robotctl.messages.faults import FaultCode
 from tests.core.robot_double import PERIOD_NS, RobotDouble
 
 
@@ -100,20 +101,20 @@ def empty_battery(robot: RobotDouble) -> None:
 
 
 @pytest.mark.parametrize(
-    ("damage", "within_ticks", "word"),
+    ("damage", "within_ticks", "code"),
     [
-        (mute_wheels, 4, "wheel feedback"),
-        (mute_status, 41, "status"),
-        (bus_off, 1, "bus off"),
-        (lose_node, 1, "no heartbeat"),
-        (reboot_node, 1, "restarted"),
-        (drive_timeout, 1, "stopped"),
-        (drive_fault, 1, "over current"),
-        (empty_battery, 1, "critical"),
+        (mute_wheels, 4, FaultCode.WHEELS_STALE),
+        (mute_status, 41, FaultCode.MOTOR_STALE),
+        (bus_off, 1, FaultCode.BUS_OFF),
+        (lose_node, 1, FaultCode.NODE_REFUSED),
+        (reboot_node, 1, FaultCode.NODE_RESTARTED),
+        (drive_timeout, 1, FaultCode.DRIVE_STOPPED),
+        (drive_fault, 1, FaultCode.DRIVE_OVER_CURRENT),
+        (empty_battery, 1, FaultCode.BATTERY_CRITICAL),
     ],
 )
 def test_each_fault_stops_within_its_time_and_latches(
-    damage: Break, within_ticks: int, word: str
+    damage: Break, within_ticks: int, code: FaultCode
 ) -> None:
     robot = RobotDouble().armed()
     robot.ticks(100, (0.5, 0.0))
@@ -121,7 +122,7 @@ def test_each_fault_stops_within_its_time_and_latches(
     for _ in range(within_ticks):
         robot.tick(robot.velocity(0.5, 0.0))
     assert robot.state == SafetyState.FAULT
-    assert word in robot.snapshot().reason
+    assert robot.snapshot().fault == code, robot.snapshot().reason
     assert robot.outputs.command.enable is False
     assert (robot.outputs.command.duty1, robot.outputs.command.duty2) == (0.0, 0.0)
     robot.mute_wheels = robot.mute_status = False
