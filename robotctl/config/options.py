@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
-from robotctl.config.robot_file import RobotConfig, load_robot
+from robotctl.config.robot_file import RobotConfig, load_robot, robot_of_json, robot_to_json
 from robotctl.errors import ConfigError
 from robotctl.messages.ports import Clock
 from robotctl.runtime.clock import RealClock, wall_offset_ns
 from robotctl.runtime.simulated_clock import SimulatedClock
 from robotctl.toml_source import is_utf_8
+
+_MOST_BYTES: Final = 128 * 1024 - 1
+"""Of one argument, by execve(2): 32 pages, the zero byte at its end included."""
 
 
 class StackOptions(msgspec.Struct, frozen=True):
@@ -43,6 +47,8 @@ class StackOptions(msgspec.Struct, frozen=True):
         that their logs agree, and none jumps when the wall clock is set; 0 in virtual time.
     clock
         File of a simulator's clock, which all processes of the robot go by; empty: the computer's.
+    config
+        What the file and the settings said when they were validated, as JSON; empty: not yet.
     """
 
     instance: str
@@ -58,9 +64,25 @@ class StackOptions(msgspec.Struct, frozen=True):
     run: str = ""
     epoch_ns: int = msgspec.field(default_factory=wall_offset_ns)
     clock: str = ""
+    config: str = ""
+
+    def validated(self) -> StackOptions:
+        """Return the same with the robot's file read and validated.
+
+        All processes that are started with it have this one configuration, those started again
+        too, whatever becomes of the file.
+
+        Raises
+        ------
+        ConfigError
+            With one line for each error of the file.
+        """
+        return msgspec.structs.replace(self, config=robot_to_json(self.load()))
 
     def load(self) -> RobotConfig:
-        """Read the configuration with its overrides."""
+        """Return the configuration: the validated one, else what file and overrides say now."""
+        if self.config:
+            return robot_of_json(self.config)
         return load_robot(Path(self.robot), self.overrides)
 
     def open_clock(self, *, paces: bool = False) -> Clock:
@@ -84,12 +106,19 @@ class StackOptions(msgspec.Struct, frozen=True):
         Raises
         ------
         ConfigError
-            If a name of a file is not UTF-8: logs and messages could not tell it.
+            If a name of a file is not UTF-8: logs and messages could not tell it; if the
+            configuration is larger than the kernel lets an argument be.
         """
         for name, value in msgspec.structs.asdict(self).items():
             if isinstance(value, str) and not is_utf_8(value):
                 raise ConfigError(f"{name}: {value}: not UTF-8")
-        return [sys.executable, "-m", module, msgspec.json.encode(self).decode()]
+        argument = msgspec.json.encode(self)
+        if len(argument) > _MOST_BYTES:
+            raise ConfigError(
+                f"{self.robot}: the configuration has {len(argument)} bytes as JSON; processes "
+                f"are handed {_MOST_BYTES} at most"
+            )
+        return [sys.executable, "-m", module, argument.decode()]
 
 
 def options_of_command_line(arguments: list[str]) -> StackOptions:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from pydantic import Field
+import msgspec
+from pydantic import Field, TypeAdapter
 
 from robotctl import toml_source
 from robotctl.control.limiter import LimitsConfig
@@ -199,6 +201,22 @@ def load_robot(path: Path, overrides: Sequence[str] = ()) -> RobotConfig:
         With one line for each error.
     """
     return toml_source.load(path, RobotConfig, overrides, _contradictions)
+
+
+def robot_to_json(config: RobotConfig) -> str:
+    """Return a validated configuration as JSON, which `robot_of_json` reads."""
+    return json.dumps(msgspec.to_builtins(config))  # msgspec's own knows no infinity
+
+
+def robot_of_json(text: str) -> RobotConfig:
+    """Return the configuration that `robot_to_json` wrote.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        If another version of robotctl wrote it, whose configuration this one does not read.
+    """
+    return TypeAdapter(RobotConfig).validate_json(text)
 
 
 def camera_of(config: RobotConfig, file: Path) -> CameraConfig:

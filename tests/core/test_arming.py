@@ -1,12 +1,11 @@
 """Arming is refused with every reason, as text, and accepted where there is none."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import msgspec
 import pytest
 
-from robotctl.app.processes.arming_checks import Fitness
+from robotctl.app.processes.control import missing_rights
 from robotctl.control.pid import PidConfig
 from robotctl.core.warmup import rehearse
 from robotctl.messages.control import (
@@ -161,28 +160,10 @@ def test_the_rehearsal_takes_a_core_through_arming_and_leaves_other_cores_alone(
     assert repr(msgspec.structs.asdict(RobotDouble().snapshot())) == repr(before)
 
 
-def test_a_changed_configuration_file_speaks_against_arming_until_it_is_as_before(
-    tmp_path: Path,
-) -> None:
-    robot, dbc = tmp_path / "robot.toml", tmp_path / "robot.dbc"
-    robot.write_text("a = 1\n")
-    dbc.write_text("x")
-    fitness = Fitness(robot, dbc)
-    assert fitness.objections() == ()
-    robot.write_text("a = 2\n")
-    assert [str(robot) in reason for reason in fitness.objections()] == [True]
-    robot.write_text("a = 1\n")
-    assert fitness.objections() == ()
-    dbc.unlink()
-    assert [str(dbc) in reason for reason in fitness.objections()] == [True]
-
-
 def test_missing_rights_speak_against_arming() -> None:
-    fitness = Fitness()
-    fitness.refused_rights = ("SCHED_FIFO priority 60 refused", "locking memory refused")
-    assert fitness.objections() == tuple(
-        f"real-time right missing: {right} (or set runtime.allow_best_effort)"
-        for right in fitness.refused_rights
+    refused = ("SCHED_FIFO priority 60 refused", "locking memory refused")
+    assert missing_rights(refused) == tuple(
+        f"real-time right missing: {right} (or set runtime.allow_best_effort)" for right in refused
     )
 
 

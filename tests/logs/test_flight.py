@@ -10,7 +10,6 @@ import pytest
 from typer.testing import CliRunner
 
 from robotctl.app.processes import control
-from robotctl.app.processes.arming_checks import Fitness
 from robotctl.app.processes.recorder import Recording
 from robotctl.app.processes.robot import make_core, record_header
 from robotctl.cli.commands import app
@@ -394,7 +393,7 @@ def test_a_defect_in_the_loop_leaves_the_ring_for_the_next_start(
     monkeypatch.setattr(control, "rehearse", lambda *_: True)
     monkeypatch.setattr(ControlCore, "step", step)
     with pytest.raises(AssertionError, match="a defect"):
-        control.run(replace(CONFIG, can=replace(CONFIG.can, channel="none")), OPTIONS, Fitness())
+        control.run(replace(CONFIG, can=replace(CONFIG.can, channel="none")), OPTIONS)
     assert robot.is_closed
     path = ring_path(OPTIONS.instance)
     assert path.exists()

@@ -6,18 +6,17 @@ import functools
 import math
 import os
 import sys
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Final
 
 import msgspec
 import zmq
 
-from robotctl.app.processes.arming_checks import Fitness
 from robotctl.app.processes.progress import last_pose, load_progress
 from robotctl.app.processes.robot import make_core, make_robot, record_header
 from robotctl.app.supervision.signals import EmergencySignal, StopFlag
 from robotctl.config.options import StackOptions, options_of_command_line
-from robotctl.config.robot_file import RobotConfig, config_directory
+from robotctl.config.robot_file import RobotConfig
 from robotctl.core.checkpoint import checkpoint
 from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.core.warmup import rehearse
@@ -66,7 +65,7 @@ class ControlTicker:
         SIGUSR1, the emergency stop that works without requests.
     heartbeat
         Tells the supervisor of each tick.
-    fitness
+    objections
         What of this computer speaks against arming.
     """
 
@@ -80,7 +79,7 @@ class ControlTicker:
         ring: FlightRing | None,
         emergency: EmergencySignal,
         heartbeat: Heartbeat,
-        fitness: Fitness,
+        objections: tuple[str, ...],
     ) -> None:
         self._robot = robot
         self._core = core
@@ -90,7 +89,7 @@ class ControlTicker:
         self._ring = ring
         self._emergency = emergency
         self._heartbeat = heartbeat
-        self._fitness = fitness
+        self._objections = objections
         self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
         self._published_ns = 0
         self._inputs = Inputs(Feedback())
@@ -103,7 +102,7 @@ class ControlTicker:
             requests += (EmergencyStop(now_ns, EmergencyStopSource.OPERATOR),)
         objections: tuple[str, ...] = ()
         if any(isinstance(request, Arm) and request.arm for request in requests):
-            objections = self._fitness.objections()
+            objections = self._objections
         self._inputs = Inputs(self._robot.receive(now_ns), requests, objections)
 
     def control(self, now_ns: int) -> None:
@@ -164,7 +163,15 @@ def open_ring(
     return ring, ()
 
 
-def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
+def missing_rights(refused: Sequence[str]) -> tuple[str, ...]:
+    """Return an objection to arming for each real-time right that the machine refused."""
+    return tuple(
+        f"real-time right missing: {sentence} (or set runtime.allow_best_effort)"
+        for sentence in refused
+    )
+
+
+def run(config: RobotConfig, options: StackOptions) -> None:
     """Run the control loop until SIGTERM or SIGINT; the motors go off first."""
     stopped = StopFlag()
     emergency = EmergencySignal()
@@ -184,12 +191,11 @@ def run(config: RobotConfig, options: StackOptions, fitness: Fitness) -> None:
     loop = Loop(clock, config.runtime.period_ns)
     heartbeat = Heartbeat(os.environ)
     ring, ring_notes = open_ring(config, options, core)
-    ticker = ControlTicker(
-        robot, core, requests, publisher, loop, ring, emergency, heartbeat, fitness
-    )  # fmt: skip
     refused = acquire_realtime(config.runtime)
-    if not config.runtime.allow_best_effort:
-        fitness.refused_rights = tuple(refused)
+    objections = () if config.runtime.allow_best_effort else missing_rights(refused)
+    ticker = ControlTicker(
+        robot, core, requests, publisher, loop, ring, emergency, heartbeat, objections
+    )  # fmt: skip
     if sentences := (*notes, *ring_notes, *refused):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(sentences)))
     in_order = False
@@ -212,8 +218,7 @@ def main() -> int:
     """Entry point of the process."""
     options = options_of_command_line(sys.argv)
     try:
-        fitness = Fitness(Path(options.robot), config_directory() / "robot.dbc")
-        run(options.load(), options, fitness)
+        run(options.load(), options)
     except RobotctlError as error:
         print(f"robotctl control: {error}", file=sys.stderr)  # noqa: T201
         return 2

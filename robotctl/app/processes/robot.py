@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
-import msgspec
-
 import robotctl
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import RobotConfig, config_directory
+from robotctl.config.robot_file import RobotConfig, config_directory, robot_to_json
 from robotctl.core.checkpoint import fields_of
 from robotctl.core.control_core import ControlCore
 from robotctl.drivers.can.config import NodeParameters
@@ -69,7 +65,7 @@ def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:
     """Return what a replay needs to make the same core again."""
     return RecordHeader(
         version=robotctl.__version__,
-        robot_json=json.dumps(msgspec.to_builtins(config)),  # msgspec's own knows no infinity
+        robot_json=robot_to_json(config),
         x_m=options.x_m,
         y_m=options.y_m,
         theta_rad=options.theta_rad,

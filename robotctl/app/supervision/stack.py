@@ -68,6 +68,7 @@ class Stack:
     """
 
     def __init__(self, options: StackOptions) -> None:
+        options = options.validated()
         config = options.load()
         roles: tuple[Role, ...] = ROLES
         if config.camera is not None and config.camera.enabled:

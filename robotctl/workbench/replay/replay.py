@@ -11,7 +11,7 @@ import pydantic
 
 from robotctl.app.processes.robot import make_core
 from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import RobotConfig
+from robotctl.config.robot_file import RobotConfig, robot_of_json
 from robotctl.runtime.flight.recorder import (
     Difference,
     RecordError,
@@ -84,7 +84,7 @@ def robot_of(header: RecordHeader, path: Path) -> tuple[RobotConfig, StackOption
         If its configuration cannot be read here.
     """
     try:
-        config = pydantic.TypeAdapter(RobotConfig).validate_json(header.robot_json)
+        config = robot_of_json(header.robot_json)
     except pydantic.ValidationError as error:
         raise RecordError(
             f"{path}: made by robotctl {header.version}, whose configuration this one does not "

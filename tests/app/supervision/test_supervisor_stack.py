@@ -145,6 +145,26 @@ def test_navigation_and_telemetry_may_die_until_they_are_given_up_and_control_ti
     assert stack.pid(CONTROL) == control
 
 
+def test_processes_started_again_have_the_configuration_of_before_whatever_the_file_says(
+    channel: str, ear: Ear, tmp_path: Path
+) -> None:
+    robot = tmp_path / "robot.toml"
+    robot.write_text(find_file("diff_drive").read_text())
+    with contextlib.closing(Stack(StackOptions("robot", str(robot), overrides(channel)))) as stack:
+        watch_until(stack, lambda: stack.ready, "ready")
+        robot.write_text("[robot]\nname = 1\n")
+        os.kill(stack.pid(TELEMETRY), signal.SIGKILL)
+        os.kill(stack.pid(CONTROL), signal.SIGKILL)
+        again = (CONTROL, NAVIGATION, TELEMETRY)
+        watch_until(
+            stack,
+            lambda: all(
+                stack.starts(each) == 2 and stack.phase(each) is Phase.READY for each in again
+            ),
+            "all are ready again",
+        )
+
+
 def camera_stack(channel: str, *settings: str) -> Stack:
     robot = str(find_file("diff_drive").resolve())
     looks = (*overrides(channel), "camera.enabled=true", *settings)
