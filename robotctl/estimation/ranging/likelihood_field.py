@@ -17,7 +17,8 @@ near the truth die out, and a wrong place that fits by chance takes over.
   reached, keeps its likelihood by the distance to the wall.
 - A beam that says how sure it is has the variance of the field and its own, rounded to one of a
   few: each is a field of its own, made when the first such beam comes.
-- The field cannot see that a beam goes through a wall; the beam model can (`beam_model.py`).
+- The field cannot see that a beam goes through a wall. Casting its rays took 40 to 60 times as long
+  and tracked no better (docs/decisions.md).
 """
 
 from __future__ import annotations

@@ -94,40 +94,6 @@ class BeamMixture:
         return garbage * math.sqrt(math.tau) * sigma_m / self.hit
 
 
-def log_density(
-    mixture: BeamMixture,
-    expected_m: NDArray[np.float64],
-    measured_m: NDArray[np.float64],
-    max_range_m: float,
-) -> NDArray[np.float32]:
-    """Return log p(z | z*) of each beam at each pose, (k, n), in single precision.
-
-    Parameters
-    ----------
-    mixture
-        Weights and shapes of the parts.
-    expected_m
-        z*, (k, n) [m]; inf where the map has nothing in range.
-    measured_m
-        z, (k,) [m]; inf or at least `max_range_m` without an echo; no nan.
-    max_range_m
-        The sensor's greatest range [m].
-    """
-    seen = measured_m < max_range_m
-    result = np.empty(expected_m.shape, np.float32)
-    nothing = np.isinf(expected_m[~seen])
-    result[~seen] = np.where(
-        nothing, np.float32(math.log(mixture.none + mixture.hit)), math.log(mixture.none)
-    )
-    z_star = expected_m[seen].astype(np.float32)
-    z = measured_m[seen].astype(np.float32)[:, np.newaxis]
-    hit, short = densities(mixture, z_star, z, max_range_m)
-    hit += short
-    hit += mixture.random / max_range_m
-    result[seen] = np.log(hit, out=hit)
-    return result
-
-
 def densities(
     mixture: BeamMixture, z_star: NDArray[_Real], z: NDArray[_Real], max_range_m: float
 ) -> tuple[NDArray[_Real], NDArray[_Real]]:
