@@ -47,7 +47,7 @@ class LogFormat:
     has_time_unit
         Whether times are numbers whose unit the user can give; False where the format fixes it.
     in_folder
-        Which file tells a folder of this format, for messages; "" where it has no folders.
+        Which files tell a folder of this format, for messages; "" where it has no folders.
     """
 
     name: str

@@ -352,5 +352,5 @@ def _read(path: Path, options: ReadOptions) -> Recording:
 
 
 ROS_BAG: Final = LogFormat(
-    "a ROS bag", is_ros_bag, _read, has_time_unit=False, in_folder="metadata.yaml"
+    "a ROS bag", is_ros_bag, _read, has_time_unit=False, in_folder="metadata.yaml, *.bag"
 )

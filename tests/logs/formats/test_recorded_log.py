@@ -1,6 +1,7 @@
 """Which kind a recording is, and what is said of what is none."""
 
 import gzip
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -210,3 +211,17 @@ def test_a_log_without_a_reference_is_no_reference(tmp_path):
     path.write_text(LINE)
     with pytest.raises(LogFormatError, match=r"a\.log: no reference in it; a TUM trajectory"):
         read_reference(path)
+
+
+def test_a_log_that_has_a_reference_is_one(tmp_path, monkeypatch):
+    path = tmp_path / "a.txt"
+    path.write_text("# compass\n0 0 0 0\n")
+    truth = Trajectory.of([0, 1], [SE2(), SE2(1.0, 2.0, 0.0)])
+    tracked = replace(
+        COMPASS,
+        read=lambda path, options: Recording(
+            path.name, reference=truth, reference_has_heading=False
+        ),
+    )
+    monkeypatch.setattr(recorded_log, "LOG_FORMATS", (*recorded_log.LOG_FORMATS, tracked))
+    assert read_reference(path) == (truth, False)
