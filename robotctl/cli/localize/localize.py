@@ -41,7 +41,7 @@ def localize(
     ] = "",
     reference: Annotated[
         Path | None,
-        typer.Option(help="TUM file to compare with, instead of the log's own reference."),
+        typer.Option(help="TUM file, or log with a reference, to compare with instead of its own."),
     ] = None,
     particles: Annotated[
         int | None,
