@@ -17,6 +17,29 @@ class ConfigError(RobotctlError):
     """A configuration file or an override is wrong; the message has one line for each error."""
 
 
+class InvalidValue(ValueError):  # noqa: N818 - says which value, as ValueError does
+    """A value breaks a rule of the object that is made with it.
+
+    Parameters
+    ----------
+    key
+        Its name in that object; with dots where it is deeper inside.
+    rule
+        What is allowed, and what was found, in words that may follow `KEY: `.
+    value
+        What was found.
+    """
+
+    def __init__(self, key: str, rule: str, value: object) -> None:
+        super().__init__(key, rule, value)
+        self.key = key
+        self.rule = rule
+        self.value = value
+
+    def __str__(self) -> str:
+        return f"{self.key} {self.rule}" if self.rule[:5] == "must " else f"{self.key}: {self.rule}"
+
+
 class DiskError(RobotctlError):
     """The disk did not take what was to be written; no input is wrong."""
 

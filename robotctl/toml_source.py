@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 import pydantic
 
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, InvalidValue
 
 T = TypeVar("T")
 Key = tuple[str | int, ...]
@@ -32,8 +32,6 @@ _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _ASSIGNMENT = re.compile(r"^\s*([A-Za-z0-9_\-\"'.]+)\s*=")
 _INDEX = re.compile(r"\[(\d+)\]")
 _END_OF_VALUE = re.compile(r"[\]}\"']\s*(?:#.*)?$")
-_KEY_FIRST = re.compile(r"([a-z]\w*(?:\.\w+)*)(?:: | (?=must |puts ))")
-_TELLS_VALUE = re.compile(r"\bfound\b|\bnot [-\d('\"]|\bnot (?:nan|inf)\b")
 
 
 def load(
@@ -150,7 +148,7 @@ def _dates(data: Any, at: Key) -> Iterator[tuple[Key, str]]:
 
 
 def _problems(item: Mapping[str, Any], data: Any, kind: Any) -> Iterator[tuple[Key, str]]:
-    """Yield what an error of pydantic says; that of a constructor may have several lines."""
+    """Yield what an error of pydantic says."""
     what, found, context = item["type"], item["input"], item.get("ctx", {})
     key = _data_key(item["loc"], data, missing=what == "missing")
     if what == "missing":
@@ -162,34 +160,29 @@ def _problems(item: Mapping[str, Any], data: Any, kind: Any) -> Iterator[tuple[K
         else:
             yield key, f"must be one of {context['expected_tags']}, found {context['tag']!r}"
     elif what == "value_error":
-        for line in str(context["error"]).splitlines():
-            yield _named_key(key, line, data, kind)
+        yield _blamed(key, context["error"], data, kind)
     else:
         message = item["msg"]
         yield key, f"{message[:1].lower()}{message[1:]}, found {shown(found)}"
 
 
-def _named_key(at: Key, message: str, data: Any, kind: Any) -> tuple[Key, str]:
-    """Return the key that a constructor's message begins with, and the rest with what was found.
+def _blamed(at: Key, error: ValueError, data: Any, kind: Any) -> tuple[Key, str]:
+    """Return the key that a constructor blames, and why.
 
-    Its table, `at`, and the whole message where that begins with none of the table's keys.
+    Its table, `at`, and the whole message where it blames none of the table's keys.
     """
+    if not isinstance(error, InvalidValue):
+        return at, str(error)
     table, table_kind = data, _dataclass_of(data, kind)
     for part in at:
         table, table_kind = _step(table, table_kind, part)
-    named = _KEY_FIRST.match(message)
-    if named is None:
-        return at, message
     key: Key = at
-    for part in named[1].split("."):
+    for part in error.key.split("."):
         if not _has(table, table_kind, part):
-            return at, message
+            return at, str(error)
         table, table_kind = _step(table, table_kind, part)
         key = (*key, part)
-    rule = message[named.end() :]
-    if _TELLS_VALUE.search(rule) or rule.startswith(f'"{table}": '):
-        return key, rule
-    return key, f"{rule}, found {shown(table)}"
+    return key, error.rule
 
 
 def _has(table: Any, kind: Any, part: str) -> bool:

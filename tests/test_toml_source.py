@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, InvalidValue
 from robotctl.toml_source import load, parse
 
 
@@ -18,7 +18,7 @@ class Gains:
 
     def __post_init__(self) -> None:
         if self.kp < 0:
-            raise ValueError("kp must not be negative")
+            raise InvalidValue("kp", f"must not be negative, found {self.kp}", self.kp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def test_all_errors_of_a_file_come_at_once() -> None:
 
 
 def test_a_rule_of_a_constructor_is_told_at_its_key_with_what_was_found() -> None:
-    wrong = "gains.kp: must not be negative, found -1"
+    wrong = "gains.kp: must not be negative, found -1.0"
     assert errors("[gains]\nkp = -1\n") == [f"robot.toml:2: {wrong}"]
     assert errors("gains.kp = -1\n") == [f"robot.toml:1: {wrong}"]
     assert errors("gains = {kd = 1, kp = -1}\n") == [f"robot.toml:1: {wrong}"]
@@ -107,6 +107,52 @@ def test_a_rule_of_a_constructor_is_told_at_its_key_with_what_was_found() -> Non
     (line,) = errors('[gains]\nkp = 1\n[[shape]]\nradius_m = "1"\nkind = "round"\n')
     assert line.startswith("robot.toml:4: shape[0].radius_m: ")
     assert line.endswith(", found '1'")
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    low: int = 0
+    gains: Gains = field(default_factory=lambda: Gains(1.0))
+
+    def __post_init__(self) -> None:
+        if self.low == 1:
+            raise InvalidValue("low", "darf nicht eins sein", self.low)
+        if self.low == 2:
+            raise InvalidValue("gains.kp", "is too much for low 2", self.gains.kp)
+        if self.low == 3:
+            raise InvalidValue("other", "must be there", None)
+        if self.low == 4:
+            raise ValueError("low must not be 4: it is only said in words")
+
+
+@pytest.mark.parametrize(
+    ("low", "said"),
+    [
+        (1, "robot.toml:2: pair.low: darf nicht eins sein"),
+        (2, "robot.toml:4: pair.gains.kp: is too much for low 2"),
+        (3, "robot.toml:1: pair: other must be there"),
+        (4, "robot.toml:1: pair: low must not be 4: it is only said in words"),
+    ],
+)
+def test_the_key_to_blame_is_the_one_of_the_error_and_not_one_read_from_its_words(
+    low: int, said: str
+) -> None:
+    @dataclass(frozen=True, slots=True)
+    class PairFile:
+        pair: Pair
+
+    with pytest.raises(ConfigError) as caught:
+        parse(f"[pair]\nlow = {low}\n[pair.gains]\nkp = 1\n", PairFile, "robot.toml")
+    assert str(caught.value) == said
+
+
+def test_a_wrong_value_says_key_rule_and_value() -> None:
+    with pytest.raises(InvalidValue) as caught:
+        Gains(-1.0)
+    error = caught.value
+    assert (error.key, error.value) == ("kp", -1.0)
+    assert str(error) == f"kp {error.rule}" == "kp must not be negative, found -1.0"
+    assert str(InvalidValue("kp", "2 found, 1 allowed", 2)) == "kp: 2 found, 1 allowed"
 
 
 def test_a_rule_of_several_keys_blames_the_one_that_it_names_first() -> None:
@@ -196,7 +242,7 @@ def test_all_wrong_settings_are_told_at_once() -> None:
         "--set shape.9.radius_m=0.1: shape[9]: no such key",
         "--set gains: not of the form key.subkey=value",
         '--set gains.kpp=2: gains.kpp: unknown key; did you mean "kp"?',
-        "--set gains.kp=-1: gains.kp: must not be negative, found -1",
+        "--set gains.kp=-1: gains.kp: must not be negative, found -1.0",
     ]
 
 

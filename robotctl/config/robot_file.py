@@ -18,7 +18,7 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
 from robotctl.core.control_core import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
 from robotctl.drivers.can.config import CanConfig
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.mavlink.config import MavlinkConfig
@@ -63,7 +63,9 @@ class Identity:
     def __post_init__(self) -> None:
         """Check the name, which becomes part of file names."""
         if not self.name.replace("_", "").replace("-", "").isalnum():
-            raise ValueError(f"name must be letters, digits, - and _, not {self.name!r}")
+            raise InvalidValue(
+                "name", f"must be letters, digits, - and _, not {self.name!r}", self.name
+            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Final
 
+from robotctl.errors import InvalidValue
 from robotctl.model.geometry.twist import Twist
 
 _LANDED: Final = 1e-9
@@ -58,7 +59,7 @@ class LimitsConfig:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"{field.name}: {value} found, a finite number > 0 allowed")
+                raise InvalidValue(field.name, f"{value} found, a finite number > 0 allowed", value)
 
 
 def scale_to_limits(v_m_s: float, omega_rad_s: float, v_max: float, omega_max: float) -> Twist:

@@ -18,6 +18,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Final
 
+from robotctl.errors import InvalidValue
+
 FRICTION_BAND_RAD_S: Final = 0.02
 """Below this reference speed the friction feed-forward is proportional to it [rad/s]."""
 
@@ -66,7 +68,9 @@ class PidConfig:
         for field in fields(self):
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{field.name}: {value} found, a finite number >= 0 allowed")
+                raise InvalidValue(
+                    field.name, f"{value} found, a finite number >= 0 allowed", value
+                )
 
     @property
     def can_drive(self) -> bool:

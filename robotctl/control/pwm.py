@@ -12,6 +12,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from robotctl.errors import InvalidValue
+
 ZERO_DUTY: Final = 0.5e-4
 """Smaller effective duties are 0: half the resolution of the wire's duty signals."""
 
@@ -45,16 +47,22 @@ class PwmConfig:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.deadband < 1.0:
-            raise ValueError(f"deadband: {self.deadband} found, [0, 1) allowed")
+            raise InvalidValue("deadband", f"{self.deadband} found, [0, 1) allowed", self.deadband)
         if not self.slew_per_s > 0.0:
-            raise ValueError(f"slew_per_s: {self.slew_per_s} found, a number > 0 allowed")
+            raise InvalidValue(
+                "slew_per_s", f"{self.slew_per_s} found, a number > 0 allowed", self.slew_per_s
+            )
         if not self.deadband < self.max_duty <= 1.0:
-            raise ValueError(
-                f"max_duty: {self.max_duty} found, ({self.deadband}, 1] allowed (above deadband)"
+            raise InvalidValue(
+                "max_duty",
+                f"{self.max_duty} found, ({self.deadband}, 1] allowed (above deadband)",
+                self.max_duty,
             )
         if not 0.0 < self.min_bus_voltage_v < math.inf:
-            raise ValueError(
-                f"min_bus_voltage_v: {self.min_bus_voltage_v} found, a finite number > 0 allowed"
+            raise InvalidValue(
+                "min_bus_voltage_v",
+                f"{self.min_bus_voltage_v} found, a finite number > 0 allowed",
+                self.min_bus_voltage_v,
             )
 
 

@@ -29,6 +29,8 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
+from robotctl.errors import InvalidValue
+
 Side = Literal["left", "right"]
 
 _MIN_PATH_M: Final = 1e-6
@@ -52,7 +54,7 @@ def critically_damped(length_m: float) -> WallGains:
         If the length is not positive and finite.
     """
     if not 0.0 < length_m < math.inf:
-        raise ValueError(f"length_m: {length_m} found, a finite number > 0 allowed")
+        raise InvalidValue("length_m", f"{length_m} found, a finite number > 0 allowed", length_m)
     return WallGains(1.0 / length_m**2, 2.0 / length_m)
 
 
@@ -132,7 +134,7 @@ class WallFollowConfig:
 
     def __post_init__(self) -> None:
         if self.side not in ("left", "right"):
-            raise ValueError(f'side: {self.side!r} found, "left" or "right" allowed')
+            raise InvalidValue("side", f'{self.side!r} found, "left" or "right" allowed', self.side)
         for name in (
             "distance_m",
             "kp",
@@ -145,13 +147,25 @@ class WallFollowConfig:
         ):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"{name}: {value} found, a finite number > 0 allowed")
+                raise InvalidValue(name, f"{value} found, a finite number > 0 allowed", value)
         if not 0.0 < self.approach_max_rad < math.pi / 2:
-            raise ValueError(f"approach_max_rad: {self.approach_max_rad} found, (0, pi/2) allowed")
+            raise InvalidValue(
+                "approach_max_rad",
+                f"{self.approach_max_rad} found, (0, pi/2) allowed",
+                self.approach_max_rad,
+            )
         if not 0.0 <= self.reacquire_s < math.inf:
-            raise ValueError(f"reacquire_s: {self.reacquire_s} found, a finite number >= 0 allowed")
+            raise InvalidValue(
+                "reacquire_s",
+                f"{self.reacquire_s} found, a finite number >= 0 allowed",
+                self.reacquire_s,
+            )
         if not self.range_max_m > self.distance_m:
-            raise ValueError(f"range_max_m: {self.range_max_m} found, more than distance_m allowed")
+            raise InvalidValue(
+                "range_max_m",
+                f"{self.range_max_m} found, more than distance_m allowed",
+                self.range_max_m,
+            )
 
 
 class WallFollower:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from robotctl.errors import InvalidValue
 from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
@@ -72,19 +73,29 @@ class LocalisationConfig:
     def __post_init__(self) -> None:
         for key in ("start_sigma_m", "start_sigma_deg"):
             if not 0.0 < getattr(self, key) < math.inf:
-                raise ValueError(f"{key}: {getattr(self, key)} found, a finite number > 0 allowed")
+                raise InvalidValue(
+                    key,
+                    f"{getattr(self, key)} found, a finite number > 0 allowed",
+                    getattr(self, key),
+                )
         if self.seed < 0:
-            raise ValueError(f"seed: {self.seed} found, 0 or more allowed")
+            raise InvalidValue("seed", f"{self.seed} found, 0 or more allowed", self.seed)
         if self.particles_max < _FEWEST:
-            raise ValueError(
-                f"particles_max: {self.particles_max} found, {_FEWEST} or more allowed"
+            raise InvalidValue(
+                "particles_max",
+                f"{self.particles_max} found, {_FEWEST} or more allowed",
+                self.particles_max,
             )
         if self.places and self.method != "mcl":
-            raise ValueError(
-                f'places: needs method "mcl", found "{self.method}": only particles weigh places'
+            raise InvalidValue(
+                "places",
+                f'needs method "mcl", found "{self.method}": only particles weigh places',
+                self.places,
             )
         if self.start == "unknown" and self.method != "mcl":
-            raise ValueError(
-                f'start: "unknown" needs method "mcl", found "{self.method}": only particles can '
-                "search a map"
+            raise InvalidValue(
+                "start",
+                f'"unknown" needs method "mcl", found "{self.method}": only particles can '
+                "search a map",
+                self.start,
             )

@@ -17,7 +17,7 @@ from typing import Final, Literal
 import numpy as np
 
 from robotctl import toml_source
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.places.database import PlaceBook
 from robotctl.estimation.places.places import Place, Visit
 from robotctl.estimation.places.signatures import Signature, SignatureConfig
@@ -47,7 +47,9 @@ class VisitEntry:
     def __post_init__(self) -> None:
         for key in ("x_m", "y_m", "heading_deg"):
             if not math.isfinite(getattr(self, key)):
-                raise ValueError(f"{key} must be finite, found {getattr(self, key)}")
+                raise InvalidValue(
+                    key, f"must be finite, found {getattr(self, key)}", getattr(self, key)
+                )
         _ = self.value
 
     @cached_property

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from robotctl import toml_source
 from robotctl.config.robot_file import MAPS, TOML, find_file
-from robotctl.errors import ConfigError
+from robotctl.errors import ConfigError, InvalidValue
 from robotctl.maps.map_file import refuse_image
 from robotctl.model.wall_map import WallMap
 
@@ -59,9 +59,13 @@ class _Wall:
 
     def __post_init__(self) -> None:
         if len(self.points) < 2:
-            raise ValueError(f"points: must be two at least, found {len(self.points)}")
+            raise InvalidValue(
+                "points", f"must be two at least, found {len(self.points)}", self.points
+            )
         if not 0.0 <= self.thickness_m < math.inf:
-            raise ValueError("thickness_m: must be 0 m or more")
+            raise InvalidValue(
+                "thickness_m", f"must be 0 m or more, found {self.thickness_m}", self.thickness_m
+            )
 
     def outlines(self) -> Iterator[Outline]:
         """Yield the polyline, or each rectangle."""
@@ -92,9 +96,15 @@ class _Box:
 
     def __post_init__(self) -> None:
         if not all(0.0 < side_m < math.inf for side_m in self.size):
-            raise ValueError("size: must be two lengths above 0 m")
+            raise InvalidValue(
+                "size", f"must be two lengths above 0 m, found {self.size}", self.size
+            )
         if not math.isfinite(self.heading_deg):
-            raise ValueError("heading_deg: must be a finite number of degrees")
+            raise InvalidValue(
+                "heading_deg",
+                f"must be a finite number of degrees, found {self.heading_deg}",
+                self.heading_deg,
+            )
 
     def outlines(self) -> Iterator[Outline]:
         """Yield its four sides."""
@@ -120,9 +130,11 @@ class _Pillar:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.radius_m < math.inf:
-            raise ValueError("radius_m: must be above 0 m")
+            raise InvalidValue(
+                "radius_m", f"must be above 0 m, found {self.radius_m}", self.radius_m
+            )
         if not 6 <= self.sides <= 128:
-            raise ValueError("sides: must be 6 to 128")
+            raise InvalidValue("sides", f"must be 6 to 128, found {self.sides}", self.sides)
 
     def outlines(self) -> Iterator[Outline]:
         """Yield its sides."""

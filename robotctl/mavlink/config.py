@@ -6,6 +6,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+from robotctl.errors import InvalidValue
 from robotctl.messages.mavlink_port import LinkConfig
 
 MIN_RATE_HZ = 0.001
@@ -48,9 +49,10 @@ class StreamRates:
         for rate in dataclasses.fields(self):
             value = getattr(self, rate.name)
             if value != 0.0 and not MIN_RATE_HZ <= value <= MAX_RATE_HZ:
-                raise ValueError(
-                    f"{rate.name} must be 0 (off) or {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}, "
-                    f"not {value}"
+                raise InvalidValue(
+                    rate.name,
+                    f"must be 0 (off) or {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g}, not {value}",
+                    value,
                 )
 
 
@@ -92,18 +94,22 @@ class MavlinkConfig:
     def __post_init__(self) -> None:
         for name in ("system_id", "component_id"):
             if not 1 <= getattr(self, name) <= 255:
-                raise ValueError(f"{name} must be 1 to 255, not {getattr(self, name)}")
+                raise InvalidValue(
+                    name, f"must be 1 to 255, not {getattr(self, name)}", getattr(self, name)
+                )
         _check_range("setpoint_timeout_s", self.setpoint_timeout_s, 0.05, 10.0)
         _check_range("gcs_timeout_s", self.gcs_timeout_s, 1.0, 60.0)
         urls = [link.url for link in self.link]
         if repeated := sorted({url for url in urls if urls.count(url) > 1}):
             raise ValueError(f"links must differ, found more than once: {', '.join(repeated)}")
         if self.hold_without_gcs and not self.link:
-            raise ValueError(
-                "hold_without_gcs: true found, but there is no link to a ground station"
+            raise InvalidValue(
+                "hold_without_gcs",
+                "true found, but there is no link to a ground station",
+                self.hold_without_gcs,
             )
 
 
 def _check_range(name: str, value: float, low: float, high: float) -> None:
     if not (math.isfinite(value) and low <= value <= high):
-        raise ValueError(f"{name} must be {low:g} to {high:g}, not {value}")
+        raise InvalidValue(name, f"must be {low:g} to {high:g}, not {value}", value)

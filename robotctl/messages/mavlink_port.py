@@ -8,6 +8,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
+from robotctl.errors import InvalidValue
+
 KINDS = ("udpout", "udpin", "tcpout", "tcpin", "serial")
 FORMS = (
     "udpout:HOST:PORT, udpin:HOST:PORT, tcpout:HOST:PORT, tcpin:HOST:PORT or serial:/dev/NAME:BAUD"
@@ -57,7 +59,7 @@ class LinkConfig:
         try:
             parse_link_url(self.url)
         except ValueError as error:
-            raise ValueError(f"url: {error}") from None
+            raise InvalidValue("url", str(error), self.url) from None
 
     @property
     def address(self) -> LinkAddress:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from robotctl.errors import InvalidValue
 from robotctl.planning.behaviours.follow_wall import WallConfig
 from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.local.pursuit import PursuitConfig
@@ -43,7 +44,9 @@ class NavigationConfig:
 
     def __post_init__(self) -> None:
         if not 5.0 <= self.rate_hz <= 100.0:
-            raise ValueError(f"rate_hz: {self.rate_hz} found, 5 to 100 allowed")
+            raise InvalidValue("rate_hz", f"{self.rate_hz} found, 5 to 100 allowed", self.rate_hz)
         for key in ("guided_speed_m_s", "return_speed_m_s", "look_around_speed_m_s"):
             if not 0.0 < getattr(self, key) < math.inf:
-                raise ValueError(f"{key}: {getattr(self, key)} found, a number > 0 allowed")
+                raise InvalidValue(
+                    key, f"{getattr(self, key)} found, a number > 0 allowed", getattr(self, key)
+                )

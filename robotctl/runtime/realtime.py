@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from robotctl.errors import InvalidValue
+
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 
@@ -51,13 +53,17 @@ class LoopConfig:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 100 <= self.rate_hz <= 1000:
-            raise ValueError(f"rate_hz must be 100 to 1000, not {self.rate_hz}")
+            raise InvalidValue("rate_hz", f"must be 100 to 1000, not {self.rate_hz}", self.rate_hz)
         if not 0 <= self.priority <= 99:
-            raise ValueError(f"priority must be 0 to 99, not {self.priority}")
+            raise InvalidValue("priority", f"must be 0 to 99, not {self.priority}", self.priority)
         if not -1 <= self.cpu <= MAX_CPU:
-            raise ValueError(f"cpu must be -1 to {MAX_CPU}, not {self.cpu}")
+            raise InvalidValue("cpu", f"must be -1 to {MAX_CPU}, not {self.cpu}", self.cpu)
         if not -1 <= self.wake_latency_us <= 10_000:
-            raise ValueError(f"wake_latency_us must be -1 to 10000, not {self.wake_latency_us}")
+            raise InvalidValue(
+                "wake_latency_us",
+                f"must be -1 to 10000, not {self.wake_latency_us}",
+                self.wake_latency_us,
+            )
 
     @property
     def period_ns(self) -> int:

@@ -25,6 +25,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
+from robotctl.errors import InvalidValue
 from robotctl.messages.control import (
     BatteryFeedback,
     DriveStatus,
@@ -128,13 +129,13 @@ class PlausibilityConfig:
         for name, most in _MOST.items():
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"{name}: {value} found, a finite number > 0 allowed")
+                raise InvalidValue(name, f"{value} found, a finite number > 0 allowed", value)
             if value > most:
-                raise ValueError(f"{name}: {value} found, at most {most} allowed")
+                raise InvalidValue(name, f"{value} found, at most {most} allowed", value)
         for name, (low, high) in _RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
-                raise ValueError(f"{name}: {value} found, {low} to {high} allowed")
+                raise InvalidValue(name, f"{value} found, {low} to {high} allowed", value)
 
 
 _MOST: Final = {

@@ -10,6 +10,7 @@ import enum
 from dataclasses import dataclass
 from typing import Final
 
+from robotctl.errors import InvalidValue
 from robotctl.messages.control import SafetyState
 from robotctl.messages.faults import Fault
 
@@ -113,7 +114,7 @@ class SafetyConfig:
         for name, (low, high) in _RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
-                raise ValueError(f"{name} must be {low} to {high}, not {value}")
+                raise InvalidValue(name, f"must be {low} to {high}, not {value}", value)
 
 
 _RANGES: Final = {

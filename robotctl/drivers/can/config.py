@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from robotctl.errors import InvalidValue
+
 _BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 
 RESTART_MS: Final = 100
@@ -43,20 +45,28 @@ class CanConfig:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not self.channel:
-            raise ValueError("channel must not be empty")
+            raise InvalidValue(
+                "channel", f"must not be empty, found {self.channel!r}", self.channel
+            )
         if self.interface == "socketcan" and not _is_device(self.channel):
-            raise ValueError(
-                f"channel must be the name of a network device, such as can0: at most "
-                f"{_DEVICE_BYTES} bytes, no white space, '/' or ':', not {self.channel!r}"
+            raise InvalidValue(
+                "channel",
+                "must be the name of a network device, such as can0: at most "
+                f"{_DEVICE_BYTES} bytes, no white space, '/' or ':', not {self.channel!r}",
+                self.channel,
             )
         if self.interface == "simcan" and not _SIMULATED.fullmatch(self.channel):
-            raise ValueError(
-                "channel must be the name of a simulated bus (letters, digits, '_', '.' and '-', "
-                f"a letter or digit first) or the path of its socket, not {self.channel!r}"
+            raise InvalidValue(
+                "channel",
+                "must be the name of a simulated bus (letters, digits, '_', '.' and '-', "
+                f"a letter or digit first) or the path of its socket, not {self.channel!r}",
+                self.channel,
             )
         if self.bitrate not in _BITRATES:
             allowed = ", ".join(str(bitrate) for bitrate in _BITRATES)
-            raise ValueError(f"bitrate must be one of {allowed}, not {self.bitrate}")
+            raise InvalidValue(
+                "bitrate", f"must be one of {allowed}, not {self.bitrate}", self.bitrate
+            )
 
 
 def _is_device(name: str) -> bool:
@@ -122,23 +132,31 @@ class NodeParameters:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 1 <= self.rate_hz <= 10_000:
-            raise ValueError(f"rate_hz must be 1 to 10000, not {self.rate_hz}")
+            raise InvalidValue("rate_hz", f"must be 1 to 10000, not {self.rate_hz}", self.rate_hz)
         if not 10 <= self.command_timeout_ms <= 1000:
-            raise ValueError(
-                f"command_timeout_ms must be 10 to 1000, not {self.command_timeout_ms}"
+            raise InvalidValue(
+                "command_timeout_ms",
+                f"must be 10 to 1000, not {self.command_timeout_ms}",
+                self.command_timeout_ms,
             )
         if self.command_timeout_ms * self.rate_hz < 2000:
-            raise ValueError(
-                f"command_timeout_ms must be at least two control periods "
-                f"({2000 / self.rate_hz:g} ms), not {self.command_timeout_ms}"
+            raise InvalidValue(
+                "command_timeout_ms",
+                f"must be at least two control periods ({2000 / self.rate_hz:g} ms), not "
+                f"{self.command_timeout_ms}",
+                self.command_timeout_ms,
             )
         if self.heartbeat_timeout_ms <= 0:
-            raise ValueError(
-                f"heartbeat_timeout_ms must be positive, not {self.heartbeat_timeout_ms}"
+            raise InvalidValue(
+                "heartbeat_timeout_ms",
+                f"must be positive, not {self.heartbeat_timeout_ms}",
+                self.heartbeat_timeout_ms,
             )
         if self.counts_per_revolution <= 0:
-            raise ValueError(
-                f"counts_per_revolution must be positive, not {self.counts_per_revolution}"
+            raise InvalidValue(
+                "counts_per_revolution",
+                f"must be positive, not {self.counts_per_revolution}",
+                self.counts_per_revolution,
             )
         if not 0 <= self.sonars <= 16:
-            raise ValueError(f"sonars must be 0 to 16, not {self.sonars}")
+            raise InvalidValue("sonars", f"must be 0 to 16, not {self.sonars}", self.sonars)

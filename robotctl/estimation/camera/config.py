@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robotctl.errors import InvalidValue
+
 
 @dataclass(frozen=True, slots=True)
 class GroundCameraConfig:
@@ -86,13 +88,15 @@ class GroundCameraConfig:
         self._check("least_width_m", 0.001, 1.0)
         self._check("boundary_sigma_px", 0.0, 50.0)
         if not 0.0 < self.adaption <= 1.0:
-            raise ValueError(f"adaption must lie in (0, 1], found {self.adaption}")
+            raise InvalidValue(
+                "adaption", f"must lie in (0, 1], found {self.adaption}", self.adaption
+            )
         if not 1 <= self.beams <= 10_000:
-            raise ValueError(f"beams must be 1 to 10000, found {self.beams}")
+            raise InvalidValue("beams", f"must be 1 to 10000, found {self.beams}", self.beams)
 
     def _check(self, key: str, above: float, below: float) -> None:
         """Refuse a value that is not strictly between two bounds."""
         value = getattr(self, key)
         if not (math.isfinite(value) and above < value < below):
             low = 0 if above < 0.0 else above
-            raise ValueError(f"{key} must lie between {low:g} and {below:g}, found {value}")
+            raise InvalidValue(key, f"must lie between {low:g} and {below:g}, found {value}", value)

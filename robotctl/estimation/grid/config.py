@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robotctl.errors import InvalidValue
+
 
 @dataclass(frozen=True, slots=True)
 class OccupancyGridConfig:
@@ -77,16 +79,20 @@ class OccupancyGridConfig:
         self._check("sonar_width_deg", 0.0, 180.0)
         for key in ("hit", "miss", "sonar_hit", "sonar_miss"):
             if not self.step <= getattr(self, key) <= self.limit:
-                raise ValueError(
-                    f"{key} must lie in [limit / {STEPS}, limit] = [{self.step:g}, "
-                    f"{self.limit:g}], found {getattr(self, key)}"
+                raise InvalidValue(
+                    key,
+                    f"must lie in [limit / {STEPS}, limit] = [{self.step:g}, {self.limit:g}], "
+                    f"found {getattr(self, key)}",
+                    getattr(self, key),
                 )
 
     def _check(self, key: str, above: float, below: float) -> None:
         """Refuse a value that is not strictly between two bounds."""
         if not above < getattr(self, key) < below:
-            raise ValueError(
-                f"{key} must lie in ({above:g}, {below:g}), found {getattr(self, key)}"
+            raise InvalidValue(
+                key,
+                f"must lie in ({above:g}, {below:g}), found {getattr(self, key)}",
+                getattr(self, key),
             )
 
     @property

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.errors import InvalidValue
 from robotctl.estimation.places.signatures import Signature
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
@@ -66,7 +67,11 @@ class RecognitionConfig:
         if not (0.0 < self.ratio <= 1.0 and 0.0 <= self.least_echoes <= 1.0):
             raise ValueError("ratio must be in (0, 1], least_echoes in [0, 1]")
         if not 0.0 <= self.turn_sigma_rad < math.inf:
-            raise ValueError(f"turn_sigma_rad must be finite and >= 0, found {self.turn_sigma_rad}")
+            raise InvalidValue(
+                "turn_sigma_rad",
+                f"must be finite and >= 0, found {self.turn_sigma_rad}",
+                self.turn_sigma_rad,
+            )
         if not (
             self.within.mean < self.between.mean
             and min(self.within.sigma, self.between.sigma) > 0.0
@@ -108,7 +113,9 @@ class Place:
 
     def __post_init__(self) -> None:
         if not (self.name.strip() and self.name.isprintable()):
-            raise ValueError(f"name must be printable and not empty, found {self.name!r}")
+            raise InvalidValue(
+                "name", f"must be printable and not empty, found {self.name!r}", self.name
+            )
         if not self.visits:
             raise ValueError(f"place {self.name}: at least one visit is needed")
 

@@ -28,6 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.errors import InvalidValue
+
 _CLASSES_A_SIGMA = 1.5
 """Depth classes in one `depth_sigma_m`: echoes half way between two weigh as much as others."""
 
@@ -60,12 +62,16 @@ class SignatureConfig:
 
     def __post_init__(self) -> None:
         if self.bearings < 8:
-            raise ValueError(f"bearings must be >= 8, found {self.bearings}")
+            raise InvalidValue("bearings", f"must be >= 8, found {self.bearings}", self.bearings)
         for key in ("max_range_m", "depth_sigma_m"):
             if not 0.0 < getattr(self, key) < math.inf:
-                raise ValueError(f"{key} must be finite and > 0, found {getattr(self, key)}")
+                raise InvalidValue(
+                    key, f"must be finite and > 0, found {getattr(self, key)}", getattr(self, key)
+                )
         if not 0.0 < self.least_seen <= 1.0:
-            raise ValueError(f"least_seen must be in (0, 1], found {self.least_seen}")
+            raise InvalidValue(
+                "least_seen", f"must be in (0, 1], found {self.least_seen}", self.least_seen
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,10 +103,18 @@ class Signature:
             )
         heard = ~np.isnan(self.depth_m)
         if not np.all((self.depth_m[heard] > 0.0) & np.isfinite(self.depth_m[heard])):
-            raise ValueError("depth_m must be finite and > 0, or nan where there was no echo")
+            raise InvalidValue(
+                "depth_m",
+                "must be finite and > 0, or nan where there was no echo",
+                self.depth_m,
+            )
         seen = self.silence[self.seen]
         if not np.all((seen >= 0.0) & (seen <= 1.0)):
-            raise ValueError("silence must be in [0, 1], or nan where no sonar looked")
+            raise InvalidValue(
+                "silence",
+                "must be in [0, 1], or nan where no sonar looked",
+                self.silence,
+            )
         contradicting = np.flatnonzero(heard != (self.silence < 1.0))
         if len(contradicting):
             i = int(contradicting[0])

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from robotctl.errors import InvalidValue
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -39,11 +41,11 @@ class BeamSkipping:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.sigmas <= 4.0:
-            raise ValueError(f"sigmas must be in (0, 4], found {self.sigmas}")
+            raise InvalidValue("sigmas", f"must be in (0, 4], found {self.sigmas}", self.sigmas)
         for key in ("below", "at_most"):
             value = getattr(self, key)
             if not 0.0 < value < 1.0:
-                raise ValueError(f"{key} must be in (0, 1), found {value}")
+                raise InvalidValue(key, f"must be in (0, 1), found {value}", value)
 
     def kept(self, agreeing_share: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which beams to keep, (k,), from the share of the poses that each agrees with."""
@@ -85,10 +87,14 @@ class LikelihoodFieldConfig:
 
     def __post_init__(self) -> None:
         if self.beams < 1:
-            raise ValueError(f"beams must be >= 1, found {self.beams}")
+            raise InvalidValue("beams", f"must be >= 1, found {self.beams}", self.beams)
         for key in ("sigma_m", "robust_k"):
             value = getattr(self, key)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"{key} must be finite and > 0, found {value}")
+                raise InvalidValue(key, f"must be finite and > 0, found {value}", value)
         if not 0.0 <= self.beam_correlation < 1.0:
-            raise ValueError(f"beam_correlation must be in [0, 1), found {self.beam_correlation}")
+            raise InvalidValue(
+                "beam_correlation",
+                f"must be in [0, 1), found {self.beam_correlation}",
+                self.beam_correlation,
+            )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robotctl.errors import InvalidValue
+
 
 @dataclass(frozen=True, slots=True)
 class SonarModelConfig:
@@ -50,6 +52,8 @@ class SonarModelConfig:
             low_enough = value < greatest
             high_enough = value >= 0.0 if key == "sigma_per_m" else value > 0.0
             if not (low_enough and high_enough):
-                raise ValueError(f"{key}: {value} found, more than 0 and below {greatest} allowed")
+                raise InvalidValue(
+                    key, f"{value} found, more than 0 and below {greatest} allowed", value
+                )
         if self.random + self.none >= 1.0:
             raise ValueError(f"random + none must be < 1, found {self.random + self.none}")

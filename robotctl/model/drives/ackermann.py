@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from robotctl.errors import InvalidValue
 from robotctl.model.drives.wheels import (
     SidePair,
     WheelReference,
@@ -80,10 +81,12 @@ class AckermannDrive:
         require_steering(self.steering_max_rad)
         require_offset(self.steering_offset_rad, self.steering_max_rad)
         if self.min_turning_radius_m <= 0.5 * self.track_width_m:
-            raise ValueError(
-                "steering_max_rad puts the centre of rotation between the wheels: "
+            raise InvalidValue(
+                "steering_max_rad",
+                "puts the centre of rotation between the wheels: "
                 f"{self.min_turning_radius_m:.3f} m from base, half the track is "
-                f"{0.5 * self.track_width_m:.3f} m"
+                f"{0.5 * self.track_width_m:.3f} m, found {self.steering_max_rad}",
+                self.steering_max_rad,
             )
 
     @property

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from robotctl.errors import InvalidValue
 from robotctl.model.drives.wheels import WheelReference, require_positive
 from robotctl.model.geometry.twist import Twist
 
@@ -49,7 +50,11 @@ class DifferentialDrive:
     def __post_init__(self) -> None:
         require_positive(self, "track_width_m", "wheel_radius_m", "counts_per_revolution")
         if not 0.5 <= self.wheel_radius_ratio <= 2.0:
-            raise ValueError("wheel_radius_ratio must be between 0.5 and 2")
+            raise InvalidValue(
+                "wheel_radius_ratio",
+                f"must be between 0.5 and 2, found {self.wheel_radius_ratio}",
+                self.wheel_radius_ratio,
+            )
 
     @property
     def wheel_radii_m(self) -> tuple[float, ...]:

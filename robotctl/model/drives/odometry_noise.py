@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robotctl.errors import InvalidValue
+
 
 @dataclass(frozen=True, slots=True)
 class MotionNoise:
@@ -37,7 +39,7 @@ class MotionNoise:
         for key in self.__slots__:
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{key} must be finite and not negative")
+                raise InvalidValue(key, f"must be finite and not negative, found {value}", value)
 
     def at_least(self, other: MotionNoise) -> MotionNoise:
         """Return the greater of both, noise by noise."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from robotctl.errors import InvalidValue
+
 
 class WheelReference(NamedTuple):
     """Wanted wheel speeds [rad/s] and steering angle [rad, positive left]."""
@@ -26,22 +28,29 @@ def require_positive(drive: object, *keys: str) -> None:
     for key in keys:
         value = getattr(drive, key)
         if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{key} must be positive and finite")
+            raise InvalidValue(key, f"must be positive and finite, found {value}", value)
 
 
 def require_steering(steering_max_rad: float) -> None:
     """Raise ValueError unless a steering limit is in (0, pi/2) [rad]."""
     if not 0.0 < steering_max_rad < 0.5 * math.pi:
-        raise ValueError("steering_max_rad must be between 0 and pi/2, both excluded")
+        raise InvalidValue(
+            "steering_max_rad",
+            f"must be between 0 and pi/2, both excluded, found {steering_max_rad}",
+            steering_max_rad,
+        )
 
 
 def require_offset(steering_offset_rad: float, steering_max_rad: float) -> None:
     """Raise ValueError unless a steering with this offset reaches both sides and is under pi/2."""
     room_rad = min(steering_max_rad, 0.5 * math.pi - steering_max_rad)
     if not abs(steering_offset_rad) < room_rad:
-        raise ValueError(
-            f"steering_offset_rad must be between {-room_rad:.3g} and {room_rad:.3g}, which keeps "
-            "the wheel's angle under pi/2 and both sides in reach"
+        raise InvalidValue(
+            "steering_offset_rad",
+            f"must be between {-room_rad:.3g} and {room_rad:.3g}, which keeps the "
+            "wheel's angle under pi/2 and both sides in reach, found "
+            f"{steering_offset_rad}",
+            steering_offset_rad,
         )
 
 

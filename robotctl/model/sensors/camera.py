@@ -10,6 +10,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from robotctl.errors import InvalidValue
+
 MAX_SIDE_PX = 10_000
 SIMULATED = "sim"
 """As the source of pictures: the simulated camera."""
@@ -55,13 +57,21 @@ class CameraIntrinsics:
     def __post_init__(self) -> None:
         for key in ("width_px", "height_px"):
             if not 1 <= getattr(self, key) <= MAX_SIDE_PX:
-                raise ValueError(f"{key} must be 1 to {MAX_SIDE_PX}, not {getattr(self, key)}")
+                raise InvalidValue(
+                    key, f"must be 1 to {MAX_SIDE_PX}, not {getattr(self, key)}", getattr(self, key)
+                )
         _check_finite(self, ("fx_px", "fy_px", "cx_px", "cy_px"))
         for key in ("fx_px", "fy_px"):
             if getattr(self, key) <= 0.0:
-                raise ValueError(f"{key} must be > 0, not {getattr(self, key)}")
+                raise InvalidValue(
+                    key, f"must be > 0, not {getattr(self, key)}", getattr(self, key)
+                )
         if len(self.distortion) != 5 or not all(math.isfinite(k) for k in self.distortion):
-            raise ValueError("distortion must be five finite numbers: k1, k2, p1, p2, k3")
+            raise InvalidValue(
+                "distortion",
+                f"must be five finite numbers: k1, k2, p1, p2, k3, found {self.distortion}",
+                self.distortion,
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +111,11 @@ class CameraMount:
     def __post_init__(self) -> None:
         _check_finite(self, self.__slots__)
         if self.z_m <= 0.0:
-            raise ValueError(f"z_m must be above the floor, > 0, not {self.z_m}")
+            raise InvalidValue("z_m", f"must be above the floor, > 0, not {self.z_m}", self.z_m)
         if not -90.0 <= self.pitch_deg <= 90.0:
-            raise ValueError(f"pitch_deg must be -90 to 90 (down), not {self.pitch_deg}")
+            raise InvalidValue(
+                "pitch_deg", f"must be -90 to 90 (down), not {self.pitch_deg}", self.pitch_deg
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,13 +150,17 @@ class CameraConfig:
 
     def __post_init__(self) -> None:
         if not self.source:
-            raise ValueError("source must not be empty: sim, a device number, a file or a URL")
+            raise InvalidValue(
+                "source",
+                f"must not be empty: sim, a device number, a file or a URL, found {self.source!r}",
+                self.source,
+            )
         if not 0.1 <= self.rate_hz <= 240.0:
-            raise ValueError(f"rate_hz must be 0.1 to 240, not {self.rate_hz}")
+            raise InvalidValue("rate_hz", f"must be 0.1 to 240, not {self.rate_hz}", self.rate_hz)
 
 
 def _check_finite(value: object, keys: Iterable[str]) -> None:
     """Raise ValueError where one of the numbers is not finite."""
     for key in keys:
         if not math.isfinite(getattr(value, key)):
-            raise ValueError(f"{key} must be finite")
+            raise InvalidValue(key, f"must be finite, found {value}", value)

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from robotctl.errors import InvalidValue
+
 SOCKET = "socket"
 """As the driver: somebody else publishes the scans on the robot's local socket `lidar`."""
 
@@ -58,17 +60,21 @@ class LidarConfig:
     def __post_init__(self) -> None:
         for key in ("x_m", "y_m", "yaw_deg", "min_range_m", "max_range_m"):
             if not math.isfinite(getattr(self, key)):
-                raise ValueError(f"{key} must be finite, not {getattr(self, key)}")
+                raise InvalidValue(
+                    key, f"must be finite, not {getattr(self, key)}", getattr(self, key)
+                )
         if not self.device:
-            raise ValueError("device must not be empty")
+            raise InvalidValue("device", f"must not be empty, found {self.device!r}", self.device)
         if self.baud <= 0:
-            raise ValueError(f"baud must be > 0, not {self.baud}")
+            raise InvalidValue("baud", f"must be > 0, not {self.baud}", self.baud)
         if not 0.0 <= self.min_range_m < self.max_range_m:
             raise ValueError(
                 "0 <= min_range_m < max_range_m must hold, not "
                 f"{self.min_range_m:g} and {self.max_range_m:g}"
             )
         if not 8 <= self.beams <= 3600:
-            raise ValueError(f"beams must be 8 to 3600, not {self.beams}")
+            raise InvalidValue("beams", f"must be 8 to 3600, not {self.beams}", self.beams)
         if not all(math.isfinite(edge) for sector in self.hidden_deg for edge in sector):
-            raise ValueError(f"hidden_deg must be finite, not {self.hidden_deg}")
+            raise InvalidValue(
+                "hidden_deg", f"must be finite, not {self.hidden_deg}", self.hidden_deg
+            )

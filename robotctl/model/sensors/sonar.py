@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from robotctl.errors import InvalidValue
+
 SPEED_OF_SOUND_M_S: Final = 343.0
 """In air at 20 degC."""
 
@@ -50,13 +52,17 @@ class SonarMount:
 
     def __post_init__(self) -> None:
         if not self.name:
-            raise ValueError("name must not be empty")
+            raise InvalidValue("name", f"must not be empty, found {self.name!r}", self.name)
         for key in ("x_m", "y_m", "heading_deg"):
             if not math.isfinite(getattr(self, key)):
-                raise ValueError(f"{key} must be finite")
+                raise InvalidValue(
+                    key, f"must be finite, found {getattr(self, key)}", getattr(self, key)
+                )
         for key in ("x_m", "y_m"):
             if abs(value := getattr(self, key)) > FARTHEST_M:
-                raise ValueError(f"{key}: {value} found, -{FARTHEST_M:g} to {FARTHEST_M:g} allowed")
+                raise InvalidValue(
+                    key, f"{value} found, -{FARTHEST_M:g} to {FARTHEST_M:g} allowed", value
+                )
 
     @property
     def heading_rad(self) -> float:

@@ -11,6 +11,7 @@ from robotctl.control.wall_following import (
     WallFollower,
     critically_damped,
 )
+from robotctl.errors import InvalidValue
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -51,9 +52,15 @@ class WallConfig:
     def __post_init__(self) -> None:
         for key in ("length_m", "omega_max_rad_s", "lost_max_m"):
             if not 0.0 < getattr(self, key) < math.inf:
-                raise ValueError(f"{key}: {getattr(self, key)} found, a number > 0 allowed")
+                raise InvalidValue(
+                    key, f"{getattr(self, key)} found, a number > 0 allowed", getattr(self, key)
+                )
         if not 0.0 < self.approach_max_deg < 90.0:
-            raise ValueError(f"approach_max_deg: {self.approach_max_deg} found, (0, 90) allowed")
+            raise InvalidValue(
+                "approach_max_deg",
+                f"{self.approach_max_deg} found, (0, 90) allowed",
+                self.approach_max_deg,
+            )
 
 
 class FollowWall:

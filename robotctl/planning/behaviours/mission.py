@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import Field
 
 from robotctl import toml_source
+from robotctl.errors import InvalidValue
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.local.path import Path, Point, rounded
 
@@ -67,8 +68,10 @@ class DriveItem:
     def __post_init__(self) -> None:
         _require_positive(self, "speed_m_s", "time_out_s")
         if not 0.0 <= self.corner_radius_m <= LARGEST:
-            raise ValueError(
-                f"corner_radius_m must be 0 to {LARGEST:.0f}, not {self.corner_radius_m}"
+            raise InvalidValue(
+                "corner_radius_m",
+                f"must be 0 to {LARGEST:.0f}, not {self.corner_radius_m}",
+                self.corner_radius_m,
             )
         _require_points("waypoints", self.waypoints)
         self.path()
@@ -261,19 +264,21 @@ def _require_bounded(item: object, *keys: str) -> None:
     for key in keys:
         value = getattr(item, key)
         if not abs(value) <= LARGEST:
-            raise ValueError(f"{key} must be -{LARGEST:.0f} to {LARGEST:.0f}, not {value}")
+            raise InvalidValue(key, f"must be -{LARGEST:.0f} to {LARGEST:.0f}, not {value}", value)
 
 
 def _require_positive(item: object, *keys: str) -> None:
     for key in keys:
         value = getattr(item, key)
         if value is not None and not 0.0 < value <= LARGEST:
-            raise ValueError(f"{key} must be above 0 and at most {LARGEST:.0f}, not {value}")
+            raise InvalidValue(
+                key, f"must be above 0 and at most {LARGEST:.0f}, not {value}", value
+            )
 
 
 def _require_points(key: str, points: Sequence[Point]) -> None:
     for point in points:
         if not all(abs(value) <= LARGEST for value in point):
-            raise ValueError(
-                f"{key} must have coordinates of -{LARGEST:.0f} to {LARGEST:.0f}, not {point}"
+            raise InvalidValue(
+                key, f"must have coordinates of -{LARGEST:.0f} to {LARGEST:.0f}, not {point}", point
             )

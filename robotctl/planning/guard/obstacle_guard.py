@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Final, NamedTuple, TypeAlias
 
+from robotctl.errors import InvalidValue
 from robotctl.model.sensors.sonar import SonarMount
 
 Point: TypeAlias = tuple[float, float]
@@ -59,10 +60,12 @@ class GuardConfig:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"{field.name}: {value} found, a finite number > 0 allowed")
+                raise InvalidValue(field.name, f"{value} found, a finite number > 0 allowed", value)
         if self.blocked_max_s > MOST_BLOCKED_S:
-            raise ValueError(
-                f"blocked_max_s: {self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed"
+            raise InvalidValue(
+                "blocked_max_s",
+                f"{self.blocked_max_s} found, at most {MOST_BLOCKED_S:.0f} allowed",
+                self.blocked_max_s,
             )
 
 

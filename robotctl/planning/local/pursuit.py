@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
+from robotctl.errors import InvalidValue
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
@@ -71,7 +72,7 @@ class PursuitConfig:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"{field.name}: {value} found, a finite number > 0 allowed")
+                raise InvalidValue(field.name, f"{value} found, a finite number > 0 allowed", value)
 
 
 class PursuitStep(NamedTuple):

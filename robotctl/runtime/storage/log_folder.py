@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Final
 
-from robotctl.errors import RobotctlError
+from robotctl.errors import InvalidValue, RobotctlError
 from robotctl.runtime.storage.ring_file import hold, leads_to, remove_dead
 
 MOST_TOTAL_MB: Final = 1e9
@@ -50,11 +50,15 @@ class LogConfig:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 0.0 < self.file_mb <= 4000.0:
-            raise ValueError(f"file_mb must be above 0 and at most 4000, not {self.file_mb}")
+            raise InvalidValue(
+                "file_mb", f"must be above 0 and at most 4000, not {self.file_mb}", self.file_mb
+            )
         if not 10.0 * self.file_mb <= self.total_mb <= MOST_TOTAL_MB:
-            raise ValueError(
-                f"total_mb must be at least ten times file_mb ({10 * self.file_mb:g}) and at most "
-                f"{MOST_TOTAL_MB:g}, not {self.total_mb}"
+            raise InvalidValue(
+                "total_mb",
+                f"must be at least ten times file_mb ({10 * self.file_mb:g}) and at most "
+                f"{MOST_TOTAL_MB:g}, not {self.total_mb}",
+                self.total_mb,
             )
 
 

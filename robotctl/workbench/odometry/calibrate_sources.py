@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl import toml_source
-from robotctl.errors import CalibrationError, ConfigError
+from robotctl.errors import CalibrationError, ConfigError, InvalidValue
 from robotctl.estimation.odometry.model import OdometryModel
 from robotctl.estimation.odometry.runs import OdometryRun, thinned
 from robotctl.logs.formats.recorded_log import read_recording
@@ -53,7 +53,7 @@ class MeasuredRun:
         for key in ("x_m", "y_m", "heading_deg"):
             value = getattr(self, key)
             if value is not None and not math.isfinite(value):
-                raise ValueError(f"{key} must be finite")
+                raise InvalidValue(key, f"must be finite, found {value}", value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class MeasuredRuns:
         for key in ("tape_sigma_m", "heading_sigma_deg"):
             value = getattr(self, key)
             if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{key} must be positive and finite")
+                raise InvalidValue(key, f"must be positive and finite, found {value}", value)
 
     @property
     def start_sigma(self) -> tuple[float, float, float]:
