@@ -27,6 +27,7 @@ _PURE: Final = (
     "robotctl.messages.mode",
     "robotctl.safety.arm_requests",
     "robotctl.core.control_core",
+    "robotctl.core.motion",
     "robotctl.safety.health",
     "robotctl.safety.stale_frame_filter",
     "robotctl.messages.control",
@@ -34,6 +35,7 @@ _PURE: Final = (
     "robotctl.safety.node_events",
     "robotctl.safety.plausibility",
     "robotctl.safety.state_machine",
+    "robotctl.safety.supervision",
 )
 _CONTAINERS: Final = frozenset(
     {

@@ -16,12 +16,12 @@ from robotctl.control.limiter import LimitsConfig, TwistLimiter
 from robotctl.control.pid import PidConfig
 from robotctl.control.pwm import PwmConfig
 from robotctl.control.wheel_loop import WheelLoop
+from robotctl.core.motion import EncoderMotion
 from robotctl.estimation.odometry.odometry import Odometry
 from robotctl.messages.control import (
     Arm,
     ControlRequest,
     ControlState,
-    DriveState,
     EmergencyStop,
     EmergencyStopSource,
     Feedback,
@@ -41,19 +41,16 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.arm_requests import ArmRequests
 from robotctl.safety.command_guard import guard_command
-from robotctl.safety.health import Health
 from robotctl.safety.node_events import NodeNews
-from robotctl.safety.plausibility import Plausibility, PlausibilityConfig
-from robotctl.safety.plausibility_sonar import SonarMonitor
+from robotctl.safety.plausibility import PlausibilityConfig
 from robotctl.safety.stale_frame_filter import Latch, LatchTimes
-from robotctl.safety.state_machine import LATCHED, POWERED, Event, SafetyConfig, SafetyMachine
+from robotctl.safety.state_machine import LATCHED, Event, SafetyConfig, SafetyMachine
+from robotctl.safety.supervision import Monitored, Supervision
 
 _UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 _AT_REST_M_S = 0.005
 _CLEAR_INTERVAL_NS = 100_000_000
 _DRIVE_NODE = 1
-_UNASKED_NS = 50_000_000
-"""So much longer than its time-out the drive may report power behind a stop of the host [ns]."""
 _IMPOSSIBLE_SHARE = 2.0
 """No wheel turns faster than so many times its speed at the robot's limits, and being pushed."""
 _PUSHED_M_S = 1.5
@@ -161,7 +158,6 @@ class ControlCore:
         """Reasons against arming that a file cannot be refused for: it may be one to be tuned."""
         self._estimators = self._wheels[0].estimator, self._wheels[-1].estimator
         self._limiter = TwistLimiter(limits)
-        self._health = Health(safety, period_ns, tuple(mount.name for mount in sonars))
         self._safety = safety
         self._setpoint_limit_ns = safety.setpoint_timeout_ms * 1_000_000
         self._period_s = period_ns * 1e-9
@@ -169,14 +165,20 @@ class ControlCore:
         self._steering_max_rad = (
             0.0 if isinstance(drive, DifferentialDrive) else drive.steering_max_rad
         )
-        self._plausibility = Plausibility(
-            plausibility,
-            drive.wheel_names,
-            control.pwm.deadband,
-            self._steering_max_rad,
-            limits.a_max_m_s2 / max(drive.wheel_radii_m),
+        self._motion = EncoderMotion(self._wheels, self.odometry)
+        self._supervision = Supervision(
+            safety,
+            period_ns,
+            Monitored(
+                plausibility,
+                drive.wheel_names,
+                control.pwm.deadband,
+                self._steering_max_rad,
+                limits.a_max_m_s2 / max(drive.wheel_radii_m),
+                sonars,
+            ),
         )
-        self._sonar_monitor = SonarMonitor(sonars, plausibility.travel_m)
+        self._health = self._supervision.health
         self._command_before = self._command
         """What the bridges did when the newest feedback was taken, one period ago."""
         self._velocity: VelocityCommand | None = None
@@ -190,9 +192,6 @@ class ControlCore:
         self._arming = ArmRequests()
         self._objections: tuple[str, ...] = ()
         self._cleared_ns = 0
-        self._unasked_limit_ns = safety.command_timeout_ms * 1_000_000 + _UNASKED_NS
-        self._powered_ns = 0
-        """Time of the last command that allows power [ns]."""
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
         self._armed_ns = 0
@@ -214,16 +213,13 @@ class ControlCore:
         stop = None
         if inputs.requests or inputs.feedback.emergency_stop is not None:
             stop = self._take_requests(inputs, now_ns)
-        self._supervise(now_ns)
-        if self.machine.state not in POWERED and self._drives_unasked():
-            stop = EmergencyStopSource.HOST_FAULT if stop is None else stop
-            text = "emergency stop: the motor controller drives without being told to"
-            self._on(Event.EMERGENCY_STOP, Fault(FaultCode.DRIVES_UNASKED, text), now_ns)
+        if self._supervise(now_ns) and stop is None:
+            stop = EmergencyStopSource.HOST_FAULT
         clear = bool(self._arming.waiting) and self._try_to_arm(now_ns)
         self._command_before = self._command
         self._command = self._drive_wheels(now_ns)
         if self._command.enable:
-            self._powered_ns = now_ns
+            self._supervision.powered(now_ns)
         return Outputs(self._command, stop, clear, tuple(self._notices))
 
     def _take_feedback(self, feedback: Feedback, now_ns: int) -> None:
@@ -239,8 +235,8 @@ class ControlCore:
             self._steering_rad = feedback.drive.steering_rad
         if wheels is not None:
             self._take_counts(wheels, anew=latch is Latch.ANEW)
-        if self.machine.state in POWERED:
-            self._compare(feedback)
+        if self.machine.powered:
+            self._supervision.compare(feedback, self._command_before, self._motion)
         for node, was_up in self._news.booted(feedback):
             self._take_boot(node, now_ns, was_up=was_up)
         for emergency in feedback.emergencies:
@@ -267,30 +263,6 @@ class ControlCore:
             first.velocity_rad_s, last.velocity_rad_s, self._steering_rad
         )
 
-    def _compare(self, feedback: Feedback) -> None:
-        """Let the monitors see what came, while the robot is powered."""
-        monitors, command = self._plausibility, self._command_before
-        if feedback.wheels is not None:
-            monitors.take_wheels(feedback.wheels)
-        if feedback.drive is not None:
-            monitors.take_drive(feedback.drive, command)
-        if feedback.motor is not None and self._health.drive is not None:
-            monitors.take_motor(
-                feedback.motor,
-                command,
-                self._health.drive.bus_voltage_v,
-                self._speeds_rad_s(),
-                sum([wheel.estimator.jumps for wheel in self._wheels]),
-            )
-        for sonar in feedback.sonars:
-            pose = self.odometry.pose_world_base
-            found = self._sonar_monitor.update(sonar.first, sonar.ranges_m, pose, sonar.stamp_ns)
-            monitors.fault = monitors.fault or found
-
-    def _speeds_rad_s(self) -> tuple[float, ...]:
-        """Return the speed of each driven wheel by its encoder [rad/s]."""
-        return tuple([wheel.estimator.velocity_rad_s for wheel in self._wheels])
-
     def _take_boot(self, node: NodeStatus, now_ns: int, *, was_up: bool) -> None:
         """Stop where a node has restarted; the counts of the drive begin anew."""
         if node.node_id == _DRIVE_NODE:
@@ -300,7 +272,7 @@ class ControlCore:
         if was_up and node.node_id == _DRIVE_NODE:
             text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
-        if was_up and self.machine.state in POWERED:
+        if was_up and self.machine.powered:
             text = f"{node.name} (node {node.node_id}) restarted"
             self._on(Event.FAULT, Fault(FaultCode.NODE_RESTARTED, text, node.name), now_ns)
 
@@ -341,42 +313,33 @@ class ControlCore:
                         self._on(Event.RESET, "arming after a stop", now_ns)
         return stop
 
-    def _supervise(self, now_ns: int) -> None:
-        """Let health move the state machine."""
-        if self.machine.state in POWERED:
-            fault = self._health.fault(now_ns)
-            if not fault and self._plausibility.fault:  # wheels that were not told do otherwise
-                fault = self._health.unheard(now_ns) or self._plausibility.fault
-            if fault:
-                self._on(Event.FAULT, fault, now_ns)
+    def _supervise(self, now_ns: int) -> bool:
+        """Let supervision move the state machine; return whether others must stop the drive."""
+        if self.machine.powered:
+            fault = self._supervision.fault(now_ns)
+            if fault is None:
+                return False
+            self._on(Event.FAULT, fault, now_ns)
         elif self.machine.state not in LATCHED:
             problem = self._health.node_problem(now_ns)
             if problem is None:
                 self._on(Event.READY, "", now_ns)
             elif not self._on(Event.NOT_READY, problem, now_ns):
                 self.machine.explain(problem)
-
-    def _drives_unasked(self) -> bool:
-        """Return whether the motor controller reports power though it was not told to for long.
-
-        As behind old commands that somebody's controller held back. Its time-out has passed: what
-        it did not hear is no excuse any more.
-        """
-        motor = self._health.motor
-        if motor is None or motor.state is not DriveState.ENABLED:
-            return False
-        return motor.stamp_ns - self._powered_ns > self._unasked_limit_ns
+        unasked = self._supervision.unasked()
+        if unasked:
+            self._on(Event.EMERGENCY_STOP, unasked, now_ns)
+        return unasked is not None
 
     def _try_to_arm(self, now_ns: int) -> bool:
         """Arm if nothing speaks against it; return whether the drive's latches must be cleared."""
         arming = self._arming
-        if self.machine.state in POWERED:
+        if self.machine.powered:
             arming.answer_waiting()
             return False
         refusals = self._refusals(now_ns)
         if not refusals and self._on(Event.ARM, "", now_ns):
             arming.answer_waiting()
-            self._health.armed(now_ns)
             self._take_over(now_ns)
             return False
         if now_ns - arming.since_ns > self._safety.arm_timeout_ms * 1_000_000:
@@ -392,14 +355,10 @@ class ControlCore:
 
     def _refusals(self, now_ns: int) -> tuple[str, ...]:
         """Return all reasons against arming now."""
-        health = self._health
-        refusals = self._objections + self._powerless + health.refusals(now_ns)
-        motor, drive, battery = health.motor, health.drive, health.battery
-        if motor is not None and drive is not None and battery is not None:
-            speeds, enabled = self._speeds_rad_s(), self._command_before.enable
-            refusals += self._plausibility.value_faults(
-                motor, drive, battery, speeds, enabled=enabled
-            )
+        refusals = self._objections + self._powerless
+        refusals += self._supervision.refusals(
+            now_ns, self._motion.speeds_rad_s, enabled=self._command_before.enable
+        )
         if not self.warm:
             of = self._safety.warmup_ticks
             refusals += (f"the control loop is not warm: tick {self._ticks} of {of}",)
@@ -410,21 +369,19 @@ class ControlCore:
         self._velocity = None
         self._armed_ns = now_ns
         self._news.forget_errors()
-        self._plausibility.reset()
-        self._sonar_monitor.reset()
+        self._supervision.armed(now_ns)
         self._limiter.reset(self._twist_meas.v_m_s, self._twist_meas.omega_rad_s)
         for wheel in self._wheels:
             wheel.reset()
 
     def _drive_wheels(self, now_ns: int) -> WheelCommand:
         """Return the command for the present state and velocity set-point."""
-        state = self.machine.state
-        if state not in POWERED:
+        if not self.machine.powered:
             return self._stopped()
         wanted_v, wanted_omega = self._setpoint(now_ns)
         self._twist_ref = reference = self._limiter.step(wanted_v, wanted_omega, self._period_s)
         if wanted_v != 0.0 or wanted_omega != 0.0:
-            if state is SafetyState.ARMED:
+            if self.machine.state is SafetyState.ARMED:
                 self._on(Event.MOVE, "", now_ns)
         elif reference == (0.0, 0.0) and abs(self._twist_meas.v_m_s) < _AT_REST_M_S:
             self._on(Event.REST, "", now_ns)
@@ -510,7 +467,7 @@ class ControlCore:
             v_ref_m_s=self._twist_ref.v_m_s,
             omega_ref_rad_s=self._twist_ref.omega_rad_s,
             distance_m=self.odometry.distance_m,
-            wheel_rad_s=self._speeds_rad_s() if measured else (math.nan,) * n,
+            wheel_rad_s=self._motion.speeds_rad_s if measured else (math.nan,) * n,
             wheel_ref_rad_s=tuple(w.reference_rad_s for w in wheels),
             wheel_distance_m=tuple(
                 w.estimator.position_rad * radius_m

@@ -86,6 +86,8 @@ class Health:
 
     def __init__(self, safety: SafetyConfig, period_ns: int, sonars: tuple[str, ...] = ()) -> None:
         self.motor: MotorStatus | None = None
+        self._motor_fault: Fault | None = None
+        """What `motor` reports."""
         self.drive: DriveStatus | None = None
         self._unheard: DriveStatus | None = None
         """The last that said that its newest valid command was old."""
@@ -94,6 +96,7 @@ class Health:
         self.battery: BatteryFeedback | None = None
         self._take_nodes(())
         self.bus = BusStatus()
+        self._bus_fault: Fault | None = None
         self.sonar_m = [math.nan] * len(sonars)
         self.sonar_ns = [_NEVER_NS] * len(sonars)
         """Time of the last range that was one [ns]; a sonar's own fault does not count."""
@@ -118,6 +121,7 @@ class Health:
             self._wheels_ns = wheels.stamp_ns
         if feedback.motor is not None:
             self.motor = feedback.motor
+            self._motor_fault = _motor_fault(feedback.motor)
             if feedback.motor.state is DriveState.ENABLED:
                 self._idle_ns = feedback.motor.stamp_ns
         if feedback.drive is not None:
@@ -132,7 +136,7 @@ class Health:
             self._sonars_ns = span_ns(self.sonar_ns)
         if feedback.nodes is not self.nodes:
             self._take_nodes(feedback.nodes)
-        self.bus = feedback.bus
+        self._take_bus(feedback.bus)
 
     def step(self, now_ns: int) -> None:
         """Note the time of this step, and whether this process was held up since the last one.
@@ -150,6 +154,16 @@ class Health:
                 self.sonar_m[index] = range_m
                 if not math.isnan(range_m):
                     self.sonar_ns[index] = sonar.stamp_ns
+
+    def _take_bus(self, bus: BusStatus) -> None:
+        """Keep the state of the bus, and the fault that it is."""
+        if bus is self.bus:
+            return
+        self.bus = bus
+        code = _DEAD_BUS_STATES.get(bus.state)
+        self._bus_fault = None
+        if code is not None:
+            self._bus_fault = Fault(code, f"the CAN bus is {_words(bus.state)}")
 
     def _take_nodes(self, nodes: tuple[NodeStatus, ...]) -> None:
         """Keep what is known of the nodes, which changes with their heartbeats only."""
@@ -239,9 +253,8 @@ class Health:
     def _faults(self, now_ns: int) -> list[Fault]:
         """Return all reasons to stop, the most telling first."""
         faults = []
-        if self.bus.state in _DEAD_BUS_STATES:
-            code = _DEAD_BUS_STATES[self.bus.state]
-            faults.append(Fault(code, f"the CAN bus is {_words(self.bus.state)}"))
+        if self._bus_fault is not None:
+            faults.append(self._bus_fault)
         if not self.wheels_fresh(now_ns):
             text = f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms"
             faults.append(Fault(FaultCode.WHEELS_STALE, text, _DRIVE))
@@ -249,8 +262,8 @@ class Health:
         if motor is None:
             text = f"motor status is older than {limit_ns / 1e6:g} ms"
             faults.append(Fault(FaultCode.MOTOR_STALE, text, _DRIVE))
-        elif motor.faults or motor.state in _LATCHED_DRIVE_STATES:
-            faults.append(_motor_fault(motor))
+        elif self._motor_fault is not None:
+            faults.append(self._motor_fault)
         if self.fresh_drive(now_ns) is None:
             text = f"drive status is older than {limit_ns / 1e6:g} ms"
             faults.append(Fault(FaultCode.DRIVE_STALE, text, _DRIVE))
@@ -332,15 +345,18 @@ def fault_words(faults: int) -> str:
     return f": {', '.join(names)}" if names else ""
 
 
-def _motor_fault(motor: MotorStatus) -> Fault:
-    """Return the fault of a motor controller that has stopped or reports one.
+def _motor_fault(motor: MotorStatus) -> Fault | None:
+    """Return the fault of a motor controller that has stopped or reports one, else None.
 
     Its code is that of the first fault bit, as in the text, but of a stop it says itself.
     """
+    latched = motor.state in _LATCHED_DRIVE_STATES
+    if not (latched or motor.faults):
+        return None
     bits = [code for bit, code in _DRIVE_FAULT_CODES.items() if motor.faults & bit]
     first = bits[0] if bits else FaultCode.DRIVE_FAULT
     words = fault_words(motor.faults)
-    if motor.state not in _LATCHED_DRIVE_STATES:
+    if not latched:
         return Fault(first, f"the motor controller reports{words}", _DRIVE)
     code = _LATCHED_CODES.get(motor.state, first)
     return Fault(code, f"the motor controller is in {_words(motor.state)}{words}", _DRIVE)

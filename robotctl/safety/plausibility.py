@@ -11,7 +11,7 @@ different sensors:
 - wheel against wheel. Errors of supply, temperature and model are those of both wheels; what
   differs between them is one wheel's own;
 - steering against its command, supply against battery, the drive's clock against the host's;
-- sonar against odometry: `plausibility_sonar.py`.
+- sonar against odometry: `plausibility_sonar.py`; each sensor alone: `plausibility_values.py`.
 
 What cannot be seen: a wheel and its motor both exchanged with the other side's, where no sonar sees
 it; slip on ice with no sonar echo ahead; tilt and being carried, since there is no IMU. No monitor
@@ -27,13 +27,13 @@ from typing import Final
 
 from robotctl.errors import InvalidValue
 from robotctl.messages.control import (
-    BatteryFeedback,
     DriveStatus,
     MotorStatus,
     WheelCommand,
     WheelFeedback,
 )
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.safety.monitor import MonitorInputs
 
 COPPER_PER_K: Final = 0.0039
 """Growth of a copper winding's resistance [1/K], from 25 degC."""
@@ -49,15 +49,6 @@ GAIN_SHARE: Final = 1.0 / 3.0
 
 PAIR_RAD_S: Final = 4.0
 """Wheels are compared from this speed on at the latest [rad/s], or from twice the tolerance."""
-
-TEMPERATURES_C: Final = (-30.0, 180.0)
-"""Outside of this the temperature sensor is broken [degC]; its wire off reads -40."""
-
-SUPPLY_V, SUPPLY_SHARE = 2.0, 0.2
-"""Bus and battery voltage may differ by the greater of these [V, share of the battery's]."""
-
-IDLE_CURRENT_A: Final = 1.0
-"""More in a bridge that is off, of a wheel at rest, is a broken current sensor [A]."""
 
 JUMPS: Final = 3
 """So many impossible jumps of a count within a second: one glitch makes two."""
@@ -335,6 +326,20 @@ class Plausibility:
         self._latch_us, self._host_ns = -1, 0
         self._drive_us = self._elapsed_ns = 0
 
+    def update(self, inputs: MonitorInputs) -> Fault | None:
+        """Take the inputs of one tick; return the first contradiction since the last `reset`."""
+        feedback, motor = inputs.feedback, inputs.feedback.motor
+        if feedback.wheels is not None:
+            self.take_wheels(feedback.wheels)
+        if feedback.drive is not None:
+            self.take_drive(feedback.drive, inputs.command)
+        if motor is not None and inputs.supply_v is not None:
+            motion = inputs.motion
+            self.take_motor(
+                motor, inputs.command, inputs.supply_v, motion.speeds_rad_s, motion.jumps
+            )
+        return self.fault
+
     def take_wheels(self, wheels: WheelFeedback) -> None:
         """Compare the drive's clock with the host's, over windows of `CLOCK_WINDOW_NS`."""
         latch_us, stamp_ns = wheels.timestamp_us, wheels.stamp_ns
@@ -391,7 +396,8 @@ class Plausibility:
         self._check_jumps(jumps, motor.stamp_ns)
         self._check_encoders(motor.stamp_ns)
         for wheel in self._wheels:
-            self._say(wheel.push_fault(motor.stamp_ns))
+            if held := wheel.push_fault(motor.stamp_ns):
+                self._say(held)
 
     def _effective(self, duty: float) -> float:
         """Return the share of the supply that a duty gives to the motor."""
@@ -405,9 +411,10 @@ class Plausibility:
             text = "left and right encoders are swapped"
             self._say(Fault(FaultCode.ENCODERS_SWAPPED, text))
         for wheel in wheels:
-            self._say(wheel.encoder_fault())
+            if wrong := wheel.encoder_fault():
+                self._say(wrong)
         if len(wheels) == 2:
-            one, other = (wheel.ratio for wheel in wheels)
+            one, other = wheels[0].ratio, wheels[1].ratio
             # False for nan.
             apart = abs(one - other) > self._config.pair_share
             if self._pair.lasts_ns(apart, now_ns) > self._config.pair_ms * 1_000_000:
@@ -448,36 +455,6 @@ class Plausibility:
             )
             self._say(Fault(FaultCode.STEERING_OFF, text))
 
-    def value_faults(
-        self,
-        motor: MotorStatus,
-        drive: DriveStatus,
-        battery: BatteryFeedback,
-        speeds_rad_s: tuple[float, ...],
-        *,
-        enabled: bool,
-    ) -> tuple[str, ...]:
-        """Return what no healthy sensor would say now, each with its value."""
-        faults = []
-        for index, wheel in enumerate(self._wheels):
-            current_a = (motor.current1_a, motor.current2_a)[index]
-            temperature_c = (motor.temperature1_c, motor.temperature2_c)[index]
-            if not TEMPERATURES_C[0] <= temperature_c <= TEMPERATURES_C[1]:
-                faults.append(
-                    f"{wheel.name} motor's temperature sensor says {temperature_c:g} degC"
-                )
-            idle = not enabled and abs(speeds_rad_s[index]) < REST_RAD_S
-            if not math.isfinite(current_a) or (idle and abs(current_a) > IDLE_CURRENT_A):
-                faults.append(f"{wheel.name} motor's current sensor says {current_a:g} A, at rest")
-        supply_v, battery_v = drive.bus_voltage_v, battery.voltage_v
-        # False for nan.
-        if not abs(supply_v - battery_v) <= max(SUPPLY_V, SUPPLY_SHARE * battery_v):
-            faults.append(f"supply {supply_v:.1f} V and battery {battery_v:.1f} V contradict")
-        far_rad = self._steering_max_rad + self._config.steering_tolerance_rad
-        if self._steering_max_rad and not abs(drive.steering_rad) <= far_rad:
-            faults.append(f"the steering says {drive.steering_rad:.2f} rad, beyond its linkage")
-        return tuple(faults)
-
-    def _say(self, fault: Fault | None) -> None:
+    def _say(self, fault: Fault) -> None:
         """Keep the first fault."""
         self.fault = self.fault or fault

@@ -15,6 +15,7 @@ from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.safety.monitor import MonitorInputs
 
 ALONG_RAD: Final = math.radians(20.0)
 """A sonar looks along the way within this angle of it [rad]."""
@@ -91,7 +92,16 @@ class SonarMonitor:
             track.readings = 0
             track.contradicted_ns = -CONTRADICTION_NS
 
-    def update(
+    def update(self, inputs: MonitorInputs) -> Fault | None:
+        """Take the inputs of one tick; return a contradiction, None where none is."""
+        fault = None
+        for sonar in inputs.feedback.sonars:
+            pose = inputs.motion.pose_odom_base
+            found = self.take(sonar.first, sonar.ranges_m, pose, sonar.stamp_ns)
+            fault = fault or found
+        return fault
+
+    def take(
         self, first: int, ranges_m: tuple[float, ...], pose_world_base: SE2, stamp_ns: int
     ) -> Fault | None:
         """Take the ranges of sonars `first` on [m]; return a contradiction, None where none is."""

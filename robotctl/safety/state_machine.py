@@ -139,6 +139,8 @@ class SafetyMachine:
     ----------
     state
         The present state.
+    powered
+        Whether that is one of `POWERED`.
     reason
         Why, in words for the operator; empty where nothing needs to be said.
     fault
@@ -147,6 +149,7 @@ class SafetyMachine:
 
     def __init__(self) -> None:
         self.state = SafetyState.BOOT
+        self.powered = False
         self.explain("starting")
 
     def on(self, event: Event, why: Fault | str = "") -> bool:
@@ -155,6 +158,7 @@ class SafetyMachine:
         if new is None:
             return False
         self.state = new
+        self.powered = new in POWERED
         self.explain(why)
         return True
 

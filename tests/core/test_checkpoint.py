@@ -15,11 +15,11 @@ def test_the_fault_of_a_stop_and_that_of_a_monitor_come_back(code: FaultCode) ->
     robot = RobotDouble().armed()
     fields = fields_of(robot.core)
     fault = Fault(code, "something", "drive")
-    robot.core._plausibility.fault = fault
+    robot.core._supervision._contradiction = fault
     robot.tick()
     assert robot.state == SafetyState.FAULT
     core = restored(checkpoint(robot.core))
-    assert core.machine.fault == core._plausibility.fault == fault
+    assert core.machine.fault == core._supervision._contradiction == fault
     assert core.machine.fault.code is code
     assert core.machine.reason == "something"
     assert misfit(fields_of(core), fields) == ""

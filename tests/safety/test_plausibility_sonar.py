@@ -43,7 +43,7 @@ class Drive:
             -3.0 + self.way_m * sin + sideways_m * cos,
             self.heading_rad,
         )
-        return str(self.monitor.update(0, ranges_m, pose, self.now_ns) or "")
+        return str(self.monitor.take(0, ranges_m, pose, self.now_ns) or "")
 
     def steps(self, *ranges_m: float, count: int = 8, step_m: float = STEP_M) -> str:
         """Drive steps with the same ranges; all but the last must be in order."""
@@ -84,12 +84,12 @@ def test_a_near_obstacle_that_stays_where_it_is_stops_the_robot_after_the_way(
 def test_the_way_is_compared_from_its_whole_length_on() -> None:
     for way_m, judged in ((TRAVEL_M, True), (math.nextafter(TRAVEL_M, 0.0), False)):
         drive = Drive()
-        drive.monitor.update(0, (0.5,), SE2(0.0, 0.0, 0.0), 0)
+        drive.monitor.take(0, (0.5,), SE2(0.0, 0.0, 0.0), 0)
         for number in range(1, 8):
             pose = SE2(number * STEP_M, 0.0, 0.0)
-            assert drive.monitor.update(0, (0.5,), pose, number) is None
+            assert drive.monitor.take(0, (0.5,), pose, number) is None
         pose = SE2(way_m, 0.0, 0.0)
-        assert bool(drive.monitor.update(0, (0.5,), pose, 9)) == judged
+        assert bool(drive.monitor.take(0, (0.5,), pose, 9)) == judged
 
 
 def test_the_rear_sonar_is_compared_when_the_robot_drives_backwards() -> None:
@@ -219,7 +219,7 @@ def turned_by(turn_rad: float, start_rad: float = 0.0) -> str:
         theta_rad = start_rad + (turn_rad if number > 4 else 0.0)
         way_m = number * STEP_M * 1.01
         pose = SE2(way_m * math.cos(start_rad), way_m * math.sin(start_rad), theta_rad)
-        said = str(monitor.update(0, (0.5 + 0.01 * (number % 2),), pose, number) or "")
+        said = str(monitor.take(0, (0.5 + 0.01 * (number % 2),), pose, number) or "")
     return said
 
 
@@ -240,7 +240,7 @@ def test_a_sonar_that_is_stuck_is_found_out_in_a_bend_too(radius_m: float, sign:
             turn_rad = sign * way_m / radius_m
             pose = SE2(radius_m * math.sin(turn_rad), radius_m * (1 - math.cos(turn_rad)), turn_rad)
             range_m = 2.0 if stuck or way_m < 0.15 else 2.0 + 0.001 * math.cos(way_m)
-            said = str(monitor.update(0, (range_m,), pose, 0) or "")
+            said = str(monitor.take(0, (range_m,), pose, 0) or "")
             way_m += STEP_M
         assert said == ("sonar front is stuck at 2.000 m" if stuck else "")
         assert not stuck or way_m <= 2.0 * TRAVEL_M
@@ -248,7 +248,7 @@ def test_a_sonar_that_is_stuck_is_found_out_in_a_bend_too(radius_m: float, sign:
 
 def test_in_a_bend_too_five_readings_are_needed() -> None:
     monitor = SonarMonitor(RING, TRAVEL_M)
-    said = [str(monitor.update(0, (2.0,), SE2(n * 1.0, 0.0, n * 0.2), n) or "") for n in range(5)]
+    said = [str(monitor.take(0, (2.0,), SE2(n * 1.0, 0.0, n * 0.2), n) or "") for n in range(5)]
     assert said == [*[""] * 4, "sonar front is stuck at 2.000 m"]
 
 
@@ -256,25 +256,25 @@ def test_the_way_in_a_bend_counts_from_its_whole_length_on() -> None:
     for way_m, judged in ((TRAVEL_M, True), (math.nextafter(TRAVEL_M, 0.0), False)):
         monitor = SonarMonitor(RING, TRAVEL_M)
         for number in range(8):
-            assert monitor.update(0, (2.0,), SE2(0.0, 0.5, number * 0.1), number) is None
-        assert bool(monitor.update(0, (2.0,), SE2(way_m, 0.5, 0.9), 9)) == judged
+            assert monitor.take(0, (2.0,), SE2(0.0, 0.5, number * 0.1), number) is None
+        assert bool(monitor.take(0, (2.0,), SE2(way_m, 0.5, 0.9), 9)) == judged
 
 
 def test_in_a_bend_too_no_echo_is_no_reading_and_a_reset_begins_anew() -> None:
     poses = [SE2(n * STEP_M, 0.0, n * 0.2) for n in range(40)]
     monitor = SonarMonitor(RING, TRAVEL_M)
-    assert [str(monitor.update(0, (INF,), pose, 0) or "") for pose in poses] == [""] * 40
+    assert [str(monitor.take(0, (INF,), pose, 0) or "") for pose in poses] == [""] * 40
     monitor.reset()
     for pose in poses[:6]:
-        monitor.update(0, (2.0,), pose, 0)
+        monitor.take(0, (2.0,), pose, 0)
     monitor.reset()
-    assert [str(monitor.update(0, (2.0,), pose, 0) or "") for pose in poses[20:28]] == [""] * 8
+    assert [str(monitor.take(0, (2.0,), pose, 0) or "") for pose in poses[20:28]] == [""] * 8
 
 
 def test_on_the_spot_the_same_range_may_stand_for_long() -> None:
     monitor = SonarMonitor(RING, TRAVEL_M)
     for number in range(100):
-        assert monitor.update(0, (2.0,), SE2(0.0, 0.0, 0.1 * number), number) is None
+        assert monitor.take(0, (2.0,), SE2(0.0, 0.0, 0.1 * number), number) is None
 
 
 def test_driving_sideways_of_the_heading_is_no_way_ahead() -> None:
@@ -290,10 +290,10 @@ def test_a_group_of_the_ring_reaches_its_own_sonars() -> None:
     monitor = SonarMonitor(ring, TRAVEL_M)
     for number in range(9):
         pose = SE2(number * STEP_M * 1.01, 0.0, 0.0)
-        assert monitor.update(0, (2.0,) * 4, pose, number) is None
+        assert monitor.take(0, (2.0,) * 4, pose, number) is None
     for number in range(9, 18):
         pose = SE2(number * STEP_M * 1.01, 0.0, 0.0)
-        said = str(monitor.update(4, (2.0, 7.0, 3.0 + number, 7.0), pose, number) or "")
+        said = str(monitor.take(4, (2.0, 7.0, 3.0 + number, 7.0), pose, number) or "")
     assert said == "sonar front is stuck at 2.000 m"
 
 
@@ -371,8 +371,8 @@ def test_the_bound_of_the_fit_is_8_cm_itself() -> None:
     for seen_m, fits in ((0.08, True), (math.nextafter(0.08, 1.0), False)):
         monitor = SonarMonitor(RING, 1e-300)
         for rear in (3.0, 3.01, 3.0, 3.0):
-            assert monitor.update(0, (0.0, INF, rear, INF), SE2(0.0, 0.0, 0.0), 0) is None
-        said = str(monitor.update(0, (seen_m, INF, 3.0, INF), SE2(1e-300, 0.0, 0.0), 0) or "")
+            assert monitor.take(0, (0.0, INF, rear, INF), SE2(0.0, 0.0, 0.0), 0) is None
+        said = str(monitor.take(0, (seen_m, INF, 3.0, INF), SE2(1e-300, 0.0, 0.0), 0) or "")
         assert said == (BACKWARDS if fits else "")
 
 

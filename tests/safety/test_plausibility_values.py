@@ -15,6 +15,7 @@ from robotctl.messages.control import (
     WheelFeedback,
 )
 from robotctl.safety.plausibility import Plausibility
+from robotctl.safety.plausibility_values import SensorValues
 from tests.safety.exact_tolerances import CONFIG, DEADBAND, MS, T0, above, below
 
 replace = msgspec.structs.replace
@@ -160,8 +161,8 @@ def values(
     battery_v: float = 12.0,
     steering: float = 0.5,
 ) -> tuple[str, ...]:
-    monitors = Plausibility(CONFIG, ("left", "right")[: len(speeds)], DEADBAND, steering, math.inf)
-    return monitors.value_faults(
+    names = ("left", "right")[: len(speeds)]
+    return SensorValues(names, steering, CONFIG.steering_tolerance_rad).faults(
         replace(MOTOR, **(motor or {})),
         replace(DRIVE, **(drive or {})),
         replace(BATTERY, voltage_v=battery_v),

@@ -1,0 +1,146 @@
+"""Supervision: whether the robot may go on, by what its inputs say of themselves and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from robotctl.messages.control import DriveState, Feedback, WheelCommand
+from robotctl.messages.faults import Fault, FaultCode
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.safety.health import Health
+from robotctl.safety.monitor import Monitor, MonitorInputs, Motion
+from robotctl.safety.plausibility import Plausibility, PlausibilityConfig
+from robotctl.safety.plausibility_sonar import SonarMonitor
+from robotctl.safety.plausibility_values import SensorValues
+from robotctl.safety.state_machine import SafetyConfig
+
+_UNASKED_NS: Final = 50_000_000
+"""Grace period for the drive to report power off after a stop of the host [ns]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Monitored:
+    """What monitors must know of the robot.
+
+    Parameters
+    ----------
+    plausibility
+        Tolerances.
+    wheel_names
+        The driven wheels.
+    deadband
+        Of the bridges.
+    steering_max_rad
+        Bound of the linkage [rad]; 0: no steering.
+    a_max_rad_s2
+        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
+    sonars
+        The ring, in the order of the bus.
+    """
+
+    plausibility: PlausibilityConfig
+    wheel_names: tuple[str, ...]
+    deadband: float
+    steering_max_rad: float
+    a_max_rad_s2: float
+    sonars: tuple[SonarMount, ...]
+
+
+def _plausibility(robot: Monitored) -> Plausibility:
+    return Plausibility(
+        robot.plausibility,
+        robot.wheel_names,
+        robot.deadband,
+        robot.steering_max_rad,
+        robot.a_max_rad_s2,
+    )
+
+
+def _sonars(robot: Monitored) -> SonarMonitor:
+    return SonarMonitor(robot.sonars, robot.plausibility.travel_m)
+
+
+MONITORS: Final[tuple[Callable[[Monitored], Monitor], ...]] = (_plausibility, _sonars)
+"""All monitors; where several find something in the same tick, the first is heard."""
+
+
+class Supervision:
+    """Health and monitors of one robot.
+
+    Parameters
+    ----------
+    safety
+        Age limits.
+    period_ns
+        Control period [ns].
+    robot
+        What is monitored.
+    """
+
+    def __init__(self, safety: SafetyConfig, period_ns: int, robot: Monitored) -> None:
+        self.health = Health(safety, period_ns, tuple(mount.name for mount in robot.sonars))
+        self._monitors = tuple(make(robot) for make in MONITORS)
+        self._values = SensorValues(
+            robot.wheel_names, robot.steering_max_rad, robot.plausibility.steering_tolerance_rad
+        )
+        self._contradiction: Fault | None = None
+        """The first since the robot was armed."""
+        self._unasked_limit_ns = safety.command_timeout_ms * 1_000_000 + _UNASKED_NS
+        self._powered_ns = 0
+        """Time of the last command that allows power [ns]."""
+
+    def compare(self, feedback: Feedback, command: WheelCommand, motion: Motion) -> None:
+        """Let the monitors see what came, while the robot is powered."""
+        drive = self.health.drive
+        supply_v = None if drive is None else drive.bus_voltage_v
+        inputs = MonitorInputs(feedback, command, supply_v, motion)
+        for monitor in self._monitors:
+            found = monitor.update(inputs)
+            if found is not None and self._contradiction is None:
+                self._contradiction = found
+
+    def fault(self, now_ns: int) -> Fault | None:
+        """Return why a powered robot must stop now, or None."""
+        fault = self.health.fault(now_ns)
+        if fault is None and self._contradiction:
+            # Wheels that did not get the command do otherwise.
+            return self.health.unheard(now_ns) or self._contradiction
+        return fault
+
+    def unasked(self) -> Fault | None:
+        """Return a fault where the drive reports power though it has had no command to for long.
+
+        As behind old commands that somebody's controller held back. Its time-out has passed: what
+        it did not hear is no excuse any more.
+        """
+        motor = self.health.motor
+        if motor is None or motor.state is not DriveState.ENABLED:
+            return None
+        if motor.stamp_ns - self._powered_ns <= self._unasked_limit_ns:
+            return None
+        text = "emergency stop: the motor controller drives without being told to"
+        return Fault(FaultCode.DRIVES_UNASKED, text)
+
+    def powered(self, now_ns: int) -> None:
+        """Note that the command of this tick allows power."""
+        self._powered_ns = now_ns
+
+    def armed(self, now_ns: int) -> None:
+        """Note that the robot is armed: the monitors begin anew."""
+        self.health.armed(now_ns)
+        self._contradiction = None
+        for monitor in self._monitors:
+            monitor.reset()
+
+    def refusals(
+        self, now_ns: int, speeds_rad_s: tuple[float, ...], *, enabled: bool
+    ) -> tuple[str, ...]:
+        """Return all reasons against arming now; speeds by the encoders [rad/s]."""
+        health = self.health
+        motor, drive, battery = health.motor, health.drive, health.battery
+        refusals = health.refusals(now_ns)
+        if motor is None or drive is None or battery is None:
+            return refusals
+        return refusals + self._values.faults(motor, drive, battery, speeds_rad_s, enabled=enabled)
