@@ -198,6 +198,8 @@ class ControlCore:
         """Time of the last arming [ns]."""
         self._notices: list[Notice] = []
         self._armings = 0
+        self._odom_epoch_ns = 0
+        """Time of the first step, or of the last restart of the drive since [ns]."""
 
     @property
     def warm(self) -> bool:
@@ -208,6 +210,8 @@ class ControlCore:
         """Return the command of this tick; `now_ns` is its time, never read from a clock."""
         self._notices = []
         self._ticks += 1
+        if self._ticks == 1:
+            self._odom_epoch_ns = now_ns
         self._health.step(now_ns)
         self._take_feedback(inputs.feedback, now_ns)
         stop = None
@@ -269,6 +273,7 @@ class ControlCore:
             self._has_counts = False
             self._latches.reset()
             self.odometry.reset(0.0, 0.0)
+            self._odom_epoch_ns = now_ns
         if was_up and node.node_id == _DRIVE_NODE:
             text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
@@ -490,6 +495,7 @@ class ControlCore:
             armings=self._armings,
             fault=fault.code if fault else FaultCode.NONE,
             fault_part=fault.part if fault else "",
+            odom_epoch_ns=self._odom_epoch_ns,
         )
 
 

@@ -21,9 +21,9 @@ from robotctl.messages.control import (
     Severity,
 )
 from robotctl.messages.estimation import LocalisationState
-from robotctl.messages.located import Locator
 from robotctl.messages.mavlink_port import MavlinkPort, Message, Peer, Received
-from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.messages.world_pose import WorldPose
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 
 FRESH_NS = 1_000_000_000
@@ -75,23 +75,26 @@ class Context:
     robot: TelemetryRobot
     links: MavlinkPort
     control: ControlState | None = None
-    """Its pose is in `world`, as the localiser corrects it."""
     navigation: NavigationState | None = None
-    locator: Locator = field(default_factory=Locator)
+    world: WorldPose = field(init=False)
     acks: list[Ack] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
     texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
 
+    def __post_init__(self) -> None:
+        """Wait for the localiser, where the robot has one."""
+        self.world = WorldPose(has_localiser=self.robot.has_localiser)
+
     def take(self, state: State) -> None:
         """Take in one message of another process."""
         if isinstance(state, ControlState):
-            self.control = self.locator.locate(state)
+            self.control = state
             self.acks.extend(state.acks)
         elif isinstance(state, NavigationState):
             self.navigation = state
         elif isinstance(state, LocalisationState):
-            self.locator.localise(state)
+            self.world.localise(state)
         else:
             self.texts.extend((state.severity, line) for line in state.text.splitlines())
 
@@ -118,19 +121,29 @@ class Context:
 
     def fresh_localisation(self, now_ns: int) -> LocalisationState | None:
         """Return what the localiser believes, None where it is silent or there is none."""
-        state = self.locator.localisation
+        state = self.world.latest
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
+
+    def fresh_pose(self, now_ns: int) -> tuple[ControlState, SE2] | None:
+        """Return the control process's state and `base` in `world`, None where that is unknown."""
+        control = self.fresh_control(now_ns)
+        pose = None if control is None else self.world.pose(control)
+        return None if control is None or pose is None else (control, pose)
+
+    def fresh_fix(self, now_ns: int) -> LocalisationState | None:
+        """Return what the localiser says of the pose, None where it does not vouch for that now."""
+        control, believed = self.control, self.fresh_localisation(now_ns)
+        is_sure = control is not None and self.world.is_sure(control)
+        return believed if is_sure else None
 
     def heading_rad(self, now_ns: int) -> float | None:
         """Return the heading in `world` [rad], None where the robot does not know it."""
-        control = self.fresh_control(now_ns)
-        if control is None or not math.isfinite(control.theta_rad):
+        found = self.fresh_pose(now_ns)
+        if found is None or not math.isfinite(found[1].theta_rad):
             return None
-        if self.robot.has_localiser:
-            believed = self.fresh_localisation(now_ns)
-            if believed is None or believed.status is not LocalisationStatus.LOCALISED:
-                return None
-        return control.theta_rad
+        if self.robot.has_localiser and self.fresh_fix(now_ns) is None:
+            return None
+        return found[1].theta_rad
 
     def mode(self, now_ns: int) -> Mode:
         """Return who steers: nobody where the navigation process is silent."""

@@ -13,6 +13,7 @@ import msgspec
 
 from robotctl.messages.faults import FaultCode
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
+from robotctl.model.geometry.se2 import SE2
 
 
 class DriveState(enum.IntEnum):
@@ -317,8 +318,10 @@ class LoopStatistics(msgspec.Struct, frozen=True):
 class ControlState(msgspec.Struct, frozen=True, tag=True):
     """What the control process publishes, 50 times a second.
 
-    Pose is odometry: `base` in the `world` frame fixed where the control process started (m,
-    rad). Wheel arrays have one entry per driven wheel. Measured velocities are nan while wheel
+    `x_m`, `y_m`, `theta_rad` are `T_odom_base`, the pose of `base` in `odom` (m, rad); `WorldPose`
+    says what that is in `world`. `odom_epoch_ns` is when that frame began (ns): it changes with
+    each new control process, and when the drive has restarted, whose motion meanwhile is not in
+    the pose. Wheel arrays have one entry per driven wheel. Measured velocities are nan while wheel
     feedback is stale. `sonar_m[i]` belongs to the i-th sonar of the configuration: inf where there
     was no echo, nan where the sensor is missing, faulty or stale. `distance_m` counts from the
     start of the process, `odometer_m` over the robot's life (nan where its file cannot be read).
@@ -359,6 +362,12 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     armings: int = 0
     fault: FaultCode = FaultCode.NONE
     fault_part: str = ""
+    odom_epoch_ns: int = 0
+
+    @property
+    def T_odom_base(self) -> SE2:
+        """The pose of `base` in `odom`."""
+        return SE2(self.x_m, self.y_m, self.theta_rad)
 
 
 class NavigationState(msgspec.Struct, frozen=True, tag=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.se2 import SE2
 
 
 class LidarScan(msgspec.Struct, frozen=True, tag=True):
@@ -62,9 +63,11 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
 class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     """What the localiser believes, published after each step of the navigation process.
 
-    `x_m`, `y_m`, `theta_rad` place the frame of the odometry in `world`: `located` applies them to
-    a control state. `covariance` is the upper triangle of that of (x, y, theta) of `base` in
-    `world`, row by row [m, m, rad]. `nis` is the normalised innovation squared of the EKF's last
+    `x_m`, `y_m`, `theta_rad` are `T_world_odom`, the pose of `odom` in `world` (m, rad), and hold
+    for the odometry of `odom_epoch_ns`; `WorldPose` says whether they count. `epoch_ns` is when
+    `T_world_odom` last jumped (ns), other than by following the drift of the odometry.
+    `covariance` is the upper triangle of that of (x, y, theta) of `base` in `world`, row by row
+    [m, m, rad]. `nis` is the normalised innovation squared of the EKF's last
     update (nan without one) and `nis_dof` its degrees of freedom; `particles` is 0 for the EKF.
     """
 
@@ -79,6 +82,13 @@ class LocalisationState(msgspec.Struct, frozen=True, tag=True):
     nis: float = float("nan")
     nis_dof: int = 0
     step_us: float = 0.0
+    odom_epoch_ns: int = 0
+    epoch_ns: int = 0
+
+    @property
+    def T_world_odom(self) -> SE2:
+        """The pose of `odom` in `world`."""
+        return SE2(self.x_m, self.y_m, self.theta_rad)
 
 
 class ParticleCloud(msgspec.Struct, frozen=True, tag=True):

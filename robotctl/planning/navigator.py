@@ -51,7 +51,7 @@ class NavigationInputs(NamedTuple):
     """All that a step depends on."""
 
     pose: SE2
-    """`base` in `world`."""
+    """`base` in `world`; in `odom` until its place in that is known, and not `localised` then."""
     twist: Twist
     """Present velocity of `base`."""
     ranges_m: tuple[float, ...]

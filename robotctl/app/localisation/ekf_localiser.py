@@ -47,6 +47,10 @@ class EkfLocaliser:
         """No particles: (0, 3)."""
         return np.empty((0, 3))
 
+    def begin_odometry(self) -> None:
+        """Keep the belief; the next control state's odometry is another one."""
+        self._odometry = None
+
     def news(self) -> list[str]:
         """Nothing that its state does not say."""
         return []
@@ -54,7 +58,7 @@ class EkfLocaliser:
     def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
         ekf, self._innovation = self._ekf, None
-        odometry = SE2(control.x_m, control.y_m, control.theta_rad)
+        odometry = control.T_odom_base
         if self._odometry is None:
             ekf.reset(dataclasses.replace(ekf.estimate(), stamp_ns=control.stamp_ns))
         elif control.stamp_ns > ekf.stamp_ns:

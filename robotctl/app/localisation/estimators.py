@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeAlias, TypeVar
 
+import msgspec
 import numpy as np
 
 from robotctl.app.localisation.ekf_localiser import EkfLocaliser
@@ -43,6 +44,7 @@ from robotctl.messages.estimation import (
     LocalisationState,
     ParticleCloud,
 )
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
@@ -57,6 +59,9 @@ Stamped = TypeVar("Stamped", bound=LidarScan | CameraView | ExternalPose)
 _PICTURE_NS: Final = 500_000_000
 _GIVEN_NS: Final = 10_000_000_000
 """The map that does not change is told so often, for who begins to listen later [ns]."""
+_JUMP_M: Final = 0.25
+_JUMP_RAD: Final = 0.25
+"""Who corrects drift moves the robot by less between two steps."""
 _SHOWN: Final = 300
 """Particles in a picture."""
 _OLDEST_NS: Final = 2_000_000_000
@@ -115,6 +120,8 @@ class Estimators:
         self._given_ns = -_GIVEN_NS
         self._pictured_ns = 0
         self._status: LocalisationStatus | None = None
+        self._odom_epoch_ns: int | None = None
+        """Of the last control state."""
         self._said_rejected = False
         self._said_untimely = False
         self._news = list(news)
@@ -127,7 +134,11 @@ class Estimators:
         now_ns: int,
     ) -> LocalisationState | None:
         """Take in all that came since the last step; return what the localiser believes."""
-        self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+        if control.odom_epoch_ns != self._odom_epoch_ns:
+            self._odom_epoch_ns = control.odom_epoch_ns
+            if self.localiser is not None:
+                self.localiser.begin_odometry()
+        self._history.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
         scans, poses = self._timely(scans, now_ns), self._timely(poses, now_ns)
         seen = Seen(
             self._good(lidar_scan, [each for each in scans if isinstance(each, LidarScan)]),
@@ -139,10 +150,24 @@ class Estimators:
             poses,
         )
         if self.localiser is not None:
-            self._state = self.localiser.step(control, seen, now_ns)
+            self._state = self._stamped(self.localiser.step(control, seen, now_ns), control)
         if self.mapper is not None:
             self.mapper.step(self._state, seen)
         return self._state
+
+    def _stamped(self, state: LocalisationState, control: ControlState) -> LocalisationState:
+        """Return a state with the epoch of its odometry, and its own."""
+        before, odometry = self._state, control.T_odom_base
+        epoch_ns = state.stamp_ns
+        if before is not None and before.odom_epoch_ns == control.odom_epoch_ns:
+            was, now = before.T_world_odom @ odometry, state.T_world_odom @ odometry
+            moved_m = math.hypot(now.x_m - was.x_m, now.y_m - was.y_m)
+            turned_rad = abs(wrap_angle(now.theta_rad - was.theta_rad))
+            if moved_m <= _JUMP_M and turned_rad <= _JUMP_RAD:
+                epoch_ns = before.epoch_ns
+        return msgspec.structs.replace(
+            state, odom_epoch_ns=control.odom_epoch_ns, epoch_ns=epoch_ns
+        )
 
     def _timely(self, messages: Sequence[Stamped], now_ns: int) -> list[Stamped]:
         """Return messages that may be of now; the others are left out, counted, and said once.

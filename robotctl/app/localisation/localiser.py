@@ -43,6 +43,9 @@ class Localiser(Protocol):
     def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
 
+    def begin_odometry(self) -> None:
+        """Keep the belief; the next control state's odometry is another one."""
+
     @property
     def particles(self) -> NDArray[np.float64]:
         """Particles, (n, 3) [m, m, rad]; (0, 3) where there are none."""

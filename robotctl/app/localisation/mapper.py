@@ -61,7 +61,7 @@ class Mapper:
         if localisation is not None:
             if localisation.status is not LocalisationStatus.LOCALISED:
                 return
-            T_world_odom = SE2(localisation.x_m, localisation.y_m, localisation.theta_rad)
+            T_world_odom = localisation.T_world_odom
         for scan in seen.scans:
             if self._scanned is None and self._history.at(scan.stamp_ns) is not None:
                 self.grid.reset()

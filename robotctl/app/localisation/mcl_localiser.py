@@ -70,6 +70,10 @@ class MclLocaliser:
         """Particles, (n, 3) [m, m, rad]."""
         return self._mcl.poses
 
+    def begin_odometry(self) -> None:
+        """Keep the belief; the next control state's odometry is another one."""
+        self._at = None
+
     def news(self) -> list[str]:
         """Return which places were recognised since the last call, and whether no place fits."""
         said = [] if self._places is None else self._places.news()
@@ -81,7 +85,7 @@ class MclLocaliser:
     def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
         if self._at is None:
-            self._at = (control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+            self._at = (control.stamp_ns, control.T_odom_base)
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
             if self._move_to(stamp_ns) and self._mcl.due(sensor):
                 self._mcl.measure(measurement(), sensor)

@@ -17,9 +17,16 @@ class OdometryHistory:
 
     def __init__(self) -> None:
         self._poses: deque[tuple[int, SE2]] = deque(maxlen=_KEPT)
+        self._epoch_ns = 0
 
-    def add(self, stamp_ns: int, pose: SE2) -> None:
-        """Add a pose; one that is not newer than the last is left out."""
+    def add(self, stamp_ns: int, pose: SE2, epoch_ns: int = 0) -> None:
+        """Add a pose; one that is not newer than the last is left out.
+
+        With another `epoch_ns`, that of `odom`, all earlier poses are forgotten.
+        """
+        if epoch_ns != self._epoch_ns:
+            self._poses.clear()
+            self._epoch_ns = epoch_ns
         if not self._poses or stamp_ns > self._poses[-1][0]:
             self._poses.append((stamp_ns, pose))
 

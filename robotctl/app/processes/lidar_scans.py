@@ -12,7 +12,6 @@ from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LidarScan
 from robotctl.messages.lidar_port import LidarSweep
-from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.lidar import LidarConfig
 
 _KNOTS: Final = 9
@@ -42,7 +41,7 @@ class LidarScans:
 
     def attend(self, control: ControlState) -> None:
         """Take in where the odometry is."""
-        self._odometry.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+        self._odometry.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
 
     def scan(self, sweep: LidarSweep) -> LidarScan:
         """Return a revolution as a scan from where the robot was at its end.

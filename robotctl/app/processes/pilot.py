@@ -13,7 +13,6 @@ from robotctl import toml_source
 from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
-from robotctl.drivers.can.nodes.robot_can import DRIVE_NODE
 from robotctl.messages.control import (
     ControlState,
     ExternalPose,
@@ -27,7 +26,6 @@ from robotctl.messages.control import (
     VelocityTarget,
 )
 from robotctl.messages.estimation import CameraView, LocalisationState
-from robotctl.messages.located import located
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
     REQUEST_LIFE_NS,
@@ -37,7 +35,7 @@ from robotctl.messages.requests import (
     StickRequest,
     VelocityRequest,
 )
-from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.grid_map import GridMap
@@ -105,8 +103,9 @@ class Pilot:
         self._floor = FloorMemory()
         self._looks = config.camera is not None and config.camera.enabled
         self._guard = config.navigation.guard
-        self._way: tuple[int, float] | None = None
-        """Boots of the drive and distance [m] of the last state: odometry goes on from there."""
+        self._world = WorldPose(has_localiser=config.localisation.method != "none")
+        self._odom_epoch_ns: int | None = None
+        """Of the last state."""
         self._news: list[str] = []
         self._message = ""
         self._armings: int | None = None
@@ -142,10 +141,12 @@ class Pilot:
         this process was held up, is dropped: whoever asked was told so and may have left the
         robot to others. HOLD is always taken; velocities and sticks expire by themselves.
 
-        Without `localisation`, and while that is no more than a guess, which may jump, the robot
-        goes by its odometry. `views` are those of the camera since the last step.
+        `localisation` is what the localiser last said. Where `WorldPose` has no pose, the robot
+        looks around by its odometry alone. `views` are those of the camera since the last step.
         """
-        localised = localisation is None or localisation.status is LocalisationStatus.LOCALISED
+        if localisation is not None:
+            self._world.localise(localisation)
+        localised = control is None or self._world.is_sure(control)
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
         ranges_m: tuple[float, ...]
         heard_ns: tuple[int, ...]
@@ -153,8 +154,8 @@ class Pilot:
             pose, twist, ranges_m, heard_ns, floor = _UNKNOWN, Twist(0.0, 0.0), (), (), []
         else:
             floor = self._look(control, views)
-            control = located(control, localisation if localised else None)
-            pose = SE2(control.x_m, control.y_m, control.theta_rad)
+            known = self._world.pose(control)
+            pose = control.T_odom_base if known is None else known
             twist = Twist(control.v_m_s, control.omega_rad_s)
             ranges_m, heard_ns = control.sonar_m, control.sonar_stamp_ns
         enabled = fresh and control is not None and control.state in POWERED
@@ -237,8 +238,9 @@ class Pilot:
         It is kept over stops, since odometry goes on, and a thing that the robot has stopped for
         is often below the picture.
         """
-        odometry = SE2(control.x_m, control.y_m, control.theta_rad)
-        if not self._goes_on(control):
+        odometry = control.T_odom_base
+        if control.odom_epoch_ns != self._odom_epoch_ns:
+            self._odom_epoch_ns = control.odom_epoch_ns
             self._forget(control, odometry)
         self._odometry.add(control.stamp_ns, odometry)
         for view in views if control.state in POWERED else ():
@@ -246,12 +248,6 @@ class Pilot:
             if seen_from is not None:
                 self._floor.see(seen_from, _floor_view(view))
         return self._floor.around(odometry)
-
-    def _goes_on(self, control: ControlState) -> bool:
-        """Say whether odometry has not lost its way since the last state."""
-        drive = [node.boots for node in control.nodes if node.node_id == DRIVE_NODE]
-        before, self._way = self._way, (sum(drive), control.distance_m)
-        return before is not None and before[0] == self._way[0] and before[1] <= self._way[1]
 
     def _forget(self, control: ControlState, odometry: SE2) -> None:
         """Forget the floor; what lies below the picture of a robot under way is not known then."""

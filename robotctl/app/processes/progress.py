@@ -18,10 +18,9 @@ import msgspec
 from robotctl.config.options import StackOptions
 from robotctl.messages.control import ControlState, NavigationState
 from robotctl.messages.estimation import LocalisationState
-from robotctl.messages.located import Locator
 from robotctl.messages.requests import FARTHEST_M
+from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.angles import wrap_angle
-from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.storage.state_file import StateError, StateFile
 
@@ -200,9 +199,8 @@ class ProgressKeeper:
     saved
         What is in the file now.
     localised
-        Whether the robot has a localiser. Before that knows the place, the odometry's pose is not
-        the one in `world`, and the pose that is saved of this run stays. Once it does not know it
-        any more, the odometry goes on from where it did: its guesses jump.
+        Whether the robot has a localiser. While the pose in `world` is unknown, that saved of this
+        run stays; without one, the odometry's is saved, which begins at the start of the mission.
     """
 
     def __init__(
@@ -214,10 +212,9 @@ class ProgressKeeper:
         localised: bool,
     ) -> None:
         self._file = file
-        self._localised = localised
         self._run = options.run
         self._mission_crc = mission_crc(options)
-        self._locator = Locator()
+        self._world = WorldPose(has_localiser=localised)
         self._control: ControlState | None = None
         self._navigation: NavigationState | None = None
         self._saved = saved if saved is not None and saved.fits(options) else None
@@ -230,10 +227,9 @@ class ProgressKeeper:
         """Take in what was published; return a sentence where saving fails."""
         for message in messages:
             if isinstance(message, ControlState):
-                self._control = self._locator.locate(message)
+                self._control = message
             elif isinstance(message, LocalisationState):
-                if message.status is LocalisationStatus.LOCALISED:
-                    self._locator.localise(message)
+                self._world.localise(message)
             elif isinstance(message, NavigationState):
                 self._navigation = message
         progress = self._present()
@@ -258,9 +254,9 @@ class ProgressKeeper:
         control, navigation = self._control, self._navigation
         if control is None or not math.isfinite(control.odometer_m):
             return None
-        place: ControlState | Progress = control
-        if self._localised and self._locator.localisation is None and self._saved is not None:
-            place = self._saved
+        place: SE2 | Progress | None = self._world.pose(control)
+        if place is None:
+            place = control.T_odom_base if self._saved is None else self._saved
         item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
         if navigation is None and self._saved is not None:
             item, item_s_m = self._saved.item, self._saved.item_s_m

@@ -213,7 +213,12 @@ class LockstepRun:
         self._camera = LockstepCamera.load(self.config)
         walls = WallMap(room.segments)
         seen = camera_score(self.config, options, room)
-        self._score = RunScore(walls, seen, is_recorded=options.record is not None)
+        self._score = RunScore(
+            walls,
+            seen,
+            has_localiser=self.config.localisation.method != "none",
+            is_recorded=options.record is not None,
+        )
         self.notices = [] if self._estimators is None else self._estimators.news()
         if said := misfit(self.config, options.robot, self.world, walls):
             self.notices.append(said)

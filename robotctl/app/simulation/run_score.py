@@ -22,7 +22,7 @@ from robotctl.logs.formats.tum import write_tum
 from robotctl.maps.map_file import save_map
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView, LiveMap, LocalisationState
-from robotctl.messages.located import Locator, located
+from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.trajectory import Trajectory
@@ -38,18 +38,25 @@ class RunScore:
         Of the world.
     camera
         Score of the camera; None without one.
+    has_localiser
+        Whether the robot has one.
     is_recorded
         Whether `save` is to come, for which all true poses are kept.
     """
 
     def __init__(
-        self, walls: WallMap, camera: CameraScore | None = None, *, is_recorded: bool
+        self,
+        walls: WallMap,
+        camera: CameraScore | None = None,
+        *,
+        has_localiser: bool,
+        is_recorded: bool,
     ) -> None:
         self._walls = walls
         self._camera = camera
         self._pose = PoseScore()
         self._localisation = LocalisationScore()
-        self._locator = Locator()
+        self._world = WorldPose(has_localiser=has_localiser)
         self._control: ControlState | None = None
         self._map: GridMap | None = None
         self._truths: list[StampedPose] | None = [] if is_recorded else None
@@ -63,19 +70,25 @@ class RunScore:
         if self._camera is not None:
             self._camera.truth(pose)
 
-    def control(self, control: ControlState) -> ControlState:
-        """Take in a state of the control process; return it with its pose in `world`."""
+    def control(self, control: ControlState) -> SE2 | None:
+        """Take in a state of the control process; return its pose in `world`, if that is known."""
         self._control = control
-        in_world = self._locator.locate(control)
-        self._pose.estimate(_stamped(in_world))
-        return in_world
+        pose = self._world.pose(control)
+        if pose is not None:
+            self._pose.estimate(_stamped(control.stamp_ns, pose))
+        return pose
 
     def localisation(self, state: LocalisationState) -> None:
         """Take in what the localiser believes."""
-        self._locator.localise(state)
-        if self._control is not None:
-            in_world = _stamped(located(self._control, state))
-            self._localisation.estimate(in_world, state, _stamped(self._control))
+        self._world.localise(state)
+        control = self._control
+        if control is not None and control.odom_epoch_ns == state.odom_epoch_ns:
+            odometry = control.T_odom_base
+            self._localisation.estimate(  # right or wrong, whatever its status
+                _stamped(control.stamp_ns, state.T_world_odom @ odometry),
+                state,
+                _stamped(control.stamp_ns, odometry),
+            )
 
     def view(self, view: CameraView) -> None:
         """Take in what the camera saw."""
@@ -152,5 +165,5 @@ def _write(path: Path, write: Callable[[Path], object]) -> None:
         raise DiskError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _stamped(control: ControlState) -> StampedPose:
-    return StampedPose(control.stamp_ns, control.x_m, control.y_m, control.theta_rad)
+def _stamped(stamp_ns: int, pose: SE2) -> StampedPose:
+    return StampedPose(stamp_ns, pose.x_m, pose.y_m, pose.theta_rad)

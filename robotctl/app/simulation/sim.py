@@ -62,6 +62,7 @@ from robotctl.messages.estimation import (
     ParticleCloud,
 )
 from robotctl.messages.ports import Clock
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.camera import SIMULATED
 from robotctl.model.sensors.lidar import SOCKET
 from robotctl.model.wall_map import WallMap
@@ -129,6 +130,8 @@ class Progress:
     cloud: ParticleCloud | None = None
     map: LiveMap | None = None
     view: CameraView | None = None
+    pose: SE2 | None = None
+    """`base` in `world`; None where that is unknown."""
     lines: list[str] = field(default_factory=list)
     real_time_factor: float = 1.0
 
@@ -209,6 +212,7 @@ class SimRun:
         self._score = RunScore(
             self.walls,
             camera_score(self.config, options, room),
+            has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )
         self.progress = Progress()
@@ -408,7 +412,8 @@ class SimRun:
         for message in self._states.receive():
             match message:
                 case ControlState():
-                    progress.control = self._score.control(message)
+                    progress.control = message
+                    progress.pose = self._score.control(message)
                     self._was_armed |= message.state in POWERED
                     self._was_ready |= message.state is not SafetyState.BOOT
                 case LocalisationState():

@@ -143,8 +143,8 @@ class LineView:
         )
         self._print(
             progress.elapsed_s,
-            f"{control.state.name} {item} x {control.x_m:.2f} m y {control.y_m:.2f} m "
-            f"{math.degrees(control.theta_rad):.0f}° v {_measured(control.v_m_s)} m/s "
+            f"{control.state.name} {item} {_place(progress.pose, ' ')} "
+            f"v {_measured(control.v_m_s)} m/s "
             f"lag p99 {control.loop.lag_us_p99:.0f} µs bus {100 * control.bus.load:.0f} %"
             f"{_factor(progress)}",
         )
@@ -228,7 +228,8 @@ class LiveView:
         if self._helps:
             parts += [_line(each) for each in HELP]
         elif control is not None and rows - _FRAME >= _FEWEST_MAP_ROWS:
-            self._trail.append((control.x_m, control.y_m))
+            if progress.pose is not None:
+                self._trail.append((progress.pose.x_m, progress.pose.y_m))
             parts.append(self._map_and_figures(progress, control, width, rows))
         return Group(*parts, *bottom)  # type: ignore[arg-type]
 
@@ -257,8 +258,7 @@ class LiveView:
                 else "battery -"
             )
             yield _line(
-                f"x {control.x_m:.2f} m  y {control.y_m:.2f} m  "
-                f"{math.degrees(control.theta_rad):.0f}°  {_measured(control.v_m_s)} m/s   "
+                f"{_place(progress.pose, '  ')}  {_measured(control.v_m_s)} m/s   "
                 f"{charge}  {_factor(progress)}"
             )
         if self._keys:
@@ -300,13 +300,12 @@ class LiveView:
                 canvas.point(x_m, y_m)
         if progress.truth is not None:
             canvas.mark(progress.truth.x_m, progress.truth.y_m, "o")
-        if progress.control is not None:
-            control = progress.control
-            here = SE2(control.x_m, control.y_m, control.theta_rad)
+        here = progress.pose
+        if here is not None:
             for thing in progress.view.obstacles if progress.view is not None else ():
                 canvas.mark(*here.apply(thing.x_m, thing.y_m), "x")
-            arrow = _ARROWS[round(control.theta_rad / (math.pi / 4)) % 8]
-            canvas.mark(control.x_m, control.y_m, arrow)
+            arrow = _ARROWS[round(here.theta_rad / (math.pi / 4)) % 8]
+            canvas.mark(here.x_m, here.y_m, arrow)
         return canvas
 
     def _walls_on(self, empty: Canvas) -> Canvas:
@@ -383,6 +382,14 @@ def _factor(progress: Progress) -> str:
     """Return how fast simulated time goes, where the computer does not keep up."""
     factor = progress.real_time_factor
     return f" {factor:.2f} × real time" if factor < _SLOW else ""
+
+
+def _place(pose: SE2 | None, gap: str) -> str:
+    """Write a pose in `world`, if it is known."""
+    if pose is None:
+        return f"x - m{gap}y - m{gap}-°"
+    heading_deg = math.degrees(pose.theta_rad)
+    return f"x {pose.x_m:.2f} m{gap}y {pose.y_m:.2f} m{gap}{heading_deg:.0f}°"
 
 
 def _measured(value: float) -> str:

@@ -22,6 +22,7 @@ from robotctl.logs.mcap.foxglove import (
 )
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LidarScan, LiveMap, LocalisationState
+from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.camera import CameraMount
 from robotctl.model.sensors.sonar import SonarMount
@@ -57,13 +58,11 @@ class Scene:
         self._sonars = tuple(sonars)
         self._camera = camera
         self._lidar: SE2 | None = None
-        self._unlocated = None if has_localiser else SE2()
-        self._T_world_odom = self._unlocated
-        self._distance_m = 0.0
+        self._world = WorldPose(has_localiser=has_localiser)
 
     def localise(self, state: LocalisationState) -> None:
         """Take in where `odom` lies."""
-        self._T_world_odom = SE2(state.x_m, state.y_m, state.theta_rad)
+        self._world.localise(state)
 
     def place_lidar(self, scan: LidarScan) -> bool:
         """Take in where the lidar sits, which only its scans say; return whether that is new."""
@@ -74,20 +73,13 @@ class Scene:
     def frames(
         self, wall_ns: int, state: ControlState
     ) -> tuple[FrameTransforms, PoseInFrame | None]:
-        """Return `world`, `odom` and `base`, and the pose of `base` in `world` where it is known.
-
-        What the localiser said of the odometry of one control process is void for the next one,
-        which shows by the distance that it counts from its start.
-        """
-        if state.distance_m < self._distance_m:
-            self._T_world_odom = self._unlocated
-        self._distance_m = state.distance_m
-        T_odom_base = SE2(state.x_m, state.y_m, state.theta_rad)
-        odom = planar_transform(wall_ns, ODOM, BASE, T_odom_base)
-        if self._T_world_odom is None:
+        """Return `world`, `odom` and `base`; and `base` in `world`, where that is known."""
+        odom = planar_transform(wall_ns, ODOM, BASE, state.T_odom_base)
+        T_world_odom, pose_world = self._world.T_world_odom(state), self._world.pose(state)
+        if T_world_odom is None or pose_world is None:
             return FrameTransforms((odom,)), None
-        world = planar_transform(wall_ns, WORLD, ODOM, self._T_world_odom)
-        pose = pose_in(wall_ns, WORLD, self._T_world_odom @ T_odom_base)
+        world = planar_transform(wall_ns, WORLD, ODOM, T_world_odom)
+        pose = pose_in(wall_ns, WORLD, pose_world)
         return FrameTransforms((world, odom)), pose
 
     def sensor_frames(self, wall_ns: int) -> FrameTransforms | None:

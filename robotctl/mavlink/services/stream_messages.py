@@ -1,4 +1,4 @@
-"""The periodic messages, each a function of the control process's state."""
+"""The periodic messages, each a function of the control process's state and pose in `world`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from robotctl.mavlink.service import TelemetryRobot
 from robotctl.messages.control import ControlState, SafetyState
 from robotctl.messages.estimation import LocalisationState
 from robotctl.messages.mavlink_port import Message
+from robotctl.model.geometry.se2 import SE2
 
 MAX_WHEELS = 16
 LARGEST_FLOAT = 3.0e38
@@ -25,16 +26,16 @@ _SONARS = common.MAV_SYS_STATUS_SENSOR_PROXIMITY
 _SOUND_STATES = (SafetyState.STANDBY, SafetyState.ARMED, SafetyState.DRIVING)
 
 
-def attitude(state: ControlState) -> list[Message]:
+def attitude(state: ControlState, pose: SE2) -> list[Message]:
     """Return ATTITUDE of the level robot; empty where the heading is not a number."""
-    if not _fit(state.theta_rad, state.omega_rad_s):
+    if not _fit(pose.theta_rad, state.omega_rad_s):
         return []
     return [
         common.MAVLink_attitude_message(
             frames.boot_ms(state.stamp_ns),
             0.0,
             0.0,
-            frames.yaw_ned_from_theta(state.theta_rad),
+            frames.yaw_ned_from_theta(pose.theta_rad),
             0.0,
             0.0,
             frames.yaw_rate_frd_from_omega(state.omega_rad_s),
@@ -42,12 +43,12 @@ def attitude(state: ControlState) -> list[Message]:
     ]
 
 
-def local_position(state: ControlState) -> list[Message]:
+def local_position(state: ControlState, pose: SE2) -> list[Message]:
     """Return LOCAL_POSITION_NED; empty where the pose is not a number."""
-    if not _fit(state.x_m, state.y_m, state.theta_rad, state.v_m_s):
+    if not _fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s):
         return []
-    position = frames.ned_from_enu(state.x_m, state.y_m)
-    velocity = frames.velocity_ned(state.v_m_s, state.theta_rad)
+    position = frames.ned_from_enu(pose.x_m, pose.y_m)
+    velocity = frames.velocity_ned(state.v_m_s, pose.theta_rad)
     return [
         common.MAVLink_local_position_ned_message(
             frames.boot_ms(state.stamp_ns),
@@ -62,15 +63,16 @@ def local_position(state: ControlState) -> list[Message]:
 
 
 def odometry(
-    state: ControlState, localisation: LocalisationState | None, reset_counter: int
+    state: ControlState, pose: SE2, localisation: LocalisationState | None, reset_counter: int
 ) -> list[Message]:
     """Return ODOMETRY: pose in local NED, velocity in body FRD.
 
-    The covariance of the pose is the localiser's; without one it is not known.
+    The covariance of the pose is the localiser's; while that does not vouch for the pose, and
+    without one, it is not known.
     """
-    if not _fit(state.x_m, state.y_m, state.theta_rad, state.v_m_s, state.omega_rad_s):
+    if not _fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s, state.omega_rad_s):
         return []
-    position = frames.ned_from_enu(state.x_m, state.y_m)
+    position = frames.ned_from_enu(pose.x_m, pose.y_m)
     return [
         common.MAVLink_odometry_message(
             frames.boot_us(state.stamp_ns),
@@ -79,7 +81,7 @@ def odometry(
             position.north,
             position.east,
             0.0,
-            frames.quaternion_from_yaw_ned(frames.yaw_ned_from_theta(state.theta_rad)),
+            frames.quaternion_from_yaw_ned(frames.yaw_ned_from_theta(pose.theta_rad)),
             state.v_m_s,
             0.0,
             0.0,

@@ -27,7 +27,7 @@ class Streams:
 
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._distance_m = 0.0
+        self._epoch: tuple[int, int] | None = None
         self._resets = 0
         rates = context.config.rates
         defaults: dict[int, tuple[float, Builder]] = {
@@ -103,26 +103,26 @@ class Streams:
         return self._due
 
     def _count_resets(self) -> None:
-        """Count new `world` frames: a driven distance that shrinks means a new control process."""
-        control = self._context.control
-        if control is not None:
-            self._resets += control.distance_m < self._distance_m
-            self._distance_m = control.distance_m
+        """Count the jumps of the pose in `world`."""
+        control, world = self._context.control, self._context.world
+        if control is not None and world.pose(control) is not None:
+            epoch = world.epoch(control)
+            self._resets += self._epoch not in {None, epoch}
+            self._epoch = epoch
 
     def _attitude(self, now_ns: int) -> list[Message]:
-        control = self._context.fresh_control(now_ns)
-        return [] if control is None else stream_messages.attitude(control)
+        found = self._context.fresh_pose(now_ns)
+        return [] if found is None else stream_messages.attitude(*found)
 
     def _position(self, now_ns: int) -> list[Message]:
-        control = self._context.fresh_control(now_ns)
-        return [] if control is None else stream_messages.local_position(control)
+        found = self._context.fresh_pose(now_ns)
+        return [] if found is None else stream_messages.local_position(*found)
 
     def _odometry(self, now_ns: int) -> list[Message]:
-        control = self._context.fresh_control(now_ns)
-        if control is None:
+        found = self._context.fresh_pose(now_ns)
+        if found is None:
             return []
-        localisation = self._context.fresh_localisation(now_ns)
-        return stream_messages.odometry(control, localisation, self._resets)
+        return stream_messages.odometry(*found, self._context.fresh_fix(now_ns), self._resets)
 
     def _wheels(self, now_ns: int) -> list[Message]:
         control = self._context.fresh_control(now_ns)

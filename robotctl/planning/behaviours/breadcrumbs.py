@@ -99,6 +99,12 @@ class Breadcrumbs:
         if len(self._crumbs) > self._count_max:
             self._thin()
 
+    def nearest(self, pose: SE2) -> Crumb:
+        """Forget the way behind the crumb nearest to a pose, and return that."""
+        distances = [math.hypot(each.x_m - pose.x_m, each.y_m - pose.y_m) for each in self._crumbs]
+        self.truncate(distances.index(min(distances)) + 1)
+        return self._crumbs[-1]
+
     def truncate(self, count: int) -> None:
         """Keep the first `count` crumbs, at least home."""
         count = max(count, 1)

@@ -114,6 +114,7 @@ class MissionRunner:
         self.index = item
         if not self.completed:
             self._behaviours[item].resume(s_m)
+            self._relocated = s_m > 0.0  # it may have been found elsewhere meanwhile
 
     def learn_map(self, chart: GridMap) -> None:
         """Know the ways through a map, which else are straight lines."""

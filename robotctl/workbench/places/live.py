@@ -14,7 +14,7 @@ from robotctl.estimation.places.signatures import SignatureConfig
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LocalisationState
 from robotctl.messages.ports import Clock
-from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.ipc.topics import Subscriber
 from robotctl.workbench.places.turns import Progress, StateTurns, Visited
@@ -50,17 +50,18 @@ def live_turn(
         kinds = ControlState | LocalisationState
         states = Subscriber[ControlState | LocalisationState](context, endpoints.published, kinds)
         turns = StateTurns(robot, signatures)
-        localisation: LocalisationState | None = None
+        world = WorldPose(has_localiser=True)
         began_ns = heard_ns = clock.now_ns()
         while clock.now_ns() - began_ns < _PATIENCE_NS:
             for message in states.receive():
                 heard_ns = clock.now_ns()
                 if isinstance(message, LocalisationState):
-                    localisation = message
+                    world.localise(message)
                     continue
                 turn = _live_step(turns, message, robot)
                 if turn is not None:
-                    known = _located(turn, localisation)
+                    T_world_odom = world.T_world_odom(message) if world.is_sure(message) else None
+                    known = None if T_world_odom is None else T_world_odom @ turn.odometry
                     return Visited(turn, known if began is None else _ended(turn, began))
             if clock.now_ns() - heard_ns > _SILENT_NS:
                 raise PlaceError(
@@ -81,13 +82,6 @@ def _live_step(turns: StateTurns, control: ControlState, robot: RobotConfig) -> 
             f"{robot.robot.name} {len(robot.sonar)}: give its --robot"
         )
     return turns.step(control)
-
-
-def _located(turn: Turn, state: LocalisationState | None) -> SE2 | None:
-    """Return where a turn ended, by the localiser; None if it does not know."""
-    if state is None or state.status is not LocalisationStatus.LOCALISED:
-        return None
-    return SE2(state.x_m, state.y_m, state.theta_rad) @ turn.odometry
 
 
 def _ended(turn: Turn, began: SE2) -> SE2:

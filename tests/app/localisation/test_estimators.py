@@ -25,14 +25,13 @@ from robotctl.estimation.kalman.ekf import checked_covariance
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
-from robotctl.messages.located import located
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import upper_triangle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, OCCUPIED
 from robotctl.model.wall_map import WallMap
-from tests.messages.test_located import STATE
+from tests.messages.test_world_pose import STATE
 
 MS = 1_000_000
 ROOM = np.array(
@@ -88,8 +87,8 @@ def way(stamp_ns: int) -> SE2:
 
 
 def pose_in_world(state: ControlState, found: LocalisationState) -> SE2:
-    there = located(state, found)
-    return SE2(there.x_m, there.y_m, there.theta_rad)
+    assert found.odom_epoch_ns == state.odom_epoch_ns
+    return found.T_world_odom @ state.T_odom_base
 
 
 def distance(a: SE2, b: SE2) -> float:

@@ -21,7 +21,7 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.messages.control import SafetyState
 from robotctl.messages.estimation import CameraView
-from tests.messages.test_located import STATE
+from tests.messages.test_world_pose import STATE
 
 
 @pytest.fixture(scope="module")

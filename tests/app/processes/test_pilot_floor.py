@@ -11,13 +11,11 @@ from robotctl.app.processes.pilot import Pilot
 from robotctl.app.processes.robot import make_core
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.drivers.can.nodes.robot_can import DRIVE_NODE
 from robotctl.messages.control import (
     ControlState,
     LoopStatistics,
     Mode,
     NavigationState,
-    NodeStatus,
     SafetyState,
     SetMode,
     VelocityCommand,
@@ -51,9 +49,8 @@ class Looking:
         self.now_ns = 10**12
         self.state = SafetyState.STANDBY
         self.armings = armings
-        self.boots = 1
+        self.odom_epoch_ns = 1
         self.x_m = 0.0
-        self.distance_m = 0.0
         self.plank = True
         self.step()
 
@@ -66,7 +63,6 @@ class Looking:
     def drive_to(self, x_m: float) -> None:
         """Move along x in steps of a centimetre or less; the operator steers."""
         for x in np.linspace(self.x_m, x_m, 2 + round(abs(x_m - self.x_m) / 0.01)).tolist():
-            self.distance_m += abs(x - self.x_m)
             self.x_m = x
             self.step()
 
@@ -87,19 +83,17 @@ class Looking:
 
     def control(self) -> ControlState:
         """Return the state of control."""
-        drive = NodeStatus(DRIVE_NODE, "drive", 5, self.now_ns, self.boots, "")
         return msgspec.structs.replace(
             STATE,
             stamp_ns=self.now_ns,
             state=self.state,
             armings=self.armings,
             x_m=self.x_m,
-            distance_m=self.distance_m,
             v_m_s=0.0,
             omega_rad_s=0.0,
             sonar_m=(math.inf,) * len(CONFIG.sonar),
             sonar_stamp_ns=(self.now_ns,) * len(CONFIG.sonar),
-            nodes=(drive,),
+            odom_epoch_ns=self.odom_epoch_ns,
         )
 
     def view(self) -> CameraView:
@@ -191,7 +185,7 @@ def test_a_drive_that_restarts_makes_the_floor_unknown(tmp_path: Path) -> None:
     robot.plank = False
     robot.arm()
     assert not waits(robot.auto())
-    robot.boots += 1
+    robot.odom_epoch_ns = robot.now_ns
     robot.stop(SafetyState.FAULT)
     robot.arm()
     assert waits(robot.auto())
@@ -203,7 +197,7 @@ def test_a_drive_that_restarts_makes_the_floor_unknown(tmp_path: Path) -> None:
 def test_a_robot_that_was_never_armed_begins_with_a_free_floor(tmp_path: Path) -> None:
     robot = Looking(tmp_path)
     robot.plank = False
-    robot.boots += 1  # its motors are switched on behind the controller
+    robot.odom_epoch_ns = robot.now_ns  # its motors are switched on behind the controller
     robot.step()
     robot.arm()
     assert not waits(robot.auto())

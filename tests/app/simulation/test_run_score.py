@@ -44,11 +44,14 @@ def growth(score: RunScore) -> int:
 
 
 def test_a_run_without_a_record_keeps_no_more_the_longer_it_lasts() -> None:
-    assert growth(RunScore(WALLS, is_recorded=False)) < 10_000
+    assert growth(RunScore(WALLS, has_localiser=False, is_recorded=False)) < 10_000
 
 
 def test_the_record_has_every_truth_and_the_figures_are_those_without(tmp_path: Path) -> None:
-    recorded, other = RunScore(WALLS, is_recorded=True), RunScore(WALLS, is_recorded=False)
+    recorded, other = (
+        RunScore(WALLS, has_localiser=False, is_recorded=True),
+        RunScore(WALLS, has_localiser=False, is_recorded=False),
+    )
     for score in (recorded, other):
         run(score, 0, 10_000)
     assert recorded.pose_error == other.pose_error

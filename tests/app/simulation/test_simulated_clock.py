@@ -20,7 +20,7 @@ from robotctl.errors import LinkError
 from robotctl.messages.control import ControlState, LoopStatistics
 from robotctl.runtime.clock import RealClock
 from robotctl.runtime.simulated_clock import SimulatedClock
-from tests.messages.test_located import STATE
+from tests.messages.test_world_pose import STATE
 
 MS = 1_000_000
 BEGIN_NS = 1_000_000 * MS

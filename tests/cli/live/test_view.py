@@ -23,6 +23,7 @@ from robotctl.messages.control import (
     SafetyState,
 )
 from robotctl.messages.mode import Mode
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.wall_map import WallMap
 
 CONFIG = load_robot(find_file("diff_drive"))
@@ -41,18 +42,22 @@ MOVING = msgspec.structs.replace(
 ROOM = np.array([[0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]], dtype=float)
 
 
+def pose_of(control: ControlState | None) -> SE2 | None:
+    return None if control is None else control.T_odom_base
+
+
 def printed(control: ControlState | None) -> str:
     console = Console(file=io.StringIO(), width=120)
     with LineView(console, CONFIG, ("CAN vcan0",)) as view:
-        view.update(Progress(6.0, control, lines=["armed"]))
-        view.update(Progress(7.0, control))
+        view.update(Progress(6.0, control, pose=pose_of(control), lines=["armed"]))
+        view.update(Progress(7.0, control, pose=pose_of(control)))
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
 
 
 def screen(control: ControlState | None) -> str:
     console = Console(file=io.StringIO(), width=140, height=50)
     view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",))
-    console.print(view.screen(Progress(6.0, control)))
+    console.print(view.screen(Progress(6.0, control, pose=pose_of(control))))
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
 
 
@@ -94,13 +99,25 @@ def test_a_screen_without_control_says_for_whom_it_waits() -> None:
     assert "waiting for the control process" in screen(None)
 
 
+def test_a_place_that_is_not_known_yet_is_no_figure() -> None:
+    console = Console(file=io.StringIO(), width=140, height=50)
+    progress = Progress(6.0, MOVING)
+    console.print(LiveView(console, CONFIG, WallMap(ROOM), ()).screen(progress))
+    with LineView(console, CONFIG, ()) as view:
+        view.update(progress)
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "x - m  y - m  -°" in shown
+    assert "x - m y - m -°" in shown
+    assert "↑" not in shown
+
+
 def test_the_walls_stay_and_what_moved_does_not() -> None:
     console = Console(file=io.StringIO(), width=140, height=50)
     view = LiveView(console, CONFIG, WallMap(ROOM), ())
     shown = []
     for x_m in (1.25, 2.5):
         control = msgspec.structs.replace(MOVING, x_m=x_m)
-        console.print(view.screen(Progress(6.0, control)))
+        console.print(view.screen(Progress(6.0, control, pose=pose_of(control))))
         shown.append(console.file.getvalue())  # type: ignore[attr-defined]
     first, second = shown[0], shown[1].removeprefix(shown[0])
     assert [text.count("↑") for text in (first, second)] == [1, 1]
@@ -136,7 +153,8 @@ def shown(
     """Return the lines of the screen of a terminal."""
     console = Console(file=io.StringIO(), width=width, height=height)
     view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",), keys=True)
-    progress = Progress(6.0, control, NAVIGATION, lines=list(NOTICES), **known)  # type: ignore[arg-type]
+    known = {"pose": pose_of(control), "lines": list(NOTICES)} | known
+    progress = Progress(6.0, control, NAVIGATION, **known)  # type: ignore[arg-type]
     view.update(progress)
     if helps:
         view.help()

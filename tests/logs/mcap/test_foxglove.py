@@ -101,8 +101,8 @@ def test_until_the_localiser_speaks_nobody_claims_a_pose_in_world():
 def test_what_was_said_of_the_odometry_before_a_restart_is_void():
     scene = Scene(has_localiser=True)
     scene.localise(belief(10.0, 20.0, 0.0))
-    assert scene.frames(0, msgspec.structs.replace(CONTROL, distance_m=5.0))[1] is not None
-    assert scene.frames(1, msgspec.structs.replace(CONTROL, distance_m=0.0))[1] is None
+    assert scene.frames(0, msgspec.structs.replace(CONTROL, odom_epoch_ns=0))[1] is not None
+    assert scene.frames(1, msgspec.structs.replace(CONTROL, odom_epoch_ns=1))[1] is None
 
 
 def scan(*ranges: float, **changes: float) -> LidarScan:

@@ -1,0 +1,68 @@
+"""What counts as the robot's pose in `world`: the one policy of all who need one."""
+
+from __future__ import annotations
+
+from robotctl.messages.control import ControlState
+from robotctl.messages.estimation import LocalisationState
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.se2 import SE2
+
+
+class WorldPose:
+    """Puts the odometry's pose into `world`, by what the localiser says of `odom`.
+
+    - Without a localiser `odom` is `world`: odometry starts where the robot stands.
+    - With one it is the last `T_world_odom` of status LOCALISED that counts. While the localiser
+      searches, or is lost, its guesses jump: the odometry carries on from the last known place.
+    - A `T_world_odom` holds for its own `odom_epoch_ns` only. Before the first one, and once the
+      odometry has begun anew, the pose is unknown until the localiser has spoken again.
+
+    Parameters
+    ----------
+    has_localiser
+        Whether one is to be waited for; one that is heard counts in any case.
+
+    Attributes
+    ----------
+    latest
+        The localiser's last message, of any status.
+    """
+
+    def __init__(self, *, has_localiser: bool) -> None:
+        self.latest: LocalisationState | None = None
+        self._has_localiser = has_localiser
+        self._known: LocalisationState | None = None
+        """The last message of status LOCALISED."""
+
+    def localise(self, state: LocalisationState) -> None:
+        """Take in what the localiser believes."""
+        self._has_localiser = True
+        self.latest = state
+        if state.status is LocalisationStatus.LOCALISED:
+            self._known = state
+
+    def pose(self, control: ControlState) -> SE2 | None:
+        """Return `base` in `world`; None where that is unknown."""
+        if not self._has_localiser:
+            return control.T_odom_base
+        T_world_odom = self.T_world_odom(control)
+        return None if T_world_odom is None else T_world_odom @ control.T_odom_base
+
+    def T_world_odom(self, control: ControlState) -> SE2 | None:
+        """Return `odom` in `world`; None where that is unknown."""
+        if not self._has_localiser:
+            return SE2()
+        known = self._known
+        if known is None or known.odom_epoch_ns != control.odom_epoch_ns:
+            return None
+        return known.T_world_odom
+
+    def is_sure(self, control: ControlState) -> bool:
+        """Whether the pose is more than what odometry makes of a place known earlier."""
+        if not self._has_localiser:
+            return True
+        return self._known is self.latest and self.T_world_odom(control) is not None
+
+    def epoch(self, control: ControlState) -> tuple[int, int]:
+        """Return what changes when the pose jumps: the epochs of `odom` and of its place."""
+        return control.odom_epoch_ns, 0 if self._known is None else self._known.epoch_ns
