@@ -239,12 +239,8 @@ def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
 
 def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield what no key alone shows: the key to blame and what is wrong."""
-    try:
-        config.control.loops(config.drive.wheel_names)
-    except ValueError as error:
-        for line in str(error).splitlines():
-            key, _, problem = line.partition(": ")
-            yield tuple(key.split(".")), problem
+    for name, problem in config.control.wrong_loops(config.drive.wheel_names):
+        yield ("control", name), problem
     two_periods_ms = 2 * config.runtime.period_ns / 1e6
     if config.safety.command_timeout_ms < two_periods_ms:
         bound = f"under two control periods ({two_periods_ms:g} ms at {config.runtime.rate_hz} Hz)"

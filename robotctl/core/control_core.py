@@ -74,19 +74,26 @@ class ControlConfig:
         ValueError
             Where one is missing, or one is given for a wheel that the drive has not.
         """
-        given = {"left": self.left, "right": self.right, "drive": self.drive}
-        problems = [
-            f"control.{name}: missing, this drive has the wheels {', '.join(wheel_names)}"
+        if problems := self.wrong_loops(wheel_names):
+            raise ValueError("\n".join(f"control.{name}: {why}" for name, why in problems))
+        given = self._loops()
+        return tuple(loop for name in wheel_names if (loop := given[name]) is not None)
+
+    def wrong_loops(self, wheel_names: tuple[str, ...]) -> list[tuple[str, str]]:
+        """Return which loops are missing or too many for the named wheels, each with the reason."""
+        given, wheels = self._loops(), ", ".join(wheel_names)
+        return [
+            (name, f"missing, this drive has the wheels {wheels}")
             for name in wheel_names
             if given[name] is None
         ] + [
-            f"control.{name}: this drive has no such wheel, only {', '.join(wheel_names)}"
+            (name, f"this drive has no such wheel, only {wheels}")
             for name, loop in given.items()
             if loop is not None and name not in wheel_names
         ]
-        if problems:
-            raise ValueError("\n".join(problems))
-        return tuple(loop for name in wheel_names if (loop := given[name]) is not None)
+
+    def _loops(self) -> dict[str, PidConfig | None]:
+        return {"left": self.left, "right": self.right, "drive": self.drive}
 
 
 class Inputs(msgspec.Struct, frozen=True, array_like=True):
