@@ -319,9 +319,14 @@ def test_a_drive_that_restarts_loses_its_counts_and_says_so(node_id: int, told: 
     robot.node_id = node_id
     robot.armed()
     robot.boots += 1
+    before = robot.snapshot().odom_epoch_ns
     texts = [notice.text for notice in robot.tick().notices]
     text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
     assert texts.count(text) == told
+    assert (robot.snapshot().odom_epoch_ns != before) == told
+    after = robot.snapshot().odom_epoch_ns
+    robot.ticks(20)
+    assert robot.snapshot().odom_epoch_ns == after
     assert robot.state == SafetyState.FAULT
 
 

@@ -124,6 +124,22 @@ def test_the_odometrys_frame_is_found_wherever_it_lies(world: Path) -> None:
 
 
 @pytest.mark.parametrize("method", ["ekf", "mcl"])
+@pytest.mark.parametrize("T_new_old", [SE2(5.0, -3.0, 2.0), SE2(-0.5, 0.0, 0.0)])
+def test_another_odometry_is_no_motion(world: Path, method: str, T_new_old: SE2) -> None:
+    """The control process has started again: its odometry says another pose, the robot stands."""
+    several = estimators(world, f'localisation.method="{method}"')
+    here = way(0)
+    before = several.step(control(0, here, odom_epoch_ns=1), (), (), 0)
+    stood = several.step(control(50 * MS, here, odom_epoch_ns=1), (), (), 50 * MS)
+    assert stood.epoch_ns == before.epoch_ns
+    for step in range(2, 20):
+        state = control(50 * MS * step, T_new_old @ here, odom_epoch_ns=90 * MS)
+        found = several.step(state, (), (), state.stamp_ns)
+        assert (found.odom_epoch_ns, found.epoch_ns) == (90 * MS, 100 * MS)
+        assert distance(pose_in_world(state, found), here) < 0.1
+
+
+@pytest.mark.parametrize("method", ["ekf", "mcl"])
 def test_a_pose_from_outside_corrects(world: Path, method: str) -> None:
     several = estimators(world, f'localisation.method="{method}"', "localisation.start_sigma_m=0.5")
     true = SE2(1.5, 1.2, 0.1)

@@ -178,10 +178,10 @@ def test_wheel_distances_are_those_of_the_driven_wheels(bench):
 
 
 def test_the_odometry_reset_counter_counts_restarts_of_control(bench):
-    bench.step(bench.control(distance_m=5.0))
-    bench.run(0.1, distance_m=6.0)
+    bench.step(bench.control(odom_epoch_ns=1))
+    bench.run(0.1, odom_epoch_ns=1)
     assert {message.reset_counter for message in bench.messages("ODOMETRY")} == {0}
-    bench.run(0.5, distance_m=0.1)
+    bench.run(0.5, odom_epoch_ns=2)
     assert {message.reset_counter for message in bench.messages("ODOMETRY")} == {1}
 
 
