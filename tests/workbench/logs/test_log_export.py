@@ -135,7 +135,7 @@ def test_every_column_but_texts_is_numeric_and_tells_its_unit(
         if not pd.api.types.is_numeric_dtype(table[column])
     }
     assert texts <= {
-        *("reason", "mission", "item_name", "message", "method", "name", "frame_id"),
+        *("reason", "fault_part", "mission", "item_name", "message", "method", "name", "frame_id"),
         *(f"nodes[{each}].problem" for each in ("drive", "sonar", "power")),
         *(each for each in texts if each.endswith(".parent_frame_id")),
     }
