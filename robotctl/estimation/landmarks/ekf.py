@@ -30,7 +30,7 @@ _FIX_SPAN_NS = 10_000_000_000
 class LandmarkEkf:
     """Extended Kalman filter of a pose, and of what is wrong with odometry and camera.
 
-    The models stand in `landmark_models.py`. The noise of the sightings is learned from their
+    The models stand in `models.py`. The noise of the sightings is learned from their
     residuals. While the innovations contradict the belief, odometry alone moves it, until sightings
     of several landmarks make a new start; what is known of the calibration stays.
 

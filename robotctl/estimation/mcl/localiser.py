@@ -4,8 +4,8 @@ Notes, section 4; Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
 
 - While the robot is tracked, random poses, the *scouts*, are weighed by the same measurement. The
   ratio of the two evidences is Bayes' factor between "as tracked" and "carried away to anywhere";
-  it is accumulated, and `fit_watch.py` compares the evidence with what it used to be. Beams that
-  something hides from the map say little (`log_likelihood.py`).
+  it is accumulated, and `likelihood_monitor.py` compares the evidence with what it used to be.
+  Beams that something hides from the map say little (`log_likelihood.py`).
 - If one of them speaks against the belief, a search begins beside it, as from an unknown start
   (`particle_belief.py`). The belief is kept until what was found has explained the measurements
   better over a piece of way (`rival.py`).

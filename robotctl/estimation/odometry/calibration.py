@@ -1,6 +1,6 @@
 """Calibration of odometry: generalised least squares against references, with honest intervals.
 
-What is fitted are the white innovations of `odometry_innovations.py`, so that errors which add up
+What is fitted are the white innovations of `innovations.py`, so that errors which add up
 along the way are weighed as they are correlated. Two steps take turns: least squares over what the
 drive is (Huber's loss), and maximum likelihood over the noises e, f, g of odometry and those of the
 reference, which set the weights. A change of the drive that the data do not show is said so and
