@@ -10,6 +10,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from robotctl.app.processes import control
+from robotctl.app.processes.entry import enter
 
 HANG, SPIN, COLLECT = signal.SIGRTMIN, signal.SIGRTMIN + 1, signal.SIGRTMIN + 2
 PAUSE_S = 0.2
@@ -58,7 +59,7 @@ def main() -> int:
     for number in FAULTS:
         signal.signal(number, on_signal)
     control.ControlTicker = FaultyTicker  # type: ignore[misc]
-    return control.main()
+    return enter("control", control.run)
 
 
 if __name__ == "__main__":

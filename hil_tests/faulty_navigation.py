@@ -10,6 +10,7 @@ from types import FrameType
 from typing import Any
 
 from robotctl.app.processes import navigation
+from robotctl.app.processes.entry import enter
 
 LEAK = signal.SIGRTMIN
 _ROOM_BYTES = 64 * 2**20
@@ -44,7 +45,7 @@ def main() -> int:
 
     signal.signal(LEAK, on_signal)
     navigation.Pilot = LeakingPilot  # type: ignore[misc]
-    return navigation.main()
+    return enter("navigation", navigation.run)
 
 
 if __name__ == "__main__":

@@ -11,12 +11,13 @@ import sys
 import zmq
 
 from robotctl.app.processes.camera_source import open_source
+from robotctl.app.processes.entry import enter
 from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.app.supervision.signals import StopFlag
-from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.camera.simulated_camera import picture_message
-from robotctl.errors import ConfigError, RobotctlError
+from robotctl.errors import ConfigError
 from robotctl.messages.control import ControlState, Notice, Severity
 from robotctl.model.sensors.camera import SIMULATED
 from robotctl.runtime.ipc.heartbeat import Heartbeat
@@ -104,16 +105,5 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         context.destroy(linger=0)
 
 
-def main() -> int:
-    """Entry point of the process; a camera that is not there may come: status 1 tries again."""
-    options = options_of_command_line(sys.argv)
-    try:
-        run(options.load(), options)
-    except RobotctlError as error:
-        print(f"robotctl camera: {error}", file=sys.stderr)  # noqa: T201
-        return 2 if isinstance(error, ConfigError) else 1
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(enter("camera", run, device_may_come=True))

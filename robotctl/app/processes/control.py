@@ -12,15 +12,16 @@ from typing import Final
 import msgspec
 import zmq
 
+from robotctl.app.processes.entry import enter
 from robotctl.app.processes.progress import last_pose, load_progress
 from robotctl.app.processes.robot import make_core, make_robot, record_header
 from robotctl.app.supervision.signals import EmergencySignal, StopFlag
-from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.checkpoint import checkpoint
 from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.core.warmup import rehearse
-from robotctl.errors import LinkError, RobotctlError
+from robotctl.errors import LinkError
 from robotctl.messages.control import (
     Arm,
     ControlRequest,
@@ -214,16 +215,5 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             held.close()
 
 
-def main() -> int:
-    """Entry point of the process."""
-    options = options_of_command_line(sys.argv)
-    try:
-        run(options.load(), options)
-    except RobotctlError as error:
-        print(f"robotctl control: {error}", file=sys.stderr)  # noqa: T201
-        return 2
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(enter("control", run))

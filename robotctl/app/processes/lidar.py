@@ -9,12 +9,13 @@ from typing import Final
 
 import zmq
 
+from robotctl.app.processes.entry import enter
 from robotctl.app.processes.lidar_scans import LidarScans
 from robotctl.app.supervision.signals import StopFlag
-from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.lidar.rplidar import Rplidar
-from robotctl.errors import ConfigError, RobotctlError
+from robotctl.errors import ConfigError
 from robotctl.messages.control import ControlState, Notice
 from robotctl.messages.lidar_port import LidarPort
 from robotctl.messages.ports import Clock
@@ -66,16 +67,5 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         context.destroy(linger=0)
 
 
-def main() -> int:
-    """Entry point of the process; a lidar that is not there may come: status 1 tries again."""
-    options = options_of_command_line(sys.argv)
-    try:
-        run(options.load(), options)
-    except RobotctlError as error:
-        print(f"robotctl lidar: {error}", file=sys.stderr)  # noqa: T201
-        return 2 if isinstance(error, ConfigError) else 1
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(enter("lidar", run, device_may_come=True))

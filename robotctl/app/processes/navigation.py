@@ -11,12 +11,12 @@ import msgspec
 import zmq
 
 from robotctl.app.localisation.load_estimators import load_estimators
+from robotctl.app.processes.entry import enter
 from robotctl.app.processes.pilot import Pilot
 from robotctl.app.processes.progress import Progress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
-from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
-from robotctl.errors import RobotctlError
 from robotctl.messages.control import (
     ControlState,
     ExternalPose,
@@ -151,16 +151,5 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         context.destroy(linger=0)
 
 
-def main() -> int:
-    """Entry point of the process."""
-    options = options_of_command_line(sys.argv)
-    try:
-        run(options.load(), options)
-    except RobotctlError as error:
-        print(f"robotctl navigation: {error}", file=sys.stderr)  # noqa: T201
-        return 2
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(enter("navigation", run))

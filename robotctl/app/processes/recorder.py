@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import zmq
 
+from robotctl.app.processes.entry import enter
 from robotctl.app.processes.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.supervision.signals import StopFlag
-from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
-from robotctl.errors import RobotctlError
 from robotctl.logs.flight import FlightDumps, RecordCopy
 from robotctl.logs.logs import BusLog, StateLog, recover_all, scene_of
 from robotctl.logs.mcap.entries import Published
@@ -228,16 +228,5 @@ def _finish(recording: Recording, receive: Callable[[], list[Published]], clock:
             print(f"robotctl recorder: {note}", file=sys.stderr)  # noqa: T201
 
 
-def main() -> int:
-    """Entry point of the process."""
-    options = options_of_command_line(sys.argv)
-    try:
-        run(options.load(), options)
-    except RobotctlError as error:
-        print(f"robotctl recorder: {error}", file=sys.stderr)  # noqa: T201
-        return 2
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(enter("recorder", run))

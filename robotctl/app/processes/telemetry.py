@@ -10,11 +10,11 @@ from typing import Final
 import zmq
 
 import robotctl
+from robotctl.app.processes.entry import enter
 from robotctl.app.supervision.signals import StopFlag
-from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.mavlink.link import MavlinkLinks
-from robotctl.errors import RobotctlError
 from robotctl.mavlink.service import State, TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import (
@@ -94,16 +94,5 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             clock.sleep_until(deadline_ns)
 
 
-def main() -> int:
-    """Entry point of the process."""
-    options = options_of_command_line(sys.argv)
-    try:
-        run(options.load(), options)
-    except RobotctlError as error:
-        print(f"robotctl telemetry: {error}", file=sys.stderr)  # noqa: T201
-        return 2
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(enter("telemetry", run))

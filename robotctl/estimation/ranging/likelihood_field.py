@@ -292,6 +292,14 @@ def _weigh(
 
 
 @compiled
+def _end_cell(
+    u: float, v: float, cos: np.float32, sin: np.float32, x: np.float32, y: np.float32
+) -> tuple[int, int]:
+    """Return row and column, in the bordered fields, of a beam's end in `base` from a pose."""
+    return math.floor(v + sin * x + cos * y) + 1, math.floor(u + cos * x - sin * y) + 1
+
+
+@compiled
 def _count_agreeing(
     poses: NDArray[np.float64],
     cos: NDArray[np.float32],
@@ -309,8 +317,7 @@ def _count_agreeing(
         x, y = poses[i, 0] - x0, poses[i, 1] - y0
         u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
         for k in range(points.shape[1]):
-            column = math.floor(u + cos[i] * points[0, k] - sin[i] * points[1, k]) + 1
-            row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
+            row, column = _end_cell(u, v, cos[i], sin[i], points[0, k], points[1, k])
             if 0 <= row < log_fields.shape[1] and 0 <= column < log_fields.shape[2]:
                 agreeing[k] += log_fields[levels[k], row, column] >= agrees
 
@@ -335,8 +342,7 @@ def _forgive(
         x, y = poses[i, 0] - x0, poses[i, 1] - y0
         u, v = (c0 * x + s0 * y) * scale, (c0 * y - s0 * x) * scale
         for k in range(points.shape[1]):
-            column = math.floor(u + cos[i] * points[0, k] - sin[i] * points[1, k]) + 1
-            row = math.floor(v + sin[i] * points[0, k] + cos[i] * points[1, k]) + 1
+            row, column = _end_cell(u, v, cos[i], sin[i], points[0, k], points[1, k])
             column = min(max(column, 0), log_fields.shape[2] - 1)
             row = min(max(row, 0), log_fields.shape[1] - 1)
             log = log_fields[levels[k], row, column]

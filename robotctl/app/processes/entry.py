@@ -1,0 +1,37 @@
+"""How a process of the robot begins, and with which status it ends."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+from robotctl.config.options import StackOptions, options_of_command_line
+from robotctl.config.robot_file import RobotConfig
+from robotctl.errors import ConfigError, RobotctlError
+
+_AGAIN = 1
+_BAD_INPUT = 2
+"""Who started the process tries again after the first, at its first start not after the second."""
+
+
+def enter(
+    name: str, run: Callable[[RobotConfig, StackOptions], None], *, device_may_come: bool = False
+) -> int:
+    """Run a process with the options of its command line; return its exit status.
+
+    Parameters
+    ----------
+    name
+        Of the process, for messages.
+    run
+        What it does until it is told to end.
+    device_may_come
+        Whether an error that is none of the configuration passes when a device is plugged in.
+    """
+    options = options_of_command_line(sys.argv)
+    try:
+        run(options.load(), options)
+    except RobotctlError as error:
+        print(f"robotctl {name}: {error}", file=sys.stderr)  # noqa: T201
+        return _AGAIN if device_may_come and not isinstance(error, ConfigError) else _BAD_INPUT
+    return 0
