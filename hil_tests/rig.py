@@ -13,8 +13,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import can
 import canopen
@@ -52,6 +53,8 @@ ROOM_M = (6.0, 4.0)
 COMMAND, EMCY_DRIVE, EMERGENCY_STOP = 0x201, 0x081, 0x001
 EMCY_COMMAND_TIMEOUT = 0x8130
 _COMMAND_CRC = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
+T = TypeVar("T")
+
 NODE_NAMES = {DRIVE: "drive", SONAR: "sonar", POWER: "power"}
 
 CIRCLE_M, NEAR_M = 0.5, 0.7
@@ -85,6 +88,18 @@ def is_exact(bus: str) -> bool:
 
 def _numbers(values: Sequence[float]) -> str:
     return " ".join(f"{value:.1f}" for value in values)
+
+
+def _ask_again(ask: Callable[[], T]) -> T:
+    """Ask a node by SDO until the answer is to this question.
+
+    There is one SDO channel: the answer to the robot's own reading may come first, even to one of
+    a control process that has just ended.
+    """
+    for _ in range(4):
+        with contextlib.suppress(canopen.SdoCommunicationError):
+            return ask()
+    return ask()
 
 
 class UnsafeMotionError(AssertionError):
@@ -527,18 +542,15 @@ class Rig:
     def read_objects(self, node: int, objects: Sequence[tuple[int, int]]) -> list[int]:
         """Read unsigned objects by SDO through the independent `canopen` master."""
         with self._sdo(node) as sdo:
-            return [int.from_bytes(sdo.upload(index, sub), "little") for index, sub in objects]
+            return [
+                int.from_bytes(_ask_again(partial(sdo.upload, index, sub)), "little")
+                for index, sub in objects
+            ]
 
     def write_object(self, node: int, index: int, value: int, size: int) -> None:
-        """Write an unsigned object by SDO as any tool does; raises what the node refuses it with.
-
-        Where the robot's own reading was answered meanwhile, tools ask again.
-        """
+        """Write an unsigned object by SDO as any tool does; raises what the node refuses it with."""
         with self._sdo(node) as sdo:
-            for _ in range(5):
-                with contextlib.suppress(canopen.SdoCommunicationError):
-                    return sdo.download(index, 0, value.to_bytes(size, "little"))
-        raise AssertionError(f"no answer to a write of {index:#06x}")
+            _ask_again(partial(sdo.download, index, 0, value.to_bytes(size, "little")))
 
     def store_parameters(self, node: int) -> None:
         """Let a node keep the parameters that it has now."""
