@@ -548,7 +548,7 @@ class Rig:
             ]
 
     def write_object(self, node: int, index: int, value: int, size: int) -> None:
-        """Write an unsigned object by SDO as any tool does; raises what the node refuses it with."""
+        """Write an unsigned object by SDO as any tool does; raises what the node refuses."""
         with self._sdo(node) as sdo:
             _ask_again(partial(sdo.download, index, 0, value.to_bytes(size, "little")))
 

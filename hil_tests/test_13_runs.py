@@ -15,7 +15,7 @@ from typing import Any, cast
 import pytest
 from pymavlink import mavutil
 
-from robotctl.app.simulation.sim import Progress, SimRun
+from robotctl.app.simulation.sim import RunStatus, SimRun
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.app.supervision.stack import NAVIGATION
 from robotctl.config.robot_file import find_file
@@ -50,7 +50,7 @@ class Operator:
     """A ground station beside a run that stays."""
 
     def __init__(self, run: SimRun, port: int) -> None:
-        self._steps: Iterator[Progress] = run.steps(until_done=False)
+        self._steps: Iterator[RunStatus] = run.steps(until_done=False)
         self.until(lambda _: self._listens(port))
         self._link = cast("Any", mavutil).mavlink_connection(f"tcp:127.0.0.1:{port}")
 
@@ -59,7 +59,7 @@ class Operator:
         with socket.socket() as probe:
             return probe.connect_ex(("127.0.0.1", port)) == 0
 
-    def until(self, reached: Callable[[Progress], bool]) -> Progress:
+    def until(self, reached: Callable[[RunStatus], bool]) -> RunStatus:
         """Let the run go on until something is so."""
         begin_s = None
         for progress in self._steps:
@@ -71,7 +71,7 @@ class Operator:
                 return progress
         raise AssertionError("the run has ended")
 
-    def drives_in(self, mode: Mode) -> Progress:
+    def drives_in(self, mode: Mode) -> RunStatus:
         """Let the run go on until the robot drives in a mode."""
         return self.until(
             lambda progress: (
@@ -102,7 +102,7 @@ class Operator:
             )
         ).elapsed_s
 
-        def quiet(progress: Progress) -> bool:
+        def quiet(progress: RunStatus) -> bool:
             assert progress.control is not None
             assert progress.navigation is not None
             assert (progress.control.state, progress.navigation.mode) == (state, mode)
@@ -150,7 +150,7 @@ def pid_of(module: str) -> int:
     return pid
 
 
-def error_m(progress: Progress) -> float:
+def error_m(progress: RunStatus) -> float:
     """Return the distance between where the robot believes to be and where it is [m]."""
     control, truth = progress.control, progress.truth
     if control is None or truth is None:

@@ -23,7 +23,7 @@ from firmware_sim.bus.errors import (
 )
 from firmware_sim.bus.frame import ERROR_FLAG, Frame
 from firmware_sim.bus.frame_faults import FrameFaults, Strike
-from firmware_sim.bus.recovery import Recovery
+from firmware_sim.bus.recovery import BusOffRecovery
 from firmware_sim.bus.state import BusState, Failure, Message, Offer, PortState, Route
 
 FLAG_BITS = 6
@@ -45,7 +45,7 @@ class Confinement:
         What brings its nodes back.
     """
 
-    def __init__(self, bus: BusState, faults: FrameFaults, recovery: Recovery) -> None:
+    def __init__(self, bus: BusState, faults: FrameFaults, recovery: BusOffRecovery) -> None:
         self._bus = bus
         self._faults = faults
         self._recovery = recovery

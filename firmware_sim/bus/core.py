@@ -25,7 +25,7 @@ from firmware_sim.bus.frame import Filter, Frame, exact_filters
 from firmware_sim.bus.frame_faults import FrameFaults
 from firmware_sim.bus.injection import Injector
 from firmware_sim.bus.port import Port
-from firmware_sim.bus.recovery import Recovery
+from firmware_sim.bus.recovery import BusOffRecovery
 from firmware_sim.bus.state import NEVER_NS, BusState, PortState, Receive, Route, Tap
 from firmware_sim.bus.statistics import LoadMeter
 
@@ -86,7 +86,7 @@ class Bus:
         self._advancing = False
         self._ports: list[Port] = []
         self._frame_faults = FrameFaults(state, np.random.default_rng(seed))
-        self._recovery = Recovery(state)
+        self._recovery = BusOffRecovery(state)
         self._confinement = Confinement(state, self._frame_faults, self._recovery)
         disturbance = Disturbance(state, self._confinement)
         self._injector = Injector(state, self._frame_faults, disturbance)

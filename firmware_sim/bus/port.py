@@ -8,7 +8,7 @@ from firmware_sim.bus.bits import arbitration_key
 from firmware_sim.bus.errors import ErrorState
 from firmware_sim.bus.frame import MAX_DATA_LENGTH, Filter, check_id, exact_filters
 from firmware_sim.bus.frame_faults import FrameFaults
-from firmware_sim.bus.recovery import Recovery
+from firmware_sim.bus.recovery import BusOffRecovery
 from firmware_sim.bus.state import BusState, Offer, PortState
 
 
@@ -32,7 +32,7 @@ class Port:
     __slots__ = ("_bus", "_faults", "_recovery", "_state", "counters", "name", "statistics")
 
     def __init__(
-        self, state: PortState, bus: BusState, faults: FrameFaults, recovery: Recovery
+        self, state: PortState, bus: BusState, faults: FrameFaults, recovery: BusOffRecovery
     ) -> None:
         self.name = state.name
         self.counters = state.counters

@@ -12,7 +12,7 @@ RECOVERY_SEQUENCES = 128
 RECESSIVE_SEQUENCE_BITS = 11
 
 
-class Recovery:
+class BusOffRecovery:
     """Counts the recessive sequences for the nodes of one bus which are bus-off.
 
     Parameters

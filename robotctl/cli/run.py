@@ -14,7 +14,7 @@ import typer
 import zmq
 
 from robotctl.app.processes.pilot import load_mission
-from robotctl.app.processes.progress import Progress, resumed, state_directory
+from robotctl.app.processes.progress import StoredProgress, resumed, state_directory
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.service import ServiceNotifier
 from robotctl.app.supervision.signals import EmergencySignal, StopFlag
@@ -30,7 +30,7 @@ from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_director
 from robotctl.runtime.storage.log_folder import refusal
 
 
-def place_of(saved: Progress, items: int) -> str:
+def place_of(saved: StoredProgress, items: int) -> str:
     """Say where a run goes on: which of so many mission items, and the pose."""
     item = f"with item {saved.item + 1} of {items}"
     if saved.item == items:

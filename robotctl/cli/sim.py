@@ -80,7 +80,7 @@ def sim(
         Literal["known", "unknown"],
         typer.Option(help="Whether the localiser is told where the robot starts."),
     ] = "known",
-    chart: Annotated[
+    world_map: Annotated[
         str,
         typer.Option(
             "--map", help="Map of the localiser: a world, or a ROS map.yaml; default: the world."
@@ -140,7 +140,7 @@ def sim(
         overrides=(*(["camera.enabled=true"] if camera else []), *(overrides or ())),
         record=record,
         faults=find_file(faults, "scenarios") if faults else None,
-        localisation=_localisation(localiser, start, chart, sensors, mapping=mapping),
+        localisation=_localisation(localiser, start, world_map, sensors, mapping=mapping),
         hard_real_time=hard_real_time,
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
@@ -189,7 +189,7 @@ def _refuse_what_has_no_effect(
     settings = options.settings(Path("the mission's own"))
     if load_robot(options.robot, settings).localisation.method == "none":
         why = "without a localiser; add --localiser mcl or ekf"
-        refuse_unused(ctx, why, "chart", "sensors", "start")
+        refuse_unused(ctx, why, "world_map", "sensors", "start")
 
 
 def _mission(name: str, world: str) -> Path:
@@ -209,7 +209,7 @@ def _mission(name: str, world: str) -> Path:
 
 
 def _localisation(
-    localiser: str | None, start: str, chart: str, sensors: str, *, mapping: bool
+    localiser: str | None, start: str, world_map: str, sensors: str, *, mapping: bool
 ) -> tuple[str, ...]:
     """Return the options of the localiser as settings of the robot."""
     from robotctl.maps.world import find_world  # noqa: PLC0415
@@ -219,8 +219,8 @@ def _localisation(
         settings.append(f'localisation.method="{localiser}"')
     if start != "known":
         settings.append(f'localisation.start="{start}"')
-    if chart:
-        settings.append(f'localisation.map="{find_world(chart)}"')
+    if world_map:
+        settings.append(f'localisation.map="{find_world(world_map)}"')
     if sensors:
         names = ", ".join(f'"{name.strip()}"' for name in sensors.split(","))
         settings.append(f"localisation.sensors=[{names}]")

@@ -41,7 +41,7 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.arm_requests import ArmRequests
 from robotctl.safety.command_guard import guard_command
-from robotctl.safety.node_events import NodeNews
+from robotctl.safety.node_events import NodeEvents
 from robotctl.safety.plausibility import PlausibilityConfig
 from robotctl.safety.stale_frame_filter import Latch, LatchTimes
 from robotctl.safety.state_machine import LATCHED, Event, SafetyConfig, SafetyMachine
@@ -194,7 +194,7 @@ class ControlCore:
         self._steering_rad = 0.0
         self._has_counts = False
         self._latches = LatchTimes()
-        self._news = NodeNews()
+        self._node_events = NodeEvents()
         self._ticks = 0
         self._arming = ArmRequests()
         self._objections: tuple[str, ...] = ()
@@ -248,10 +248,10 @@ class ControlCore:
             self._take_counts(wheels, anew=latch is Latch.ANEW)
         if self.machine.powered:
             self._supervision.compare(feedback, self._command_before, self._motion)
-        for node, was_up in self._news.booted(feedback):
+        for node, was_up in self._node_events.booted(feedback):
             self._take_boot(node, now_ns, was_up=was_up)
         for emergency in feedback.emergencies:
-            if text := self._news.error(emergency):
+            if text := self._node_events.error(emergency):
                 self._notices.append(Notice(now_ns, Severity.WARNING, text))
         if feedback.emergency_stop is not None:
             source = feedback.emergency_stop.name.lower().replace("_", " ")
@@ -380,7 +380,7 @@ class ControlCore:
         """Start the wheel loops from the present motion, so that arming causes no jump."""
         self._velocity = None
         self._armed_ns = now_ns
-        self._news.forget_errors()
+        self._node_events.forget_errors()
         self._supervision.armed(now_ns)
         self._limiter.reset(self._twist_meas.v_m_s, self._twist_meas.omega_rad_s)
         for wheel in self._wheels:

@@ -70,9 +70,9 @@ def load_localisation_map(name: str, beside: Path) -> LocalisationMap:
     return LocalisationMap(grid_of_walls(walls), walls)
 
 
-def off_map(chart: LocalisationMap, start: SE2) -> str:
+def off_map(world_map: LocalisationMap, start: SE2) -> str:
     """Say that a robot cannot start where it shall, by its map; "" where it can."""
-    grid = chart.grid
+    grid = world_map.grid
     row, column = grid.cell_of(np.array([[start.x_m, start.y_m]]))[0].tolist()
     rows, columns = grid.cells.shape
     place = f"the start at x {round(start.x_m, 2):g} m, y {round(start.y_m, 2):g} m lies"
@@ -111,7 +111,7 @@ def _check_cells(grid: GridMap, path: Path) -> None:
     raise ConfigError(f"{path}: {reason}")
 
 
-def walls_for_ekf(chart: LocalisationMap, name: str) -> WallMap:
+def walls_for_ekf(world_map: LocalisationMap, name: str) -> WallMap:
     """Return the walls of the map called `name`.
 
     Raises
@@ -119,6 +119,6 @@ def walls_for_ekf(chart: LocalisationMap, name: str) -> WallMap:
     ConfigError
         If it has cells alone.
     """
-    if chart.walls is None:
+    if world_map.walls is None:
         raise ConfigError(f"{name}: has cells; the EKF needs walls, a world (.toml)")
-    return chart.walls
+    return world_map.walls

@@ -23,7 +23,7 @@ class FaultCode(enum.IntEnum):
     MOTOR_STALE = 21
     DRIVE_STALE = 22
     BATTERY_STALE = 23
-    BATTERY_UNHEARD = 24
+    BATTERY_MISSING = 24
     SONAR_STALE = 25
 
     # This computer.
@@ -31,7 +31,7 @@ class FaultCode(enum.IntEnum):
     COMMAND_GUARD = 31
 
     # What the motor controller says of itself.
-    COMMANDS_UNHEARD = 40
+    COMMAND_LOSS = 40
     DRIVE_NOT_ENABLED = 41
     DRIVE_STOPPED = 42
     DRIVE_EMERGENCY_STOP = 43

@@ -27,8 +27,8 @@ from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.relocalise import LookAround
 from robotctl.planning.behaviours.return_home import ReturnHome
 from robotctl.planning.config import NavigationConfig
+from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard, Point
-from robotctl.planning.guard.situation import Situation, Status, Step
 from robotctl.planning.local.heading_control import towards
 from robotctl.planning.mission.runner import MissionRunner
 
@@ -184,10 +184,10 @@ class Navigator:
         if self._runner is not None:
             self._runner.resume(item, s_m)
 
-    def learn_map(self, chart: GridMap) -> None:
+    def learn_map(self, world_map: GridMap) -> None:
         """Know a map, to find the way back to a mission in it."""
         if self._runner is not None:
-            self._runner.learn_map(chart)
+            self._runner.learn_map(world_map)
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty where it can."""
@@ -217,18 +217,18 @@ class Navigator:
             self._velocity = None
         if not known:
             self._pause()
-            return self._outputs(Step(0.0, 0.0, text="no valid pose or velocity"))
+            return self._outputs(BehaviourOutput(0.0, 0.0, text="no valid pose or velocity"))
         ranges, heard_ns = inputs.ranges_m, inputs.heard_ns
         if len(ranges) != self._sonars or len(heard_ns) != self._sonars:
             ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
         new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
         self._heard_ns = heard_ns
-        situation = Situation(inputs.pose, inputs.twist, ranges, new)
+        situation = BehaviourInput(inputs.pose, inputs.twist, ranges, new)
         self._guard.observe(ranges, new, inputs.floor_base)
         if not inputs.enabled:
             self._pause()
             text = "not armed" if inputs.heard else "nothing is heard of control"
-            return self._outputs(Step(0.0, 0.0, text=text))
+            return self._outputs(BehaviourOutput(0.0, 0.0, text=text))
         self._last_ns = now_ns
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
@@ -325,7 +325,7 @@ class Navigator:
         if self._behaviour is not None:
             self._behaviour.pause()
 
-    def _decide(self, situation: Situation, now_ns: int) -> Step:
+    def _decide(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the step of the present mode."""
         if self._mode is Mode.MANUAL:
             return self._manual(now_ns)
@@ -339,37 +339,37 @@ class Navigator:
             self._ended = step.text or "arrived"
         if self._mode is Mode.GUIDED and self._velocity is not None:
             return self._guided_velocity(self._velocity, situation.pose, now_ns)
-        return Step(0.0, 0.0, text=self._ended)
+        return BehaviourOutput(0.0, 0.0, text=self._ended)
 
-    def _manual(self, now_ns: int) -> Step:
+    def _manual(self, now_ns: int) -> BehaviourOutput:
         """Return the velocity of the sticks."""
         sticks = self._sticks
         if sticks is None or now_ns >= sticks.expires_ns:
-            return Step(0.0, 0.0, text="no sticks")
+            return BehaviourOutput(0.0, 0.0, text="no sticks")
         forward, turn = _unit(sticks.forward), _unit(sticks.turn)
         v = forward * self._limits.v_max_m_s
         if self._drive.steered:
-            return Step(v, turn * v / self._drive.min_turning_radius_m)
-        return Step(v, turn * self._limits.omega_max_rad_s)
+            return BehaviourOutput(v, turn * v / self._drive.min_turning_radius_m)
+        return BehaviourOutput(v, turn * self._limits.omega_max_rad_s)
 
-    def _guided_velocity(self, target: VelocityRequest, pose: SE2, now_ns: int) -> Step:
+    def _guided_velocity(self, target: VelocityRequest, pose: SE2, now_ns: int) -> BehaviourOutput:
         """Return the velocity of the ground station, as far as the guard allows."""
-        wanted = Step(target.v_m_s, target.omega_rad_s)
+        wanted = BehaviourOutput(target.v_m_s, target.omega_rad_s)
         if target.heading_rad is not None:
             steered = self._drive.steered
             twist = towards(target.heading_rad, target.v_m_s, pose.theta_rad, steered=steered)
-            wanted = Step(twist.v_m_s, twist.omega_rad_s)
+            wanted = BehaviourOutput(twist.v_m_s, twist.omega_rad_s)
         if now_ns >= target.expires_ns or not math.isfinite(wanted.v_m_s + wanted.omega_rad_s):
-            return Step(0.0, 0.0, text="no valid velocity")
+            return BehaviourOutput(0.0, 0.0, text="no valid velocity")
         if self._drive.steered:
             if wanted.v_m_s == 0.0 and wanted.omega_rad_s != 0.0:
-                return Step(0.0, 0.0, text="this robot cannot turn on the spot")
+                return BehaviourOutput(0.0, 0.0, text="this robot cannot turn on the spot")
             return limited(wanted, self._guard)[0]
         step = limited(wanted, self._guard)[0]
         # Blocked, it may still turn away: the body turns on the spot as it does where v is 0.
         return step if step.v_m_s else step._replace(omega_rad_s=wanted.omega_rad_s)
 
-    def _outputs(self, step: Step) -> NavigationOutputs:
+    def _outputs(self, step: BehaviourOutput) -> NavigationOutputs:
         """Return a step as outputs."""
         runner = self._runner
         return NavigationOutputs(

@@ -89,7 +89,7 @@ class Health:
         self._motor_fault: Fault | None = None
         """What `motor` reports."""
         self.drive: DriveStatus | None = None
-        self._unheard: DriveStatus | None = None
+        self._command_loss: DriveStatus | None = None
         """The last that said that its newest valid command was old."""
         self._idle_ns = -_NEVER_NS
         """When the drive was enabled last, or nobody wanted it to be [ns]."""
@@ -127,7 +127,7 @@ class Health:
         if feedback.drive is not None:
             self.drive = feedback.drive
             if feedback.drive.command_age_ms * 1_000_000 > self._wheels_limit_ns:
-                self._unheard = feedback.drive
+                self._command_loss = feedback.drive
         if feedback.battery is not None:
             self.battery = feedback.battery
         if feedback.sonars:
@@ -202,12 +202,12 @@ class Health:
         fresh = battery is not None and is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns)
         return battery if fresh else None
 
-    def unheard(self, now_ns: int) -> Fault | None:
+    def command_loss(self, now_ns: int) -> Fault | None:
         """Return a fault where no command reached the motor controller, by its own words."""
-        drive = self._unheard
+        drive = self._command_loss
         if drive is None or now_ns - drive.stamp_ns > _UNHEARD_NS:
             return None
-        return Fault(FaultCode.COMMANDS_UNHEARD, _unheard_words(drive), _DRIVE)
+        return Fault(FaultCode.COMMAND_LOSS, _command_loss_text(drive), _DRIVE)
 
     def node_problem(self, now_ns: int) -> Fault | None:
         """Return what keeps a node from service, or None when all are in service."""
@@ -223,7 +223,7 @@ class Health:
         if motor is None or motor.stamp_ns - self._idle_ns <= _ENABLE_NS:
             return None
         stays = f"the motor controller stays in {_words(motor.state)}, told to drive"
-        return self.unheard(now_ns) or Fault(FaultCode.DRIVE_NOT_ENABLED, stays, _DRIVE)
+        return self.command_loss(now_ns) or Fault(FaultCode.DRIVE_NOT_ENABLED, stays, _DRIVE)
 
     def _explained(self, fault: Fault, now_ns: int) -> Fault:
         """Return a fault, or that this process was held up where this explains it."""
@@ -240,8 +240,8 @@ class Health:
         """Return all reasons against arming at this moment, in the operator's words."""
         reasons = [str(fault) for fault in self._faults(now_ns)]
         drive, battery, bus = self.fresh_drive(now_ns), self.battery, self.bus
-        if drive is not None and drive is self._unheard:
-            reasons.append(_unheard_words(drive))
+        if drive is not None and drive is self._command_loss:
+            reasons.append(_command_loss_text(drive))
         if battery is not None and battery.low and not battery.critical:
             reasons.append(f"the battery is low ({battery.voltage_v:.1f} V)")
         if bus.state == BusState.ERROR_PASSIVE:
@@ -276,7 +276,7 @@ class Health:
         """Return what is wrong with the battery."""
         battery = self.battery
         if battery is None:
-            return [Fault(FaultCode.BATTERY_UNHEARD, "the battery has not reported yet")]
+            return [Fault(FaultCode.BATTERY_MISSING, "the battery has not reported yet")]
         if not is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns):
             text = f"the battery's report is older than {self._battery_limit_ns / 1e6:g} ms"
             return [Fault(FaultCode.BATTERY_STALE, text)]
@@ -362,7 +362,7 @@ def _motor_fault(motor: MotorStatus) -> Fault | None:
     return Fault(code, f"the motor controller is in {_words(motor.state)}{words}", _DRIVE)
 
 
-def _unheard_words(drive: DriveStatus) -> str:
+def _command_loss_text(drive: DriveStatus) -> str:
     """Say for how long the motor controller had heard nothing."""
     return f"the motor controller had no valid command for {drive.command_age_ms} ms"
 

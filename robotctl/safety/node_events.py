@@ -11,7 +11,7 @@ _NO_ERROR: Final = 0
 """EMCY code of a node whose errors are over (CiA 301, 7.2.7)."""
 
 
-class NodeNews:
+class NodeEvents:
     """Finds what is new in what the nodes report."""
 
     def __init__(self) -> None:

@@ -148,7 +148,7 @@ _RANGES: Final = {
 }
 
 
-class Standing:
+class PersistenceTimer:
     """How long a condition has stood without a break."""
 
     __slots__ = ("_since_ns",)
@@ -193,10 +193,10 @@ class WheelMonitor:
         self.electrical_rad_s = 0.0
         self.is_off = False
         """Whether the encoder has said something else than the motor for too long."""
-        self._off = Standing()
+        self._off = PersistenceTimer()
         self._drop_v = self._current_a = self._before_rad_s = 0.0
         self._push = 0
-        self._pushing = Standing()
+        self._pushing = PersistenceTimer()
 
     @property
     def tolerance_rad_s(self) -> float:
@@ -265,7 +265,7 @@ class WheelMonitor:
         counted, push_v = self.counted_rad_s, self._config.push_v
         push = (self._drop_v > push_v) - (self._drop_v < -push_v)
         if push != self._push:
-            self._push, self._pushing = push, Standing()
+            self._push, self._pushing = push, PersistenceTimer()
         lasts_ns = self._pushing.lasts_ns(push != 0, now_ns)
         if lasts_ns == 0:
             self._before_rad_s = counted
@@ -273,7 +273,7 @@ class WheelMonitor:
             return None
         if push * (counted - self._before_rad_s) > self._gain_rad_s:
             # The current does its work. A wheel that loses speed against it is held.
-            self._pushing = Standing()
+            self._pushing = PersistenceTimer()
             return None
         if abs(counted) < REST_RAD_S:
             text = f"{self.name} wheel is blocked: {self._current_a:.1f} A and no motion"
@@ -319,8 +319,8 @@ class Plausibility:
         """What contradicts what; stays until `reset`."""
         for wheel in self._wheels:
             wheel.reset()
-        self._pair = Standing()
-        self._steering = Standing()
+        self._pair = PersistenceTimer()
+        self._steering = PersistenceTimer()
         self._jumps = -1
         self._jumped_ns: deque[int] = deque(maxlen=JUMPS)
         self._latch_us, self._host_ns = -1, 0

@@ -106,7 +106,7 @@ class Supervision:
         fault = self.health.fault(now_ns)
         if fault is None and self._contradiction:
             # Wheels that did not get the command do otherwise.
-            return self.health.unheard(now_ns) or self._contradiction
+            return self.health.command_loss(now_ns) or self._contradiction
         return fault
 
     def unasked(self) -> Fault | None:

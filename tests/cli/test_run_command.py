@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from robotctl.app.processes.progress import NAME, Progress, progress_file
+from robotctl.app.processes.progress import NAME, StoredProgress, progress_file
 from robotctl.cli.run import place_of
 from robotctl.config.robot_file import find_file
 from robotctl.errors import RobotctlError
@@ -33,7 +33,7 @@ def test_progress_that_no_robot_can_have_made_is_refused_with_a_sentence_alone(
 ) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
     crc = zlib.crc32(find_file("patrol", "missions").read_bytes())
-    values = msgspec.to_builtins(Progress("first", 5.0, 0.0, 0.0, 0.0, crc, 1))
+    values = msgspec.to_builtins(StoredProgress("first", 5.0, 0.0, 0.0, 0.0, crc, 1))
     body = msgspec.json.encode(values | changes)
     heading = b"robotctl-state 1 %d %08x\n" % (len(body), zlib.crc32(body))
     (tmp_path / NAME).write_bytes(heading + body)
@@ -53,7 +53,7 @@ def test_progress_that_no_robot_can_have_made_is_refused_with_a_sentence_alone(
     ],
 )
 def test_it_says_where_it_goes_on(item: int, items: int, words: str) -> None:
-    saved = Progress("first", 5.0, 3.0, 4.0, 0.5, 1, item)
+    saved = StoredProgress("first", 5.0, 3.0, 4.0, 0.5, 1, item)
     assert place_of(saved, items) == f"{words} at x 3.00 m, y 4.00 m, 29 deg"
 
 
@@ -63,7 +63,7 @@ def test_what_is_damaged_is_said_where_the_generation_before_is_resumed(
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
     crc = zlib.crc32(find_file("patrol", "missions").read_bytes())
     for item in (1, 2):
-        progress_file(tmp_path).save(Progress("first", 5.0, 3.0, 4.0, 0.0, crc, item))
+        progress_file(tmp_path).save(StoredProgress("first", 5.0, 3.0, 4.0, 0.0, crc, item))
     (tmp_path / NAME).write_bytes(b"")
 
     def end() -> None:

@@ -77,17 +77,17 @@ def test_the_drive_says_for_how_long_no_command_has_reached_it() -> None:
     def status(at_ms: int, age_ms: int) -> None:
         health.update(Feedback(drive=DriveStatus(at_ms * MS, 0, 0.0, 12.0, age_ms, 0)))
 
-    assert health.unheard(10**12) is None
+    assert health.command_loss(10**12) is None
     status(1000, limit_ms)
-    assert health.unheard(1000 * MS) is None
+    assert health.command_loss(1000 * MS) is None
     status(1020, limit_ms + 1)
     said = f"the motor controller had no valid command for {limit_ms + 1} ms"
-    assert str(health.unheard(1020 * MS)) == said
+    assert str(health.command_loss(1020 * MS)) == said
     status(1040, 0)  # the next ones came through
-    assert str(health.unheard(1120 * MS)) == said
-    assert health.unheard(1120 * MS + 1) is None
+    assert str(health.command_loss(1120 * MS)) == said
+    assert health.command_loss(1120 * MS + 1) is None
     status(1140, 255)
-    assert str(health.unheard(1140 * MS)) == said.replace(f"{limit_ms + 1} ms", "255 ms")
+    assert str(health.command_loss(1140 * MS)) == said.replace(f"{limit_ms + 1} ms", "255 ms")
 
 
 def test_lost_commands_alone_stop_nobody_before_the_drive_does() -> None:

@@ -12,19 +12,23 @@ from robotctl.drivers.can.nodes.commissioning import (
     VENDOR_ID,
     drive_script,
 )
-from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, Response
+from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, SdoResponse
 from robotctl.messages.control import NodeStatus
 
 DBC = make_codec().dbc
 PARAMETERS = NodeParameters(200, 90, 350, 2400, False, 8)
 GOOD = tuple(
-    Response(value)
+    SdoResponse(value)
     for value in (VENDOR_ID, PRODUCT_DRIVE, REVISION_MAJOR << 16, DBC.wire_version, 2400)
 )
-NO_ANSWER, NO_OBJECT, REFUSED = Response(), Response(abort=ABORT_NO_OBJECT), Response(abort=1)
+NO_ANSWER, NO_OBJECT, REFUSED = (
+    SdoResponse(),
+    SdoResponse(abort=ABORT_NO_OBJECT),
+    SdoResponse(abort=1),
+)
 
 
-def problem(good: int, last: Response) -> str:
+def problem(good: int, last: SdoResponse) -> str:
     """What the commissioning of the drive says after so many good answers and another one."""
     script = drive_script(DBC, PARAMETERS)()
     next(script)
@@ -40,13 +44,13 @@ FIXES = {
     problem(2, NO_ANSWER): "check its power and cable",
     problem(3, NO_ANSWER): "check its power and cable",
     problem(5, NO_ANSWER): "check its power and cable",
-    problem(0, Response(1)): "give each node its own number",
-    problem(1, Response(2)): "give each node its own number",
-    problem(2, Response(0)): "load the firmware",
-    problem(3, Response(0)): "load the firmware",
+    problem(0, SdoResponse(1)): "give each node its own number",
+    problem(1, SdoResponse(2)): "give each node its own number",
+    problem(2, SdoResponse(0)): "load the firmware",
+    problem(3, SdoResponse(0)): "load the firmware",
     problem(3, NO_OBJECT): "load the firmware",
     problem(4, REFUSED): "load the firmware",
-    problem(4, Response(2000)): "correct the robot's file",
+    problem(4, SdoResponse(2000)): "correct the robot's file",
     problem(5, REFUSED): "correct the robot's file",
     problem(5, NO_OBJECT): "load the firmware",
     "drive (node 1): not heard on the bus": "check its power and cable",

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from robotctl.app.processes import control
-from robotctl.app.processes.recorder import Recording
+from robotctl.app.processes.recorder import RobotRecorder
 from robotctl.app.processes.robot import make_core, record_header
 from robotctl.cli.commands import app
 from robotctl.config.options import StackOptions
@@ -216,7 +216,7 @@ def test_a_disk_that_refuses_the_log_is_tried_again_and_said_as_long_as_it_does(
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     options = msgspec.structs.replace(OPTIONS, record=str(tmp_path / "logs"))
-    recording = Recording(CONFIG, options)
+    recording = RobotRecorder(CONFIG, options)
     loop = Loop(ring_path("robot"))
     loop.ticks(10)
     logs = tmp_path / "logs"
@@ -244,13 +244,13 @@ def test_a_recorder_that_ends_leaves_no_ring_of_a_dead_process_and_every_ring_of
     dead = Loop(path)
     dead.ticks(50)
     dead.ring._let_go()
-    Recording(CONFIG, options).finish(list, RealClock())
+    RobotRecorder(CONFIG, options).finish(list, RealClock())
     assert not path.exists()
     assert not crashed(path).exists()
     (file,) = (tmp_path / "flights").iterdir()
     assert file.name.startswith("crash-")
     live = Loop(path)
-    Recording(CONFIG, options).finish(list, RealClock())
+    RobotRecorder(CONFIG, options).finish(list, RealClock())
     assert path.exists()
     live.ring.close()
 

@@ -7,7 +7,7 @@ from pymavlink.dialects.v10 import common as v1
 from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink import frames as mavlink_link_frames
-from robotctl.drivers.mavlink.base import Channel, Hub
+from robotctl.drivers.mavlink.base import Channel, LinkContext
 from robotctl.drivers.mavlink.link import MavlinkLinks
 from robotctl.messages.mavlink_port import LinkConfig, Peer
 
@@ -26,7 +26,7 @@ def new_beat():
 
 @pytest.fixture
 def channel():
-    return Channel(Peer(0, 0), Hub(None, [], 1, 1))
+    return Channel(Peer(0, 0), LinkContext(None, [], 1, 1))
 
 
 def example(kind):

@@ -362,7 +362,7 @@ CODES = [
     (aged("motor", 201 * MS), FaultCode.MOTOR_STALE, "drive"),
     (aged("drive", 201 * MS), FaultCode.DRIVE_STALE, "drive"),
     (aged("battery", 501 * MS), FaultCode.BATTERY_STALE, ""),
-    (replace(GOOD, battery=None), FaultCode.BATTERY_UNHEARD, ""),
+    (replace(GOOD, battery=None), FaultCode.BATTERY_MISSING, ""),
     (battery(critical=True), FaultCode.BATTERY_CRITICAL, ""),
     (aged("sonars", 251 * MS), FaultCode.SONAR_STALE, "front"),
     (aged("nodes", 351 * MS), FaultCode.NODE_SILENT, "drive"),

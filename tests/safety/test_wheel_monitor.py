@@ -5,7 +5,7 @@ from dataclasses import replace as changed
 
 import pytest
 
-from robotctl.safety.plausibility import PlausibilityConfig, Standing, WheelMonitor
+from robotctl.safety.plausibility import PersistenceTimer, PlausibilityConfig, WheelMonitor
 from tests.safety.exact_tolerances import CONFIG, MS, T0, above, below
 
 
@@ -68,7 +68,7 @@ def test_no_time_can_be_set_away(name: str, low: int, high: int) -> None:
 
 
 def test_a_condition_stands_since_it_first_stood_without_a_break() -> None:
-    standing = Standing()
+    standing = PersistenceTimer()
     seen = [
         standing.lasts_ns(condition, now_ns)
         for condition, now_ns in [(True, 5), (True, 7), (True, 12), (False, 13), (True, 20)]

@@ -9,7 +9,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localisation.localiser import Seen, external_covariance, localisation_state
+from robotctl.app.localisation.localiser import (
+    LocaliserInput,
+    external_covariance,
+    localisation_state,
+)
 from robotctl.estimation.kalman.ekf import PoseEkf
 from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.odometry.estimate import arc_between
@@ -51,11 +55,11 @@ class EkfLocaliser:
         """Keep the belief; the next control state's odometry is another one."""
         self._odometry = None
 
-    def news(self) -> list[str]:
+    def take_notices(self) -> list[str]:
         """Nothing that its state does not say."""
         return []
 
-    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
+    def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
         ekf, self._innovation = self._ekf, None
         odometry = control.T_odom_base

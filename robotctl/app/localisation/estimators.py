@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from robotctl.app.localisation.ekf_localiser import EkfLocaliser
-from robotctl.app.localisation.localiser import Localiser, Seen
+from robotctl.app.localisation.localiser import Localiser, LocaliserInput
 from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.app.localisation.mapper import Mapper, live_map
 from robotctl.app.localisation.mcl_localiser import MclLocaliser
@@ -49,7 +49,7 @@ from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.model.sensors.new_sonar_readings import SonarNews
+from robotctl.model.sensors.new_sonar_readings import NewSonarReadings
 from robotctl.model.sensors.range_scan import RangeScan
 
 Picture: TypeAlias = ParticleCloud | LiveMap
@@ -92,7 +92,7 @@ class Estimators:
         Of the odometry.
     sonar_range_m
         For so far the sonars listen [m].
-    news
+    notices
         What is to be said at once.
     given
         The map that the robot localises itself in; None: there is none.
@@ -104,7 +104,7 @@ class Estimators:
         mapper: Mapper | None,
         history: OdometryHistory,
         sonar_range_m: float,
-        news: Sequence[str] = (),
+        notices: Sequence[str] = (),
         given: GridMap | None = None,
     ) -> None:
         self.localiser = localiser
@@ -112,9 +112,9 @@ class Estimators:
         self.rejected = 0
         self.untimely = 0
         self._history = history
-        self._sonar_news = SonarNews(sonar_range_m)
+        self._sonar_news = NewSonarReadings(sonar_range_m)
         self._state: LocalisationState | None = None
-        self.chart = given
+        self.world_map = given
         """The map that the robot localises itself in, where there is one."""
         self._given = None if given is None else live_map(given, 0)
         self._given_ns = -_GIVEN_NS
@@ -124,7 +124,7 @@ class Estimators:
         """Of the last control state."""
         self._said_rejected = False
         self._said_untimely = False
-        self._news = list(news)
+        self._notices = list(notices)
 
     def step(
         self,
@@ -140,7 +140,7 @@ class Estimators:
                 self.localiser.begin_odometry()
         self._history.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
         scans, poses = self._timely(scans, now_ns), self._timely(poses, now_ns)
-        seen = Seen(
+        seen = LocaliserInput(
             self._good(lidar_scan, [each for each in scans if isinstance(each, LidarScan)]),
             self._good(
                 camera_scan,
@@ -182,7 +182,7 @@ class Estimators:
             wrong = next(each for each in messages if each not in timely)
             late_s = (now_ns - wrong.stamp_ns) / 1e9
             when = f"{late_s:.1f} s old" if late_s > 0.0 else f"{-late_s:.3f} s ahead of its time"
-            self._news.append(
+            self._notices.append(
                 f"a {type(wrong).__name__} is {when} and is left out, as those like it will be: "
                 "by which clock does its sender stamp?"
             )
@@ -198,10 +198,10 @@ class Estimators:
                 self.rejected += 1
         return good
 
-    def news(self) -> list[str]:
+    def take_notices(self) -> list[str]:
         """Return sentences on what has changed since the last call."""
-        said, self._news = self._news, []
-        said += [] if self.localiser is None else self.localiser.news()
+        said, self._notices = self._notices, []
+        said += [] if self.localiser is None else self.localiser.take_notices()
         if self._state is not None and self._state.status is not self._status:
             self._status = self._state.status
             said.append(_WORDS[self._status])
@@ -247,27 +247,27 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     settings = config.localisation
     history = OdometryHistory()
     localiser: Localiser | None = None
-    mapper, given, news = None, None, []
+    mapper, given, notices = None, None, []
     if settings.method != "none":
-        chart = load_localisation_map(settings.map, beside)
-        given = chart.grid
+        world_map = load_localisation_map(settings.map, beside)
+        given = world_map.grid
         if settings.method == "ekf":
-            localiser = _ekf(config, chart, start)
+            localiser = _ekf(config, world_map, start)
         else:
-            localiser = _mcl(config, chart, start, history, beside)
-        if settings.start == "known" and (said := off_map(chart, start)):
-            news = [said]
+            localiser = _mcl(config, world_map, start, history, beside)
+        if settings.start == "known" and (said := off_map(world_map, start)):
+            notices = [said]
         if settings.start == "unknown":
-            news += filter(None, [too_large(free_area_m2(chart.grid))])
+            notices += filter(None, [too_large(free_area_m2(world_map.grid))])
     if settings.mapping:
         mapper = _mapper(config, history)
-    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, news, given)
+    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, notices, given)
 
 
-def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocaliser:
+def _ekf(config: RobotConfig, world_map: LocalisationMap, start: SE2) -> EkfLocaliser:
     """Return the EKF of a robot."""
     settings = config.localisation
-    walls = walls_for_ekf(chart, settings.map)
+    walls = walls_for_ekf(world_map, settings.map)
     sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
     covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
     known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
@@ -277,7 +277,7 @@ def _ekf(config: RobotConfig, chart: LocalisationMap, start: SE2) -> EkfLocalise
 
 def _mcl(
     config: RobotConfig,
-    chart: LocalisationMap,
+    world_map: LocalisationMap,
     start: SE2,
     history: OdometryHistory,
     beside: Path,
@@ -291,17 +291,17 @@ def _mcl(
         max_particles=settings.particles_max,
         motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
     )
-    sensors = MapSensors(chart, config.sonar, settings)
-    free, free_m2 = free_poses(chart.grid), free_area_m2(chart.grid)
+    sensors = MapSensors(world_map, config.sonar, settings)
+    free, free_m2 = free_poses(world_map.grid), free_area_m2(world_map.grid)
     tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
     _rehearse(tried, sensors.rehearsal(camera=camera), start)
     size = max(search_size(free_m2), settings.particles_max)
     mcl_config = replace(mcl_config, search_particles=size)
     seeded = np.random.default_rng(settings.seed)
-    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(chart.grid))
+    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(world_map.grid))
     if settings.start == "known":
         mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
-    area_m2 = float(chart.grid.free().sum()) * chart.grid.resolution_m**2
+    area_m2 = float(world_map.grid.free().sum()) * world_map.grid.resolution_m**2
     places = load_place_watch(settings.places, beside, config.sonar, area_m2)
     return MclLocaliser(mcl, sensors, settings.sensors, history, places)
 

@@ -31,9 +31,9 @@ def check_localisation(config: RobotConfig, robot: Path) -> None:
     problems = []
     try:
         if settings.map:
-            chart = load_localisation_map(settings.map, beside)
+            world_map = load_localisation_map(settings.map, beside)
             if settings.method == "ekf":
-                walls_for_ekf(chart, settings.map)
+                walls_for_ekf(world_map, settings.map)
     except (ConfigError, OSError) as error:
         problems.append(f"{robot}: localisation.map: {error}")
     try:

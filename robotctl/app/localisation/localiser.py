@@ -28,7 +28,7 @@ _LEAST_OF_COVARIANCE: Final = 1e-12
 """Shares that the smallest eigenvalue has at least of the largest: less is rounding."""
 
 
-class Seen(NamedTuple):
+class LocaliserInput(NamedTuple):
     """What came from the sensors since the last step, each with its own time."""
 
     scans: Sequence[RangeScan] = ()
@@ -40,7 +40,7 @@ class Seen(NamedTuple):
 class Localiser(Protocol):
     """Estimates where `base` is in `world`."""
 
-    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
+    def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
 
     def begin_odometry(self) -> None:
@@ -50,7 +50,7 @@ class Localiser(Protocol):
     def particles(self) -> NDArray[np.float64]:
         """Particles, (n, 3) [m, m, rad]; (0, 3) where there are none."""
 
-    def news(self) -> list[str]:
+    def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
 
 

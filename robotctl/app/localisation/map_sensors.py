@@ -33,7 +33,7 @@ class MapSensors:
 
     Parameters
     ----------
-    chart
+    world_map
         The map; sonars go by its walls where it has some.
     mounts
         Where the sonars sit; may be empty.
@@ -47,12 +47,12 @@ class MapSensors:
     """
 
     def __init__(
-        self, chart: LocalisationMap, mounts: Sequence[SonarMount], settings: LocalisationConfig
+        self, world_map: LocalisationMap, mounts: Sequence[SonarMount], settings: LocalisationConfig
     ) -> None:
-        self._grid = chart.grid
+        self._grid = world_map.grid
         self._settings = settings
-        self._field = LikelihoodField(chart.grid, settings.lidar)
-        room = chart.grid if chart.walls is None else chart.walls
+        self._field = LikelihoodField(world_map.grid, settings.lidar)
+        room = world_map.grid if world_map.walls is None else world_map.walls
         self._sonars = SonarModel(room, mounts, settings.sonar)
         self._count = len(mounts)
 

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.app.localisation.localiser import Seen
+from robotctl.app.localisation.localiser import LocaliserInput
 from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.messages.estimation import LiveMap, LocalisationState
@@ -55,7 +55,7 @@ class Mapper:
         self._heard: list[SE2 | None] = [None] * len(self._mounts)
         """Where the odometry was when each sonar was last taken in."""
 
-    def step(self, localisation: LocalisationState | None, seen: Seen) -> None:
+    def step(self, localisation: LocalisationState | None, seen: LocaliserInput) -> None:
         """Add what is new, where the robot knows its place; without a localiser it does."""
         T_world_odom = SE2()
         if localisation is not None:

@@ -11,7 +11,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localisation.localiser import Seen, external_covariance, localisation_state
+from robotctl.app.localisation.localiser import (
+    LocaliserInput,
+    external_covariance,
+    localisation_state,
+)
 from robotctl.app.localisation.map_sensors import CAMERA, LIDAR, SONAR, MapSensors, sonar_name
 from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.app.localisation.place_watch import Fix, PlaceWatch
@@ -74,15 +78,15 @@ class MclLocaliser:
         """Keep the belief; the next control state's odometry is another one."""
         self._at = None
 
-    def news(self) -> list[str]:
+    def take_notices(self) -> list[str]:
         """Return which places were recognised since the last call, and whether no place fits."""
-        said = [] if self._places is None else self._places.news()
+        said = [] if self._places is None else self._places.take_notices()
         if self._mcl.fits_nowhere and not self._fitted_nowhere:
             said.append(_FITS_NOWHERE)
         self._fitted_nowhere = self._mcl.fits_nowhere
         return said
 
-    def step(self, control: ControlState, seen: Seen, now_ns: int) -> LocalisationState:
+    def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
         if self._at is None:
             self._at = (control.stamp_ns, control.T_odom_base)
@@ -94,7 +98,9 @@ class MclLocaliser:
         state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
         return msgspec.structs.replace(state, particles=len(self._mcl.poses))
 
-    def _measurements(self, seen: Seen) -> Iterator[tuple[int, str, Callable[[], LogLikelihood]]]:
+    def _measurements(
+        self, seen: LocaliserInput
+    ) -> Iterator[tuple[int, str, Callable[[], LogLikelihood]]]:
         """Yield what was measured when, by which sensor, and what makes a measurement of it."""
         for scan in seen.scans if LIDAR in self._used else ():
             yield scan.stamp_ns, LIDAR, partial(self._sensors.scan, scan)

@@ -40,7 +40,7 @@ class PlaceWatch:
         self._book = book
         self._turns = TurnCollector(mounts, book.signatures)
         self._area_m2 = area_m2
-        self._news: list[str] = []
+        self._notices: list[str] = []
 
     def hear(self, reading: SonarReading, odometry: SE2) -> Fix | None:
         """Take in a reading and where the odometry was; return what the turn that it ends says."""
@@ -49,15 +49,15 @@ class PlaceWatch:
             return None
         found = self._book.recognise(turn.signature)
         if found.place is None:
-            self._news.append(f"no place is recognised: {found.refusal}")
+            self._notices.append(f"no place is recognised: {found.refusal}")
         else:
-            self._news.append(f"the place {found.place.place} is recognised by its sonars")
+            self._notices.append(f"the place {found.place.place} is recognised by its sonars")
         fix = place_fix(found, self._area_m2)
         return None if fix is None else Fix(turn.stamp_ns, fix)
 
-    def news(self) -> list[str]:
+    def take_notices(self) -> list[str]:
         """Return sentences on what was recognised since the last call."""
-        said, self._news = self._news, []
+        said, self._notices = self._notices, []
         return said
 
 

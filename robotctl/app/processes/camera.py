@@ -20,7 +20,7 @@ from robotctl.drivers.camera.simulated_camera import picture_message
 from robotctl.errors import ConfigError
 from robotctl.messages.control import ControlState, Notice, Severity
 from robotctl.model.sensors.camera import SIMULATED
-from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoint_directory
 
 _LOOK_NS = 5_000_000
@@ -29,7 +29,7 @@ _TELL_NS = 5_000_000_000
 _SILENT = "no picture comes"
 
 
-class CameraNews:
+class CameraNotices:
     """Decides what people are told of the camera, and how often."""
 
     def __init__(self) -> None:
@@ -76,8 +76,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             context, (endpoints.control_state,), ControlState | Notice
         )
         watch = GroundWatch(config.camera, config.ground_camera)
-        heartbeat = Heartbeat(os.environ)
-        news = CameraNews()
+        heartbeat = ProcessHeartbeat(os.environ)
+        notices = CameraNotices()
         trouble: str | None = None  # before the first picture
         seen_ns = clock.now_ns()
         while not stopped():
@@ -96,7 +96,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
                 clock.sleep_until(clock.now_ns() + _LOOK_NS)
                 if clock.now_ns() - seen_ns > _SILENT_NS:
                     trouble = _SILENT
-            notice = None if trouble is None else news.step(trouble, clock.now_ns())
+            notice = None if trouble is None else notices.step(trouble, clock.now_ns())
             if notice is not None:
                 publisher.send(notice)
                 publisher.greet(notice)

@@ -34,7 +34,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.ports import RobotPort
 from robotctl.runtime.flight.ring import FlightRing
-from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.process_lock import claim, claim_bus
 from robotctl.runtime.ipc.topics import (
     Endpoints,
@@ -79,7 +79,7 @@ class ControlTicker:
         loop: Loop,
         ring: FlightRing | None,
         emergency: EmergencySignal,
-        heartbeat: Heartbeat,
+        heartbeat: ProcessHeartbeat,
         objections: tuple[str, ...],
     ) -> None:
         self._robot = robot
@@ -190,7 +190,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     core = make_core(config, options)
     core.odometer_start_m = odometer_m
     loop = Loop(clock, config.runtime.period_ns)
-    heartbeat = Heartbeat(os.environ)
+    heartbeat = ProcessHeartbeat(os.environ)
     ring, ring_notes = open_ring(config, options, core)
     refused = acquire_realtime(config.runtime)
     objections = () if config.runtime.allow_best_effort else missing_rights(refused)

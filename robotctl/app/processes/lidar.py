@@ -21,7 +21,7 @@ from robotctl.messages.lidar_port import LidarPort
 from robotctl.messages.ports import Clock
 from robotctl.model.sensors.lidar import SOCKET, LidarConfig
 from robotctl.runtime.clock import RealClock
-from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoint_directory
 
 LIDAR_DRIVERS: Final[dict[str, Callable[[LidarConfig, Clock], LidarPort]]] = {
@@ -53,7 +53,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             context, (endpoints.control_state,), ControlState | Notice
         )
         scans = LidarScans(config.lidar)
-        heartbeat = Heartbeat(os.environ)
+        heartbeat = ProcessHeartbeat(os.environ)
         while not stopped():
             heartbeat.beat()
             sweep = lidar.read()

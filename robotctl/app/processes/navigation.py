@@ -13,7 +13,7 @@ import zmq
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.pilot import Pilot
-from robotctl.app.processes.progress import Progress, last_pose, load_progress
+from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
@@ -26,7 +26,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
 from robotctl.messages.ports import Clock
-from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     Publisher,
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 _Heard: TypeAlias = LidarScan | CameraView | Notice
 
 
-class Place:
+class LocalisationRunner:
     """Lets the estimators work on messages and publishes what they find.
 
     Parameters
@@ -75,12 +75,12 @@ class Place:
             publisher.send(msgspec.structs.replace(state, step_us=step_us))
         for picture in (*estimators.pictures(begin_ns), *estimators.given_map(begin_ns)):
             publisher.send(picture)
-        for news in estimators.news():
-            publisher.send(Notice(begin_ns, Severity.NOTICE, news))
+        for text in estimators.take_notices():
+            publisher.send(Notice(begin_ns, Severity.NOTICE, text))
         return state
 
 
-def resume(pilot: Pilot, options: StackOptions, saved: Progress | None) -> tuple[str, ...]:
+def resume(pilot: Pilot, options: StackOptions, saved: StoredProgress | None) -> tuple[str, ...]:
     """Let the mission stand where it was before this process started again; return notices."""
     if saved is None or not saved.fits(options):
         return ()
@@ -109,7 +109,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     )
     publisher = Publisher(context, endpoints.navigation_state)
     to_control = RequestSender(context, endpoints.control_requests)
-    heartbeat = Heartbeat(os.environ)
+    heartbeat = ProcessHeartbeat(os.environ)
     pilot = Pilot(config, options)
     saved, notes = load_progress(options)
     if notes := (*notes, *resume(pilot, options, saved)):
@@ -119,9 +119,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         publisher.send(Notice(clock.now_ns(), Severity.NOTICE, text))
 
     estimators = load_estimators(config, options, last_pose(saved, options), say)
-    if estimators is not None and estimators.chart is not None:
-        pilot.learn_map(estimators.chart)
-    place = None if estimators is None else Place(estimators, publisher)
+    if estimators is not None and estimators.world_map is not None:
+        pilot.learn_map(estimators.world_map)
+    place = None if estimators is None else LocalisationRunner(estimators, publisher)
     heard = [endpoints.lidar] if place is not None else []
     heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
     sensors = Subscriber[_Heard](context, tuple(heard), _Heard)
@@ -142,8 +142,8 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             views = [each for each in scans if isinstance(each, CameraView)]
             command, state = pilot.step(control, localisation, asked, begin_ns, views)
             to_control.send(command)
-            for news in pilot.news():
-                publisher.send(Notice(begin_ns, Severity.WARNING, news))
+            for text in pilot.take_notices():
+                publisher.send(Notice(begin_ns, Severity.WARNING, text))
             step_us = (clock.now_ns() - begin_ns) / 1000
             publisher.send(msgspec.structs.replace(state, step_us=step_us))
             heartbeat.beat()

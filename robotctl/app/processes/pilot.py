@@ -106,7 +106,7 @@ class Pilot:
         self._world = WorldPose(has_localiser=config.localisation.method != "none")
         self._odom_epoch_ns: int | None = None
         """Of the last state."""
-        self._news: list[str] = []
+        self._notices: list[str] = []
         self._message = ""
         self._armings: int | None = None
         """The count in the last state, None where that was not enabled."""
@@ -123,9 +123,9 @@ class Pilot:
         """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
         self._navigator.resume(item, item_s_m)
 
-    def learn_map(self, chart: GridMap) -> None:
+    def learn_map(self, world_map: GridMap) -> None:
         """Know the map that the robot localises itself in."""
-        self._navigator.learn_map(chart)
+        self._navigator.learn_map(world_map)
 
     def step(
         self,
@@ -185,7 +185,7 @@ class Pilot:
             now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
         )
         if out.message != self._message and enabled and out.message.startswith(_HOLD):
-            self._news.append(out.message)
+            self._notices.append(out.message)
         self._message = out.message
         state = NavigationState(
             stamp_ns=now_ns,
@@ -201,10 +201,10 @@ class Pilot:
         )
         return command, state
 
-    def news(self) -> list[str]:
+    def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
-        news, self._news = self._news, []
-        return news
+        notices, self._notices = self._notices, []
+        return notices
 
     def _attended(self, requests: Sequence[NavigationRequest], now_ns: int) -> bool:
         """Say whether a ground station is there, or need not be."""
@@ -227,7 +227,7 @@ class Pilot:
         if late:
             oldest_s = (now_ns - min(each.stamp_ns for each in late)) / 1e9
             what = "request" if len(late) == 1 else "requests"
-            self._news.append(
+            self._notices.append(
                 f"{len(late)} {what} for a mode or position dropped: {oldest_s:.1f} s old"
             )
         return taken
@@ -254,7 +254,7 @@ class Pilot:
         self._odometry, self._floor = OdometryHistory(), FloorMemory()
         if self._looks and control.armings:
             self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
-            self._news.append(_UNSEEN)
+            self._notices.append(_UNSEEN)
 
 
 def _floor_view(view: CameraView) -> FloorView:

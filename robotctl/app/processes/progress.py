@@ -38,7 +38,7 @@ _SAME_M, _SAME_RAD = 0.01, 0.01
 """A localiser moves a robot at rest by less, again and again; cards wear out by being written."""
 
 
-class Progress(msgspec.Struct, frozen=True):
+class StoredProgress(msgspec.Struct, frozen=True):
     """What survives.
 
     Parameters
@@ -89,7 +89,7 @@ class Progress(msgspec.Struct, frozen=True):
         return self.run == options.run and self.mission_crc == mission_crc(options)
 
 
-def progress_file(directory: Path) -> StateFile[Progress]:
+def progress_file(directory: Path) -> StateFile[StoredProgress]:
     """Return the file in a state directory, which is made where it is missing.
 
     Raises
@@ -101,7 +101,7 @@ def progress_file(directory: Path) -> StateFile[Progress]:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StateError(f"{directory}: cannot be made: {error.strerror}") from error
-    return StateFile(directory / NAME, Progress)
+    return StateFile(directory / NAME, StoredProgress)
 
 
 def state_directory(environment: Mapping[str, str]) -> Path:
@@ -125,7 +125,9 @@ def state_directory(environment: Mapping[str, str]) -> Path:
         ) from error
 
 
-def resumed(options: StackOptions, items: int) -> tuple[StackOptions, Progress, tuple[str, ...]]:
+def resumed(
+    options: StackOptions, items: int
+) -> tuple[StackOptions, StoredProgress, tuple[str, ...]]:
     """Return options that go on with the run that was interrupted, where it stands, and notes.
 
     Parameters
@@ -164,7 +166,7 @@ def mission_crc(options: StackOptions) -> int:
     return zlib.crc32(Path(options.mission).read_bytes()) if options.mission else 0
 
 
-def load_progress(options: StackOptions) -> tuple[Progress | None, tuple[str, ...]]:
+def load_progress(options: StackOptions) -> tuple[StoredProgress | None, tuple[str, ...]]:
     """Return what was saved in the state directory, and a sentence for each damaged file.
 
     Where the disk cannot be read, the odometer is nan, which nobody saves over the true one.
@@ -174,10 +176,10 @@ def load_progress(options: StackOptions) -> tuple[Progress | None, tuple[str, ..
     try:
         return progress_file(Path(options.state)).load()
     except StateError as error:
-        return Progress("", math.nan, 0.0, 0.0, 0.0), (str(error),)
+        return StoredProgress("", math.nan, 0.0, 0.0, 0.0), (str(error),)
 
 
-def last_pose(saved: Progress | None, options: StackOptions) -> SE2 | None:
+def last_pose(saved: StoredProgress | None, options: StackOptions) -> SE2 | None:
     """Return where `base` was last in `world` in this run of the stack; None where it begins."""
     if saved is None or not saved.run or saved.run != options.run:
         return None
@@ -205,9 +207,9 @@ class ProgressKeeper:
 
     def __init__(
         self,
-        file: StateFile[Progress],
+        file: StateFile[StoredProgress],
         options: StackOptions,
-        saved: Progress | None,
+        saved: StoredProgress | None,
         *,
         localised: bool,
     ) -> None:
@@ -246,7 +248,7 @@ class ProgressKeeper:
             return ()
         return self._save(progress, self._tried_ns)
 
-    def _present(self) -> Progress | None:
+    def _present(self) -> StoredProgress | None:
         """Return what there is to save.
 
         None before anything was heard, without odometer, and of values that nobody would read.
@@ -254,14 +256,14 @@ class ProgressKeeper:
         control, navigation = self._control, self._navigation
         if control is None or not math.isfinite(control.odometer_m):
             return None
-        place: SE2 | Progress | None = self._world.pose(control)
+        place: SE2 | StoredProgress | None = self._world.pose(control)
         if place is None:
             place = control.T_odom_base if self._saved is None else self._saved
         item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
         if navigation is None and self._saved is not None:
             item, item_s_m = self._saved.item, self._saved.item_s_m
         try:
-            return Progress(
+            return StoredProgress(
                 self._run,
                 control.odometer_m,
                 place.x_m,
@@ -274,7 +276,7 @@ class ProgressKeeper:
         except ValueError:
             return None
 
-    def _due(self, progress: Progress, now_ns: int) -> bool:
+    def _due(self, progress: StoredProgress, now_ns: int) -> bool:
         """Return whether to save now."""
         control, navigation, saved = self._control, self._navigation, self._saved
         if control is None:
@@ -292,7 +294,7 @@ class ProgressKeeper:
             or any(now_ns - stamp_ns >= _SILENCE_NS for stamp_ns in stamps)
         )
 
-    def _save(self, progress: Progress, now_ns: int) -> tuple[str, ...]:
+    def _save(self, progress: StoredProgress, now_ns: int) -> tuple[str, ...]:
         """Save, and say so every 10 s as long as that fails: who hears it may come later."""
         self._tried_ns = now_ns
         try:
@@ -307,7 +309,7 @@ class ProgressKeeper:
         return ()
 
 
-def _are_alike(a: Progress, b: Progress) -> bool:
+def _are_alike(a: StoredProgress, b: StoredProgress) -> bool:
     """Return whether two states are the same but for the last digits."""
     return (
         (a.run, a.mission_crc, a.item) == (b.run, b.mission_crc, b.item)

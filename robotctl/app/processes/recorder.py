@@ -21,7 +21,7 @@ from robotctl.logs.logs import BusLog, StateLog, recover_all, scene_of
 from robotctl.logs.mcap.entries import Published
 from robotctl.messages.control import Notice, Severity
 from robotctl.messages.ports import Clock
-from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     Publisher,
@@ -41,7 +41,7 @@ _END_NS: Final = 1_500_000_000
 """The control process, told to end at the same time, has ended by then [ns]."""
 
 
-class Recording:
+class RobotRecorder:
     """All that one robot's recorder does, step by step.
 
     Parameters
@@ -202,11 +202,11 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         heard = (*endpoints.published, endpoints.supervisor_notices)
         messages = Subscriber[Published](context, heard, Published)
         publisher = Publisher(context, endpoints.recorder_notices)
-        recording = Recording(config, options)
+        recording = RobotRecorder(config, options)
         stack.callback(_finish, recording, messages.receive, clock)
         if left := recording.look_back(clock.now_ns()):
             publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(left)))
-        heartbeat = Heartbeat(os.environ)
+        heartbeat = ProcessHeartbeat(os.environ)
         due_ns = 0
         while not stopped():
             now_ns = clock.now_ns()
@@ -221,7 +221,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             clock.sleep_until(now_ns + recording.period_ns)
 
 
-def _finish(recording: Recording, receive: Callable[[], list[Published]], clock: Clock) -> None:
+def _finish(recording: RobotRecorder, receive: Callable[[], list[Published]], clock: Clock) -> None:
     """End a recording; who listened to its notices may have ended, so its last words go here."""
     for note in recording.finish(receive, clock):
         with suppress(OSError):  # whoever does not read it

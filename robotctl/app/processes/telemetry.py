@@ -21,7 +21,7 @@ from robotctl.messages.control import (
     ControlRequest,
     EmergencyStop,
 )
-from robotctl.runtime.ipc.heartbeat import Heartbeat
+from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
     Publisher,
@@ -69,7 +69,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
         )
         telemetry = Telemetry(mavlink, described(config), links)
-        heartbeat = Heartbeat(os.environ)
+        heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.
         stop: EmergencyStop | None = None
         deadline_ns = clock.now_ns()

@@ -208,8 +208,8 @@ class LockstepRun:
         self._stack = stack
         self._pilot = Pilot(self.config, stack)
         self._estimators = load_estimators(self.config, stack)
-        if self._estimators is not None and self._estimators.chart is not None:
-            self._pilot.learn_map(self._estimators.chart)
+        if self._estimators is not None and self._estimators.world_map is not None:
+            self._pilot.learn_map(self._estimators.world_map)
         self._camera = LockstepCamera.load(self.config)
         walls = WallMap(room.segments)
         seen = camera_score(self.config, options, room)
@@ -219,7 +219,7 @@ class LockstepRun:
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )
-        self.notices = [] if self._estimators is None else self._estimators.news()
+        self.notices = [] if self._estimators is None else self._estimators.take_notices()
         if said := misfit(self.config, options.robot, self.world, walls):
             self.notices.append(said)
         self._faults: list[str] = []

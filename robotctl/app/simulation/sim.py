@@ -119,7 +119,7 @@ class Truth(msgspec.Struct, frozen=True):
 
 
 @dataclass(slots=True)
-class Progress:
+class RunStatus:
     """What is known of a run while it lasts."""
 
     elapsed_s: float = 0.0
@@ -215,7 +215,7 @@ class SimRun:
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )
-        self.progress = Progress()
+        self.progress = RunStatus()
         if unfit:
             self.progress.lines.append(unfit)
 
@@ -315,7 +315,7 @@ class SimRun:
         links = tuple(f"MAVLink {link.url}" for link in self.config.mavlink.link)
         return (*links, f"CAN {interface} {channel}")
 
-    def steps(self, *, until_done: bool = True) -> Iterator[Progress]:
+    def steps(self, *, until_done: bool = True) -> Iterator[RunStatus]:
         """Arm and start the mission, each once, and yield the progress until the run is over.
 
         Without `until_done` the robot stays in service after its mission, for ground stations.
@@ -388,7 +388,7 @@ class SimRun:
         self._was_steered = True
         self._to_navigation.send(SetMode(self._clock.now_ns(), mode))
 
-    def _ask(self, progress: Progress) -> None:
+    def _ask(self, progress: RunStatus) -> None:
         """Ask for what has not been yet: arming, then mode AUTO."""
         control, navigation = progress.control, progress.navigation
         if control is None or navigation is None:

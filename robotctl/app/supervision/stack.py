@@ -15,7 +15,7 @@ from typing import Final, NoReturn
 from robotctl.app.supervision.announcer import Announcer
 from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.restart import RestartPolicy
-from robotctl.app.supervision.supervised import Exit, Phase, Role, Supervised, status_words
+from robotctl.app.supervision.supervised import Exit, ProcessPhase, Role, Supervised, status_words
 from robotctl.config.options import StackOptions
 from robotctl.errors import RobotctlError
 from robotctl.messages.control import Severity
@@ -105,7 +105,7 @@ class Stack:
             raise StackError(f"{process.role.name} has no process: {process.phase.value}")
         return process.pid
 
-    def phase(self, module: str) -> Phase:
+    def phase(self, module: str) -> ProcessPhase:
         """Return where `module` stands."""
         return self._processes[module].phase
 
@@ -121,8 +121,9 @@ class Stack:
     @property
     def ready(self) -> bool:
         """Whether the control loop ticks and the others work, or are not waited for any more."""
-        return self._control.phase is Phase.READY and all(
-            each.was_ready or each.phase is Phase.GIVEN_UP for each in self._processes.values()
+        return self._control.phase is ProcessPhase.READY and all(
+            each.was_ready or each.phase is ProcessPhase.GIVEN_UP
+            for each in self._processes.values()
         )
 
     def watch(self) -> list[str]:
@@ -137,11 +138,11 @@ class Stack:
         """
         self.exits = []
         now_s = time.monotonic()
-        if self._control.phase is Phase.READY:
+        if self._control.phase is ProcessPhase.READY:
             self._announcer.open()
         self._announcer.step(self._clock.now_ns())
         for process in self._processes.values():
-            if process.phase is Phase.IDLE and self._control.phase is Phase.READY:
+            if process.phase is ProcessPhase.IDLE and self._control.phase is ProcessPhase.READY:
                 process.let_start(now_s)
             starts = process.starts
             seen = process.step(now_s)
@@ -165,7 +166,7 @@ class Stack:
             self._fail(f"the {name} process did not start ({status_words(ended.status)})")
         if process is not self._control:
             return
-        if process.phase is Phase.GIVEN_UP:
+        if process.phase is ProcessPhase.GIVEN_UP:
             self._fail(
                 f"the {name} process ended {process.role.restart.crashes + 1} times within "
                 f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"

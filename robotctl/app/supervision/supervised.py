@@ -24,7 +24,7 @@ _FIRST_VICTIM: Final = "500"
 """`oom_score_adj` of what the robot can do without for a while."""
 
 
-class Phase(enum.Enum):
+class ProcessPhase(enum.Enum):
     """Where a process stands."""
 
     IDLE = "not started"
@@ -142,7 +142,7 @@ class Supervised:
 
     def __init__(self, role: Role, command: Sequence[str]) -> None:
         self.role = role
-        self.phase = Phase.IDLE
+        self.phase = ProcessPhase.IDLE
         self.starts = 0
         self.was_ready = False
         """Whether it ever worked, in this life or an earlier one."""
@@ -172,7 +172,7 @@ class Supervised:
 
     def start(self, now_s: float) -> None:
         """Start the process; raises OSError where memory or descriptors are short."""
-        self.phase = Phase.STARTING
+        self.phase = ProcessPhase.STARTING
         self._started_s = self._stepped_s = now_s
         self._beats, self._stalled_s = 0, 0.0
         self._hung = self._renewed = False
@@ -190,7 +190,7 @@ class Supervised:
 
     def let_start(self, now_s: float) -> None:
         """Let the next `step` start it; a first start that fails is tried again like any other."""
-        self.phase, self._due_s = Phase.WAITING, now_s
+        self.phase, self._due_s = ProcessPhase.WAITING, now_s
 
     def step(self, now_s: float) -> Exit | Pause | None:
         """Look after the process at `now_s`, monotonic [s].
@@ -199,7 +199,7 @@ class Supervised:
         """
         process = self._process
         if process is None:
-            if self.phase is Phase.WAITING and now_s >= self._due_s:
+            if self.phase is ProcessPhase.WAITING and now_s >= self._due_s:
                 return self._start_again(now_s)
             return None
         status = process.poll()
@@ -223,18 +223,22 @@ class Supervised:
         if beats != self._beats:
             paused_s, self._stalled_s = self._stalled_s + pause_s, 0.0
             self._beats = beats
-            self.phase = Phase.READY
+            self.phase = ProcessPhase.READY
             self.was_ready = True
             told_s, self._told_s = self._told_s, 0.0
             return self._pause(process, paused_s, over=True) if told_s else None
         self._stalled_s += pause_s
-        patience_s = self.role.stall_s if self.phase is Phase.READY else self.role.start_s
+        patience_s = self.role.stall_s if self.phase is ProcessPhase.READY else self.role.start_s
         if self._stalled_s > patience_s:
             if not self._hung:  # once it is being killed its state says nothing more
                 self._cause = state_of(process.pid)
             self._hung = True
             process.kill()
-        elif self.phase is Phase.READY and not self._told_s and self._stalled_s > self.role.held_s:
+        elif (
+            self.phase is ProcessPhase.READY
+            and not self._told_s
+            and self._stalled_s > self.role.held_s
+        ):
             self._told_s, self._cause = self._stalled_s, state_of(process.pid)
             return self._pause(process, self._stalled_s, over=False)
         return None
@@ -245,14 +249,14 @@ class Supervised:
 
     def _ended(self, pid: int, status: int, now_s: float) -> Exit:
         """Take leave of a process that ended and plan its next life."""
-        was_ready = self.phase is Phase.READY
+        was_ready = self.phase is ProcessPhase.READY
         beats = self.beats
         self._forget()
         cause = self._cause if self._hung else ""
         if status == -signal.SIGKILL and killed_for_memory() > self._killed_for_memory:
             cause = "the computer was out of memory"
         delay_s = 0.0 if self._renewed else self._budget.spend(now_s)
-        self.phase = Phase.GIVEN_UP if delay_s is None else Phase.WAITING
+        self.phase = ProcessPhase.GIVEN_UP if delay_s is None else ProcessPhase.WAITING
         self._due_s = now_s + (delay_s or 0.0)
         ran_s = now_s - self._started_s
         return Exit(
@@ -289,7 +293,7 @@ class Supervised:
 
     def end(self, seconds: float) -> None:
         """Wait for the process to end, kill it after so many seconds [s], and start it no more."""
-        self.phase = Phase.IDLE
+        self.phase = ProcessPhase.IDLE
         process = self._process
         if process is None:
             return

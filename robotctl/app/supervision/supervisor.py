@@ -10,7 +10,7 @@ from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.service import ServiceNotifier
 from robotctl.app.supervision.stack import CONTROL, Stack
-from robotctl.app.supervision.supervised import Phase
+from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.messages.control import ControlState, NavigationState, Notice
 
 Message: TypeAlias = ControlState | NavigationState | Notice
@@ -120,7 +120,7 @@ class Supervisor:
     def _status(self) -> str:
         """Return the robot's state and that of its processes in one line."""
         state = self._state
-        if state is None or self._stack.phase(CONTROL) is not Phase.READY:
+        if state is None or self._stack.phase(CONTROL) is not ProcessPhase.READY:
             return self._processes()
         words = state.state.name.lower().replace("_", " ")
         reason = f" ({state.reason})" if state.reason else ""

@@ -14,7 +14,7 @@ from robotctl.cli.files import advise_keeping, check_files, give_patch, write_fi
 from robotctl.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from robotctl.workbench.odometry.calibrate_odometry import CalibrateResult
+    from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 
 ABORTED = 1
 WORSE = 3
@@ -69,9 +69,12 @@ def odometry(
         reference_lines,
     )
     from robotctl.config.robot_file import find_file  # noqa: PLC0415
-    from robotctl.workbench.odometry.calibrate_odometry import CalibrateOptions, calibrate_odometry  # noqa: PLC0415
+    from robotctl.workbench.odometry.calibrate_odometry import (  # noqa: PLC0415
+        OdometryCalibrateOptions,
+        calibrate_odometry,
+    )
 
-    options = CalibrateOptions(
+    options = OdometryCalibrateOptions(
         find_file(robot), tuple(overrides or ()), seed, log, mrclam_robot, runs, time_unit
     )
     check_files(out, plot=plot)
@@ -93,7 +96,7 @@ def odometry(
     sys.exit(_conclude(result, out))
 
 
-def _conclude(result: CalibrateResult, out: Path | None) -> int:
+def _conclude(result: OdometryCalibrateResult, out: Path | None) -> int:
     """Say whether to use the values, and how; return the exit status."""
     from robotctl.workbench.odometry.calibrate_patch import patch_text, patch_values  # noqa: PLC0415
 

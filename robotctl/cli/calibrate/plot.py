@@ -9,10 +9,10 @@ import numpy as np
 from robotctl.estimation.odometry.model import Array
 from robotctl.estimation.odometry.runs import OdometryRun, align, points_at, poses_at
 from robotctl.model.geometry.se2 import SE2
-from robotctl.workbench.odometry.calibrate_odometry import CalibrateResult
+from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 
 
-def save_plot(result: CalibrateResult, file: Path) -> None:
+def save_plot(result: OdometryCalibrateResult, file: Path) -> None:
     """Draw one panel with the ends of all drives, or the way of a log."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
 

@@ -7,13 +7,13 @@ import math
 import numpy as np
 from rich.table import Table
 
-from robotctl.workbench.odometry.calibrate_odometry import CalibrateResult
+from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 from robotctl.workbench.odometry.calibrate_patch import patch_values
 
 _NOT_SHOWN = "not shown by these data"
 
 
-def drive_table(result: CalibrateResult) -> Table:
+def drive_table(result: OdometryCalibrateResult) -> Table:
     """Return the drive before and after, with the intervals."""
     found = result.found
     table = Table(
@@ -45,7 +45,7 @@ def drive_table(result: CalibrateResult) -> Table:
     return table
 
 
-def _noise_rows(table: Table, result: CalibrateResult) -> None:
+def _noise_rows(table: Table, result: OdometryCalibrateResult) -> None:
     """Add the noises."""
     found, shown = result.found, patch_values(result).get("odometry", {})
     for key, fold in zip(found.noise.__slots__, found.noise_fold, strict=True):
@@ -58,7 +58,7 @@ def _noise_rows(table: Table, result: CalibrateResult) -> None:
             table.add_row(key, before, "as before", _NOT_SHOWN)
 
 
-def reference_lines(result: CalibrateResult) -> list[str]:
+def reference_lines(result: OdometryCalibrateResult) -> list[str]:
     """Return what the halves say, what was found of the reference, and the factors for poses."""
     found = result.found
     lines = [
@@ -88,7 +88,7 @@ def reference_lines(result: CalibrateResult) -> list[str]:
     return lines
 
 
-def check_table(result: CalibrateResult) -> Table:
+def check_table(result: OdometryCalibrateResult) -> Table:
     """Return the errors before and after."""
     table = Table(title="errors of odometry", title_justify="left")
     for heading in ("", "before", "after", "ratio"):

@@ -27,7 +27,7 @@ from robotctl.config.robot_file import find_file
 from robotctl.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
-    from robotctl.workbench.camera.calibrate import CalibrateResult
+    from robotctl.workbench.camera.calibrate import CameraCalibrateResult
 
 ABORTED = 1
 
@@ -76,7 +76,7 @@ def calibrate(
     Status 0: found. 1: the pictures or points do not tell it. 2: bad input.
     """
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
-    from robotctl.workbench.camera.calibrate import CalibrateOptions, calibrate_camera  # noqa: PLC0415
+    from robotctl.workbench.camera.calibrate import CameraCalibrateOptions, calibrate_camera  # noqa: PLC0415
     from robotctl.workbench.camera.pictures import check_suffix  # noqa: PLC0415
 
     check_files(show, out)
@@ -84,7 +84,7 @@ def calibrate(
         check_suffix(show)
         if floor is None:
             raise ConfigError("--show needs --floor PICTURE to draw into")
-    options = CalibrateOptions(
+    options = CameraCalibrateOptions(
         find_file(robot),
         tuple(overrides or ()),
         pictures_of(lens or []),
@@ -113,7 +113,7 @@ def calibrate(
     _advise(result)
 
 
-def _tell(result: CalibrateResult) -> None:
+def _tell(result: CameraCalibrateResult) -> None:
     """Print tables and notes."""
     from robotctl.cli.camera.view import (  # noqa: PLC0415 - it loads numba
         advice_lines,
@@ -137,7 +137,7 @@ def _tell(result: CalibrateResult) -> None:
         console.print(line, soft_wrap=True)
 
 
-def _draw(result: CalibrateResult, show: Path) -> None:
+def _draw(result: CameraCalibrateResult, show: Path) -> None:
     """Draw what was found into the picture of the floor."""
     from robotctl.estimation.camera.calibration.overlay import (  # noqa: PLC0415
         draw_correspondences,
@@ -155,13 +155,13 @@ def _draw(result: CalibrateResult, show: Path) -> None:
     print(f"drawn: {show}")
 
 
-def _patch(result: CalibrateResult) -> str:
+def _patch(result: CameraCalibrateResult) -> str:
     from robotctl.workbench.camera.patch import patch_text  # noqa: PLC0415
 
     return patch_text(result)
 
 
-def _advise(result: CalibrateResult) -> None:
+def _advise(result: CameraCalibrateResult) -> None:
     """Say how to use the patch."""
     from robotctl.workbench.camera.patch import patch_values  # noqa: PLC0415
 

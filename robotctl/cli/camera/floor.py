@@ -40,7 +40,7 @@ def floor(
     overrides: Overrides = None,
 ) -> None:
     """Show the floor of a picture from above with a grid in metres, and tell pixels in metres."""
-    from robotctl.estimation.camera.calibration.floor import FloorView  # noqa: PLC0415
+    from robotctl.estimation.camera.calibration.floor import FloorWindow  # noqa: PLC0415
     from robotctl.model.sensors.camera_geometry import CameraGeometry  # noqa: PLC0415
     from robotctl.workbench.camera.floor import floor_picture, floor_table  # noqa: PLC0415
     from robotctl.workbench.camera.pictures import (  # noqa: PLC0415
@@ -58,7 +58,7 @@ def floor(
     if out is not None:
         check_suffix(out)
     try:
-        view = FloorView(near, far, side, resolution)
+        view = FloorWindow(near, far, side, resolution)
     except ValueError as error:
         raise ConfigError(f"--near, --far, --side, --resolution: {error}") from error
     robot_file = find_file(robot)

@@ -10,13 +10,13 @@ from rich.table import Table
 from robotctl.estimation.camera.calibration.intrinsics import KEYS as LENS_KEYS
 from robotctl.estimation.camera.calibration.intrinsics import LensFit
 from robotctl.estimation.camera.calibration.spread import ALLOWED, Expected
-from robotctl.workbench.camera.calibrate import CalibrateResult
+from robotctl.workbench.camera.calibrate import CameraCalibrateResult
 from robotctl.workbench.camera.patch import intervals, patch_values
 
 _MOST_POINTS = 24
 
 
-def values_table(result: CalibrateResult) -> Table:
+def values_table(result: CameraCalibrateResult) -> Table:
     """Return what was found, before and after, with the intervals."""
     table = Table(title=f"{result.config.robot.name}: camera", title_justify="left")
     table.add_column("", no_wrap=True)
@@ -59,7 +59,7 @@ def lens_lines(lens: LensFit) -> list[str]:
     return lines
 
 
-def points_table(result: CalibrateResult) -> Table | None:
+def points_table(result: CameraCalibrateResult) -> Table | None:
     """Return the points and their residuals; of many only those that disagree; None: none."""
     fit, points = result.fit, result.points
     if fit is None:
@@ -99,7 +99,7 @@ def expected_table(expected: Sequence[Expected], sigma_px: float) -> Table:
     return table
 
 
-def fit_lines(result: CalibrateResult) -> list[str]:
+def fit_lines(result: CameraCalibrateResult) -> list[str]:
     """Return how well the mount fits, and the homography."""
     fit = result.fit
     if fit is None:
@@ -122,7 +122,7 @@ def fit_lines(result: CalibrateResult) -> list[str]:
     return lines
 
 
-def advice_lines(result: CalibrateResult) -> list[str]:
+def advice_lines(result: CameraCalibrateResult) -> list[str]:
     """Return whether the points are spread enough, and where more would help."""
     if result.fit is None:
         return []
@@ -149,7 +149,7 @@ def advice_lines(result: CalibrateResult) -> list[str]:
     return lines
 
 
-def _before(result: CalibrateResult, table: str, key: str) -> str:
+def _before(result: CameraCalibrateResult, table: str, key: str) -> str:
     """Return a value of the robot's file."""
     camera = result.config.camera
     if camera is None:

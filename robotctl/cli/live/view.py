@@ -16,7 +16,7 @@ from rich.text import Text
 
 from robotctl.app.simulation.run_score import grid_of
 from robotctl.app.simulation.score import run_message
-from robotctl.app.simulation.sim import Progress, SimRun
+from robotctl.app.simulation.sim import RunStatus, SimRun
 from robotctl.cli.console import plain_console
 from robotctl.cli.live.canvas import Canvas
 from robotctl.cli.live.sim_keys import BRIEF, HELP, what_now
@@ -60,7 +60,7 @@ class View(Protocol):
     def __exit__(self, *_error: object) -> None:
         """Give the terminal back."""
 
-    def update(self, progress: Progress) -> None:
+    def update(self, progress: RunStatus) -> None:
         """Show a new state."""
 
     def help(self) -> None:
@@ -121,7 +121,7 @@ class LineView:
     def __exit__(self, *_error: object) -> None:
         """Nothing to give back."""
 
-    def update(self, progress: Progress) -> None:
+    def update(self, progress: RunStatus) -> None:
         """Print what is new."""
         for line in progress.lines:
             self._print(progress.elapsed_s, line)
@@ -206,7 +206,7 @@ class LiveView:
         self._helps = not self._helps
         self._shown_s = -math.inf
 
-    def update(self, progress: Progress) -> None:
+    def update(self, progress: RunStatus) -> None:
         """Redraw, five times a second at most."""
         for line in progress.lines:
             self._notices += [f"{progress.elapsed_s:6.1f} s  {each}" for each in line.splitlines()]
@@ -215,7 +215,7 @@ class LiveView:
             self._shown_s = progress.elapsed_s
             self._live.update(self.screen(progress), refresh=True)
 
-    def screen(self, progress: Progress) -> Group:
+    def screen(self, progress: RunStatus) -> Group:
         """Lay out the whole screen, one line less than the terminal has."""
         width, height = self._console.size
         control = progress.control
@@ -233,7 +233,7 @@ class LiveView:
             parts.append(self._map_and_figures(progress, control, width, rows))
         return Group(*parts, *bottom)  # type: ignore[arg-type]
 
-    def _head(self, progress: Progress) -> Iterator[Text]:
+    def _head(self, progress: RunStatus) -> Iterator[Text]:
         """Yield state, mode and mission item; why it stands and what to do; pose; keys."""
         control, navigation = progress.control, progress.navigation
         first = _line(f"{self._config.robot.name}  {progress.elapsed_s:6.1f} s  ")
@@ -265,7 +265,7 @@ class LiveView:
             yield _line(BRIEF, "bold")
 
     def _map_and_figures(
-        self, progress: Progress, control: ControlState, width: int, rows: int
+        self, progress: RunStatus, control: ControlState, width: int, rows: int
     ) -> Table:
         """Lay out the map in so many lines, with figures beside it where they fit."""
         most = max(width - _FIGURES_COLUMNS, _MAP_COLUMNS)
@@ -283,7 +283,7 @@ class LiveView:
         both.add_row(panel, Group(*(_line(f"{name:{longest}}  {text}") for name, text in figures)))
         return both
 
-    def _canvas(self, progress: Progress, columns: int, rows: int) -> Canvas:
+    def _canvas(self, progress: RunStatus, columns: int, rows: int) -> Canvas:
         """Draw walls or the growing map, trail, particles, what the camera sees, and the truth."""
         empty = Canvas.fitting(columns, rows, self._walls.bounds)
         if progress.map is None:
@@ -378,7 +378,7 @@ def _line(text: str, style: str = "") -> Text:
     return Text(text.replace("\n", " "), style=style, overflow="ellipsis", no_wrap=True)
 
 
-def _factor(progress: Progress) -> str:
+def _factor(progress: RunStatus) -> str:
     """Return how fast simulated time goes, where the computer does not keep up."""
     factor = progress.real_time_factor
     return f" {factor:.2f} × real time" if factor < _SLOW else ""
@@ -397,7 +397,7 @@ def _measured(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.2f}"
 
 
-def _map_title(progress: Progress) -> str:
+def _map_title(progress: RunStatus) -> str:
     """Say what the map shows, and how well the robot knows its place."""
     state = progress.localisation
     if state is None:

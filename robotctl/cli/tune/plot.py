@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robotctl.workbench.tuning.tune import BAND, Response, TuneResult
+from robotctl.workbench.tuning.tune import BAND, StepResponse, TuneResult
 
 
 def save_plot(result: TuneResult, file: Path) -> None:
@@ -37,7 +37,7 @@ def save_plot(result: TuneResult, file: Path) -> None:
     figure.savefig(file)
 
 
-def _busy_s(response: Response) -> float:
+def _busy_s(response: StepResponse) -> float:
     """Return how much of a response there is to see [s]."""
     settling_s = response.metrics.settling_s
     return float(response.step.time_s[-1]) if settling_s is None else 1.3 * settling_s

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from robotctl.control.identification.step_metrics import StepMetrics
 from robotctl.workbench.tuning.patch import KEYS
-from robotctl.workbench.tuning.tune import BAND, Response, TuneResult
+from robotctl.workbench.tuning.tune import BAND, StepResponse, TuneResult
 
 
 def response_table(result: TuneResult) -> Table:
@@ -37,7 +37,7 @@ def response_table(result: TuneResult) -> Table:
 def _row(
     table: Table,
     name: str,
-    responses: Sequence[Response],
+    responses: Sequence[StepResponse],
     words: Callable[[StepMetrics], str],
 ) -> None:
     table.add_row(name, *(words(response.metrics) for response in responses))

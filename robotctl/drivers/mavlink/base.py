@@ -25,7 +25,7 @@ Callback: TypeAlias = Callable[[int, int], None]
 """Called with the selector's event mask and the time [ns]."""
 
 
-class Hub(NamedTuple):
+class LinkContext(NamedTuple):
     """What a link gets from the object that holds all of them."""
 
     selector: selectors.EpollSelector
@@ -41,11 +41,11 @@ class Channel:
     ----------
     peer : Peer
         Its name towards the services.
-    hub : Hub
+    hub : LinkContext
         Gives the addresses written into each frame.
     """
 
-    def __init__(self, peer: Peer, hub: Hub) -> None:
+    def __init__(self, peer: Peer, hub: LinkContext) -> None:
         self.peer = peer
         self._codec = common.MAVLink(None, hub.system_id, hub.component_id)
         self._codec_v1 = v1.MAVLink(None, hub.system_id, hub.component_id)
@@ -116,11 +116,11 @@ class Link(ABC):
         Its place in the configuration.
     config : LinkConfig
         Its URL.
-    hub : Hub
+    hub : LinkContext
         Where to register sockets and put what came.
     """
 
-    def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
+    def __init__(self, number: int, config: LinkConfig, hub: LinkContext) -> None:
         self.number = number
         self.url = config.url
         self.address = config.address

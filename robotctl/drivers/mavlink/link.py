@@ -6,7 +6,7 @@ import selectors
 from collections.abc import Collection, Sequence
 from typing import Self
 
-from robotctl.drivers.mavlink.base import Hub, Link
+from robotctl.drivers.mavlink.base import Link, LinkContext
 from robotctl.drivers.mavlink.serial import SerialLink
 from robotctl.drivers.mavlink.tcp import TcpClient, TcpServer
 from robotctl.drivers.mavlink.udp import UdpLink
@@ -40,7 +40,7 @@ class MavlinkLinks:
     ) -> None:
         self._selector = selectors.EpollSelector()
         self._inbox: list[Received] = []
-        hub = Hub(self._selector, self._inbox, system_id, component_id)
+        hub = LinkContext(self._selector, self._inbox, system_id, component_id)
         self._links = [
             _LINKS[config.address.kind](number, config, hub)
             for number, config in enumerate(configs)

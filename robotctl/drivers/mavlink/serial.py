@@ -6,7 +6,7 @@ import termios
 
 import serial
 
-from robotctl.drivers.mavlink.base import Hub, Link
+from robotctl.drivers.mavlink.base import Link, LinkContext
 from robotctl.drivers.mavlink.stream import Stream
 from robotctl.messages.mavlink_port import LinkConfig, Message
 
@@ -17,7 +17,7 @@ QUEUE_S = 0.5
 class SerialLink(Link):
     """One serial device, opened again when it was unplugged."""
 
-    def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
+    def __init__(self, number: int, config: LinkConfig, hub: LinkContext) -> None:
         super().__init__(number, config, hub)
         self._serial: serial.Serial | None = None
         self._stream: Stream | None = None

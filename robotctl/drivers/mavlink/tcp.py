@@ -7,7 +7,7 @@ import os
 import selectors
 import socket
 
-from robotctl.drivers.mavlink.base import Hub, Link
+from robotctl.drivers.mavlink.base import Link, LinkContext
 from robotctl.drivers.mavlink.lookup import HostLookup
 from robotctl.drivers.mavlink.stream import TCP_QUEUE, Stream, prepare_tcp
 from robotctl.messages.mavlink_port import LinkConfig, Message
@@ -20,7 +20,7 @@ CONNECT_NS = 5_000_000_000
 class TcpServer(Link):
     """Listens, and serves up to 8 clients."""
 
-    def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
+    def __init__(self, number: int, config: LinkConfig, hub: LinkContext) -> None:
         super().__init__(number, config, hub)
         self._listener: socket.socket | None = None
         self._lookup: HostLookup | None = None
@@ -134,7 +134,7 @@ class TcpServer(Link):
 class TcpClient(Link):
     """Connects to one server, again and again."""
 
-    def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
+    def __init__(self, number: int, config: LinkConfig, hub: LinkContext) -> None:
         super().__init__(number, config, hub)
         self._socket: socket.socket | None = None
         self._lookup: HostLookup | None = None

@@ -7,7 +7,7 @@ import selectors
 import socket
 from typing import Any, TypeAlias
 
-from robotctl.drivers.mavlink.base import READ_SIZE, Channel, Hub, Link
+from robotctl.drivers.mavlink.base import READ_SIZE, Channel, Link, LinkContext
 from robotctl.drivers.mavlink.lookup import HostLookup
 from robotctl.messages.mavlink_port import LinkConfig, Message, Peer
 
@@ -33,7 +33,7 @@ class UdpLink(Link):
     the ground station.
     """
 
-    def __init__(self, number: int, config: LinkConfig, hub: Hub) -> None:
+    def __init__(self, number: int, config: LinkConfig, hub: LinkContext) -> None:
         super().__init__(number, config, hub)
         self._server = self.address.kind == "udpin"
         self._socket: socket.socket | None = None

@@ -14,7 +14,7 @@ from robotctl.estimation.kalman.consistency import InnovationWindow
 from robotctl.estimation.kalman.ekf_models import bearing_residual
 from robotctl.estimation.kalman.robust_kalman import Innovation, RobustKalman
 from robotctl.estimation.landmarks.config import LandmarkConfig
-from robotctl.estimation.landmarks.fix import Seen, pose_from_landmarks
+from robotctl.estimation.landmarks.fix import SeenLandmark, pose_from_landmarks
 from robotctl.estimation.landmarks.models import OdometryReading, S, moved, sighting
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.angles import wrap_angle
@@ -57,7 +57,7 @@ class LandmarkEkf:
         )
         self._motion_factor = MotionNoiseFactor(config.motion_guess_sigma, config.forgetting_s)
         self._since = np.zeros_like(P)  # what the motion's noise added since the last sighting
-        self._seen: deque[Seen] = deque()
+        self._seen: deque[SeenLandmark] = deque()
         self._trusted = deque([(mean, P)], maxlen=config.window)
         self._stamp_ns = start.stamp_ns
         self.restarts = 0
@@ -167,7 +167,7 @@ class LandmarkEkf:
         factors = [variance.factor for variance in self._variances]
         z = np.array([range_m, bearing_rad])
         R = np.diag(guess**2 * factors * c.correlation)
-        self._seen.append(Seen(self._stamp_ns, landmark_world, range_m, bearing_rad))
+        self._seen.append(SeenLandmark(self._stamp_ns, landmark_world, range_m, bearing_rad))
         if self._window.contradicted:
             off = bearing_residual(z, expected)
             nis, weight = float(off @ np.linalg.solve(H @ kalman.P @ H.T + R, off)), 0.0

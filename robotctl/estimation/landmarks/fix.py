@@ -19,7 +19,7 @@ _SIGMA_M = 0.2
 """Of one sighting, with motion in between and a camera not yet calibrated."""
 
 
-class Seen:
+class SeenLandmark:
     """A landmark in `base` as it moved away since it was seen.
 
     Parameters
@@ -51,7 +51,7 @@ class Seen:
         self.landmark_base = T_after_before.apply(*self.landmark_base)
 
 
-def pose_from_landmarks(seen: Iterable[Seen]) -> tuple[SE2, Array] | None:
+def pose_from_landmarks(seen: Iterable[SeenLandmark]) -> tuple[SE2, Array] | None:
     """Return the pose that fits best, and its covariance (3, 3); None where too little was seen.
 
     Least squares in closed form: Arun, Huang, Blostein: Least-squares fitting of two 3-D point

@@ -13,10 +13,10 @@ _POSITIVE = {
     "n_eff_floor": 1.0,
     "kld_error": math.inf,
     "kld_quantile": math.inf,
-    "scouts": 1.0,
+    "uniform_probes": 1.0,
     "carried_away": 0.5,
     "search_floor": 1.0,
-    "strangers": 1.0,
+    "random_injection": 1.0,
     "localised_m": math.inf,
     "localised_rad": math.inf,
     "localised_weight": 1.0,
@@ -47,7 +47,7 @@ class MclConfig:
     n_eff_floor
         A tracked robot's measurements are tempered so that at least this share of the particles
         stays effective, (0, 1).
-    scouts
+    uniform_probes
         Random poses that a tracked robot's measurements are compared with, as a share of the
         particles, (0, 1).
     carried_away
@@ -55,7 +55,7 @@ class MclConfig:
     search_floor
         Share of the effective particles that stay so in each step of a search (`annealing.py`),
         (0, 1).
-    strangers
+    random_injection
         Random poses that a search adds before each measurement, for places that it overlooked: as
         a share of the particles that it begins with, and of the belief, (0, 1).
     localised_m, localised_rad
@@ -82,10 +82,10 @@ class MclConfig:
     kld_quantile: float = 2.33
     resample_below: float = 0.5
     n_eff_floor: float = 0.01
-    scouts: float = 0.1
+    uniform_probes: float = 0.1
     carried_away: float = 1e-4
     search_floor: float = 0.3
-    strangers: float = 0.1
+    random_injection: float = 0.1
     localised_m: float = 0.3
     localised_rad: float = 0.2
     localised_weight: float = 0.9

@@ -36,7 +36,7 @@ _ALARM_ALONE: Final = 40.0
 """The same for the evidence alone. On public lidar logs the sum of a tracked robot reaches 22."""
 
 
-class FitWatch:
+class LikelihoodMonitor:
     """Watches the fit of one sensor's measurements.
 
     At first a perfect fit is taken to have an evidence of about 0 (`log_likelihood.py`).

@@ -2,10 +2,11 @@
 
 Notes, section 4; Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
 
-- While the robot is tracked, random poses, the *scouts*, are weighed by the same measurement. The
-  ratio of the two evidences is Bayes' factor between "as tracked" and "carried away to anywhere";
-  it is accumulated, and `likelihood_monitor.py` compares the evidence with what it used to be.
-  Beams that something hides from the map say little (`log_likelihood.py`).
+- While the robot is tracked, poses drawn from all free space, the uniform probes, are weighed by
+  the same measurement. The ratio of the two evidences is Bayes' factor between "as tracked" and
+  "kidnapped, and anywhere now"; it is accumulated, and `likelihood_monitor.py` compares the
+  evidence with what it used to be. Beams that something hides from the map say little
+  (`log_likelihood.py`).
 - If one of them speaks against the belief, a search begins beside it, as from an unknown start
   (`particle_belief.py`). The belief is kept until what was found has explained the measurements
   better over a piece of way (`rival.py`).
@@ -25,14 +26,14 @@ from numpy.typing import NDArray
 from robotctl.estimation.mcl.belief import Cluster
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import SampleFree
-from robotctl.estimation.mcl.likelihood_monitor import FitWatch
+from robotctl.estimation.mcl.likelihood_monitor import LikelihoodMonitor
 from robotctl.estimation.mcl.look_alikes import look_alikes
 from robotctl.estimation.mcl.misfit import Misfit
 from robotctl.estimation.mcl.particle_belief import ParticleBelief
-from robotctl.estimation.mcl.particle_motion import OdometryWay
+from robotctl.estimation.mcl.particle_motion import OdometrySegment
 from robotctl.estimation.mcl.particles import posterior
 from robotctl.estimation.mcl.remembered import Remembered
-from robotctl.estimation.mcl.rival import Rival, Verdict
+from robotctl.estimation.mcl.rival import Rival, RivalVerdict
 from robotctl.estimation.ranging.log_likelihood import Forgiving, LogLikelihood, evaluated, forgiven
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import PoseEstimate
@@ -70,7 +71,7 @@ class MonteCarloLocaliser:
         self.config = config
         self._sample_free = sample_free
         self._rng = rng
-        self._way = OdometryWay(config.motion)
+        self._way = OdometrySegment(config.motion)
         self.start_anywhere()
 
     def start_anywhere(self) -> None:
@@ -113,7 +114,7 @@ class MonteCarloLocaliser:
         self._way.reset()
         self._lost = False
         self._elsewhere = -math.inf
-        self._watches: dict[str, FitWatch] = {}
+        self._watches: dict[str, LikelihoodMonitor] = {}
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -241,18 +242,22 @@ class MonteCarloLocaliser:
     ) -> None:
         """Weigh a compact belief, and ask whether the robot may be elsewhere."""
         logs = evaluated(log_likelihood, self._belief.poses)
-        scouts = self._sample_free(self._rng, math.ceil(self.config.scouts * len(logs)))
-        scout_logs = evaluated(log_likelihood, scouts)
-        if max(logs.max(), scout_logs.max()) == -math.inf:
+        uniform_probes = self._sample_free(
+            self._rng, math.ceil(self.config.uniform_probes * len(logs))
+        )
+        probe_logs = evaluated(log_likelihood, uniform_probes)
+        if max(logs.max(), probe_logs.max()) == -math.inf:
             self._lost = True
             return
         evidence = self._belief.track(logs)
-        watch = self._watches.setdefault(sensor, FitWatch())
+        watch = self._watches.setdefault(sensor, LikelihoodMonitor())
         if watch.is_low(evidence):
             evidence += self._forgiveness(log_likelihood, self._belief, logs)
-            best = np.argpartition(scout_logs, -_FORGIVEN)[-_FORGIVEN:]
-            scout_logs[best] = forgiven(log_likelihood, scouts[best])
-        _, elsewhere = posterior(np.full(len(scouts), 1.0 / len(scouts)), scout_logs)
+            best = np.argpartition(probe_logs, -_FORGIVEN)[-_FORGIVEN:]
+            probe_logs[best] = forgiven(log_likelihood, uniform_probes[best])
+        _, elsewhere = posterior(
+            np.full(len(uniform_probes), 1.0 / len(uniform_probes)), probe_logs
+        )
         if self._rival is not None:
             self._contend(self._rival, log_likelihood, evidence, distance_m, angle_rad)
         elif self._is_doubtful(evidence, elsewhere, watch):
@@ -268,7 +273,7 @@ class MonteCarloLocaliser:
         best = _heaviest(belief)
         return float(np.mean(forgiven(log_likelihood, belief.poses[best]) - logs[best]))
 
-    def _is_doubtful(self, evidence: float, elsewhere: float, watch: FitWatch) -> bool:
+    def _is_doubtful(self, evidence: float, elsewhere: float, watch: LikelihoodMonitor) -> bool:
         """Whether the measurements have come to speak against the belief."""
         self._elsewhere = max(self._elsewhere, math.log(self.config.carried_away))
         self._elsewhere += elsewhere - evidence
@@ -294,18 +299,18 @@ class MonteCarloLocaliser:
         self._remembered.add(log_likelihood)
         self._see_fit(log_likelihood, self._belief, belief)
         verdict = rival.compare(lead, distance_m, angle_rad, self._belief.best)
-        if verdict is Verdict.OPEN:
+        if verdict is RivalVerdict.OPEN:
             return
         self._elsewhere = -math.inf
         for watch in self._watches.values():
             watch.forgive()
-        if verdict is Verdict.PROVEN:
+        if verdict is RivalVerdict.PROVEN:
             self._belief = belief
             belief.agreed = self.config.localised_updates // 2  # The rest confirms it.
         if self.fits_nowhere:
             self._belief.searching = False
             self._rival = Rival(self._anywhere())
-        elif verdict is Verdict.PROVEN:
+        elif verdict is RivalVerdict.PROVEN:
             self._settle()
         else:
             self._end_search()

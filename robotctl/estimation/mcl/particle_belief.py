@@ -1,6 +1,6 @@
 """A set of weighted particles: moved by odometry, weighed by measurements, drawn anew.
 
-A belief that is spread over the map is searched: random poses, the strangers, join in, and each
+A belief that is spread over the map is searched: random poses are injected, and each
 measurement is applied in steps (`annealing.py`), so that particles are found where its likelihood
 is great instead of being drawn at random. A compact one is tracked: a likelihood that is too
 narrow for its particles is tempered (`tempering.py`), and their number follows the belief (KLD
@@ -18,7 +18,7 @@ from robotctl.estimation.mcl.annealing import anneal
 from robotctl.estimation.mcl.belief import Cluster, clusters
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import SampleFree
-from robotctl.estimation.mcl.particle_motion import OdometryWay
+from robotctl.estimation.mcl.particle_motion import OdometrySegment
 from robotctl.estimation.mcl.particles import effective_size, posterior, resample_systematic
 from robotctl.estimation.mcl.pose_bins import kld_size
 from robotctl.estimation.mcl.tempering import bearable_exponent
@@ -70,7 +70,7 @@ class ParticleBelief:
         """Whether it has been compact for long enough."""
         return self.agreed >= self._config.localised_updates
 
-    def advance(self, way: OdometryWay, rng: np.random.Generator) -> None:
+    def advance(self, way: OdometrySegment, rng: np.random.Generator) -> None:
         """Resample where the belief calls for it, then move all particles by the odometry."""
         uneven = effective_size(self.weights) < self._config.resample_below * len(self.weights)
         if uneven or self.searching:
@@ -82,7 +82,7 @@ class ParticleBelief:
     ) -> bool:
         """Weigh a belief that is spread wide; return False where the measurement fits nowhere."""
         config = self._config
-        self._add_strangers(sample_free, rng)
+        self._inject_random_poses(sample_free, rng)
         found = anneal(
             self.poses, self.weights, log_likelihood, config.bins, config.search_floor, rng
         )
@@ -125,12 +125,12 @@ class ParticleBelief:
             and best.sigma_rad <= config.localised_rad
         )
 
-    def _add_strangers(self, sample_free: SampleFree, rng: np.random.Generator) -> None:
+    def _inject_random_poses(self, sample_free: SampleFree, rng: np.random.Generator) -> None:
         """Mix random poses into the belief."""
-        share, count = self._config.strangers, self._config.most_searching
-        strangers = sample_free(rng, math.ceil(share * count))
-        alike = np.full(len(strangers), share / len(strangers))
-        self.poses = np.concatenate([self.poses, strangers])
+        share, count = self._config.random_injection, self._config.most_searching
+        injected = sample_free(rng, math.ceil(share * count))
+        alike = np.full(len(injected), share / len(injected))
+        self.poses = np.concatenate([self.poses, injected])
         self.weights = np.concatenate([(1.0 - share) * self.weights, alike])
 
     def _resample(self, count: int, rng: np.random.Generator) -> None:

@@ -47,7 +47,7 @@ class ParticleMotionConfig:
                 raise ValueError(f"{key} must be finite and > 0, found {getattr(self, key)}")
 
 
-class OdometryWay:
+class OdometrySegment:
     """The motion since the particles were last moved, with the covariance of its noise.
 
     Parameters

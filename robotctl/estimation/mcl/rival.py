@@ -31,7 +31,7 @@ _GREATEST: Final = 10.0
 """One measurement counts for at most so much [nat]."""
 
 
-class Verdict(enum.Enum):
+class RivalVerdict(enum.Enum):
     """What is known of a rival."""
 
     OPEN = enum.auto()
@@ -63,7 +63,7 @@ class Rival:
 
     def compare(
         self, lead: float, distance_m: float, angle_rad: float, tracked: Cluster
-    ) -> Verdict:
+    ) -> RivalVerdict:
         """Take in how much better the rival foretold a measurement, after a piece of way.
 
         Once the rival is compact its lead counts anew: to what a search saw it has fitted itself.
@@ -81,21 +81,21 @@ class Rival:
         if is_compact != self._was_compact:
             self._was_compact = is_compact
             self._begin()
-            return Verdict.OPEN
+            return RivalVerdict.OPEN
         self.lead += min(max(lead, -_GREATEST), _GREATEST)
         self._distance_m += distance_m
         self._angle_rad += angle_rad
         self._measurements += 1
         moved = self._distance_m >= _LEAST_M or self._angle_rad >= _LEAST_RAD
         if not moved or self._measurements < _LEAST_MEASUREMENTS:
-            return Verdict.OPEN
+            return RivalVerdict.OPEN
         if self.lead < -_MARGIN:
-            return Verdict.REFUTED
+            return RivalVerdict.REFUTED
         if not self.belief.is_sure:
-            return Verdict.OPEN
+            return RivalVerdict.OPEN
         if not are_apart(self._place(), tracked)[0]:
-            return Verdict.REFUTED
-        return Verdict.PROVEN if self.lead > _MARGIN else Verdict.OPEN
+            return RivalVerdict.REFUTED
+        return RivalVerdict.PROVEN if self.lead > _MARGIN else RivalVerdict.OPEN
 
     def _place(self) -> NDArray[np.float64]:
         """Return the middle of the heaviest cluster, (1, 3)."""

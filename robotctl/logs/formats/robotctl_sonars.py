@@ -24,7 +24,7 @@ import msgspec
 
 from robotctl.logs.formats.robotctl_messages import LoggedState
 from robotctl.messages.control import SonarFeedback
-from robotctl.model.sensors.new_sonar_readings import SonarNews
+from robotctl.model.sensors.new_sonar_readings import NewSonarReadings
 from robotctl.model.sensors.sonar import SonarMount, SonarReading, listening_ns
 from robotctl.runtime.flight.recorder import RecordError, Tick, read_record
 
@@ -176,7 +176,7 @@ def _heard(frames: _Frames, stamp_ns: int, index: int) -> float | None:
 
 def _of_states(epoch: Sequence[tuple[int, LoggedState]], frames: _Frames) -> Iterator[SonarReading]:
     """Yield what is new in each state and in no record."""
-    news = SonarNews(_REACH_M)
+    news = NewSonarReadings(_REACH_M)
     for log_ns, state in epoch:
         stamps_ns = [
             stamp_ns if _heard(frames, stamp_ns, index) is None else 0

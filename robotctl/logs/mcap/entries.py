@@ -141,8 +141,8 @@ class LogEntries:
 
     def newest_maps(self) -> Iterator[Entry]:
         """Yield the maps that changed since they were last logged, for the end of the file."""
-        for topic, chart in self._scene.maps.items():
-            yield from self._changed_map(topic, chart.stamp_ns + self._epoch_ns, chart)
+        for topic, world_map in self._scene.maps.items():
+            yield from self._changed_map(topic, world_map.stamp_ns + self._epoch_ns, world_map)
 
     def _of_control(self, wall_ns: int, state: ControlState) -> Iterator[Entry]:
         """Yield a state of the control process, and where the robot is by it."""
@@ -172,19 +172,22 @@ class LogEntries:
 
     def _known_maps(self, wall_ns: int) -> Iterator[Entry]:
         """Yield the maps of the file before."""
-        for topic, chart in self._scene.maps.items():
-            yield from self._changed_map(topic, wall_ns, chart)
+        for topic, world_map in self._scene.maps.items():
+            yield from self._changed_map(topic, wall_ns, world_map)
 
-    def _of_map(self, topic: str, chart: LiveMap) -> Iterator[Entry]:
+    def _of_map(self, topic: str, world_map: LiveMap) -> Iterator[Entry]:
         """Yield a map if it is time for one."""
-        self._scene.maps[topic] = chart
+        self._scene.maps[topic] = world_map
         before = self._maps.get(topic)
-        if before is None or chart.stamp_ns - before.stamp_ns >= MAP_NS:
-            yield from self._changed_map(topic, chart.stamp_ns + self._epoch_ns, chart)
+        if before is None or world_map.stamp_ns - before.stamp_ns >= MAP_NS:
+            yield from self._changed_map(topic, world_map.stamp_ns + self._epoch_ns, world_map)
 
-    def _changed_map(self, topic: str, wall_ns: int, chart: LiveMap) -> Iterator[Entry]:
+    def _changed_map(self, topic: str, wall_ns: int, world_map: LiveMap) -> Iterator[Entry]:
         """Yield a map unless it is in the file as it is."""
         before = self._maps.get(topic)
-        if before is None or msgspec.structs.replace(before, stamp_ns=chart.stamp_ns) != chart:
-            self._maps[topic] = chart
-            yield topic, wall_ns, grid(wall_ns, chart)
+        if (
+            before is None
+            or msgspec.structs.replace(before, stamp_ns=world_map.stamp_ns) != world_map
+        ):
+            self._maps[topic] = world_map
+            yield topic, wall_ns, grid(wall_ns, world_map)

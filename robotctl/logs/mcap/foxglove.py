@@ -244,21 +244,21 @@ def scan_ranges(ranges_m: Iterable[float]) -> list[float]:
     ]
 
 
-def grid(wall_ns: int, chart: LiveMap) -> Grid:
+def grid(wall_ns: int, world_map: LiveMap) -> Grid:
     """Return a map in `world`, grey as ROS maps are; `occupancy` is its percentage, -1 unknown."""
-    size, stride = len(chart.cells), len(_CELL)
+    size, stride = len(world_map.cells), len(_CELL)
     data = bytearray(b"\xff") * (size * stride)
-    greys = chart.cells.translate(_GREYS)
+    greys = world_map.cells.translate(_GREYS)
     for channel in range(3):
         data[channel::stride] = greys
-    data[4::stride] = chart.cells
+    data[4::stride] = world_map.cells
     return Grid(
         time_of(wall_ns),
         WORLD,
-        Pose(Vector3(chart.x_m, chart.y_m), turned(chart.theta_rad)),
-        chart.columns,
-        Vector2(chart.resolution_m, chart.resolution_m),
-        chart.columns * stride,
+        Pose(Vector3(world_map.x_m, world_map.y_m), turned(world_map.theta_rad)),
+        world_map.columns,
+        Vector2(world_map.resolution_m, world_map.resolution_m),
+        world_map.columns * stride,
         stride,
         _CELL,
         bytes(data),

@@ -109,7 +109,7 @@ def is_complete(path: Path) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Recovery:
+class RecoveredLog:
     """What became of a log.
 
     Parameters
@@ -142,7 +142,7 @@ class Recovery:
         return f"; left out {places}, {lost} bytes{unknown}; as it was: {self.kept_aside}"
 
 
-def recover(path: Path) -> Recovery:
+def recover(path: Path) -> RecoveredLog:
     """Make a log that was cut or damaged complete, with all its whole chunks.
 
     A whole one stays as it is. The file is replaced when the whole one is on the disk; until then
@@ -165,16 +165,16 @@ def recover(path: Path) -> Recovery:
         if source.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise McapLogError(f"{path}: not an MCAP file")
         if is_complete(path) and (whole := _messages_of_intact(source)) is not None:
-            return Recovery(whole, (), 0, None, was_intact=True)
+            return RecoveredLog(whole, (), 0, None, was_intact=True)
         source.seek(len(MCAP0_MAGIC))
         with part_file(path) as file:
             _take_owner_and_mode(source, file)
             messages, gaps, unknown = _copy(source, file)
             if not gaps and not unknown:
-                return Recovery(messages, (), 0, None)
+                return RecoveredLog(messages, (), 0, None)
             file.flush()
             os.fsync(file.fileno())  # before the log gives way
-            return Recovery(messages, gaps, unknown, _set_aside(path))
+            return RecoveredLog(messages, gaps, unknown, _set_aside(path))
 
 
 def _messages_of_intact(source: BinaryIO) -> int | None:

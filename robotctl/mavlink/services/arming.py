@@ -9,7 +9,7 @@
 | DO_FLIGHTTERMINATION, param1 0 | denied: only arming ends an emergency stop |
 
 Arming and disarming are acknowledged when the control process has answered. A request to arm that
-is repeated meanwhile, or a little later as `late_copies` says, is not carried out again: a late
+is repeated meanwhile, or a little later as `command_dedup` says, is not carried out again: a late
 copy that took another way must not arm a robot that was stopped in between. Where it was, the
 answer is "temporarily rejected". Disarming and stops are always carried out.
 """

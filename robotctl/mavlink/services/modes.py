@@ -1,6 +1,6 @@
 """Mode changes: MAV_CMD_DO_SET_MODE and the older SET_MODE message.
 
-A late copy of a request for a mode in which the robot may move is not carried out, `late_copies`
+A late copy of a request for a mode in which the robot may move is not carried out, `command_dedup`
 says which: it would start a completed mission anew, or drive off again after HOLD. HOLD is carried
 out however often it comes.
 """

@@ -16,7 +16,7 @@ MAX_LENGTH = 1000
 TEXTS_PER_STEP = 4
 """A burst of notices is spread, so that it does not crowd out answers on slow links."""
 
-MAX_UNHEARD = 16
+MAX_UNSENT = 16
 """So many texts wait for a ground station."""
 
 
@@ -32,7 +32,7 @@ class StatusText:
     def __init__(self, context: Context, ground_stations: GroundStations) -> None:
         self._context = context
         self._ground_stations = ground_stations
-        self._unheard: dict[str, tuple[int, int]] = {}
+        self._unsent: dict[str, tuple[int, int]] = {}
         self._last_id = 0
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
@@ -50,9 +50,9 @@ class StatusText:
         """Yield the texts of this step, those first that nobody has heard."""
         texts = self._context.texts
         for _ in range(TEXTS_PER_STEP):
-            if heard and self._unheard:
-                text = next(iter(self._unheard))
-                severity, said_ns = self._unheard.pop(text)
+            if heard and self._unsent:
+                text = next(iter(self._unsent))
+                severity, said_ns = self._unsent.pop(text)
                 yield severity, f"{text} ({(now_ns - said_ns) / 1e9:.0f} s ago)"
             elif texts:
                 severity, text = texts.popleft()
@@ -62,10 +62,10 @@ class StatusText:
 
     def _keep(self, severity: int, text: str, now_ns: int) -> None:
         """Keep a text for a ground station, once; what is said again and again leaves room."""
-        self._unheard.pop(text, None)
-        self._unheard[text] = (severity, now_ns)
-        if len(self._unheard) > MAX_UNHEARD:
-            del self._unheard[next(iter(self._unheard))]
+        self._unsent.pop(text, None)
+        self._unsent[text] = (severity, now_ns)
+        if len(self._unsent) > MAX_UNSENT:
+            del self._unsent[next(iter(self._unsent))]
 
 
 def status_texts(severity: int, text: str, identifier: int) -> Iterator[Message]:

@@ -11,7 +11,7 @@ from robotctl.model.sensors.sonar import SonarReading, listening_ns
 _MAX_AGE_NS: Final = 500_000_000
 
 
-class SonarNews:
+class NewSonarReadings:
     """Picks what is new; a control state repeats each range until there is another one.
 
     Parameters
@@ -37,7 +37,7 @@ class SonarNews:
             When each sonar's range came, and the range [m]; nan says nothing.
         """
         oldest_ns = max(self._last_ns, now_ns - _MAX_AGE_NS)
-        news = []
+        readings = []
         for came_ns in sorted({stamp_ns for stamp_ns in stamps_ns if stamp_ns > oldest_ns}):
             self._last_ns = came_ns
             heard = tuple(
@@ -46,5 +46,5 @@ class SonarNews:
             )
             if not all(map(math.isnan, heard)):
                 sent_ns = came_ns - listening_ns(heard, self._max_range_m)
-                news.append(SonarReading(sent_ns, heard))
-        return news
+                readings.append(SonarReading(sent_ns, heard))
+        return readings

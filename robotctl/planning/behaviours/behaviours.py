@@ -7,8 +7,14 @@ import math
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.guard.behaviour import (
+    BehaviourInput,
+    BehaviourOutput,
+    Stopwatch,
+    done,
+    failed,
+)
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
-from robotctl.planning.guard.situation import Situation, Step, Stopwatch, done, failed
 from robotctl.planning.local.path import Path, Point
 from robotctl.planning.local.pursuit import (
     Pursuit,
@@ -82,7 +88,7 @@ class FollowPath:
     def pause(self) -> None:
         """Keep the progress along the path."""
 
-    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:  # noqa: ARG002 - as all behaviours
         """Return the next velocity; fails further off the path than allowed."""
         step = self._pursuit.step(situation.pose, situation.twist)
         joining = self._pursuit.s_m - self._joined_s_m <= _TURN_IN_CIRCLES * self._circle_m
@@ -91,7 +97,7 @@ class FollowPath:
             return failed(f"{step.off_path_m:.2f} m off the path, {most_m:g} m are allowed")
         if step.done:
             return done()
-        return Step(step.v_m_s, step.omega_rad_s, text=f"{step.remaining_m:.1f} m to go")
+        return BehaviourOutput(step.v_m_s, step.omega_rad_s, text=f"{step.remaining_m:.1f} m to go")
 
 
 class GoTo:
@@ -143,7 +149,7 @@ class GoTo:
         """Plan anew from wherever the robot is."""
         self.reset()
 
-    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:  # noqa: ARG002 - as all behaviours
         """Return the next velocity; done within the goal tolerance of the point."""
         config, pose = self._config, situation.pose
         x, y = self._goal
@@ -156,12 +162,12 @@ class GoTo:
         if self._steered and self._must_back(pose):
             if not self._sees_back:
                 return failed(f"{text}, too close beside: no sonar looks back for backing up")
-            return Step(-0.5 * self._speed, 0.0, text=f"{text}, backing up")
+            return BehaviourOutput(-0.5 * self._speed, 0.0, text=f"{text}, backing up")
         if not self._steered and self._must_turn(bearing):
-            return Step(0.0, turn_rate(bearing, config), text=f"{text}, turning")
+            return BehaviourOutput(0.0, turn_rate(bearing, config), text=f"{text}, turning")
         curvature = reachable_curvature(*in_base(pose, x, y), self._curvature_max)
         v = max(min(v, bend_speed(abs(curvature), config)), config.creep_m_s)
-        return Step(v, curvature * v, text=text)
+        return BehaviourOutput(v, curvature * v, text=text)
 
     def _must_back(self, pose: SE2) -> bool:
         """Say whether to back up; a point that full lock passes within tolerance is in reach."""
@@ -196,13 +202,13 @@ class TurnTo:
     def pause(self) -> None:
         """There is nothing to forget."""
 
-    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:  # noqa: ARG002 - as all behaviours
         """Return the next turn rate; done within 2 degrees and nearly at rest."""
         error = wrap_angle(self._heading - situation.pose.theta_rad)
         slow = abs(situation.twist.omega_rad_s) < 0.1
         if abs(error) <= self.tolerance_rad and slow:
             return done()
-        return Step(
+        return BehaviourOutput(
             0.0, turn_rate(error, self._config), text=f"{math.degrees(error):.0f} deg to turn"
         )
 
@@ -222,7 +228,11 @@ class Wait:
         """Keep the time waited."""
         self._watch.pause()
 
-    def step(self, situation: Situation, now_ns: int) -> Step:  # noqa: ARG002 - as all behaviours
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:  # noqa: ARG002 - as all behaviours
         """Return a stop; done when the time is over."""
         left_ns = self._duration_ns - self._watch.step(now_ns)
-        return done() if left_ns <= 0 else Step(0.0, 0.0, text=f"{left_ns / 1e9:.0f} s to wait")
+        return (
+            done()
+            if left_ns <= 0
+            else BehaviourOutput(0.0, 0.0, text=f"{left_ns / 1e9:.0f} s to wait")
+        )

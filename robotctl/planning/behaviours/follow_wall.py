@@ -16,7 +16,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.mission import FollowWallItem
-from robotctl.planning.guard.situation import Situation, Step, done, failed
+from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, done, failed
 from robotctl.planning.guard.sonars import sonar_towards
 
 _TURNED_MAX_RAD = math.radians(30.0)
@@ -136,7 +136,7 @@ class FollowWall:
         self._lost_since = 0.0
         self._near = 0
 
-    def step(self, situation: Situation, now_ns: int) -> Step:
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; fails when there has been no wall for too long a way.
 
         It fails, too, where the robot is not any more where it was left.
@@ -160,7 +160,7 @@ class FollowWall:
             self._lost_since = self._travelled
         elif self._travelled - self._lost_since > self._config.lost_max_m:
             return failed(f"no wall on the {self._item.side} for {self._config.lost_max_m:g} m")
-        return Step(speed, omega, text=f"{self._travelled:.1f} m along the wall")
+        return BehaviourOutput(speed, omega, text=f"{self._travelled:.1f} m along the wall")
 
     def pause(self) -> None:
         """Forget the wall, which changes while somebody else drives, but not where that was."""
@@ -181,7 +181,7 @@ class FollowWall:
             f"{math.degrees(_TURNED_MAX_RAD):.0f} deg are allowed"
         )
 
-    def _met(self, situation: Situation) -> bool:
+    def _met(self, situation: BehaviourInput) -> bool:
         """Say whether a condition to end is met; the front sonar has to say so twice running."""
         until, pose = self._item.until, situation.pose
         if until.length_m is not None and self._travelled >= until.length_m:

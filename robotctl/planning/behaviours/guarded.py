@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from robotctl.planning.behaviours.behaviours import FollowPath, GoTo
 from robotctl.planning.behaviours.follow_wall import FollowWall
+from robotctl.planning.guard.behaviour import (
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Status,
+    Stopwatch,
+    failed,
+)
 from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
-from robotctl.planning.guard.situation import Behaviour, Situation, Status, Step, Stopwatch, failed
 from robotctl.planning.mission.rejoin import Anchor
 
 _STANDSTILL_M_S = 0.03
 """Where the guard allows less, the robot stands."""
 
 
-def limited(step: Step, guard: ObstacleGuard) -> tuple[Step, GuardStep]:
+def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutput, GuardStep]:
     """Return `step` slowed to what the guard allows, on the same arc, and what the guard said."""
     allowed = guard.step(step.v_m_s, step.omega_rad_s)
     speed = abs(step.v_m_s)
@@ -20,7 +27,7 @@ def limited(step: Step, guard: ObstacleGuard) -> tuple[Step, GuardStep]:
         return step, allowed
     share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= _STANDSTILL_M_S else 0.0
     text = f"waiting: {allowed.obstacle}" if share == 0.0 else step.text
-    return Step(step.v_m_s * share, step.omega_rad_s * share, step.status, text), allowed
+    return BehaviourOutput(step.v_m_s * share, step.omega_rad_s * share, step.status, text), allowed
 
 
 class Guarded:
@@ -99,7 +106,7 @@ class Guarded:
         self.pause()
         self._watch = Stopwatch()
 
-    def step(self, situation: Situation, now_ns: int) -> Step:
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return what the behaviour wants, as far as obstacles and time allow it."""
         spent_ns = self._watch.step(now_ns)
         step = self._behaviour.step(situation, now_ns)

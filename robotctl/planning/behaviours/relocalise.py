@@ -11,8 +11,8 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
-from robotctl.planning.guard.situation import Situation, Step
 
 _BLOCKED_M_S: Final = 0.1
 """Where the guard allows less, another way is looked for."""
@@ -84,7 +84,7 @@ class LookAround:
         """Somebody else steers for a while."""
         self._last = None
 
-    def step(self, situation: Situation) -> Step:
+    def step(self, situation: BehaviourInput) -> BehaviourOutput:
         """Return the next velocity."""
         self._measure(situation.pose)
         ahead = self._way(1.0)
@@ -100,11 +100,11 @@ class LookAround:
         if self._doing is _Doing.BACK and self._has_backed(behind.v_max_m_s):
             self._begin(_Doing.FORWARD)
         if self._doing in {_Doing.ROUND, _Doing.TURN}:
-            return Step(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
+            return BehaviourOutput(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
         sign, way = (1.0, ahead) if self._doing is _Doing.FORWARD else (-1.0, behind)
         speed = min(self._speed, way.v_max_m_s)
         text = self._blind(blocked=blocked) or self._doing.value
-        return Step(sign * speed, speed * way.turn_rad_m, text=text)
+        return BehaviourOutput(sign * speed, speed * way.turn_rad_m, text=text)
 
     def _begin(self, doing: _Doing) -> None:
         """Go over to something else."""

@@ -8,7 +8,7 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.behaviours import FollowPath
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs, Leg
-from robotctl.planning.guard.situation import Situation, Status, Step, done
+from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status, done
 from robotctl.planning.local.path import Path
 from robotctl.planning.local.pursuit import PursuitConfig
 
@@ -51,7 +51,7 @@ class ReturnHome:
         self._legs, self._path = [], None
         self._join, self._pose = None, None
 
-    def step(self, situation: Situation, now_ns: int) -> Step:
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done at home.
 
         A robot that is suddenly found elsewhere drives straight to the nearest point of its way.

@@ -8,8 +8,14 @@ from typing import Final, NamedTuple
 
 from robotctl.model.drives.drives import Drive
 from robotctl.planning.behaviours.behaviours import GoTo, TurnTo
+from robotctl.planning.guard.behaviour import (
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Status,
+    done,
+)
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
-from robotctl.planning.guard.situation import Behaviour, Situation, Status, Step, done
 from robotctl.planning.local.path import Point
 from robotctl.planning.local.pursuit import PursuitConfig
 
@@ -65,7 +71,7 @@ class Rejoin:
         for each in self._left:
             each.pause()
 
-    def step(self, situation: Situation, now_ns: int) -> Step:
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done at the end."""
         while self._left:
             step = self._left[0].step(situation, now_ns)

@@ -22,15 +22,22 @@ from robotctl.planning.behaviours.mission import (
     WaitItem,
 )
 from robotctl.planning.config import NavigationConfig
+from robotctl.planning.guard.behaviour import (
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Status,
+    done,
+    failed,
+)
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
-from robotctl.planning.guard.situation import Behaviour, Situation, Status, Step, done, failed
 from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.mission.check import check_mission, item_title
 from robotctl.planning.mission.rejoin import Anchor, Rejoin
 
 if TYPE_CHECKING:
     from robotctl.model.grid_map import GridMap  # numpy, which control must not load
-    from robotctl.planning.global_planning.free_way import FreeWays
+    from robotctl.planning.global_planning.free_path import FreePaths
 
 _SPARE_S = 20.0
 """Default time-outs are three times the way at full speed, and this [s]."""
@@ -72,7 +79,7 @@ class MissionRunner:
         self.index = 0
         self.failure = ""
         self._config, self._drive, self._guard = config, drive, guard
-        self._ways: FreeWays | None = None
+        self._ways: FreePaths | None = None
         self._pose: SE2 | None = None
         """That of the last step."""
         self._under_way = False
@@ -116,12 +123,12 @@ class MissionRunner:
             self._behaviours[item].resume(s_m)
             self._relocated = s_m > 0.0  # it may have been found elsewhere meanwhile
 
-    def learn_map(self, chart: GridMap) -> None:
+    def learn_map(self, world_map: GridMap) -> None:
         """Know the ways through a map, which else are straight lines."""
         # scipy and numba take a while to load.
-        from robotctl.planning.global_planning.free_way import FreeWays  # noqa: PLC0415
+        from robotctl.planning.global_planning.free_path import FreePaths  # noqa: PLC0415
 
-        self._ways = FreeWays(chart, self._config.guard.half_width_m)
+        self._ways = FreePaths(world_map, self._config.guard.half_width_m)
 
     def relocate(self) -> None:
         """Let a robot that has lost its place and found it come back to where its item stood."""
@@ -143,7 +150,7 @@ class MissionRunner:
         if self._rejoin is not None:
             self._rejoin, self._relocated = None, True
 
-    def step(self, situation: Situation, now_ns: int) -> Step:
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the step of the present item; a new item begins in the step that ends the last.
 
         An item that was interrupted because the robot had lost its place goes on from where that
@@ -167,7 +174,7 @@ class MissionRunner:
                 self.failure = f"{title}: {step.text}"
             elif step.status is Status.RUNNING:
                 text = f"{title}: {step.text}"
-                return Step(step.v_m_s, step.omega_rad_s, step.status, text)
+                return BehaviourOutput(step.v_m_s, step.omega_rad_s, step.status, text)
             else:
                 self.index += 1
         if self.failure:

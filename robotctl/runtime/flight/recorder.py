@@ -171,7 +171,7 @@ def is_cut(file: BinaryIO) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ReplayedStep:
     """A recorded tick, done again.
 
     Parameters
@@ -226,7 +226,7 @@ def replay_steps(
     entries: Iterable[Entry],
     name: str,
     fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
-) -> Iterator[Step]:
+) -> Iterator[ReplayedStep]:
     """Step a core through recorded inputs, whatever comes of it.
 
     Parameters
@@ -266,7 +266,7 @@ def replay_steps(
             if is_made:
                 raise
             raise RecordError(f"{name}: its checkpoint is of another robotctl: {error}") from error
-        yield Step(ticks, entry, core, outputs, gaps)
+        yield ReplayedStep(ticks, entry, core, outputs, gaps)
 
 
 def framed(payload: bytes) -> bytes:

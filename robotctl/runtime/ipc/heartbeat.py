@@ -18,7 +18,7 @@ VARIABLE: Final = "ROBOTCTL_HEARTBEAT"
 _COUNT = struct.Struct("=Q")
 
 
-class Heartbeat:
+class ProcessHeartbeat:
     """The beating side. Without a supervisor it beats for nobody.
 
     Parameters

@@ -42,7 +42,7 @@ _FEW, _MANY = 2, 20
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrateOptions:
+class CameraCalibrateOptions:
     """What the user asked for.
 
     Parameters
@@ -102,7 +102,7 @@ class CalibrateOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrateResult:
+class CameraCalibrateResult:
     """All that a calibration brought.
 
     Parameters
@@ -125,7 +125,7 @@ class CalibrateResult:
         Sentences for people.
     """
 
-    options: CalibrateOptions
+    options: CameraCalibrateOptions
     config: RobotConfig
     picture: NDArray[np.uint8] | None
     lens: LensFit | None
@@ -136,7 +136,7 @@ class CalibrateResult:
     notes: tuple[str, ...]
 
 
-def calibrate_camera(options: CalibrateOptions, progress: Progress) -> CalibrateResult:
+def calibrate_camera(options: CameraCalibrateOptions, progress: Progress) -> CameraCalibrateResult:
     """Find lens and mount, as far as there is something to find them from.
 
     Raises
@@ -165,13 +165,13 @@ def calibrate_camera(options: CalibrateOptions, progress: Progress) -> Calibrate
         notes += said + _about(options, fit, points, picture)
     expected = () if fit is None else expected_errors(fit, options.noise.sigma_px)
     advice = None if fit is None else recommend(fit, options.noise)
-    return CalibrateResult(
+    return CameraCalibrateResult(
         options, config, picture, lens, points, fit, expected, advice, tuple(notes)
     )
 
 
 def _intrinsics(
-    options: CalibrateOptions,
+    options: CameraCalibrateOptions,
     config: RobotConfig,
     lens: LensFit | None,
     picture: NDArray[np.uint8] | None,
@@ -199,7 +199,7 @@ def _intrinsics(
 
 
 def _floor_points(
-    options: CalibrateOptions, lens: CameraIntrinsics, picture: NDArray[np.uint8] | None
+    options: CameraCalibrateOptions, lens: CameraIntrinsics, picture: NDArray[np.uint8] | None
 ) -> tuple[FloorPoints, list[FloorPoints]]:
     """Return points that are certain, and those of the board in each order it could lie."""
     fixed, boards = FloorPoints.none(), []
@@ -215,7 +215,7 @@ def _floor_points(
 
 
 def _fitted(
-    options: CalibrateOptions,
+    options: CameraCalibrateOptions,
     config: RobotConfig,
     lens: CameraIntrinsics,
     fixed: FloorPoints,
@@ -250,7 +250,7 @@ def _fitted(
 
 
 def _about(
-    options: CalibrateOptions,
+    options: CameraCalibrateOptions,
     fit: MountFit,
     points: FloorPoints,
     picture: NDArray[np.uint8] | None,

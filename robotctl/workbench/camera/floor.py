@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.camera.calibration.floor import (
-    FloorView,
+    FloorWindow,
     draw_grid,
     draw_points,
     view_from_above,
@@ -17,7 +17,7 @@ from robotctl.model.sensors.camera_geometry import CameraGeometry
 def floor_picture(
     picture: NDArray[np.uint8],
     camera: CameraGeometry,
-    view: FloorView,
+    view: FloorWindow,
     pixels: NDArray[np.float64] | None,
 ) -> NDArray[np.uint8]:
     """Return the view from above with its grid and, if there are any, the points of pixels."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from robotctl.config.patch import Value, as_toml, round_figures
 from robotctl.estimation.camera.calibration.mount import FOCAL, KEYS
 from robotctl.model.sensors.camera import CameraIntrinsics
-from robotctl.workbench.camera.calibrate import CalibrateResult
+from robotctl.workbench.camera.calibrate import CameraCalibrateResult
 
 _DIGITS = {"_m": 5, "_deg": 4, "_px": 3}
 _WITHIN = 1.96
@@ -15,7 +15,7 @@ _WORDS = {
 }
 
 
-def patch_values(result: CalibrateResult) -> dict[str, dict[str, Value]]:
+def patch_values(result: CameraCalibrateResult) -> dict[str, dict[str, Value]]:
     """Return table, key and value of all that was found, rounded."""
     tables: dict[str, dict[str, Value]] = {}
     fit = result.fit
@@ -32,7 +32,7 @@ def patch_values(result: CalibrateResult) -> dict[str, dict[str, Value]]:
     return tables
 
 
-def intervals(result: CalibrateResult) -> dict[str, float]:
+def intervals(result: CameraCalibrateResult) -> dict[str, float]:
     """Return half of the 95 % interval of each number that was found, by `table.key`."""
     found = {}
     if result.lens is not None:
@@ -48,7 +48,7 @@ def intervals(result: CalibrateResult) -> dict[str, float]:
     return found
 
 
-def patch_text(result: CalibrateResult) -> str:
+def patch_text(result: CameraCalibrateResult) -> str:
     """Return the TOML, under comments that say where it comes from and how good it is."""
     options = result.options
     lens = result.lens

@@ -73,7 +73,7 @@ def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> 
     OSError
         If a file cannot be read.
     """
-    chart = load_localisation_map(options.map, Path()) if options.map else None
+    world_map = load_localisation_map(options.map, Path()) if options.map else None
     recording = read_recording(
         options.log,
         options.mrclam_robot,
@@ -86,7 +86,7 @@ def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> 
         _run(
             replace(options, seed=options.seed + number),
             recording,
-            chart,
+            world_map,
             lambda done, of, before=number: progress(before * of + done, seeds * of),  # type: ignore[misc]
         )
         for number in range(seeds)
@@ -96,20 +96,20 @@ def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> 
 def _run(
     options: LocalizeOptions,
     recording: Recording,
-    chart: LocalisationMap | None,
+    world_map: LocalisationMap | None,
     progress: Progress,
 ) -> Localized:
     """Run a filter with one seed."""
     rng = np.random.default_rng(options.seed)
-    if options.method == "mcl" and chart is not None:
-        run = run_mcl(recording, options, chart, rng, progress)
-    elif chart is not None and chart.walls is not None and recording.sonar_mounts:
-        run = run_wall_ekf(recording, options, chart.walls, rng, progress)
+    if options.method == "mcl" and world_map is not None:
+        run = run_mcl(recording, options, world_map, rng, progress)
+    elif world_map is not None and world_map.walls is not None and recording.sonar_mounts:
+        run = run_wall_ekf(recording, options, world_map.walls, rng, progress)
     else:
         run = run_ekf(recording, options, rng, progress)
     return Localized(
         recording,
-        chart.grid if chart else None,
+        world_map.grid if world_map else None,
         run,
         report(run, with_nees=options.method == "ekf"),
     )

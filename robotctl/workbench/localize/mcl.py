@@ -56,7 +56,7 @@ class _Moment:
 def run_mcl(
     recording: Recording,
     options: LocalizeOptions,
-    chart: LocalisationMap,
+    world_map: LocalisationMap,
     rng: np.random.Generator,
     progress: Progress,
 ) -> Run:
@@ -73,20 +73,20 @@ def run_mcl(
     """
     moments = _moments(recording, options)
     start_rng, odometry_rng, filter_rng = rng.spawn(3)
-    localiser, sensors = _made(recording, options, chart, moments, filter_rng)
+    localiser, sensors = _made(recording, options, world_map, moments, filter_rng)
     if not options.search:
         known_ns = known_from_ns(recording) if options.start is None else 0
         moments = [each for each in moments if each.stamp_ns >= known_ns] or moments
         first = moments[0]
         start = known_start(recording, options, first.stamp_ns, start_rng, first.reference)
         localiser.start_at(start.pose, START_SIGMA_M, START_SIGMA_RAD)
-    echo_share = EchoShare(chart.grid)
+    echo_share = EchoShare(world_map.grid)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
-    if not options.search and (said := off_map(chart, start.pose)):
+    if not options.search and (said := off_map(world_map, start.pose)):
         run.notes.append(said)
     if options.search and options.particles is None:
-        run.notes += filter(None, [too_large(free_area_m2(chart.grid))])
+        run.notes += filter(None, [too_large(free_area_m2(world_map.grid))])
     for done, (moment, delta) in enumerate(
         zip(moments, noisy(deltas, options.odometry_noise, odometry_rng), strict=True), 1
     ):
@@ -129,7 +129,7 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
 def _made(
     recording: Recording,
     options: LocalizeOptions,
-    chart: LocalisationMap,
+    world_map: LocalisationMap,
     moments: Sequence[_Moment],
     rng: np.random.Generator,
 ) -> tuple[MonteCarloLocaliser, MapSensors]:
@@ -148,16 +148,16 @@ def _made(
         settings = options.sensors or LocalisationConfig()
         if options.beams is not None:
             settings = replace(settings, lidar=replace(settings.lidar, beams=options.beams))
-        sensors = MapSensors(chart, recording.sonar_mounts, settings)
-        free = free_poses(chart.grid)
+        sensors = MapSensors(world_map, recording.sonar_mounts, settings)
+        free = free_poses(world_map.grid)
         fewer = replace(config, max_particles=config.min_particles)
         if options.particles is None:
-            size = search_size(free_area_m2(chart.grid))
+            size = search_size(free_area_m2(world_map.grid))
             config = replace(config, search_particles=max(size, most))
         tried = MonteCarloLocaliser(fewer, free, np.random.default_rng(0))
         for sensor in {moment.sensor for moment in moments}:
             first = next(moment for moment in moments if moment.sensor == sensor)
             tried.measure(first.measurement(sensors))
-        return MonteCarloLocaliser(config, free, rng, symmetries(chart.grid)), sensors
+        return MonteCarloLocaliser(config, free, rng, symmetries(world_map.grid)), sensors
     except ValueError as error:
         raise LocalizeError(f"{options.map}: {error}") from error

@@ -19,7 +19,7 @@ from robotctl.runtime.flight.recorder import (
     Entry,
     RecordError,
     RecordHeader,
-    Step,
+    ReplayedStep,
     Tick,
     is_cut,
     read_record,
@@ -155,7 +155,7 @@ def _computed(file: Path, notes: list[str]) -> Iterator[TopicRow]:
         notes.append(f"topic control, which is computed anew, ends: {error}")
 
 
-def _state_of(step: Step, names: list[str], epoch_ns: int) -> Iterator[TopicRow]:
+def _state_of(step: ReplayedStep, names: list[str], epoch_ns: int) -> Iterator[TopicRow]:
     """Yield the state after a step."""
     now_ns = step.tick.now_ns
     content = control_content(step.core.snapshot(now_ns, _NO_FIGURES), names)

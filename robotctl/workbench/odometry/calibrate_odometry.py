@@ -40,7 +40,7 @@ _HALF_LEAST = 12
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrateOptions:
+class OdometryCalibrateOptions:
     """What the user asked for.
 
     Parameters
@@ -71,7 +71,7 @@ class CalibrateOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrateResult:
+class OdometryCalibrateResult:
     """All that a calibration brought.
 
     Parameters
@@ -90,7 +90,7 @@ class CalibrateResult:
         Sentences for people.
     """
 
-    options: CalibrateOptions
+    options: OdometryCalibrateOptions
     config: RobotConfig
     runs: tuple[OdometryRun, ...]
     found: Calibration
@@ -127,8 +127,8 @@ class CalibrateResult:
 
 
 def calibrate_odometry(
-    options: CalibrateOptions, progress: Progress = lambda _line: None
-) -> CalibrateResult:
+    options: OdometryCalibrateOptions, progress: Progress = lambda _line: None
+) -> OdometryCalibrateResult:
     """Gather drives, fit, and compare dead reckoning before and after.
 
     Raises
@@ -153,8 +153,8 @@ def calibrate_odometry(
 
 
 def _from_simulation(
-    options: CalibrateOptions, config: RobotConfig, progress: Progress
-) -> CalibrateResult:
+    options: OdometryCalibrateOptions, config: RobotConfig, progress: Progress
+) -> OdometryCalibrateResult:
     """Let the simulated robot drive before and after."""
     model = OdometryModel(config.drive)
     runs = tuple(Campaign(options.robot, options.overrides, options.seed).drives(model, progress))
@@ -172,22 +172,24 @@ def _from_simulation(
     )
     notes = ("E_max,syst after: driven again with the new values, on other floors.",)
     checks = (check, tape_check(found, runs))
-    return CalibrateResult(options, config, runs, found, (), checks, notes)
+    return OdometryCalibrateResult(options, config, runs, found, (), checks, notes)
 
 
 def _from_tape(
-    options: CalibrateOptions, config: RobotConfig, file: Path, progress: Progress
-) -> CalibrateResult:
+    options: OdometryCalibrateOptions, config: RobotConfig, file: Path, progress: Progress
+) -> OdometryCalibrateResult:
     """Fit runs that a user measured."""
     _, runs = runs_of_file(file, OdometryModel(config.drive))
     found = _fit(config, runs, _tape(runs), progress)
     notes = ("Before and after are computed for the same runs; drive again to prove it.",)
-    return CalibrateResult(options, config, runs, found, (), (tape_check(found, runs),), notes)
+    return OdometryCalibrateResult(
+        options, config, runs, found, (), (tape_check(found, runs),), notes
+    )
 
 
 def _from_log(
-    options: CalibrateOptions, config: RobotConfig, log: Path, progress: Progress
-) -> CalibrateResult:
+    options: OdometryCalibrateOptions, config: RobotConfig, log: Path, progress: Progress
+) -> OdometryCalibrateResult:
     """Fit a log; prove on its second half what its first half says."""
     progress(f"reading {log}")
     model = OdometryModel(config.drive)
@@ -212,7 +214,7 @@ def _from_log(
         found = widened(found, halves)
         checks = held_out_checks(halves[0], held_out)
     notes = (*recording.notes, "Errors after: of the second half, with what the first half says.")
-    return CalibrateResult(options, config, (run,), found, halves, checks, notes)
+    return OdometryCalibrateResult(options, config, (run,), found, halves, checks, notes)
 
 
 def _fit(

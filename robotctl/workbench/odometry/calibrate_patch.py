@@ -6,7 +6,7 @@ import math
 
 from robotctl.config.patch import as_toml, round_figures
 from robotctl.estimation.odometry.calibration import Interval
-from robotctl.workbench.odometry.calibrate_odometry import CalibrateResult
+from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 
 _WORDS = {
     "wheel_radius_m": "mean of both wheels, or of the driven one",
@@ -20,7 +20,7 @@ _WORDS = {
 }
 
 
-def patch_values(result: CalibrateResult) -> dict[str, dict[str, float]]:
+def patch_values(result: OdometryCalibrateResult) -> dict[str, dict[str, float]]:
     """Return table, key and value of all that the data show, rounded."""
     found = result.found
     drive = {
@@ -36,7 +36,7 @@ def patch_values(result: CalibrateResult) -> dict[str, dict[str, float]]:
     return {name: table for name, table in (("drive", drive), ("odometry", noise)) if table}
 
 
-def patch_text(result: CalibrateResult) -> str:
+def patch_text(result: OdometryCalibrateResult) -> str:
     """Return the TOML, under comments that say where it comes from."""
     options = result.options
     words = [f"--robot {options.robot.name}"]
@@ -65,7 +65,7 @@ def patch_text(result: CalibrateResult) -> str:
     return as_toml(tables, comments, said)
 
 
-def _interval(result: CalibrateResult, key: str, value: float) -> tuple[float, float]:
+def _interval(result: OdometryCalibrateResult, key: str, value: float) -> tuple[float, float]:
     """Return the 95 % interval of a value."""
     found = result.found
     if key in found.model.keys:

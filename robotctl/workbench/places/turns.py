@@ -17,7 +17,7 @@ from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.log_poses import best_poses
 from robotctl.messages.control import ControlState
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.new_sonar_readings import SonarNews
+from robotctl.model.sensors.new_sonar_readings import NewSonarReadings
 from robotctl.model.sensors.sonar import SonarMount
 
 Progress: TypeAlias = Callable[[float], None]
@@ -45,7 +45,7 @@ class StateTurns:
 
     def __init__(self, robot: RobotConfig, signatures: SignatureConfig) -> None:
         self._history = OdometryHistory()
-        self._news = SonarNews(robot.localisation.sonar.max_range_m)
+        self._notices = NewSonarReadings(robot.localisation.sonar.max_range_m)
         self._collector = TurnCollector(robot.sonar, signatures)
 
     @property
@@ -57,7 +57,9 @@ class StateTurns:
         """Take in a state; return the turn that it completes."""
         self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
         done = None
-        for reading in self._news.take(control.stamp_ns, control.sonar_stamp_ns, control.sonar_m):
+        for reading in self._notices.take(
+            control.stamp_ns, control.sonar_stamp_ns, control.sonar_m
+        ):
             odometry = self._history.at(reading.stamp_ns)
             if odometry is not None:
                 done = self._collector.add(reading, odometry) or done

@@ -144,7 +144,7 @@ def characterise(
     config = load_robot(options.robot, options.overrides)
     source = _source(options, config, progress)
     have = taken(source, config)
-    room = source.chart.walls or source.chart.grid
+    room = source.world_map.walls or source.world_map.grid
     progress(f"fitting {len(have.readings.ranges_m)} readings")
     try:
         expectations = EchoExpectations(room, have.mounts, have.beam_rad, reach_m(have.readings))
@@ -154,7 +154,7 @@ def characterise(
     patched = patched_settings(fit, source.sensor, config.localisation)
     progress("trying the new settings")
     nats = [
-        told(source, MapSensors(source.chart, source.mounts, settings), config.odometry)
+        told(source, MapSensors(source.world_map, source.mounts, settings), config.odometry)
         for settings in (config.localisation, patched)
     ]
     within = fit.within(have.sigmas_m)

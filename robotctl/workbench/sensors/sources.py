@@ -55,7 +55,7 @@ class Source:
         The drive; of its scans those that were measured with.
     poses
         `base` in `world` over time.
-    chart
+    world_map
         The room.
     mounts
         The sonars.
@@ -68,7 +68,7 @@ class Source:
     sensor: str
     recording: Recording
     poses: Trajectory
-    chart: LocalisationMap
+    world_map: LocalisationMap
     mounts: tuple[SonarMount, ...]
     poses_by: str
     map_by: str
@@ -146,9 +146,9 @@ def source_of_log(
                 f"{len(mounts)}: give the --robot that recorded it"
             )
     if map_name:
-        chart, map_by = load_localisation_map(map_name, Path()), Path(map_name).name
+        world_map, map_by = load_localisation_map(map_name, Path()), Path(map_name).name
     elif len(recording.scans) > 1:
-        chart = _map_of(log, recording, poses, config)
+        world_map = _map_of(log, recording, poses, config)
         map_by = "the log's even scans; measured on the odd ones"
         recording = replace(recording, scans=tuple(choose_scans(recording, "odd")))
     else:
@@ -156,7 +156,7 @@ def source_of_log(
             f"--log {log}: no scans in it to make a map of; name its room by --map, a world "
             "(.toml) or a ROS map (.yaml)"
         )
-    return Source(sensor, recording, poses, chart, mounts, poses_by, map_by, tuple(notes))
+    return Source(sensor, recording, poses, world_map, mounts, poses_by, map_by, tuple(notes))
 
 
 def _has(recording: Recording) -> str:

@@ -79,7 +79,7 @@ class TuneOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class StepResponse:
     """A step response of the true speed and its metrics, at one charge of the battery."""
 
     charge: float
@@ -107,8 +107,8 @@ class TuneResult:
     config: RobotConfig
     fits: Mapping[str, WheelFit]
     gains: Mapping[str, PidConfig]
-    before: tuple[Response, ...]
-    after: tuple[Response, ...]
+    before: tuple[StepResponse, ...]
+    after: tuple[StepResponse, ...]
 
     @property
     def objections(self) -> list[str]:
@@ -195,7 +195,7 @@ def wheels_to_tune(config: RobotConfig, wanted: str) -> tuple[str, ...]:
     )
 
 
-def responses(options: TuneOptions, config: RobotConfig) -> tuple[Response, ...]:
+def responses(options: TuneOptions, config: RobotConfig) -> tuple[StepResponse, ...]:
     """Return the step responses of a robot with the gains of `config`."""
     limits = config.limits
     wanted_m_s = min(STEP_M_S, limits.v_max_m_s)
@@ -205,7 +205,7 @@ def responses(options: TuneOptions, config: RobotConfig) -> tuple[Response, ...]
         track = Track(options.robot, options.overrides, options.seed, charge)
         step = speed_step(track.bench(config), wanted_m_s, ramp_s + _SETTLED_FOR_S)
         metrics = step_metrics(step.time_s, step.true_m_s, wanted_m_s, band=BAND)
-        result.append(Response(charge, step, metrics))
+        result.append(StepResponse(charge, step, metrics))
     return tuple(result)
 
 
@@ -314,7 +314,7 @@ def _fit_words(fit: WheelFit) -> str:
     )
 
 
-def _response_words(when: str, response: Response) -> str:
+def _response_words(when: str, response: StepResponse) -> str:
     metrics = response.metrics
     settling = "never" if metrics.settling_s is None else f"{metrics.settling_s:.3f} s"
     return (

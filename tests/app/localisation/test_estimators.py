@@ -12,7 +12,7 @@ import pytest
 
 from robotctl.app.localisation.estimators import Estimators, make_estimators
 from robotctl.app.localisation.load_estimators import AGAIN_SIGMA_M, load_estimators
-from robotctl.app.localisation.localiser import Seen, external_covariance
+from robotctl.app.localisation.localiser import LocaliserInput, external_covariance
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import pose_measurement
 from robotctl.app.localisation.odometry_history import OdometryHistory
@@ -171,7 +171,7 @@ def test_what_is_no_scan_is_left_out_and_said_once(world: Path, bad: dict[str, o
         now_ns = 50 * MS * step
         wrong = msgspec.structs.replace(scan(now_ns, way(now_ns)), **bad)
         several.step(control(now_ns, way(now_ns)), [wrong], (), now_ns)
-        news += several.news()
+        news += several.take_notices()
     assert several.rejected == 5
     assert sum("no scan" in line for line in news) == 1
     assert several.mapper is not None
@@ -207,7 +207,7 @@ def test_what_is_stamped_by_another_clock_is_left_out_and_said_once(
         elif step % 20 == 10:
             poses = [ExternalPose(stamp_ns, 3.0, 2.0, 1.0)]
         found = several.step(control(now_ns, where), [scan(now_ns, where), *wrong], poses, now_ns)
-        news += several.news()
+        news += several.take_notices()
     assert found.status is LocalisationStatus.LOCALISED
     assert distance(pose_in_world(control(now_ns, where), found), where) < 0.05
     assert several.untimely == 4
@@ -220,7 +220,7 @@ def test_particles_never_stand_at_a_time_that_the_odometry_has_not_reached(world
     several = estimators(world, 'localisation.method="mcl"')
     assert several.localiser is not None
     several.step(control(10**9, way(0)), (), (), 10**9)
-    ahead = Seen(scans=[lidar_scan(scan(3600 * 10**9, way(0)))])
+    ahead = LocaliserInput(scans=[lidar_scan(scan(3600 * 10**9, way(0)))])
     several.localiser.step(control(10**9, way(0)), ahead, 10**9)
     for step in range(1, 80):
         driven_ns, now_ns = 50 * MS * step, 10**9 + 50 * MS * step
@@ -235,7 +235,7 @@ def test_news_are_told_once(world: Path) -> None:
     for step in range(20):
         now_ns = 50 * MS * step
         several.step(control(now_ns, way(now_ns)), [scan(now_ns, way(now_ns))], (), now_ns)
-        said += several.news()
+        said += several.take_notices()
     assert said == ["the robot knows where it is"]
 
 
@@ -265,7 +265,7 @@ def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
     mapper = Mapper(OccupancyGrid(), (), history)
     history.add(0, SE2())
     searching = LocalisationState(0, "mcl", LocalisationStatus.SEARCHING, 0.0, 0.0, 0.0, (0.0,) * 6)
-    seen = Seen(scans=[lidar_scan(scan(0, SE2(1.0, 1.0, 0.0)))])
+    seen = LocaliserInput(scans=[lidar_scan(scan(0, SE2(1.0, 1.0, 0.0)))])
     mapper.step(searching, seen)
     assert mapper.live_map(0) is None
     mapper.step(msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen)
@@ -291,7 +291,7 @@ def test_the_camera_draws_what_it_is_sure_of(sigma_m: float, drawn: bool) -> Non
     history = OdometryHistory()
     history.add(0, SE2(1.0, 1.0, 0.0))
     mapper = Mapper(OccupancyGrid(), (), history)
-    mapper.step(None, Seen(views=[camera_scan(view(0, 1.5, sigma_m))]))
+    mapper.step(None, LocaliserInput(views=[camera_scan(view(0, 1.5, sigma_m))]))
     grid = mapper.grid.to_map(0.6)
     walls = grid.centre_of(np.argwhere(grid.occupied()))
     assert bool(len(walls)) is drawn

@@ -58,7 +58,7 @@ def after(several, states):
     news, believed = [], None
     for state in states:
         believed = several.step(state, (), (), state.stamp_ns)
-        news += several.news()
+        news += several.take_notices()
     return news, several.localiser.particles, believed
 
 

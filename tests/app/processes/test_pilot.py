@@ -92,7 +92,7 @@ def test_a_mode_that_waited_for_longer_than_its_life_is_dropped(armed: Armed, mo
     assert state.mode is Mode.HOLD
     _, state = armed.step(SetMode(armed.next_ns() - REQUEST_LIFE_NS, mode))
     assert state.mode is mode
-    assert armed.pilot.news() == ["1 request for a mode or position dropped: 1.0 s old"]
+    assert armed.pilot.take_notices() == ["1 request for a mode or position dropped: 1.0 s old"]
 
 
 def test_hold_is_taken_however_old_it_is(armed: Armed) -> None:
@@ -100,7 +100,7 @@ def test_hold_is_taken_however_old_it_is(armed: Armed) -> None:
     assert command.v_m_s > 0.0
     command, state = armed.step(SetMode(1, Mode.HOLD))
     assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
-    assert armed.pilot.news() == []
+    assert armed.pilot.take_notices() == []
 
 
 def test_a_position_that_waited_for_longer_than_its_life_is_dropped(armed: Armed) -> None:
@@ -119,8 +119,8 @@ def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed:
     for _ in range(3):
         assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
         command, state = armed.step()
-    assert armed.pilot.news() == ["3 requests for a mode or position dropped: 4.5 s old"]
-    assert armed.pilot.news() == []
+    assert armed.pilot.take_notices() == ["3 requests for a mode or position dropped: 4.5 s old"]
+    assert armed.pilot.take_notices() == []
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
     command, state = armed.step()
     assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
     assert state.message == f"hold: {reason}"
-    assert f"hold: {reason}" in armed.pilot.news()
+    assert f"hold: {reason}" in armed.pilot.take_notices()
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])

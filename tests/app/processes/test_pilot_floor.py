@@ -171,13 +171,13 @@ def test_navigation_that_starts_under_way_does_not_drive_over_floor_that_was_bel
     robot.drive_to(UP_TO_IT + 0.05)
     robot.pilot = Pilot(CONFIG, robot.options)
     assert waits(robot.auto())
-    (said,) = robot.pilot.news()
+    (said,) = robot.pilot.take_notices()
     assert "back it up" in said
     robot.drive_to(UP_TO_IT - 0.25)
     assert not waits(robot.auto())  # the plank, if it is there, is far enough ahead now
     robot.drive_to(UP_TO_IT + 0.05)
     assert waits(robot.auto()) == plank
-    assert robot.pilot.news() == []
+    assert robot.pilot.take_notices() == []
 
 
 def test_a_drive_that_restarts_makes_the_floor_unknown(tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ def test_a_drive_that_restarts_makes_the_floor_unknown(tmp_path: Path) -> None:
     robot.stop(SafetyState.FAULT)
     robot.arm()
     assert waits(robot.auto())
-    floor, mode = robot.pilot.news()
+    floor, mode = robot.pilot.take_notices()
     assert "what was seen of the floor is forgotten" in floor
     assert mode == "hold: the robot was stopped"
 
@@ -201,4 +201,4 @@ def test_a_robot_that_was_never_armed_begins_with_a_free_floor(tmp_path: Path) -
     robot.step()
     robot.arm()
     assert not waits(robot.auto())
-    assert robot.pilot.news() == []
+    assert robot.pilot.take_notices() == []

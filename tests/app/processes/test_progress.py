@@ -12,8 +12,8 @@ from robotctl.app.processes.control import continued
 from robotctl.app.processes.navigation import resume
 from robotctl.app.processes.pilot import Pilot
 from robotctl.app.processes.progress import (
-    Progress,
     ProgressKeeper,
+    StoredProgress,
     last_pose,
     load_progress,
     mission_crc,
@@ -90,7 +90,7 @@ def keeper(options: StackOptions, *, localised: bool = False) -> ProgressKeeper:
     return ProgressKeeper(progress_file(Path(options.state)), options, saved, localised=localised)
 
 
-def on_disk(options: StackOptions) -> Progress:
+def on_disk(options: StackOptions) -> StoredProgress:
     saved, _ = load_progress(options)
     assert saved is not None
     return saved
@@ -169,7 +169,7 @@ def test_a_disk_that_refuses_is_said_every_10_s_and_tried_again(options: StackOp
 def test_the_odometer_goes_on_over_runs_and_the_pose_only_within_one(
     options: StackOptions,
 ) -> None:
-    saved = Progress("first", 1234.5, 3.0, 4.0, 0.5)
+    saved = StoredProgress("first", 1234.5, 3.0, 4.0, 0.5)
     keeper(options)
     progress_file(Path(options.state)).save(saved)
     same, odometer_m, (note,) = continued(options)
@@ -213,18 +213,18 @@ def test_navigation_that_starts_again_tells_its_estimators_where_the_robot_was(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
     monkeypatch.setattr(navigation_process, "StopFlag", lambda: lambda: True)
     monkeypatch.setattr(navigation_process, "load_estimators", load)
-    progress_file(Path(options.state)).save(Progress("first", 0.0, 3.0, 4.0, 0.5))
+    progress_file(Path(options.state)).save(StoredProgress("first", 0.0, 3.0, 4.0, 0.5))
     navigation_process.run(CONFIG, msgspec.structs.replace(options, run=run))
     assert told == [expected]
 
 
 def test_the_last_pose_is_that_of_this_run_alone(options: StackOptions) -> None:
-    saved = Progress(options.run, 0.0, 3.0, 4.0, 0.5)
+    saved = StoredProgress(options.run, 0.0, 3.0, 4.0, 0.5)
     assert options.run
     assert last_pose(saved, options) == SE2(3.0, 4.0, 0.5)
     assert last_pose(saved, msgspec.structs.replace(options, run="second")) is None
     assert last_pose(None, options) is None
-    unreadable = Progress("", math.nan, 0.0, 0.0, 0.0)
+    unreadable = StoredProgress("", math.nan, 0.0, 0.0, 0.0)
     assert last_pose(unreadable, msgspec.structs.replace(options, run="")) is None
 
 

@@ -21,7 +21,7 @@ import zmq
 from mcap.reader import make_reader
 from pymavlink import mavutil
 
-from robotctl.app.processes.progress import Progress, progress_file
+from robotctl.app.processes.progress import StoredProgress, progress_file
 from robotctl.app.supervision.stack import CONTROL, RECORDER, Stack, StackError
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
@@ -185,8 +185,8 @@ def test_a_damaged_odometer_is_set_aside_and_said_and_the_one_before_goes_on(
 ) -> None:
     state = folder / "state"
     file = progress_file(state)
-    file.save(Progress("old", 1000.0, 0.0, 0.0, 0.0))
-    file.save(Progress("old", 1001.0, 0.0, 0.0, 0.0))
+    file.save(StoredProgress("old", 1000.0, 0.0, 0.0, 0.0))
+    file.save(StoredProgress("old", 1001.0, 0.0, 0.0, 0.0))
     path = state / "progress.json"
     path.write_bytes(path.read_bytes()[:-3])
     options = StackOptions(
@@ -204,4 +204,4 @@ def test_a_damaged_odometer_is_set_aside_and_said_and_the_one_before_goes_on(
         process.terminate()
     assert f"{path}: damaged" in notice.text
     assert "progress.json.damaged-1" in notice.text
-    assert file.load()[0] == Progress("old", 1000.0, 0.0, 0.0, 0.0)
+    assert file.load()[0] == StoredProgress("old", 1000.0, 0.0, 0.0, 0.0)

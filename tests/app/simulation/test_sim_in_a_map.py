@@ -183,7 +183,7 @@ def test_a_run_with_the_map_of_another_place_says_so(
 )
 def test_a_start_off_the_map_is_said(method: str, start: SE2, said: str) -> None:
     settings = ('localisation.map="flat"', f'localisation.method="{method}"')
-    news = make_estimators(load_robot(ROBOT, settings), start, Path()).news()
+    news = make_estimators(load_robot(ROBOT, settings), start, Path()).take_notices()
     assert len(news) == bool(said)
     assert all(said in each for each in news)
 
@@ -192,10 +192,10 @@ def test_so_is_a_start_where_the_map_knows_nothing_but_no_unknown_start(room: Pa
     room.with_name("room.pgm").write_bytes(b"P5\n4 4\n255\n" + bytes([0, 254, 205, 205] * 4))
     settings = (f'localisation.map="{room}"', 'localisation.method="mcl"')
     start = SE2(-0.88, 2.1)
-    (said,) = make_estimators(load_robot(ROBOT, settings), start, Path()).news()
+    (said,) = make_estimators(load_robot(ROBOT, settings), start, Path()).take_notices()
     assert "lies where the map knows nothing: is it the map of this place?" in said
     unknown = (*settings, 'localisation.start="unknown"')
-    assert make_estimators(load_robot(ROBOT, unknown), start, Path()).news() == []
+    assert make_estimators(load_robot(ROBOT, unknown), start, Path()).take_notices() == []
 
 
 TOUR = {

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from robotctl.app.processes.recorder import Recording
+from robotctl.app.processes.recorder import RobotRecorder
 from robotctl.app.processes.robot import make_core, record_header
 from robotctl.app.supervision.exit_log import NAME, ExitLog
 from robotctl.app.supervision.supervised import Exit
@@ -82,7 +82,7 @@ def test_a_full_disk_leaves_no_empty_logs_and_they_go_on_when_there_is_room(
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     logs = tmp_path / "logs"
-    recording = Recording(CONFIG, msgspec.structs.replace(OPTIONS, record=str(logs)))
+    recording = RobotRecorder(CONFIG, msgspec.structs.replace(OPTIONS, record=str(logs)))
     loop = Loop(ring_path("robot"))
     state = loop.core.snapshot(0, LoopStatistics())
     loop.ticks(10)
@@ -373,7 +373,7 @@ def test_the_last_words_of_a_recorder_are_what_the_disk_refused_at_its_end(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr("robotctl.app.processes.recorder._END_NS", 0)
     places = {name: str(tmp_path / name) for name in ("record", "flights", "state")}
-    recording = Recording(CONFIG, msgspec.structs.replace(OPTIONS, **places))
+    recording = RobotRecorder(CONFIG, msgspec.structs.replace(OPTIONS, **places))
     loop = Loop(ring_path("robot"))
     now_ns = RealClock().now_ns()
     moving = msgspec.structs.replace(fault_of(loop), stamp_ns=now_ns, v_m_s=1.0)

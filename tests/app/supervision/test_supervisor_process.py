@@ -11,7 +11,7 @@ import pytest
 
 from robotctl.app.supervision.pause import Pause
 from robotctl.app.supervision.restart import RestartPolicy
-from robotctl.app.supervision.supervised import Exit, Phase, Role, Supervised
+from robotctl.app.supervision.supervised import Exit, ProcessPhase, Role, Supervised
 
 BEATING = """
 import os, sys, time
@@ -50,7 +50,7 @@ class Watched:
                 self.pauses.append(seen)
             time.sleep(0.005)
 
-    def phase(self, phase: Phase) -> None:
+    def phase(self, phase: ProcessPhase) -> None:
         self.until(lambda: self.process.phase is phase, phase.value)
 
 
@@ -70,9 +70,9 @@ def watched() -> Iterator[Callable[..., Watched]]:
 
 def test_a_process_is_ready_when_it_makes_progress_and_not_when_it_merely_lives(watched) -> None:
     silent, beating = watched(SILENT), watched(BEATING)
-    beating.phase(Phase.READY)
+    beating.phase(ProcessPhase.READY)
     silent.process.step(time.monotonic())
-    assert silent.process.phase is Phase.STARTING
+    assert silent.process.phase is ProcessPhase.STARTING
     assert not silent.process.was_ready
 
 
@@ -80,11 +80,11 @@ def test_a_killed_process_is_started_again_until_its_budget_is_spent(watched) ->
     part = watched(BEATING)
     pids = []
     for _ in range(3):
-        part.phase(Phase.READY)
+        part.phase(ProcessPhase.READY)
         pids.append(part.process.pid)
         os.kill(part.process.pid, signal.SIGKILL)
         part.until(lambda: len(part.exits) == len(pids), "the end is seen")
-    assert part.process.phase is Phase.GIVEN_UP
+    assert part.process.phase is ProcessPhase.GIVEN_UP
     assert [each.pid for each in part.exits] == pids
     assert len(set(pids)) == 3
     assert [each.restart_in_s for each in part.exits] == [0.01, 0.02, None]
@@ -107,7 +107,7 @@ def test_a_process_without_progress_is_killed_and_started_again(watched, program
 
 def test_a_pause_of_the_supervisor_itself_is_not_held_against_a_process(watched) -> None:
     part = watched(STUCK_AFTER_A_BEAT, stall_s=1.5)
-    part.phase(Phase.READY)
+    part.phase(ProcessPhase.READY)
     now_s = time.monotonic()
     for jump_s in (1000.0, 2000.0):
         part.process.step(now_s + jump_s)
@@ -119,7 +119,7 @@ def test_a_process_that_is_held_up_is_said_once_with_its_cause_and_so_is_its_goi
     watched,
 ) -> None:
     part = watched(BEATING, held_s=0.3)
-    part.phase(Phase.READY)
+    part.phase(ProcessPhase.READY)
     pid = part.process.pid
     os.kill(pid, signal.SIGSTOP)
     part.until(lambda: part.pauses, "it is said")
@@ -138,7 +138,7 @@ def test_a_process_that_is_held_up_is_said_once_with_its_cause_and_so_is_its_goi
 
 def test_a_process_that_was_stopped_for_too_long_hung_for_that_cause(watched) -> None:
     part = watched(BEATING, stall_s=0.3)
-    part.phase(Phase.READY)
+    part.phase(ProcessPhase.READY)
     os.kill(part.process.pid, signal.SIGSTOP)
     part.until(lambda: part.exits, "killed")
     words = part.exits[0].words()
@@ -151,7 +151,7 @@ def test_a_process_that_was_killed_while_the_computer_was_out_of_memory_says_so(
     killed = 3
     monkeypatch.setattr("robotctl.app.supervision.supervised.killed_for_memory", lambda: killed)
     part = watched(BEATING)
-    part.phase(Phase.READY)
+    part.phase(ProcessPhase.READY)
     killed = 4
     os.kill(part.process.pid, signal.SIGKILL)
     part.until(lambda: part.exits, "ended")
@@ -161,17 +161,17 @@ def test_a_process_that_was_killed_while_the_computer_was_out_of_memory_says_so(
 def test_a_renewed_process_costs_no_budget(watched) -> None:
     part = watched(BEATING)
     for life in range(1, 6):
-        part.until(lambda: part.process.phase is Phase.READY, "ready")
+        part.until(lambda: part.process.phase is ProcessPhase.READY, "ready")
         part.process.renew()
         part.until(lambda life=life: len(part.exits) == life, "ended")
-    part.phase(Phase.READY)
+    part.phase(ProcessPhase.READY)
     assert all(each.asked and each.restart_in_s == 0.0 for each in part.exits)
 
 
 def test_a_renewed_process_that_hangs_instead_of_ending_is_killed_and_that_is_said(watched) -> None:
     deaf = f"import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); {STUCK_AFTER_A_BEAT}"
     part = watched(deaf, stall_s=0.3)
-    part.phase(Phase.READY)
+    part.phase(ProcessPhase.READY)
     part.process.renew()
     part.until(lambda: part.exits, "killed")
     assert "it hung, signal 9, SIGKILL" in part.exits[0].words()

@@ -13,7 +13,7 @@ import pytest
 from robotctl.app.supervision import exit_log
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.service import ServiceNotifier
-from robotctl.app.supervision.supervised import Exit, Phase
+from robotctl.app.supervision.supervised import Exit, ProcessPhase
 from robotctl.app.supervision.supervisor import Supervisor
 from robotctl.runtime.storage.log_folder import LogError
 
@@ -65,8 +65,8 @@ class FakeStack:
     def tell(self, line: str) -> None:
         self.told.append(line)
 
-    def phase(self, module: str) -> Phase:
-        return Phase.READY
+    def phase(self, module: str) -> ProcessPhase:
+        return ProcessPhase.READY
 
     def close(self) -> None:
         self.closed = True

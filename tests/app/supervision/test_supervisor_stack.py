@@ -35,7 +35,7 @@ from robotctl.app.supervision.stack import (
     Stack,
     StackError,
 )
-from robotctl.app.supervision.supervised import Phase
+from robotctl.app.supervision.supervised import ProcessPhase
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.messages.control import ControlState, NavigationState, Notice, SafetyState
@@ -119,7 +119,7 @@ def watch_until(stack: Stack, condition: Callable[[], Any], what: str) -> list[s
 
 
 def test_control_starts_first_and_the_others_when_its_loop_ticks(stack: Stack) -> None:
-    assert stack.phase(CONTROL) is Phase.STARTING
+    assert stack.phase(CONTROL) is ProcessPhase.STARTING
     assert stack.starts(NAVIGATION) == stack.starts(TELEMETRY) == 0
     watch_until(stack, lambda: stack.starts(NAVIGATION), "navigation is started")
     assert stack.ticks[1] > 0
@@ -136,7 +136,7 @@ def test_navigation_and_telemetry_may_die_until_they_are_given_up_and_control_ti
         for module in (NAVIGATION, TELEMETRY):
             with contextlib.suppress(StackError):
                 os.kill(stack.pid(module), signal.SIGKILL)
-        return all(stack.phase(each) is Phase.GIVEN_UP for each in (NAVIGATION, TELEMETRY))
+        return all(stack.phase(each) is ProcessPhase.GIVEN_UP for each in (NAVIGATION, TELEMETRY))
 
     watch_until(stack, killed, "both are given up")
     ticks = stack.ticks
@@ -159,7 +159,8 @@ def test_processes_started_again_have_the_configuration_of_before_whatever_the_f
         watch_until(
             stack,
             lambda: all(
-                stack.starts(each) == 2 and stack.phase(each) is Phase.READY for each in again
+                stack.starts(each) == 2 and stack.phase(each) is ProcessPhase.READY
+                for each in again
             ),
             "all are ready again",
         )
@@ -191,7 +192,9 @@ def test_a_camera_that_is_not_there_is_given_up_and_the_robot_is_ready_without(
     quick = replace(CAMERA_ROLE, restart=RestartPolicy(crashes=1, first_delay_s=0.1))
     monkeypatch.setattr("robotctl.app.supervision.stack.CAMERA_ROLE", quick)
     with contextlib.closing(camera_stack(channel, 'camera.source="/nowhere.avi"')) as looking:
-        watch_until(looking, lambda: looking.phase(CAMERA) is Phase.GIVEN_UP, "it is given up")
+        watch_until(
+            looking, lambda: looking.phase(CAMERA) is ProcessPhase.GIVEN_UP, "it is given up"
+        )
         watch_until(looking, lambda: looking.ready, "ready without")
         assert looking.starts(CONTROL) == 1
 
@@ -214,7 +217,7 @@ def test_a_killed_control_process_comes_back_unarmed_and_navigation_begins_anew(
     lines = watch_until(stack, lambda: stack.starts(CONTROL) == 2 and stack.ready, "back")
     assert any("control ended" in line and "SIGKILL" in line for line in lines)
     assert wait(ear.newest, "state").state is SafetyState.BOOT
-    watch_until(stack, lambda: stack.phase(NAVIGATION) is Phase.READY, "navigation is back")
+    watch_until(stack, lambda: stack.phase(NAVIGATION) is ProcessPhase.READY, "navigation is back")
     assert stack.pid(NAVIGATION) != navigation
     assert stack.pid(TELEMETRY) == telemetry
 
@@ -242,7 +245,7 @@ def test_an_emergency_stop_during_a_restart_of_control_is_carried_out_by_the_new
 ) -> None:
     watch_until(stack, lambda: stack.ready, "ready")
     os.kill(stack.pid(CONTROL), signal.SIGKILL)
-    watch_until(stack, lambda: stack.phase(CONTROL) is Phase.WAITING, "control has ended")
+    watch_until(stack, lambda: stack.phase(CONTROL) is ProcessPhase.WAITING, "control has ended")
     stack.emergency_stop()
     watch_until(stack, lambda: ear.is_in(SafetyState.EMERGENCY_STOP), "latched")
     assert stack.starts(CONTROL) == 2
@@ -274,10 +277,10 @@ def test_what_cannot_be_started_again_for_want_of_memory_ends_nothing_else(
     monkeypatch.setattr("robotctl.app.supervision.supervised.start_child", no_memory)
     os.kill(stack.pid(TELEMETRY), signal.SIGKILL)
     lines = watch_until(
-        stack, lambda: stack.phase(TELEMETRY) is Phase.GIVEN_UP, "telemetry is given up"
+        stack, lambda: stack.phase(TELEMETRY) is ProcessPhase.GIVEN_UP, "telemetry is given up"
     )
     assert any("telemetry" in line and "Cannot allocate memory" in line for line in lines), lines
-    assert stack.phase(CONTROL) is Phase.READY
+    assert stack.phase(CONTROL) is ProcessPhase.READY
 
 
 def test_a_first_start_for_which_memory_is_short_is_tried_again(

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from robotctl.app.processes.robot import make_core
-from robotctl.app.simulation.sim import Progress
+from robotctl.app.simulation.sim import RunStatus
 from robotctl.cli.live.view import LineView, LiveView
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
@@ -49,15 +49,15 @@ def pose_of(control: ControlState | None) -> SE2 | None:
 def printed(control: ControlState | None) -> str:
     console = Console(file=io.StringIO(), width=120)
     with LineView(console, CONFIG, ("CAN vcan0",)) as view:
-        view.update(Progress(6.0, control, pose=pose_of(control), lines=["armed"]))
-        view.update(Progress(7.0, control, pose=pose_of(control)))
+        view.update(RunStatus(6.0, control, pose=pose_of(control), lines=["armed"]))
+        view.update(RunStatus(7.0, control, pose=pose_of(control)))
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
 
 
 def screen(control: ControlState | None) -> str:
     console = Console(file=io.StringIO(), width=140, height=50)
     view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",))
-    console.print(view.screen(Progress(6.0, control, pose=pose_of(control))))
+    console.print(view.screen(RunStatus(6.0, control, pose=pose_of(control))))
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
 
 
@@ -101,7 +101,7 @@ def test_a_screen_without_control_says_for_whom_it_waits() -> None:
 
 def test_a_place_that_is_not_known_yet_is_no_figure() -> None:
     console = Console(file=io.StringIO(), width=140, height=50)
-    progress = Progress(6.0, MOVING)
+    progress = RunStatus(6.0, MOVING)
     console.print(LiveView(console, CONFIG, WallMap(ROOM), ()).screen(progress))
     with LineView(console, CONFIG, ()) as view:
         view.update(progress)
@@ -117,7 +117,7 @@ def test_the_walls_stay_and_what_moved_does_not() -> None:
     shown = []
     for x_m in (1.25, 2.5):
         control = msgspec.structs.replace(MOVING, x_m=x_m)
-        console.print(view.screen(Progress(6.0, control, pose=pose_of(control))))
+        console.print(view.screen(RunStatus(6.0, control, pose=pose_of(control))))
         shown.append(console.file.getvalue())  # type: ignore[attr-defined]
     first, second = shown[0], shown[1].removeprefix(shown[0])
     assert [text.count("↑") for text in (first, second)] == [1, 1]
@@ -154,7 +154,7 @@ def shown(
     console = Console(file=io.StringIO(), width=width, height=height)
     view = LiveView(console, CONFIG, WallMap(ROOM), ("CAN vcan0",), keys=True)
     known = {"pose": pose_of(control), "lines": list(NOTICES)} | known
-    progress = Progress(6.0, control, NAVIGATION, **known)  # type: ignore[arg-type]
+    progress = RunStatus(6.0, control, NAVIGATION, **known)  # type: ignore[arg-type]
     view.update(progress)
     if helps:
         view.help()

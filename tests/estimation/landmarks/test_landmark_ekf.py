@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from robotctl.estimation.kalman.adaptive_noise import AdaptiveVariance
 from robotctl.estimation.kalman.consistency import pose_nees, share_inside
 from robotctl.estimation.landmarks.config import LandmarkConfig
-from robotctl.estimation.landmarks.fix import Seen, pose_from_landmarks
+from robotctl.estimation.landmarks.fix import SeenLandmark, pose_from_landmarks
 from robotctl.estimation.landmarks.localisation import CountedOdometry, localise_by_landmarks
 from robotctl.estimation.landmarks.models import OdometryReading, S, moved, sighting
 from robotctl.logs.formats.mrclam_log import read_mrclam
@@ -128,7 +128,7 @@ def test_exact_sightings_give_the_exact_pose(x, y, theta):
     seen = []
     for landmark in ((3.0, 1.0), (-1.0, 4.0), (0.5, -2.0)):
         bx, by = pose.inverse().apply(*landmark)
-        seen.append(Seen(0, landmark, math.hypot(bx, by), math.atan2(by, bx)))
+        seen.append(SeenLandmark(0, landmark, math.hypot(bx, by), math.atan2(by, bx)))
     found = pose_from_landmarks(seen)
     assert found is not None
     assert (found[0].x_m, found[0].y_m) == pytest.approx((x, y), abs=1e-9)
@@ -137,13 +137,13 @@ def test_exact_sightings_give_the_exact_pose(x, y, theta):
 
 
 def test_one_landmark_gives_no_pose_and_one_wrong_sighting_of_five_is_left_out():
-    one = Seen(0, (3.0, 1.0), 2.0, 0.1)
+    one = SeenLandmark(0, (3.0, 1.0), 2.0, 0.1)
     assert pose_from_landmarks([one, one, one]) is None
     assert pose_from_landmarks([]) is None
     seen = []
     for x, y in list(LANDMARKS.values())[:5]:
-        seen.append(Seen(0, (x, y), math.hypot(x, y), math.atan2(y, x)))
-    seen[2] = Seen(0, seen[2].landmark_world, 1.0, 3.0)
+        seen.append(SeenLandmark(0, (x, y), math.hypot(x, y), math.atan2(y, x)))
+    seen[2] = SeenLandmark(0, seen[2].landmark_world, 1.0, 3.0)
     found = pose_from_landmarks(seen)
     assert found is not None
     assert math.hypot(found[0].x_m, found[0].y_m) < 1e-9

@@ -180,7 +180,7 @@ def test_a_measurement_is_due_at_first_and_then_after_enough_motion():
 
 
 def test_two_sensors_at_one_instant_weigh_the_belief_as_their_product():
-    settings = {"min_particles": 2000, "max_particles": 2000, "scouts": 1e-3}
+    settings = {"min_particles": 2000, "max_particles": 2000, "uniform_probes": 1e-3}
     one, two = localiser(3, **settings), localiser(3, **settings)
     pose = SE2(10.0, 5.0, 0.5)
     for mcl in (one, two):

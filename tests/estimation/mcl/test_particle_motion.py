@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotctl.estimation.mcl.particle_motion import OdometryWay, ParticleMotionConfig
+from robotctl.estimation.mcl.particle_motion import OdometrySegment, ParticleMotionConfig
 from robotctl.estimation.mcl.particles import weighted_covariance
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise, propagate
@@ -21,8 +21,8 @@ angles = st.floats(-3.0, 3.0)
 poses = st.builds(SE2, distances, distances, angles)
 
 
-def way_of(config: ParticleMotionConfig, *arcs: tuple[float, float]) -> OdometryWay:
-    way = OdometryWay(config)
+def way_of(config: ParticleMotionConfig, *arcs: tuple[float, float]) -> OdometrySegment:
+    way = OdometrySegment(config)
     for distance, angle in arcs:
         way.add(arc(SE2(), distance, angle))
     return way
@@ -77,7 +77,7 @@ def test_without_noise_every_particle_makes_the_motion(pose, distance, angle):
 
 def test_a_sideways_motion_is_taken_as_it_is():
     """Corrected poses in logs, and drives on slippery floors, slide."""
-    way = OdometryWay(QUIET)
+    way = OdometrySegment(QUIET)
     way.add(SE2(0.0, 0.5, 0.2))
     moved = way.moved(np.array([[1.0, 2.0, math.pi / 2]]), np.random.default_rng(0))
     np.testing.assert_allclose(moved[0], [0.5, 2.0, math.pi / 2 + 0.2], atol=1e-7)

@@ -169,11 +169,14 @@ def test_a_unit_that_is_none_is_refused(tmp_path):
 
 def test_nothing_is_calibrated_by_a_log_without_times(tmp_path):
     from robotctl.config.robot_file import find_file, load_robot
-    from robotctl.workbench.odometry.calibrate_odometry import CalibrateOptions, calibrate_odometry
+    from robotctl.workbench.odometry.calibrate_odometry import (
+        OdometryCalibrateOptions,
+        calibrate_odometry,
+    )
     from robotctl.workbench.sensors.sources import source_of_log
 
     path = carmen(tmp_path, np.zeros(40), np.zeros(40))
     with pytest.raises(CalibrationError, match="all scans in it have one time"):
         source_of_log(path, "", "", load_robot(find_file("diff_drive")))
     with pytest.raises(CalibrationError, match="one time, so nobody knows which belong together"):
-        calibrate_odometry(CalibrateOptions(find_file("diff_drive"), log=path))
+        calibrate_odometry(OdometryCalibrateOptions(find_file("diff_drive"), log=path))

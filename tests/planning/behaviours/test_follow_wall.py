@@ -10,7 +10,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.planning.behaviours.follow_wall import FollowWall, WallConfig
 from robotctl.planning.behaviours.mission import FollowWallItem, Mission, StartPose, Until
-from robotctl.planning.guard.situation import Situation, Status
+from robotctl.planning.guard.behaviour import BehaviourInput, Status
 
 
 def follow(make_run, robot, start, item, **world):
@@ -49,7 +49,7 @@ def test_one_stray_reading_of_the_front_sonar_does_not_end_it(differential):
 
     def status(front, new, step):
         ranges = (front, *(math.inf,) * 5, 0.65, math.inf)
-        situation = Situation(SE2(), Twist(0.0, 0.0), ranges, (new,) * 8)
+        situation = BehaviourInput(SE2(), Twist(0.0, 0.0), ranges, (new,) * 8)
         return follower.step(situation, step * 50_000_000).status
 
     # The fifth is the fourth, which nothing new has come after.

@@ -23,7 +23,7 @@ from robotctl.planning.behaviours.mission import (
     Until,
     WaitItem,
 )
-from robotctl.planning.global_planning.free_way import FreeWays
+from robotctl.planning.global_planning.free_path import FreePaths
 from tests.planning.behaviours.test_relocalise import lost_step
 from tests.planning.conftest import FLAT
 
@@ -158,7 +158,7 @@ def distance_to_walls(points: np.ndarray) -> float:
 @pytest.mark.parametrize("seed", range(20))
 def test_a_way_keeps_the_robots_half_width_from_all_walls(seed):
     rng = np.random.default_rng(seed)
-    ways = FreeWays(CHART, 0.18)
+    ways = FreePaths(CHART, 0.18)
     inside = rng.uniform((0.4, 0.4), (7.6, 4.6), (50, 2))
     start, goal = inside[[distance_to_walls(each[None]) > 0.35 for each in inside]][:2]
     corners = np.array([start, *ways.way(tuple(start), tuple(goal))])
@@ -176,16 +176,16 @@ def test_a_way_keeps_the_robots_half_width_from_all_walls(seed):
 def test_a_place_that_is_walled_in_has_no_way_and_an_unknown_one_neither():
     cells = np.zeros((60, 60), np.int8)
     cells[30, :] = 100
-    assert FreeWays(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
+    assert FreePaths(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
     cells[30, :] = -1
-    assert FreeWays(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
-    assert FreeWays(GridMap(np.full((9, 9), 100, np.int8), 0.05), 0.18).way((0, 0), (1, 1)) == []
+    assert FreePaths(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
+    assert FreePaths(GridMap(np.full((9, 9), 100, np.int8), 0.05), 0.18).way((0, 0), (1, 1)) == []
 
 
 def test_a_map_of_a_million_cells_does_not_hold_navigation_up():
     cells = np.zeros((1000, 1000), np.int8)
     cells[500, :900] = 100
-    ways = FreeWays(GridMap(cells, 0.05), 0.18)
+    ways = FreePaths(GridMap(cells, 0.05), 0.18)
     begin_s = time.process_time()
     assert ways.way((1.0, 1.0), (1.0, 49.0))
     assert time.process_time() - begin_s < 0.4

@@ -18,7 +18,11 @@ from robotctl.estimation.camera.calibration.pattern import Board, draw_board, dr
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.camera import CameraConfig, CameraMount
 from robotctl.model.sensors.camera_geometry import CameraGeometry
-from robotctl.workbench.camera.calibrate import CalibrateOptions, CalibrateResult, calibrate_camera
+from robotctl.workbench.camera.calibrate import (
+    CameraCalibrateOptions,
+    CameraCalibrateResult,
+    calibrate_camera,
+)
 from robotctl.workbench.camera.check import CheckOptions, check_camera
 from robotctl.workbench.camera.patch import patch_text, patch_values
 from robotctl.workbench.camera.pictures import read_picture, write_picture
@@ -61,11 +65,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def calibrated(**options: object) -> CalibrateResult:
-    return calibrate_camera(CalibrateOptions(ROBOT, **options), lambda _line: None)  # type: ignore[arg-type]
+def calibrated(**options: object) -> CameraCalibrateResult:
+    return calibrate_camera(CameraCalibrateOptions(ROBOT, **options), lambda _line: None)  # type: ignore[arg-type]
 
 
-def assert_true(result: CalibrateResult, sigmas: float = 3.0) -> None:
+def assert_true(result: CameraCalibrateResult, sigmas: float = 3.0) -> None:
     """The mount is within so many standard deviations of the truth, and these are not wide."""
     assert result.fit is not None
     for key, sigma in result.fit.sigma.items():
@@ -160,7 +164,7 @@ def test_without_a_camera_in_the_file_a_picture_without_lens_still_gives_all(
     start, end = text.index("[camera]"), text.index("[can]")
     robot = tmp_path / "blind.toml"
     robot.write_text(text[:start] + text[end:])
-    options = CalibrateOptions(robot, floor=folder / "board.png", board=BOARD, at=AT)
+    options = CameraCalibrateOptions(robot, floor=folder / "board.png", board=BOARD, at=AT)
     result = calibrate_camera(options, lambda _line: None)
     tables = tomllib.loads(patch_text(result))["camera"]
     whole = robot.read_text() + patch_text(result)

@@ -20,7 +20,10 @@ from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
 from robotctl.workbench.odometry import calibrate_sources, calibrate_squares
 from robotctl.workbench.odometry.calibrate_checks import Check
-from robotctl.workbench.odometry.calibrate_odometry import CalibrateOptions, calibrate_odometry
+from robotctl.workbench.odometry.calibrate_odometry import (
+    OdometryCalibrateOptions,
+    calibrate_odometry,
+)
 from robotctl.workbench.odometry.calibrate_patch import patch_text, patch_values
 from robotctl.workbench.odometry.calibrate_sources import run_of_recording, wheels_of
 from robotctl.workbench.odometry.calibrate_squares import Campaign
@@ -41,14 +44,14 @@ def squares():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrate_squares, "SQUARES", 2)
         patch.setattr(calibrate_squares, "STRAIGHTS", 2)
-        return calibrate_odometry(CalibrateOptions(find_file("diff_drive"), WRONG))
+        return calibrate_odometry(OdometryCalibrateOptions(find_file("diff_drive"), WRONG))
 
 
 @pytest.fixture(scope="module")
 def lego(tmp_path_factory):
     """A log of a robot whose wheels are 4 % larger, and the track 3 % wider, than nominal."""
     path = write_lego(tmp_path_factory.mktemp("log") / "made_up.txt", 1.04, 1.03)
-    return calibrate_odometry(CalibrateOptions(find_file("diff_drive"), NOMINAL, log=path))
+    return calibrate_odometry(OdometryCalibrateOptions(find_file("diff_drive"), NOMINAL, log=path))
 
 
 def test_squares_in_lockstep_bring_the_true_robot_within_the_intervals(squares):
@@ -115,7 +118,7 @@ def test_the_second_half_of_a_log_proves_what_the_first_says(lego):
 @pytest.mark.recordings("lego")
 def test_the_lego_robots_second_half_errs_half_as_much_with_what_its_first_half_says(recordings):
     """Against the lecture's values: 0.349 mm a tick, 173 mm between the wheels."""
-    options = CalibrateOptions(find_file("diff_drive"), NOMINAL, log=recordings / "lego")
+    options = OdometryCalibrateOptions(find_file("diff_drive"), NOMINAL, log=recordings / "lego")
     result = calibrate_odometry(options)
     plain = result.checks[0]
     assert plain.before_m == pytest.approx(0.05, abs=0.01)
@@ -146,7 +149,7 @@ def test_squares_measured_by_tape_do_as_well(tmp_path):
         lines += ["[[run]]", f'log = "{shape}{i}"', f"x_m = {end.x_m}", f"y_m = {end.y_m}"]
     file = tmp_path / "runs.toml"
     file.write_text("\n".join(lines), encoding="utf-8")
-    result = calibrate_odometry(CalibrateOptions(find_file("diff_drive"), runs=file))
+    result = calibrate_odometry(OdometryCalibrateOptions(find_file("diff_drive"), runs=file))
     found = result.found.drive
     assert found.wheel_radii_m[0] == pytest.approx(0.05 * (1.0 + LEFT), rel=2e-3)
     assert found.wheel_radii_m[1] == pytest.approx(0.05 * (1.0 + RIGHT), rel=2e-3)
@@ -214,11 +217,11 @@ def test_a_recording_that_says_too_little_is_refused(parts, drive, what):
 def test_a_log_of_quite_another_robot_is_refused(tmp_path):
     log = write_lego(tmp_path / "made_up.txt", 1.0, 1.0, metres=12.0)
     with pytest.raises(CalibrationError, match=r"moves 1\d\.\d m where odometry says 4\.\d m"):
-        calibrate_odometry(CalibrateOptions(find_file("diff_drive"), log=log))
+        calibrate_odometry(OdometryCalibrateOptions(find_file("diff_drive"), log=log))
 
 
 def test_a_log_and_runs_at_once_are_refused(tmp_path):
-    options = CalibrateOptions(find_file("diff_drive"), log=tmp_path, runs=tmp_path)
+    options = OdometryCalibrateOptions(find_file("diff_drive"), log=tmp_path, runs=tmp_path)
     with pytest.raises(ConfigError, match="--log and --runs"):
         calibrate_odometry(options)
 

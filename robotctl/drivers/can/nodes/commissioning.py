@@ -20,7 +20,7 @@ from typing import Final, TypeAlias
 from robotctl.drivers.can.bus_load import STEERING_STATUS, SYNC, transmission_type
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import Dbc
-from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, Request, Response
+from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, Request, SdoResponse
 
 
 class Start(enum.Enum):
@@ -29,10 +29,10 @@ class Start(enum.Enum):
     START = "start"
 
 
-Check: TypeAlias = Generator[Request | Start, Response, str]
+Check: TypeAlias = Generator[Request | Start, SdoResponse, str]
 """Yields transfers, receives their ends, returns the problem ("" where there is none)."""
 
-Script: TypeAlias = Generator[Request | Start, Response, "str | tuple[Setting, ...]"]
+Script: TypeAlias = Generator[Request | Start, SdoResponse, "str | tuple[Setting, ...]"]
 """A whole commissioning: returns the problem, or what must stay as it is."""
 
 VENDOR_ID: Final = 0x00526F62
@@ -229,7 +229,7 @@ def _read_back(setting: Setting) -> Check:
     return "" if response.value == setting.wanted else setting.differs(response.value)
 
 
-def _failure(request: Request, response: Response) -> str:
+def _failure(request: Request, response: SdoResponse) -> str:
     """Say that a transfer did not succeed."""
     if response.abort is None:
         return f"no answer to {request}"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final
 
 from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start
-from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, Response, SdoClient
+from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, SdoClient, SdoResponse
 from robotctl.messages.control import NodeStatus
 from robotctl.messages.faults import FaultCode
 
@@ -41,7 +41,7 @@ QUIET_MAX_NS: Final = 1_000_000_000
 """Who asks without an end keeps the robot from reading for no longer [ns]."""
 
 
-class Phase(enum.Enum):
+class NodePhase(enum.Enum):
     """How far a node has come."""
 
     SILENT = "not heard"
@@ -72,7 +72,7 @@ class Node:
         self, node_id: int, name: str, script: Callable[[], Script], heartbeat_timeout_ns: int
     ) -> None:
         self.node_id = node_id
-        self.phase = Phase.SILENT
+        self.phase = NodePhase.SILENT
         self._name = name
         self._make_script = script
         self._timeout_ns = heartbeat_timeout_ns
@@ -109,22 +109,22 @@ class Node:
             self._boots += 1
             self._nmt_state = NMT_PRE_OPERATIONAL
             self._begin()
-        elif self.phase is Phase.SILENT:
+        elif self.phase is NodePhase.SILENT:
             self._boots += 1  # nothing is known of its past: it was never heard, or lost
             self._begin()
-        elif self.phase is Phase.STARTING and state == NMT_OPERATIONAL:
-            self.phase = Phase.VERIFYING
-            self._advance(Response())
-        elif self.phase is Phase.WAKING and state == NMT_PRE_OPERATIONAL:
+        elif self.phase is NodePhase.STARTING and state == NMT_OPERATIONAL:
+            self.phase = NodePhase.VERIFYING
+            self._advance(SdoResponse())
+        elif self.phase is NodePhase.WAKING and state == NMT_PRE_OPERATIONAL:
             self._identify()
-        elif self.phase in (Phase.VERIFYING, Phase.READY) and state != NMT_OPERATIONAL:
+        elif self.phase in (NodePhase.VERIFYING, NodePhase.READY) and state != NMT_OPERATIONAL:
             self._boots += 1  # its boot-up was lost, or somebody has put it out of service
             self._begin()
         self._refresh()
 
     def on_foreign_nmt(self, command: int) -> None:
         """Take an NMT command that somebody else has sent to the node: it is out of service."""
-        if command in _PUT_OUT and self.phase in (Phase.VERIFYING, Phase.READY):
+        if command in _PUT_OUT and self.phase in (NodePhase.VERIFYING, NodePhase.READY):
             self._nmt_state, words = _PUT_OUT[command]
             self._begin()
             self._say(f"{words} by somebody else on the bus (NMT)", FaultCode.NODE_PUT_OUT)
@@ -137,17 +137,17 @@ class Node:
 
     def check(self, now_ns: int) -> bool:
         """Return whether the node is lost since the last call: its heartbeat is too old."""
-        if now_ns - self._heartbeat_ns <= self._timeout_ns or self.phase is Phase.SILENT:
+        if now_ns - self._heartbeat_ns <= self._timeout_ns or self.phase is NodePhase.SILENT:
             return False
         self._stop_script()
-        self.phase = Phase.SILENT
+        self.phase = NodePhase.SILENT
         self.busy = False
         self._say(f"no heartbeat for {self._timeout_ns / 1e6:g} ms", FaultCode.NODE_SILENT)
         return True
 
     def request(self, request: Request) -> bool:
         """Start a transfer beside the script; False where the node is not in service or busy."""
-        if self.phase is not Phase.READY or self._extra is not None:
+        if self.phase is not NodePhase.READY or self._extra is not None:
             return False
         self._is_reading = False  # that can wait
         self._extra = request
@@ -163,7 +163,7 @@ class Node:
         """Begin to read the next setting of a node in service, if nothing else is under way."""
         if now_ns < self._quiet_ns and now_ns - self._read_ns < QUIET_MAX_NS:
             return
-        if self.phase is Phase.READY and self._sdo.idle and self._kept:
+        if self.phase is NodePhase.READY and self._sdo.idle and self._kept:
             self._read_ns = now_ns
             self._read()
 
@@ -183,15 +183,15 @@ class Node:
     def poll(self, now_ns: int) -> tuple[int, bytes] | None:
         """Return the one frame to send now, if any; `sent` says that the bus took it."""
         if self._sdo.expired(now_ns):
-            self._advance(Response())
+            self._advance(SdoResponse())
         data = self._sdo.poll(now_ns)
         if data is not None:
             return REQUEST_BASE + self.node_id, data
         if now_ns < self._wait_until_ns:
             return None
-        if self.phase is Phase.REFUSED:
+        if self.phase is NodePhase.REFUSED:
             self._begin(again=True)
-        elif self.phase in (Phase.WAKING, Phase.STARTING):
+        elif self.phase in (NodePhase.WAKING, NodePhase.STARTING):
             if self._attempts < START_ATTEMPTS:
                 return NMT_ID, bytes((self._nmt_command(), self.node_id))
             self._refuse(f"does not become {self._nmt_target()}", now_ns)
@@ -214,13 +214,13 @@ class Node:
         if not again:
             self._say("is being identified", FaultCode.NODE_STARTING)
         if self._nmt_state == NMT_STOPPED:
-            self.phase = Phase.WAKING
+            self.phase = NodePhase.WAKING
         else:
             self._identify()
 
     def _identify(self) -> None:
         """Run the script from its first transfer."""
-        self.phase = Phase.IDENTIFYING
+        self.phase = NodePhase.IDENTIFYING
         self._wait_until_ns = 0
         self._script = self._make_script()
         self._carry_out(next(self._script))
@@ -230,11 +230,11 @@ class Node:
         if isinstance(step, Request):
             self._sdo.start(step)
             return
-        self.phase = Phase.STARTING
+        self.phase = NodePhase.STARTING
         self._attempts = 0
         self._wait_until_ns = 0
 
-    def _advance(self, response: Response) -> None:
+    def _advance(self, response: SdoResponse) -> None:
         """Give the end of a transfer to who began it."""
         if self._is_reading:
             self._compare(response)
@@ -254,7 +254,7 @@ class Node:
             else:
                 self._finish(stop.value)
 
-    def _compare(self, response: Response) -> None:
+    def _compare(self, response: SdoResponse) -> None:
         """Take the node out of service where a setting is not what it was told, or unreadable."""
         self._is_reading = self.busy = False
         setting = self._kept[0]
@@ -276,14 +276,14 @@ class Node:
 
     def _refuse(self, problem: str, now_ns: int, fault: FaultCode = FaultCode.NODE_REFUSED) -> None:
         """Keep the node out of service and say why; try again later."""
-        self.phase = Phase.REFUSED
+        self.phase = NodePhase.REFUSED
         self.busy = True
         self._wait_until_ns = now_ns + RETRY_NS
         self._say(problem, fault)
 
     def _finish(self, kept: tuple[Setting, ...]) -> None:
         """Put the node into service; `kept` must stay as it is."""
-        self.phase = Phase.READY
+        self.phase = NodePhase.READY
         self.busy = False
         self._kept = kept
         self._doubted = False
@@ -301,11 +301,11 @@ class Node:
 
     def _nmt_command(self) -> int:
         """Return the NMT command of the present phase."""
-        return NMT_ENTER_PRE_OPERATIONAL if self.phase is Phase.WAKING else NMT_START
+        return NMT_ENTER_PRE_OPERATIONAL if self.phase is NodePhase.WAKING else NMT_START
 
     def _nmt_target(self) -> str:
         """Return the NMT state that it shall bring, in words."""
-        return "pre-operational" if self.phase is Phase.WAKING else "operational"
+        return "pre-operational" if self.phase is NodePhase.WAKING else "operational"
 
     def _say(self, problem: str, fault: FaultCode) -> None:
         """Set the sentence for the operator, and its kind."""

@@ -53,7 +53,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class SdoResponse:
     """How a transfer ended: `value` (0 after a write), or `abort` code, or neither: no answer."""
 
     value: int | None = None
@@ -108,7 +108,7 @@ class SdoClient:
         self._sent_ns = now_ns
         self._attempts += 1
 
-    def receive(self, data: bytes) -> Response | None:
+    def receive(self, data: bytes) -> SdoResponse | None:
         """Take a frame of the server; return the end of the transfer, or None if it is not it."""
         request = self._request
         if request is None or self._sent_ns is None or len(data) != 8:
@@ -118,12 +118,12 @@ class SdoClient:
             return None
         response = None
         if command == _ABORT:
-            response = Response(abort=int.from_bytes(data[4:], "little"))
+            response = SdoResponse(abort=int.from_bytes(data[4:], "little"))
         elif request.value is not None:
-            response = Response(value=0) if command == _DOWNLOAD_RESPONSE else None
+            response = SdoResponse(value=0) if command == _DOWNLOAD_RESPONSE else None
         elif command & 0xE2 == _UPLOAD_REQUEST | _EXPEDITED:
             size = 4 - (command >> 2 & 3) if command & _SIZED else 4
-            response = Response(value=int.from_bytes(data[4 : 4 + size], "little"))
+            response = SdoResponse(value=int.from_bytes(data[4 : 4 + size], "little"))
         if response is not None:
             self._request = None
         return response

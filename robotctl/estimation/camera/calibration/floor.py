@@ -21,7 +21,7 @@ _MAX_SIDE_PX = 8000
 
 
 @dataclass(frozen=True, slots=True)
-class FloorView:
+class FloorWindow:
     """The part of the floor that is shown, and how large; x is up and y is left.
 
     Parameters
@@ -82,7 +82,7 @@ class FloorView:
 
 
 def view_from_above(
-    picture: NDArray[np.uint8], camera: CameraGeometry, view: FloorView
+    picture: NDArray[np.uint8], camera: CameraGeometry, view: FloorWindow
 ) -> NDArray[np.uint8]:
     """Return the floor as seen from above; what the camera does not see is grey.
 
@@ -116,7 +116,7 @@ def view_from_above(
     return above.astype(np.uint8, copy=False)
 
 
-def draw_grid(above: NDArray[np.uint8], view: FloorView) -> None:
+def draw_grid(above: NDArray[np.uint8], view: FloorWindow) -> None:
     """Draw lines of constant x and y with their metres into a view from above."""
     height, width = view.shape
     for k in range(math.ceil(view.near_m / GRID_M), math.floor(view.far_m / GRID_M) + 1):
@@ -130,7 +130,7 @@ def draw_grid(above: NDArray[np.uint8], view: FloorView) -> None:
         label(above, f"y {k * GRID_M:g}", (column + 4, height - 6))
 
 
-def draw_points(above: NDArray[np.uint8], view: FloorView, ground: NDArray[np.float64]) -> None:
+def draw_points(above: NDArray[np.uint8], view: FloorWindow, ground: NDArray[np.float64]) -> None:
     """Draw a cross at each point (x, y) of the floor, (n, 2) [m]; nan is left out."""
     height, width = view.shape
     for x_m, y_m in ground[np.isfinite(ground).all(axis=1)]:

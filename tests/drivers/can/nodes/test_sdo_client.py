@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotctl.drivers.can.nodes.sdo import RETRIES, TIMEOUT_NS, Request, Response, SdoClient
+from robotctl.drivers.can.nodes.sdo import RETRIES, TIMEOUT_NS, Request, SdoClient, SdoResponse
 
 READ = Request(0x1018, 1, "vendor")
 WRITE = Request(0x2000, 0, "command time-out", value=100, size=2)
@@ -33,21 +33,21 @@ def test_requests_are_those_of_cia_301():
 def test_an_expedited_answer_is_read_with_its_size(size, value):
     client = started(READ)
     response = client.receive(answer(0x43 | (4 - size) << 2, value=value))
-    assert response == Response(value=value & (1 << 8 * size) - 1)
+    assert response == SdoResponse(value=value & (1 << 8 * size) - 1)
     assert client.idle
 
 
 def test_an_answer_without_size_has_four_bytes():
-    assert started(READ).receive(answer(0x42, value=0x01020304)) == Response(value=0x01020304)
+    assert started(READ).receive(answer(0x42, value=0x01020304)) == SdoResponse(value=0x01020304)
 
 
 def test_a_write_ends_with_its_confirmation():
-    assert started(WRITE).receive(answer(0x60, 0x2000, 0)) == Response(value=0)
+    assert started(WRITE).receive(answer(0x60, 0x2000, 0)) == SdoResponse(value=0)
 
 
 def test_an_abort_ends_the_transfer_with_its_code():
     response = started(WRITE).receive(answer(0x80, 0x2000, 0, 0x06090030))
-    assert response == Response(abort=0x06090030)
+    assert response == SdoResponse(abort=0x06090030)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_what_is_no_answer_to_the_request_is_ignored(frame):
     client = started(READ)
     assert client.receive(frame) is None
     assert not client.idle
-    assert client.receive(answer(0x43, value=5)) == Response(value=5)
+    assert client.receive(answer(0x43, value=5)) == SdoResponse(value=5)
 
 
 def test_an_answer_to_nothing_is_ignored():

@@ -9,7 +9,7 @@ import pytest
 
 from robotctl.estimation.camera.calibration.errors import bands, floor_errors
 from robotctl.estimation.camera.calibration.floor import (
-    FloorView,
+    FloorWindow,
     draw_grid,
     draw_points,
     view_from_above,
@@ -70,7 +70,7 @@ def test_from_above_a_square_on_the_floor_is_a_square_of_its_size() -> None:
     floor = CAMERA.ground(np.column_stack([u.ravel(), v.ravel()]))
     inside = np.all(np.abs(floor - [1.0, 0.1]) < 0.15, axis=1).reshape(480, 640)
     picture = np.repeat(np.where(inside, 255, 80).astype(np.uint8)[:, :, None], 3, axis=2)
-    view = FloorView(0.5, 1.5, 0.5, 0.01)
+    view = FloorWindow(0.5, 1.5, 0.5, 0.01)
     above = view_from_above(picture, CAMERA, view)
     assert above.shape == (100, 100, 3)
     rows, columns = np.nonzero(above[:, :, 0] > 160)
@@ -181,4 +181,4 @@ def test_a_view_without_pixels_is_refused() -> None:
         ({"m_per_px": 1e-6}, "3000000 x 3000000 pixels of 1e-06 m; allowed are 1 to 8000"),
     ):
         with pytest.raises(ValueError, match=message):
-            FloorView(**wrong)
+            FloorWindow(**wrong)

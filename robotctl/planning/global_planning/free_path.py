@@ -23,7 +23,7 @@ _TIGHT: Final = 2.0
 """By so much, as a multiple, right beside the wall."""
 
 
-class FreeWays:
+class FreePaths:
     """Shortest ways that keep off the walls.
 
     What the map does not know is not driven through. Nothing is known of things that the map does
@@ -31,18 +31,18 @@ class FreeWays:
 
     Parameters
     ----------
-    chart
+    world_map
         The map.
     half_width_m
         Of the robot [m], > 0.
     """
 
-    def __init__(self, chart: GridMap, half_width_m: float) -> None:
+    def __init__(self, world_map: GridMap, half_width_m: float) -> None:
         radius_m = half_width_m + MARGIN_M
         comfort_m = max(_COMFORT_M, radius_m)
         config = CostMapConfig(radius_m, comfort_m, scaling_per_m=5.0, occupied_percent=50)
-        self._grid = chart
-        self._costs = cost_map(chart, config).costs
+        self._grid = world_map
+        self._costs = cost_map(world_map, config).costs
         self._factors = np.full(256, math.inf)
         self._factors[:INSCRIBED] = 1.0 + _TIGHT * np.arange(INSCRIBED) / (INSCRIBED - 1)
         self._passable = np.argwhere(self._costs < INSCRIBED)

@@ -1,6 +1,6 @@
 """What people are told of the camera: each change, but not each picture's verdict."""
 
-from robotctl.app.processes.camera import CameraNews
+from robotctl.app.processes.camera import CameraNotices
 
 SECOND_NS = 1_000_000_000
 DARK = "the picture is too dark"
@@ -8,7 +8,7 @@ DARK = "the picture is too dark"
 
 def told(troubles: list[str], rate_hz: int = 20) -> list[tuple[float, int, str]]:
     """When [s], with which severity, and what is said of so many pictures."""
-    news = CameraNews()
+    news = CameraNotices()
     period_ns = SECOND_NS // rate_hz
     steps = [news.step(each, number * period_ns) for number, each in enumerate(troubles)]
     return [(each.stamp_ns / SECOND_NS, each.severity, each.text) for each in steps if each]

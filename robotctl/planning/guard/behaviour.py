@@ -9,7 +9,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 
 
-class Situation(NamedTuple):
+class BehaviourInput(NamedTuple):
     """The robot and its surroundings at one navigation step."""
 
     pose: SE2
@@ -30,7 +30,7 @@ class Status(enum.Enum):
     FAILED = enum.auto()
 
 
-class Step(NamedTuple):
+class BehaviourOutput(NamedTuple):
     """What a behaviour wants now: a velocity [m/s, rad/s], its status and a reason or remark."""
 
     v_m_s: float
@@ -39,14 +39,14 @@ class Step(NamedTuple):
     text: str = ""
 
 
-def done(text: str = "") -> Step:
+def done(text: str = "") -> BehaviourOutput:
     """Return a stop at the end of a behaviour."""
-    return Step(0.0, 0.0, Status.DONE, text)
+    return BehaviourOutput(0.0, 0.0, Status.DONE, text)
 
 
-def failed(reason: str) -> Step:
+def failed(reason: str) -> BehaviourOutput:
     """Return a stop with the reason why a behaviour gives up."""
-    return Step(0.0, 0.0, Status.FAILED, reason)
+    return BehaviourOutput(0.0, 0.0, Status.FAILED, reason)
 
 
 class Behaviour(Protocol):
@@ -58,7 +58,7 @@ class Behaviour(Protocol):
     def pause(self) -> None:
         """Somebody else steers for a while; the next step goes on from wherever the robot is."""
 
-    def step(self, situation: Situation, now_ns: int) -> Step:
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return what to do at `now_ns`, monotonic [ns]; time in a pause does not count."""
 
 
