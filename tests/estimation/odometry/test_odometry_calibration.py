@@ -69,7 +69,7 @@ def test_a_change_is_of_the_keys_that_it_names(drive):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("drive", [DIFFERENTIAL, FRONT, CAR], ids=lambda drive: drive.kind)
 def test_squares_and_a_straight_bring_a_drive_that_is_wrong_within_its_interval(drive, seed):
-    """Of 100 seeds more than 90 hold each number, see docs/results.md; of these three all do."""
+    """More than 90 of 100 seeds hold each number (benchmarks/RESULTS.md); all of these three do."""
     change, found = calibrated(drive, seed)
     assert np.all(held(change, found))
     assert np.all(found.change_half_width < 0.006)
