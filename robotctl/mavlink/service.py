@@ -1,168 +1,80 @@
-"""The structure that holds the MAVLink microservices: what they share, who gets which message."""
+"""What a MAVLink microservice is, and who gets which message."""
 
 from __future__ import annotations
 
-import math
-from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import ClassVar
 
-from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.mavlink.catalogue import Catalogue, CommandHandler, Stream
+from robotctl.mavlink.command import Command
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.messages.control import (
-    Ack,
-    ControlRequest,
-    ControlState,
-    Mode,
-    NavigationRequest,
-    NavigationState,
-    Notice,
-    Severity,
-)
-from robotctl.messages.estimation import LocalisationState
-from robotctl.messages.mavlink_port import MavlinkPort, Message, Peer, Received
-from robotctl.messages.world_pose import WorldPose
-from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.sonar import SonarMount
-
-FRESH_NS = 1_000_000_000
-"""A state older than this [ns] says nothing about the robot any more."""
-
-MAX_TEXTS = 64
-
-Request: TypeAlias = ControlRequest | NavigationRequest
-State: TypeAlias = ControlState | NavigationState | LocalisationState | Notice
+from robotctl.mavlink.context import Context
+from robotctl.messages.mavlink_port import Message, Peer, Received, source
 
 
-@dataclass(frozen=True, slots=True)
-class TelemetryRobot:
-    """What telemetry tells about the robot and does not hear from its processes.
+class Microservice:
+    """One MAVLink microservice: reacts to messages and commands, acts with time.
 
-    Parameters
-    ----------
-    name : str
-        Name of the robot; its hash is the unique identifier of AUTOPILOT_VERSION.
-    version : str
-        Version of robotctl, `major.minor.patch`.
-    sonars : tuple of SonarMount
-        In the order of `ControlState.sonar_m`.
-    sonar : SonarModelConfig
-        What each of them hears, the robot's `[localisation.sonar]`: its range and its beam.
-    has_localiser : bool
-        Its navigation has a localiser, which must be ready before the robot is armed.
-    arm_timeout_s : float
-        How long the control process tries to arm before it refuses [s].
+    It says by these attributes what it takes and brings, and writes the methods that it needs.
     """
 
-    name: str = "robot"
-    version: str = "0.0.0"
-    sonars: tuple[SonarMount, ...] = ()
-    sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
-    has_localiser: bool = False
-    arm_timeout_s: float = 1.0
+    handles: ClassVar[frozenset[int]] = frozenset()
+    """Numbers of the messages that `on_message` takes."""
 
+    commands: ClassVar[frozenset[int]] = frozenset()
+    """MAV_CMD numbers that `on_command` carries out."""
 
-@dataclass
-class Context:
-    """The present state and the outputs of a step, shared by all microservices.
+    capabilities: ClassVar[int] = 0
+    """MAV_PROTOCOL_CAPABILITY bits that the robot has by it."""
 
-    `acks` are those of this step. `texts` wait for the STATUSTEXT service, `notices` for the
-    process, which may publish them; they must not come back as input, they are sent already.
-    """
+    def __init__(self, context: Context) -> None:
+        self._context = context
 
-    config: MavlinkConfig
-    robot: TelemetryRobot
-    links: MavlinkPort
-    control: ControlState | None = None
-    navigation: NavigationState | None = None
-    world: WorldPose = field(init=False)
-    acks: list[Ack] = field(default_factory=list)
-    requests: list[Request] = field(default_factory=list)
-    notices: deque[Notice] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
-    texts: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MAX_TEXTS))
-
-    def __post_init__(self) -> None:
-        """Wait for the localiser, where the robot has one."""
-        self.world = WorldPose(has_localiser=self.robot.has_localiser)
-
-    def take(self, state: State) -> None:
-        """Take in one message of another process."""
-        if isinstance(state, ControlState):
-            self.control = state
-            self.acks.extend(state.acks)
-        elif isinstance(state, NavigationState):
-            self.navigation = state
-        elif isinstance(state, LocalisationState):
-            self.world.localise(state)
-        else:
-            self.texts.extend((state.severity, line) for line in state.text.splitlines())
-
-    def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
-        """Tell people `text`, on the ground stations and in the notices.
-
-        Not where half the room for texts is taken: whoever asks for nonsense again and again must
-        not crowd out what the other processes say, such as why the robot has stopped.
-        """
-        if len(self.texts) >= MAX_TEXTS // 2:
-            return
-        self.texts.append((severity, text))
-        self.notices.append(Notice(now_ns, severity, text))
-
-    def fresh_control(self, now_ns: int) -> ControlState | None:
-        """Return the control process's state, None where it is silent."""
-        state = self.control
-        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
-
-    def fresh_navigation(self, now_ns: int) -> NavigationState | None:
-        """Return the navigation process's state, None where it is silent."""
-        state = self.navigation
-        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
-
-    def fresh_localisation(self, now_ns: int) -> LocalisationState | None:
-        """Return what the localiser believes, None where it is silent or there is none."""
-        state = self.world.latest
-        return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
-
-    def fresh_pose(self, now_ns: int) -> tuple[ControlState, SE2] | None:
-        """Return the control process's state and `base` in `world`, None where that is unknown."""
-        control = self.fresh_control(now_ns)
-        pose = None if control is None else self.world.pose(control)
-        return None if control is None or pose is None else (control, pose)
-
-    def fresh_fix(self, now_ns: int) -> LocalisationState | None:
-        """Return what the localiser says of the pose, None where it does not vouch for that now."""
-        control, believed = self.control, self.fresh_localisation(now_ns)
-        is_sure = control is not None and self.world.is_sure(control)
-        return believed if is_sure else None
-
-    def heading_rad(self, now_ns: int) -> float | None:
-        """Return the heading in `world` [rad], None where the robot does not know it."""
-        found = self.fresh_pose(now_ns)
-        if found is None or not math.isfinite(found[1].theta_rad):
-            return None
-        if self.robot.has_localiser and self.fresh_fix(now_ns) is None:
-            return None
-        return found[1].theta_rad
-
-    def mode(self, now_ns: int) -> Mode:
-        """Return who steers: nobody where the navigation process is silent."""
-        navigation = self.fresh_navigation(now_ns)
-        return Mode.HOLD if navigation is None else navigation.mode
-
-
-class Microservice(Protocol):
-    """One MAVLink microservice: reacts to messages, acts with time."""
-
-    @property
-    def handles(self) -> frozenset[int]:
-        """Identifiers of the messages it takes."""
+    def streams(self) -> tuple[Stream, ...]:
+        """Return the messages that it makes, with their rates; asked for once."""
+        return ()
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take one message that is addressed to this robot."""
 
+    def on_command(self, command: Command, now_ns: int) -> int | None:
+        """Carry out one command; return its MAV_RESULT, None where `acknowledge` follows."""
+        raise NotImplementedError
+
     def step(self, now_ns: int) -> None:
         """Do what time or the robot's state asks for."""
+
+
+def catalogue_of(services: Sequence[Microservice]) -> Catalogue:
+    """Return the sum of all services.
+
+    Raises
+    ------
+    ValueError
+        If two of them answer the same command or make the same message.
+    """
+    streams: dict[int, Stream] = {}
+    commands: dict[int, CommandHandler] = {}
+    owners: dict[tuple[str, int], str] = {}
+    capabilities = 0
+    for service in services:
+        name = type(service).__name__
+        capabilities |= service.capabilities
+        for number in sorted(service.commands):
+            _claim(owners, ("MAV_CMD", number), name)
+            commands[number] = service.on_command
+        for stream in service.streams():
+            _claim(owners, ("message", stream.message_id), name)
+            streams[stream.message_id] = stream
+    return Catalogue(streams, commands, capabilities)
+
+
+def _claim(owners: dict[tuple[str, int], str], what: tuple[str, int], name: str) -> None:
+    """Note that `name` has a command or a message for itself."""
+    if what in owners:
+        kind, number = what
+        raise ValueError(f"{kind} {number} belongs to {owners[what]}; {name} claims it, too")
+    owners[what] = name
 
 
 class Router:
@@ -205,8 +117,3 @@ class Router:
         """Step all services in their order."""
         for service in self._services:
             service.step(now_ns)
-
-
-def source(message: Message) -> tuple[int, int]:
-    """Return the system and component that sent `message`."""
-    return message.get_srcSystem(), message.get_srcComponent()

@@ -4,31 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pymavlink.dialects.v20 import common
-
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.mavlink.guards.stale_link import HeldBack
-from robotctl.mavlink.service import (
-    Context,
-    Microservice,
-    Request,
-    Router,
-    State,
-    TelemetryRobot,
-)
-from robotctl.mavlink.services.arming import Arming
-from robotctl.mavlink.services.commands import Commands
-from robotctl.mavlink.services.external_pose import ExternalPoses
-from robotctl.mavlink.services.ground_stations import GroundStation, GroundStations
-from robotctl.mavlink.services.heartbeat import Heartbeat
-from robotctl.mavlink.services.link_watch import LinkWatch
-from robotctl.mavlink.services.manual_control import ManualControls
-from robotctl.mavlink.services.message_requests import MessageRequests
-from robotctl.mavlink.services.modes import Modes
-from robotctl.mavlink.services.setpoints import Setpoints
-from robotctl.mavlink.services.status_text import StatusText
-from robotctl.mavlink.services.streams import Streams
-from robotctl.mavlink.services.time_sync import TimeSync
+from robotctl.mavlink.context import Context, GroundStation, Request, State, TelemetryRobot
+from robotctl.mavlink.service import Microservice, Router, catalogue_of
+from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import Notice, Severity
 from robotctl.messages.mavlink_port import MavlinkPort
 
@@ -44,38 +23,22 @@ class Telemetry:
         What it tells about the robot.
     links : MavlinkPort
         Made with the same addresses and links as `config`; the caller closes them.
+    services : sequence of Microservice classes
+        What the robot does over MAVLink, stepped in this order.
     """
 
-    def __init__(self, config: MavlinkConfig, robot: TelemetryRobot, links: MavlinkPort) -> None:
+    def __init__(
+        self,
+        config: MavlinkConfig,
+        robot: TelemetryRobot,
+        links: MavlinkPort,
+        services: Sequence[type[Microservice]] = SERVICES,
+    ) -> None:
         context = Context(config, robot, links)
-        streams = Streams(context)
-        heartbeat = Heartbeat(context)
-        held_back = HeldBack()
-        arming = Arming(context, held_back)
-        modes = Modes(context, held_back)
-        self._ground_stations = GroundStations(context)
-        requests = MessageRequests(
-            context,
-            streams,
-            {common.MAVLINK_MSG_ID_HEARTBEAT: lambda now_ns: [heartbeat.message(now_ns)]},
-        )
-        services: tuple[Microservice, ...] = (
-            self._ground_stations,
-            held_back,
-            Commands(context, (arming, modes, requests)),
-            arming,
-            modes,
-            Setpoints(context),
-            ManualControls(context),
-            ExternalPoses(context),
-            TimeSync(context),
-            heartbeat,
-            streams,
-            LinkWatch(context),
-            StatusText(context, self._ground_stations),
-        )
+        members = tuple(make(context) for make in services)
+        context.catalogue = catalogue_of(members)
         self._context = context
-        self._router = Router(services, config)
+        self._router = Router(members, config)
 
     def step(self, now_ns: int, received: Sequence[State]) -> list[Request]:
         """Take in what came, send what is due.
@@ -120,4 +83,4 @@ class Telemetry:
     @property
     def ground_stations(self) -> tuple[GroundStation, ...]:
         """The ground stations that are alive."""
-        return self._ground_stations.alive
+        return tuple(self._context.ground_stations.values())

@@ -119,6 +119,11 @@ class Peer(NamedTuple):
     number: int
 
 
+def source(message: Message) -> tuple[int, int]:
+    """Return the system and component that sent `message`."""
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
 class Received(NamedTuple):
     """A message whose frame was complete and had the right checksum (a pymavlink object)."""
 

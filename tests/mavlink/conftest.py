@@ -4,17 +4,19 @@ pymavlink's mavutil plays the ground station elsewhere; it speaks MAVLink 2 only
 it is imported.
 """
 
+import contextlib
 import os
 
 os.environ["MAVLINK20"] = "1"
 
 import msgspec
 import pytest
+from pymavlink import mavutil
 from pymavlink.dialects.v20 import common
 
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.mavlink.service import TelemetryRobot
+from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import (
     BatteryFeedback,
@@ -27,6 +29,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.mavlink_port import Peer, Received
 from robotctl.model.sensors.sonar import SonarMount
+from tests.mavlink.real_links import Robot
 
 HEADINGS_DEG = (0, 45, 90, 135, 180, -135, -90, -45)
 SONARS = tuple(SonarMount(f"sonar_{h}", 0.1, 0.0, float(h)) for h in HEADINGS_DEG)
@@ -200,3 +203,48 @@ def make_control():
 def make_navigation():
     """Return a function that makes navigation states."""
     return navigation_state
+
+
+@pytest.fixture
+def start_robot(link_config, make_control, make_navigation):
+    """Return a function that starts a robot on some links."""
+    with contextlib.ExitStack() as stack:
+
+        def start(*urls, **config):
+            robot = Robot(link_config(*urls), (make_control, make_navigation), **config)
+            stack.enter_context(robot.links)
+            robot.step()
+            return robot
+
+        yield start
+
+
+@pytest.fixture
+def station():
+    """Return a function that opens a pymavlink connection, closed after the test."""
+    with contextlib.ExitStack() as stack:
+
+        def open_station(url):
+            connection = mavutil.mavlink_connection(url, source_system=255, dialect="common")
+            stack.callback(connection.close)
+            return connection
+
+        yield open_station
+
+
+CONNECTIONS = ["udp client", "udp server", "tcp server"]
+
+
+@pytest.fixture(params=CONNECTIONS)
+def pair(request, start_robot, station, eventually):
+    """Return a robot and a ground station that hear each other, over each kind of link."""
+    if request.param == "udp client":
+        listening = station("udpin:127.0.0.1:0")
+        robot = start_robot(f"udpout:127.0.0.1:{listening.port.getsockname()[1]}")
+        return robot, listening
+    kind = "udpin" if request.param == "udp server" else "tcpin"
+    robot = start_robot(f"{kind}:127.0.0.1:0")
+    calling = station(f"{'udpout' if kind == 'udpin' else 'tcp'}:127.0.0.1:{robot.port()}")
+    calling.mav.heartbeat_send(common.MAV_TYPE_GCS, 8, 0, 0, 4)
+    eventually(lambda: robot.links.status()[0].peers, robot.step)
+    return robot, calling

@@ -1,121 +1,12 @@
 """A ground station made of pymavlink's own connections talks to the robot over real sockets."""
 
-import contextlib
-import math
-import time
-
 import pytest
 from pymavlink import mavutil
 
-from robotctl.drivers.mavlink.link import MavlinkLinks
-from robotctl.mavlink.config import MavlinkConfig
-from robotctl.mavlink.service import TelemetryRobot
-from robotctl.mavlink.telemetry import Telemetry
-from robotctl.messages.control import (
-    Ack,
-    Arm,
-    EmergencyStop,
-    ManualControl,
-    Mode,
-    SafetyState,
-    SetMode,
-    VelocityTarget,
-)
+from robotctl.messages.control import EmergencyStop, ManualControl, SafetyState, VelocityTarget
+from tests.mavlink.real_links import hear
 
 mavlink = mavutil.mavlink
-
-
-class Robot:
-    """Telemetry on real links, with two processes that say yes to everything.
-
-    Its clock advances 10 ms a step, faster than time, so that nobody waits for heartbeats.
-    """
-
-    def __init__(self, links, states, **config):
-        self.config = MavlinkConfig(link=links, **config)
-        self.links = MavlinkLinks(self.config.link)
-        self.telemetry = Telemetry(self.config, TelemetryRobot("tester", "1.2.3"), self.links)
-        self.make_control, self.make_navigation = states
-        self.state, self.mode, self.acks = SafetyState.STANDBY, Mode.HOLD, ()
-        self.requests = []
-        self.now_ns = time.monotonic_ns()
-
-    def step(self):
-        self.now_ns += 10_000_000
-        now_ns = self.now_ns
-        states = [
-            self.make_control(now_ns, state=self.state, acks=self.acks, theta_rad=math.pi / 2),
-            self.make_navigation(now_ns, mode=self.mode),
-        ]
-        for request in self.telemetry.step(now_ns, states):
-            self.requests.append(request)
-            if isinstance(request, Arm):
-                self.state = SafetyState.ARMED if request.arm else SafetyState.STANDBY
-                self.acks = (Ack(request.request_id, accepted=True),)
-            elif isinstance(request, SetMode):
-                self.mode = request.mode
-            elif isinstance(request, EmergencyStop):
-                self.state = SafetyState.EMERGENCY_STOP
-
-    def port(self, link=0):
-        return self.links.status()[link].port
-
-
-@pytest.fixture
-def start_robot(link_config, make_control, make_navigation):
-    """Return a function that starts a robot on some links."""
-    with contextlib.ExitStack() as stack:
-
-        def start(*urls, **config):
-            robot = Robot(link_config(*urls), (make_control, make_navigation), **config)
-            stack.enter_context(robot.links)
-            robot.step()
-            return robot
-
-        yield start
-
-
-@pytest.fixture
-def station():
-    """Return a function that opens a pymavlink connection, closed after the test."""
-    with contextlib.ExitStack() as stack:
-
-        def open_station(url):
-            connection = mavutil.mavlink_connection(url, source_system=255, dialect="common")
-            stack.callback(connection.close)
-            return connection
-
-        yield open_station
-
-
-CONNECTIONS = ["udp client", "udp server", "tcp server"]
-
-
-@pytest.fixture(params=CONNECTIONS)
-def pair(request, start_robot, station, eventually):
-    """Return a robot and a ground station that hear each other, over each kind of link."""
-    if request.param == "udp client":
-        listening = station("udpin:127.0.0.1:0")
-        robot = start_robot(f"udpout:127.0.0.1:{listening.port.getsockname()[1]}")
-        return robot, listening
-    kind = "udpin" if request.param == "udp server" else "tcpin"
-    robot = start_robot(f"{kind}:127.0.0.1:0")
-    calling = station(f"{'udpout' if kind == 'udpin' else 'tcp'}:127.0.0.1:{robot.port()}")
-    calling.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4)
-    eventually(lambda: robot.links.status()[0].peers, robot.step)
-    return robot, calling
-
-
-def hear(eventually, robot, connection, name, **fields):
-    """Return the next message of `name` with these fields."""
-
-    def look():
-        while (message := connection.recv_match(type=name, blocking=False)) is not None:
-            if all(getattr(message, key) == value for key, value in fields.items()):
-                return message
-        return None
-
-    return eventually(look, robot.step)
 
 
 def test_a_ground_station_arms_changes_mode_drives_and_stops(pair, eventually):

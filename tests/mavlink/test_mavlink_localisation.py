@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
-from robotctl.mavlink.service import TelemetryRobot
+from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import Arm, ExternalPose
 from robotctl.messages.estimation import LocalisationState

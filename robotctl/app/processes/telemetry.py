@@ -15,7 +15,7 @@ from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.mavlink.link import MavlinkLinks
-from robotctl.mavlink.service import State, TelemetryRobot
+from robotctl.mavlink.context import State, TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import (
     ControlRequest,

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from typing import NamedTuple
 
-from robotctl.mavlink.services.commands import ACCEPTED, TEMPORARILY_REJECTED
+from robotctl.mavlink.command import ACCEPTED, TEMPORARILY_REJECTED
 
 REPEAT_NS = 1_000_000_000
 CONFIRMED_REPEAT_NS = 5_000_000_000

@@ -14,10 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from pymavlink.dialects.v20 import common
-
-from robotctl.mavlink.service import source
-from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.mavlink_port import Peer
 
 REGULAR_NS: Final = 1_500_000_000
 """Heartbeats no farther apart than this are regular, `REGULAR_COUNT` in a row [ns]."""
@@ -52,16 +49,14 @@ class _Sender:
 
 
 class HeldBack:
-    """Listens to heartbeats, those of ground stations and of programs alike."""
-
-    handles = frozenset({common.MAVLINK_MSG_ID_HEARTBEAT})
+    """Knows the heartbeats of all senders, of ground stations and of programs alike."""
 
     def __init__(self) -> None:
         self._senders: dict[tuple[Peer, tuple[int, int]], _Sender] = {}
 
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Take one heartbeat."""
-        key = peer, source(message)
+    def hear(self, peer: Peer, address: tuple[int, int], now_ns: int) -> None:
+        """Take one heartbeat of the system and component `address`."""
+        key = peer, address
         sender = self._senders.get(key)
         if sender is None:
             if len(self._senders) >= MAX_SENDERS:
@@ -69,9 +64,6 @@ class HeldBack:
             self._senders[key] = _Sender(now_ns)
         else:
             sender.hear(now_ns)
-
-    def step(self, now_ns: int) -> None:
-        """Do nothing."""
 
     def objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
         """Return why what a sender asks for now may be of long ago, empty where it is not.

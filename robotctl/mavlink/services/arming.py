@@ -17,22 +17,22 @@ answer is "temporarily rejected". Disarming and stops are always carried out.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.guards.command_dedup import LateCopies
-from robotctl.mavlink.guards.stale_link import HeldBack
-from robotctl.mavlink.service import Context
-from robotctl.mavlink.services.commands import (
+from robotctl.mavlink.command import (
     ACCEPTED,
     DENIED,
     MAX_PENDING,
     TEMPORARILY_REJECTED,
     Command,
-    acknowledge,
 )
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.guards.command_dedup import LateCopies
+from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Ack, Arm, EmergencyStop, EmergencyStopSource
-from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.mavlink_port import Peer
 from robotctl.safety.state_machine import POWERED
 
 ARM_DISARM: int = common.MAV_CMD_COMPONENT_ARM_DISARM
@@ -53,22 +53,18 @@ class _Pending:
     deadline_ns: int
 
 
-class Arming:
+class Arming(Microservice):
     """Turns the commands of the table above into requests and the answers into COMMAND_ACK."""
 
-    handles: frozenset[int] = frozenset()
     commands = frozenset({ARM_DISARM, FLIGHT_TERMINATION})
+    capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
 
-    def __init__(self, context: Context, held_back: HeldBack) -> None:
-        self._context = context
-        self._held_back = held_back
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._timeout_ns = round(context.robot.arm_timeout_s * 1e9) + ANSWER_NS
         self._pending: dict[int, _Pending] = {}
         self._copies = LateCopies()
         self._last_request = 0
-
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Take nothing: commands come through `on_command`."""
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
         """Carry out one command of the table."""
@@ -93,7 +89,7 @@ class Arming:
         return ACCEPTED
 
     def _arm(self, command: Command, now_ns: int) -> int | None:
-        if objection := self._held_back.objection(command.peer, command.sender, now_ns):
+        if objection := self._context.held_back.objection(command.peer, command.sender, now_ns):
             self._context.say(now_ns, f"Arm: {objection}")
             return TEMPORARILY_REJECTED
         if (repeated := self._find(command.sender, arm=True)) is not None:
@@ -168,7 +164,7 @@ class Arming:
 
     def _answer(self, pending: _Pending, result: int, now_ns: int) -> None:
         for command in pending.commands.values():
-            acknowledge(self._context, command, result)
+            self._context.acknowledge(command, result)
             if pending.arm:
                 self._copies.remember(command.sender, _meaning(command), result, now_ns)
 

@@ -19,7 +19,8 @@ from typing import Final
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
-from robotctl.mavlink.service import Context
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import ExternalPose
 from robotctl.messages.mavlink_port import Message, Peer
 
@@ -28,7 +29,7 @@ _NED_FRAMES: Final = (common.MAV_FRAME_LOCAL_NED, common.MAV_FRAME_LOCAL_FRD)
 _LARGEST_M: Final = 1.0e6
 
 
-class ExternalPoses:
+class ExternalPoses(Microservice):
     """Turns poses of other systems into requests; `refused` counts by reason."""
 
     handles = frozenset(
@@ -36,7 +37,7 @@ class ExternalPoses:
     )
 
     def __init__(self, context: Context) -> None:
-        self._context = context
+        super().__init__(context)
         self.refused: Counter[str] = Counter()
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
@@ -75,9 +76,6 @@ class ExternalPoses:
                 frames.pose_covariance_enu(covariance),
             )
         )
-
-    def step(self, now_ns: int) -> None:
-        """Do nothing: poses come when they come."""
 
 
 def _yaw(q: list[float]) -> float:

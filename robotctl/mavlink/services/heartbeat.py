@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.service import Context
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, SafetyState
-from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.mavlink_port import Message
 
 INTERVAL_NS = 1_000_000_000
 
@@ -34,17 +36,16 @@ MODE_FLAGS = {
 }
 
 
-class Heartbeat:
+class Heartbeat(Microservice):
     """Sends HEARTBEAT to all peers of all links."""
 
-    handles: frozenset[int] = frozenset()
-
     def __init__(self, context: Context) -> None:
-        self._context = context
+        super().__init__(context)
         self._next_ns = 0
 
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Take nothing."""
+    def streams(self) -> tuple[Stream, ...]:
+        """Return HEARTBEAT, whose rate nobody may change."""
+        return (Stream(common.MAVLINK_MSG_ID_HEARTBEAT, self._build, None),)
 
     def step(self, now_ns: int) -> None:
         """Send when a second is over; a late step does not lead to a burst."""
@@ -52,6 +53,9 @@ class Heartbeat:
             following = self._next_ns + INTERVAL_NS
             self._next_ns = following if following > now_ns else now_ns + INTERVAL_NS
             self._context.links.broadcast(self.message(now_ns))
+
+    def _build(self, now_ns: int) -> list[Message]:
+        return [self.message(now_ns)]
 
     def message(self, now_ns: int) -> Message:
         """Return the present HEARTBEAT.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robotctl.mavlink.service import Context
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Severity
-from robotctl.messages.mavlink_port import LinkStatus, Message, Peer
+from robotctl.messages.mavlink_port import LinkStatus
 
 PATIENCE_NS = 1_000_000_000
 """A link that is away for a shorter time [ns] is no news; nor would a supervisor that is itself
@@ -22,20 +23,15 @@ class _Seen:
     told: bool = False
 
 
-class LinkWatch:
+class LinkWatch(Microservice):
     """Tells people once of each link that cannot be opened, and once that it is open again.
 
     The robot needs no particular link: the others work on, and the failed one is tried again.
     """
 
-    handles: frozenset[int] = frozenset()
-
     def __init__(self, context: Context) -> None:
-        self._context = context
+        super().__init__(context)
         self._seen = [_Seen() for _ in range(context.links.count)]
-
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Take nothing."""
 
     def step(self, now_ns: int) -> None:
         """Look at the counters of all links."""

@@ -12,7 +12,8 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
-from robotctl.mavlink.service import Context
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.setpoints import SAY_AGAIN_NS
 from robotctl.messages.control import ManualControl
 from robotctl.messages.mavlink_port import Message, Peer
@@ -21,13 +22,13 @@ NO_AXIS = frames.INT16_MAX
 FULL = 1000
 
 
-class ManualControls:
+class ManualControls(Microservice):
     """Turns sticks into requests that expire; `refused` counts what was out of range and said."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_MANUAL_CONTROL})
 
     def __init__(self, context: Context) -> None:
-        self._context = context
+        super().__init__(context)
         self._timeout_ns = round(context.config.setpoint_timeout_s * 1e9)
         self.refused = 0
         self._say_ns = 0
@@ -52,6 +53,3 @@ class ManualControls:
                 now_ns, now_ns + self._timeout_ns, forward / FULL, frames.stick_turn(turn)
             )
         )
-
-    def step(self, now_ns: int) -> None:
-        """Do nothing: the requests carry the time when they are void."""

@@ -11,19 +11,18 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.guards.command_dedup import LateCopies
-from robotctl.mavlink.guards.stale_link import HeldBack
-from robotctl.mavlink.service import Context, source
-from robotctl.mavlink.services.commands import (
+from robotctl.mavlink.command import (
     ACCEPTED,
     DENIED,
     MAX_PENDING,
     TEMPORARILY_REJECTED,
     Command,
-    acknowledge,
 )
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.guards.command_dedup import LateCopies
+from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Mode, SetMode
-from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.mavlink_port import Message, Peer, source
 from robotctl.messages.requests import REQUEST_LIFE_NS
 
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
@@ -45,15 +44,14 @@ class _Pending:
     commands: dict[Peer, Command] = field(default_factory=dict)
 
 
-class Modes:
+class Modes(Microservice):
     """Asks for modes; the command is accepted when the navigation process is in the mode."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_SET_MODE})
     commands = frozenset({DO_SET_MODE})
 
-    def __init__(self, context: Context, held_back: HeldBack) -> None:
-        self._context = context
-        self._held_back = held_back
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._pending: dict[tuple[int, int], _Pending] = {}
         """By sender, all for the same mode: whoever asks for another one ends them."""
         self._copies = LateCopies()
@@ -89,7 +87,8 @@ class Modes:
 
     def _is_held_back(self, peer: Peer, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
         """Say whether a mode in which the robot may move may be a wish of long ago."""
-        if mode is Mode.HOLD or not (objection := self._held_back.objection(peer, sender, now_ns)):
+        objection = self._context.held_back.objection(peer, sender, now_ns)
+        if mode is Mode.HOLD or not objection:
             return False
         self._context.say(now_ns, f"Mode {mode.name}: {objection}")
         return True
@@ -172,4 +171,4 @@ class Modes:
         if pending.mode is not Mode.HOLD:
             self._copies.remember(sender, pending.mode, result, now_ns)
         for command in pending.commands.values():
-            acknowledge(self._context, command, result)
+            self._context.acknowledge(command, result)

@@ -27,15 +27,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from pymavlink.dialects.v20 import common
 
 from robotctl.mavlink import frames
+from robotctl.mavlink.context import Context
 from robotctl.mavlink.guards.transport_delay import SenderClocks
-from robotctl.mavlink.service import Context, source
+from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import PositionTarget, VelocityTarget
-from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.mavlink_port import Message, Peer, source
 from robotctl.messages.requests import FARTHEST_M, REQUEST_LIFE_NS
 
 FOLLOWED: int = common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
@@ -71,7 +72,7 @@ class Refused(ValueError):  # noqa: N818 - says what happened to the set-point
     """A set-point that cannot be followed; the text is the reason."""
 
 
-class Setpoints:
+class Setpoints(Microservice):
     """Turns valid set-points into requests; velocities expire.
 
     `refused` counts by reason.
@@ -84,9 +85,10 @@ class Setpoints:
             common.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
         }
     )
+    capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
 
     def __init__(self, context: Context) -> None:
-        self._context = context
+        super().__init__(context)
         self._timeout_ns = round(context.config.setpoint_timeout_s * 1e9)
         self._clocks = SenderClocks()
         self.refused: Counter[str] = Counter()
@@ -106,9 +108,6 @@ class Setpoints:
             if now_ns >= self._said_ns.get(reason, now_ns):
                 self._said_ns[reason] = now_ns + SAY_AGAIN_NS
                 self._context.say(now_ns, f"Setpoint: {reason}")
-
-    def step(self, now_ns: int) -> None:
-        """Do nothing: the requests carry the time when they are void."""
 
     def _follow(self, message: Message, late_ns: int, now_ns: int) -> None:
         used = used_parts(message.type_mask)

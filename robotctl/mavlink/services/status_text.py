@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.service import Context
-from robotctl.mavlink.services.ground_stations import GroundStations
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Severity
-from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.messages.mavlink_port import Message
 
 CHUNK = 50
 MAX_LENGTH = 1000
@@ -20,27 +20,21 @@ MAX_UNSENT = 16
 """So many texts wait for a ground station."""
 
 
-class StatusText:
+class StatusText(Microservice):
     """Sends the texts that other services and processes left in the context.
 
     The last warnings, and worse, that were sent while no ground station was there are sent again,
     each with its age, when one comes: why a robot stands was often said before.
     """
 
-    handles: frozenset[int] = frozenset()
-
-    def __init__(self, context: Context, ground_stations: GroundStations) -> None:
-        self._context = context
-        self._ground_stations = ground_stations
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
         self._unsent: dict[str, tuple[int, int]] = {}
         self._last_id = 0
 
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Take nothing."""
-
     def step(self, now_ns: int) -> None:
         """Send a few of the waiting texts."""
-        heard = bool(self._ground_stations.alive)
+        heard = bool(self._context.ground_stations)
         for severity, text in self._next(now_ns, heard=heard):
             self._last_id = self._last_id % 0xFFFF + 1
             for message in status_texts(severity, text, self._last_id):

@@ -2,84 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
+import math
+from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import common
 
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.command import ACCEPTED, DENIED, Command
 from robotctl.mavlink.config import MAX_RATE_HZ
-from robotctl.mavlink.service import Context
-from robotctl.mavlink.services import stream_messages
-from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.mavlink.context import Context
+from robotctl.mavlink.service import Microservice
+
+SET_INTERVAL: int = common.MAV_CMD_SET_MESSAGE_INTERVAL
+GET_INTERVAL: int = common.MAV_CMD_GET_MESSAGE_INTERVAL
+MAX_INTERVAL_US = 0x7FFF_FFFF
+"""MESSAGE_INTERVAL carries a signed 32 bit number [us]: 36 minutes at most."""
 
 OFF = -1
 SHORTEST_NS = round(1e9 / MAX_RATE_HZ)
 PHASE_NS = 20_000_000
 """The streams start one after the other by this [ns], so that they do not fall into one step."""
 
-Builder: TypeAlias = Callable[[int], list[Message]]
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """When one stream is due; the lists are by link [ns]."""
+
+    stream: Stream
+    default_ns: int
+    interval_ns: list[int]
+    due_ns: list[int]
 
 
-class Streams:
-    """Sends the periodic messages; ground stations may change their rates on their own link."""
+class Streams(Microservice):
+    """Sends the streams of all services; ground stations may change the rates on their own link."""
 
-    handles: frozenset[int] = frozenset()
+    commands = frozenset({SET_INTERVAL, GET_INTERVAL})
 
     def __init__(self, context: Context) -> None:
-        self._context = context
-        self._epoch: tuple[int, int] | None = None
-        self._resets = 0
-        rates = context.config.rates
-        defaults: dict[int, tuple[float, Builder]] = {
-            common.MAVLINK_MSG_ID_ATTITUDE: (rates.attitude_hz, self._attitude),
-            common.MAVLINK_MSG_ID_LOCAL_POSITION_NED: (rates.position_hz, self._position),
-            common.MAVLINK_MSG_ID_ODOMETRY: (rates.odometry_hz, self._odometry),
-            common.MAVLINK_MSG_ID_WHEEL_DISTANCE: (rates.wheel_distance_hz, self._wheels),
-            common.MAVLINK_MSG_ID_DISTANCE_SENSOR: (rates.sonar_hz, self._sonars),
-            common.MAVLINK_MSG_ID_BATTERY_STATUS: (rates.battery_hz, self._battery),
-            common.MAVLINK_MSG_ID_SYS_STATUS: (rates.status_hz, self._status),
-        }
-        self.builders: dict[int, Builder] = {
-            message_id: builder for message_id, (_, builder) in defaults.items()
-        }
-        self._defaults_ns = {
-            message_id: round(1e9 / rate_hz) if rate_hz > 0.0 else OFF
-            for message_id, (rate_hz, _) in defaults.items()
-        }
-        links = range(context.links.count)
-        self._intervals = {
-            key: [interval for _ in links] for key, interval in self._defaults_ns.items()
-        }
-        self._due: dict[int, list[int]] | None = None
+        super().__init__(context)
+        self._plans: dict[int, _Plan] = {}
 
-    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Take nothing."""
+    def on_command(self, command: Command, now_ns: int) -> int:
+        """Take SET_ and GET_MESSAGE_INTERVAL; DENIED where the message is not ours to send."""
+        message_id = command.whole(0)
+        if message_id is None:
+            return DENIED
+        plan = self._planned(now_ns).get(message_id)
+        if command.number == GET_INTERVAL:
+            return self._tell_interval(message_id, plan, command)
+        if plan is None:
+            return DENIED
+        return self._set_interval(plan, command, now_ns)
 
-    def interval_ns(self, message_id: int, link: int) -> int | None:
-        """Return the interval on `link` [ns], OFF, or None where there is no such stream."""
-        intervals = self._intervals.get(message_id)
-        return None if intervals is None else intervals[link]
+    def _set_interval(self, plan: _Plan, command: Command, now_ns: int) -> int:
+        """Change the interval on the link of `command`: 0 is the default, -1 is off."""
+        interval_us, link = command.params[1], command.peer.link
+        if not -1.0 <= interval_us <= MAX_INTERVAL_US:
+            return DENIED
+        if interval_us < 0.0:
+            plan.interval_ns[link] = OFF
+        elif interval_us == 0.0:
+            plan.interval_ns[link] = plan.default_ns
+        else:
+            plan.interval_ns[link] = max(math.ceil(interval_us * 1000.0), SHORTEST_NS)
+        plan.due_ns[link] = now_ns
+        return ACCEPTED
 
-    def set_interval(self, message_id: int, link: int, interval_ns: int, now_ns: int) -> bool:
-        """Change the interval on one link [ns]: 0 is the default, negative is off.
-
-        Intervals below 10 ms are raised to it. False where there is no such stream.
-        """
-        if message_id not in self._intervals:
-            return False
-        if interval_ns == 0:
-            interval_ns = self._defaults_ns[message_id]
-        elif interval_ns > 0:
-            interval_ns = max(interval_ns, SHORTEST_NS)
-        self._intervals[message_id][link] = interval_ns if interval_ns > 0 else OFF
-        self._due_table(now_ns)[message_id][link] = now_ns
-        return True
+    def _tell_interval(self, message_id: int, plan: _Plan | None, command: Command) -> int:
+        """Answer with MESSAGE_INTERVAL [us]: 0 is no periodic message, -1 is off."""
+        if not 0 <= message_id <= 0xFFFF:
+            return DENIED
+        interval_us = 0
+        if plan is not None:
+            interval_ns = plan.interval_ns[command.peer.link]
+            interval_us = OFF if interval_ns == OFF else interval_ns // 1000
+        answer = common.MAVLink_message_interval_message(message_id, interval_us)
+        self._context.links.reply(answer, command.peer)
+        return ACCEPTED
 
     def step(self, now_ns: int) -> None:
         """Send what is due; a late step does not lead to a burst."""
-        self._count_resets()
-        for message_id, due in self._due_table(now_ns).items():
-            intervals = self._intervals[message_id]
+        for plan in self._planned(now_ns).values():
+            due, intervals = plan.due_ns, plan.interval_ns
             links = [
                 link
                 for link, due_ns in enumerate(due)
@@ -90,53 +95,17 @@ class Streams:
             for link in links:
                 following = due[link] + intervals[link]
                 due[link] = following if following > now_ns else now_ns + intervals[link]
-            for message in self.builders[message_id](now_ns):
+            for message in plan.stream.build(now_ns):
                 self._context.links.broadcast(message, links)
 
-    def _due_table(self, now_ns: int) -> dict[int, list[int]]:
-        if self._due is None:
-            links = range(self._context.links.count)
-            self._due = {
-                message_id: [now_ns + phase * PHASE_NS for _ in links]
-                for phase, message_id in enumerate(self._intervals)
-            }
-        return self._due
-
-    def _count_resets(self) -> None:
-        """Count the jumps of the pose in `world`."""
-        control, world = self._context.control, self._context.world
-        if control is not None and world.pose(control) is not None:
-            epoch = world.epoch(control)
-            self._resets += self._epoch not in {None, epoch}
-            self._epoch = epoch
-
-    def _attitude(self, now_ns: int) -> list[Message]:
-        found = self._context.fresh_pose(now_ns)
-        return [] if found is None else stream_messages.attitude(*found)
-
-    def _position(self, now_ns: int) -> list[Message]:
-        found = self._context.fresh_pose(now_ns)
-        return [] if found is None else stream_messages.local_position(*found)
-
-    def _odometry(self, now_ns: int) -> list[Message]:
-        found = self._context.fresh_pose(now_ns)
-        if found is None:
-            return []
-        return stream_messages.odometry(*found, self._context.fresh_fix(now_ns), self._resets)
-
-    def _wheels(self, now_ns: int) -> list[Message]:
-        control = self._context.fresh_control(now_ns)
-        return [] if control is None else stream_messages.wheel_distance(control)
-
-    def _sonars(self, now_ns: int) -> list[Message]:
-        control = self._context.fresh_control(now_ns)
-        robot = self._context.robot
-        return [] if control is None else stream_messages.distance_sensors(control, robot)
-
-    def _battery(self, now_ns: int) -> list[Message]:
-        control = self._context.fresh_control(now_ns)
-        return [] if control is None else stream_messages.battery_status(control)
-
-    def _status(self, now_ns: int) -> list[Message]:
-        control = self._context.fresh_control(now_ns)
-        return stream_messages.system_status(control, self._context.robot)
+    def _planned(self, now_ns: int) -> dict[int, _Plan]:
+        """Return the plan of each stream, made when it is first asked for."""
+        if not self._plans:
+            links = self._context.links.count
+            for stream in self._context.catalogue.streams.values():
+                if stream.rate_hz is not None:
+                    default_ns = round(1e9 / stream.rate_hz) if stream.rate_hz > 0.0 else OFF
+                    first_ns = now_ns + len(self._plans) * PHASE_NS
+                    plan = _Plan(stream, default_ns, [default_ns] * links, [first_ns] * links)
+                    self._plans[stream.message_id] = plan
+        return self._plans

@@ -16,7 +16,7 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.control.limiter import TwistLimiter
 from robotctl.logs.mcap.scene import Scene
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.mavlink.service import TelemetryRobot
+from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import (
     ControlState,

@@ -8,7 +8,7 @@ import pytest
 
 from robotctl.drivers.mavlink.link import MavlinkLinks
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.mavlink.service import TelemetryRobot
+from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.mavlink_port import LinkStatus
 

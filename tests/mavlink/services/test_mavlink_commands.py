@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
-from robotctl.mavlink.service import TelemetryRobot
-from robotctl.mavlink.services.commands import MAX_PENDING
+from robotctl.mavlink.command import MAX_PENDING
+from robotctl.mavlink.context import TelemetryRobot
 from robotctl.mavlink.telemetry import Telemetry
 from robotctl.messages.control import (
     Ack,

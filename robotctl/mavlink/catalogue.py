@@ -1,0 +1,54 @@
+"""What all microservices together send, answer and are able to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+from robotctl.mavlink.command import Command
+from robotctl.messages.mavlink_port import Message
+
+Builder: TypeAlias = Callable[[int], list[Message]]
+"""Return the messages of now [ns], none where there is nothing to say."""
+
+CommandHandler: TypeAlias = Callable[[Command, int], int | None]
+"""Carry out a command now [ns]; return its MAV_RESULT, None where `acknowledge` follows."""
+
+
+class Stream(NamedTuple):
+    """One kind of message that the robot sends.
+
+    Parameters
+    ----------
+    message_id
+        Its MAVLink number; REQUEST_MESSAGE asks for it once.
+    build
+        Makes it.
+    rate_hz
+        How often it goes out on each link until a ground station asks for another rate [Hz]; 0 is
+        off, None a message without a rate.
+    """
+
+    message_id: int
+    build: Builder
+    rate_hz: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Catalogue:
+    """The sum of all microservices.
+
+    Parameters
+    ----------
+    streams : mapping of int to Stream
+        By number of the message, in the order in which they start.
+    commands : mapping of int to callable
+        Who carries out each MAV_CMD.
+    capabilities : int
+        MAV_PROTOCOL_CAPABILITY bits.
+    """
+
+    streams: Mapping[int, Stream] = field(default_factory=dict)
+    commands: Mapping[int, CommandHandler] = field(default_factory=dict)
+    capabilities: int = 0

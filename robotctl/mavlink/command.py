@@ -1,0 +1,38 @@
+"""A command of a ground station, as COMMAND_LONG and COMMAND_INT bring it, and its results."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.messages.mavlink_port import Peer
+
+ACCEPTED: int = common.MAV_RESULT_ACCEPTED
+TEMPORARILY_REJECTED: int = common.MAV_RESULT_TEMPORARILY_REJECTED
+DENIED: int = common.MAV_RESULT_DENIED
+UNSUPPORTED: int = common.MAV_RESULT_UNSUPPORTED
+
+MAX_PENDING = 8
+"""So many wait for an answer of each kind, no more than control answers at once: whoever invents
+senders must not take the time in which a stop is waited for. The others are told to ask again."""
+
+
+class Command(NamedTuple):
+    """A command and where it came from.
+
+    `params` are param1 to param7; of a COMMAND_INT, 5 and 6 are its integers x and y.
+    `confirmation` counts how often the sender has sent it before; COMMAND_INT does not say.
+    """
+
+    number: int
+    params: tuple[float, ...]
+    sender: tuple[int, int]
+    peer: Peer
+    confirmation: int = 0
+
+    def whole(self, index: int) -> int | None:
+        """Return one of `params` that must be a whole number, None where it is none."""
+        value = self.params[index]
+        return int(value) if math.isfinite(value) and value == int(value) else None

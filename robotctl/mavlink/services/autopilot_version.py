@@ -1,0 +1,52 @@
+"""AUTOPILOT_VERSION: which robot this is, its software, and what it is able to do."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import ClassVar
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.context import TelemetryRobot
+from robotctl.mavlink.service import Microservice
+from robotctl.messages.mavlink_port import Message
+
+
+class AutopilotVersion(Microservice):
+    """Tells the capabilities of all services, to who asks."""
+
+    capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+
+    def streams(self) -> tuple[Stream, ...]:
+        """Return AUTOPILOT_VERSION, which has no rate."""
+        return (Stream(common.MAVLINK_MSG_ID_AUTOPILOT_VERSION, self._version, None),)
+
+    def _version(self, now_ns: int) -> list[Message]:  # noqa: ARG002
+        context = self._context
+        return [autopilot_version(context.robot, context.catalogue.capabilities)]
+
+
+def autopilot_version(robot: TelemetryRobot, capabilities: int) -> Message:
+    """Return AUTOPILOT_VERSION; the unique identifier is a hash of the robot's name."""
+    digest = hashlib.sha256(robot.name.encode()).digest()
+    return common.MAVLink_autopilot_version_message(
+        capabilities,
+        version_number(robot.version),
+        0,
+        0,
+        0,
+        [0] * 8,
+        [0] * 8,
+        [0] * 8,
+        0,
+        0,
+        int.from_bytes(digest[:8], "little"),
+    )
+
+
+def version_number(version: str) -> int:
+    """Return `major.minor.patch` as MAVLink writes it, marked as an official release."""
+    parts = [int(part) if part.isdigit() else 0 for part in [*version.split("."), "0", "0"][:3]]
+    major, minor, patch = (min(part, 255) for part in parts)
+    return major << 24 | minor << 16 | patch << 8 | int(common.FIRMWARE_VERSION_TYPE_OFFICIAL)

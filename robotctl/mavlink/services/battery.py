@@ -1,0 +1,53 @@
+"""BATTERY_STATUS: voltage, current and charge."""
+
+from __future__ import annotations
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink import frames
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.service import Microservice
+from robotctl.messages.control import ControlState
+from robotctl.messages.mavlink_port import Message
+
+_OTHER_CELLS = [frames.UINT16_MAX] * 9
+
+
+class Battery(Microservice):
+    """Tells the state of the battery while control is heard."""
+
+    def streams(self) -> tuple[Stream, ...]:
+        """Return the message with its configured rate."""
+        rate_hz = self._context.config.rates.battery_hz
+        return (Stream(common.MAVLINK_MSG_ID_BATTERY_STATUS, self._build, rate_hz),)
+
+    def _build(self, now_ns: int) -> list[Message]:
+        control = self._context.fresh_control(now_ns)
+        return [] if control is None else battery_status(control)
+
+
+def battery_status(state: ControlState) -> list[Message]:
+    """Return BATTERY_STATUS; empty where no battery was heard."""
+    battery = state.battery
+    if battery is None:
+        return []
+    charge_state = common.MAV_BATTERY_CHARGE_STATE_OK
+    if battery.critical:
+        charge_state = common.MAV_BATTERY_CHARGE_STATE_CRITICAL
+    elif battery.low:
+        charge_state = common.MAV_BATTERY_CHARGE_STATE_LOW
+    return [
+        common.MAVLink_battery_status_message(
+            0,
+            common.MAV_BATTERY_FUNCTION_ALL,
+            common.MAV_BATTERY_TYPE_UNKNOWN,
+            frames.centidegrees_celsius(battery.temperature_c),
+            [frames.millivolts(battery.voltage_v), *_OTHER_CELLS],
+            frames.centiamperes(battery.current_a),
+            -1,  # consumed charge and energy are not measured
+            -1,
+            frames.percent(battery.charge),
+            0,
+            charge_state,
+        )
+    ]

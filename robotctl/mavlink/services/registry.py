@@ -1,0 +1,51 @@
+"""All MAVLink microservices of the robot. A new one is a file in this folder and a line here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.mavlink.service import Microservice
+from robotctl.mavlink.services.arming import Arming
+from robotctl.mavlink.services.autopilot_version import AutopilotVersion
+from robotctl.mavlink.services.battery import Battery
+from robotctl.mavlink.services.commands import Commands
+from robotctl.mavlink.services.external_pose import ExternalPoses
+from robotctl.mavlink.services.ground_stations import GroundStations
+from robotctl.mavlink.services.heartbeat import Heartbeat
+from robotctl.mavlink.services.link_watch import LinkWatch
+from robotctl.mavlink.services.manual_control import ManualControls
+from robotctl.mavlink.services.message_requests import MessageRequests
+from robotctl.mavlink.services.modes import Modes
+from robotctl.mavlink.services.pose import Poses
+from robotctl.mavlink.services.setpoints import Setpoints
+from robotctl.mavlink.services.sonars import Sonars
+from robotctl.mavlink.services.status_text import StatusText
+from robotctl.mavlink.services.streams import Streams
+from robotctl.mavlink.services.system_status import SystemStatus
+from robotctl.mavlink.services.time_sync import TimeSync
+from robotctl.mavlink.services.wheels import Wheels
+
+SERVICES: Final[tuple[type[Microservice], ...]] = (
+    # Who is there, and what they ask for.
+    GroundStations,
+    Commands,
+    Arming,
+    Modes,
+    Setpoints,
+    ManualControls,
+    ExternalPoses,
+    TimeSync,
+    MessageRequests,
+    # What the robot tells; streams start in this order.
+    Heartbeat,
+    AutopilotVersion,
+    Poses,
+    Wheels,
+    Sonars,
+    Battery,
+    SystemStatus,
+    Streams,
+    LinkWatch,
+    StatusText,
+)
+"""In the order in which they are stepped."""

@@ -1,0 +1,37 @@
+"""WHEEL_DISTANCE: how far each wheel has rolled."""
+
+from __future__ import annotations
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink import frames
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.service import Microservice
+from robotctl.messages.control import ControlState
+from robotctl.messages.mavlink_port import Message
+
+MAX_WHEELS = 16
+
+
+class Wheels(Microservice):
+    """Tells the distances of the wheels while control is heard."""
+
+    def streams(self) -> tuple[Stream, ...]:
+        """Return the message with its configured rate."""
+        rate_hz = self._context.config.rates.wheel_distance_hz
+        return (Stream(common.MAVLINK_MSG_ID_WHEEL_DISTANCE, self._build, rate_hz),)
+
+    def _build(self, now_ns: int) -> list[Message]:
+        control = self._context.fresh_control(now_ns)
+        return [] if control is None else wheel_distance(control)
+
+
+def wheel_distance(state: ControlState) -> list[Message]:
+    """Return WHEEL_DISTANCE of the driven wheels, in the order of the drive's wheels."""
+    distances = state.wheel_distance_m[:MAX_WHEELS]
+    padding = [0.0] * (MAX_WHEELS - len(distances))
+    return [
+        common.MAVLink_wheel_distance_message(
+            frames.boot_us(state.stamp_ns), len(distances), [*distances, *padding]
+        )
+    ]
