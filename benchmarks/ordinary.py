@@ -15,19 +15,12 @@ import can
 import cantools.database
 
 from robotctl.app.processes import control
+from robotctl.app.processes.entry import enter
 from robotctl.app.processes.robot import make_codec, node_parameters
 from robotctl.config.robot_file import RobotConfig, config_directory
 from robotctl.drivers.can.codec import compile_syndrome
 from robotctl.drivers.can.nodes.robot_can import CanRobot
-from robotctl.drivers.can.nodes.robot_codec import (
-    BATTERY,
-    COMMAND,
-    DRIVE,
-    MOTOR,
-    SONARS,
-    WHEELS,
-    RobotCodec,
-)
+from robotctl.drivers.can.nodes.robot_codec import COMMAND, RobotCodec
 from robotctl.drivers.can.port import CAN_SFF_MASK, NODE_NAME
 from robotctl.messages.control import BusStatus
 from robotctl.messages.ports import Clock, Frame
@@ -79,34 +72,16 @@ class OrdinaryCodec(RobotCodec):
     """The robot's codec by `cantools` encode and decode."""
 
     def __init__(self, ours: RobotCodec) -> None:
-        super().__init__(ours.dbc)
         self._database = cantools.database.load_file(config_directory() / "robot.dbc")
         self._crc = compile_syndrome(ours.dbc.message(COMMAND))
+        super().__init__(ours.dbc)
         self.encode_command = self._encode_command
-        self.decode_wheels = self._reader(WHEELS, "Timestamp", "Count1", "Count2")
-        self.decode_motor = self._reader(
-            MOTOR,
-            *("State", "Current1", "Current2", "Temperature1", "Temperature2"),
-            *("FaultOverCurrent", "FaultOverTemperature", "FaultUnderVoltage"),
-            *("FaultEncoder", "FaultCommandTimeout", "FaultParameter"),
-        )
-        self.decode_drive = self._reader(
-            DRIVE, "EchoCounter", "SteeringAngle", "BusVoltage", "CommandAge", "RejectedCommands"
-        )
-        self.decode_battery = self._reader(
-            BATTERY,
-            *("Voltage", "Current", "Charge", "Temperature", "BatteryLow", "BatteryCritical"),
-        )
-        self.decode_sonars = tuple(
-            self._reader(name, *(f"Range{4 * group + offset}" for offset in range(4)))
-            for group, name in enumerate(SONARS)
-        )
 
-    def _reader(self, message: str, *signals: str) -> Any:
+    def decoder(self, message: str, *signals: str, raw: Collection[str] = ()) -> Any:
         decode = self._database.get_message_by_name(message).decode
 
         def read(data: bytes) -> tuple[Any, ...]:
-            values = decode(data, decode_choices=False)
+            values = decode(data, decode_choices=False, scaling=not raw)
             return tuple(values[signal] for signal in signals)
 
         return read
@@ -141,4 +116,4 @@ def make_ordinary_robot(config: RobotConfig, _clock: Clock) -> CanRobot:
 
 if __name__ == "__main__":
     control.make_robot = make_ordinary_robot
-    sys.exit(control.main())
+    sys.exit(enter("control", control.run))

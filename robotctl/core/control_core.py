@@ -41,6 +41,7 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.arm_requests import ArmRequests
 from robotctl.safety.command_guard import guard_command
+from robotctl.safety.health import AgeLimit
 from robotctl.safety.node_events import NodeEvents
 from robotctl.safety.plausibility import PlausibilityConfig
 from robotctl.safety.stale_frame_filter import Latch, LatchTimes
@@ -126,6 +127,8 @@ class ControlCore:
         Kinematics.
     control, limits, safety, plausibility
         Configuration of the wheel loops, of the set-point limiter and of the safety core.
+    ages
+        How old what the nodes report may be.
     period_ns
         Control period [ns].
     sonars
@@ -141,6 +144,7 @@ class ControlCore:
         limits: LimitsConfig,
         safety: SafetyConfig,
         plausibility: PlausibilityConfig,
+        ages: tuple[AgeLimit, ...],
         period_ns: int,
         sonars: tuple[SonarMount, ...],
         pose_world_base: SE2,
@@ -175,7 +179,7 @@ class ControlCore:
         self._motion = EncoderMotion(self._wheels, self.odometry)
         self._supervision = Supervision(
             safety,
-            period_ns,
+            ages,
             Monitored(
                 plausibility,
                 drive.wheel_names,

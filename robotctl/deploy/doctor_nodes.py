@@ -12,6 +12,8 @@ from typing import Final
 from robotctl.app.processes.robot import make_codec, node_parameters
 from robotctl.config.robot_file import RobotConfig
 from robotctl.deploy.check_result import Finding, fail, none, ok, warn
+from robotctl.drivers.can.nodes.can_node import CanNode
+from robotctl.drivers.can.nodes.registry import wanted_nodes
 from robotctl.drivers.can.nodes.robot_can import HEARTBEAT_BASE, CanRobot
 from robotctl.drivers.can.port import SocketPort
 from robotctl.errors import LinkError
@@ -44,7 +46,7 @@ with the name of its object."""
 
 def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
     """Open the bus and check all nodes; takes up to 4 s."""
-    codec = make_codec()
+    codec, parameters = make_codec(), node_parameters(config)
     ids = {*codec.arbitration_ids, codec.sync_id, codec.command_id}
     try:
         port = SocketPort(config.can, ids, clock)
@@ -56,8 +58,9 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
         held.callback(port.close)
         heard = listen(port, clock)
         if heard & masters or not _claim(config, held):
-            return [_only_listened(heard), check_traffic(port.status())]
-        robot = CanRobot(port, codec, node_parameters(config))
+            wanted = wanted_nodes(parameters)
+            return [only_listened(heard, wanted), check_traffic(port.status())]
+        robot = CanRobot(port, codec, parameters)
         nodes = commission(robot, clock, config.runtime.period_ns)
         version = codec.dbc.wire_version
         return [*(check_node(node, version) for node in nodes), check_traffic(port.status())]
@@ -119,15 +122,13 @@ def check_traffic(bus: BusStatus) -> Finding:
     return ok(check, words)
 
 
-def _only_listened(heard: frozenset[int]) -> Finding:
+def only_listened(heard: frozenset[int], wanted: tuple[CanNode, ...]) -> Finding:
     """Say who was there, where a running controller forbids to ask."""
-    nodes = sorted(
-        identifier - HEARTBEAT_BASE
-        for identifier in heard
-        if identifier >> 7 == HEARTBEAT_BASE >> 7
-    )
-    names = ", ".join(map(str, nodes)) or "none"
+    there = [node.name for node in wanted if HEARTBEAT_BASE + node.node_id in heard]
+    missing = [node.name for node in wanted if HEARTBEAT_BASE + node.node_id not in heard]
+    names = ", ".join(there) or "no node"
+    unheard = f", not of {', '.join(missing)}" if missing else ""
     return none(
         "CAN nodes",
-        f"a controller is running and asks them itself; heartbeats of nodes {names} were heard",
+        f"a controller is running and asks them itself; heartbeats of {names} were heard{unheard}",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from robotctl.messages.control import (
     BatteryFeedback,
@@ -19,7 +19,6 @@ from robotctl.messages.control import (
     SonarFeedback,
 )
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.safety.state_machine import SafetyConfig
 
 BUS_LOAD_MAX: Final = 0.8
 """A fuller bus [1] delays what is least urgent, the node services, without bound."""
@@ -31,23 +30,15 @@ _ENABLE_NS: Final = 100_000_000
 """So soon behind arming the drive says that it is enabled: it takes three commands and a status,
 50 ms at 100 Hz; the rest is for some that are lost."""
 
-_SILENCE: Final = frozenset(
-    {
-        FaultCode.WHEELS_STALE,
-        FaultCode.MOTOR_STALE,
-        FaultCode.DRIVE_STALE,
-        FaultCode.BATTERY_STALE,
-        FaultCode.SONAR_STALE,
-        FaultCode.NODE_SILENT,
-        FaultCode.DRIVE_STOPPED,
-    }
-)
-"""Faults that a pause of this process brings about."""
+_SILENCE: Final = frozenset({FaultCode.NODE_SILENT, FaultCode.DRIVE_STOPPED})
+"""Faults that a pause of this process brings about, beside those of age."""
 
 _PAUSE_NS: Final = 250_000_000
 """So long behind a pause it explains them: the motor controller's own words come a status later."""
 
 _NEVER_NS: Final = -(1 << 62)
+_KEPT: Final = frozenset({"wheels", "motor", "drive", "battery", "sonars"})
+"""Fields of `Feedback` that `Health` judges by more than their age."""
 _LATCHED_DRIVE_STATES: Final = frozenset(
     {DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_STOP}
 )
@@ -71,20 +62,58 @@ _DRIVE: Final = "drive"
 """The node whose feedback has no other name."""
 
 
+class AgeLimit(NamedTuple):
+    """How old what a node reports may be.
+
+    Parameters
+    ----------
+    field
+        Of `Feedback`.
+    code
+        Of the fault where it is older.
+    words
+        Begin the sentence for people, before "older than"; of sonars, before the limit.
+    part
+        Node that it is about; empty where it is about none alone.
+    limit_ns
+        Greatest age [ns].
+    """
+
+    field: str
+    code: FaultCode
+    words: str
+    part: str
+    limit_ns: int
+
+    def fault(self) -> Fault:
+        """Return the fault of a value that is older."""
+        text = f"{self.words} older than {self.limit_ns / 1e6:g} ms"
+        return Fault(self.code, text, self.part)
+
+
 class Health:
     """Keeps the newest inputs and judges them.
 
     Parameters
     ----------
-    safety
-        Age limits.
-    period_ns
-        Control period [ns], the unit of the wheel feedback's age limit.
+    ages
+        How old what the nodes report may be: at least wheels, motor, drive and battery.
+    heartbeat_limit_ns
+        How old a node's heartbeat may be [ns].
     sonars
         Names of the sonars of the ring; empty where nobody uses any.
     """
 
-    def __init__(self, safety: SafetyConfig, period_ns: int, sonars: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, ages: tuple[AgeLimit, ...], heartbeat_limit_ns: int, sonars: tuple[str, ...] = ()
+    ) -> None:
+        self._ages = {age.field: age for age in ages}
+        self._silence = _SILENCE | {age.code for age in ages}
+        """Faults that a pause of this process brings about."""
+        self._others = [age for age in ages if age.field not in _KEPT]
+        """What is judged by its age alone,"""
+        self._others_ns = dict.fromkeys((age.field for age in self._others), _NEVER_NS)
+        """and when the newest of each came [ns]."""
         self.motor: MotorStatus | None = None
         self._motor_fault: Fault | None = None
         """What `motor` reports."""
@@ -104,11 +133,12 @@ class Health:
         self._sonars_ns = span_ns(self.sonar_ns)
         self._wheels_ns = _NEVER_NS
         self._latch_us = -1
-        self._wheels_limit_ns = safety.feedback_timeout_periods * period_ns
-        self._status_limit_ns = safety.status_timeout_ms * 1_000_000
-        self._battery_limit_ns = safety.battery_timeout_ms * 1_000_000
-        self._sonar_limit_ns = safety.sonar_timeout_ms * 1_000_000
-        self._heartbeat_limit_ns = safety.heartbeat_timeout_ms * 1_000_000
+        self._wheels_limit_ns = self._ages["wheels"].limit_ns
+        self._motor_limit_ns = self._ages["motor"].limit_ns
+        self._drive_limit_ns = self._ages["drive"].limit_ns
+        self._battery_limit_ns = self._ages["battery"].limit_ns
+        self._sonar_limit_ns = self._ages["sonars"].limit_ns if sonars else 0
+        self._heartbeat_limit_ns = heartbeat_limit_ns
         self._stepped_ns: int | None = None
         self._paused_ns = 0
         self._pause_over_ns = _NEVER_NS
@@ -131,9 +161,9 @@ class Health:
         if feedback.battery is not None:
             self.battery = feedback.battery
         if feedback.sonars:
-            for sonar in feedback.sonars:
-                self._take_sonar(sonar)
-            self._sonars_ns = span_ns(self.sonar_ns)
+            self._take_sonars(feedback.sonars)
+        if self._others:
+            self._take_others(feedback)
         if feedback.nodes is not self.nodes:
             self._take_nodes(feedback.nodes)
         self._take_bus(feedback.bus)
@@ -147,13 +177,22 @@ class Health:
         if before_ns is not None and now_ns - before_ns > self._wheels_limit_ns:
             self._paused_ns, self._pause_over_ns = now_ns - before_ns, now_ns
 
-    def _take_sonar(self, sonar: SonarFeedback) -> None:
-        """Keep the ranges of one group."""
-        for index, range_m in enumerate(sonar.ranges_m, sonar.first):
-            if index < len(self.sonar_m):
-                self.sonar_m[index] = range_m
-                if not math.isnan(range_m):
-                    self.sonar_ns[index] = sonar.stamp_ns
+    def _take_others(self, feedback: Feedback) -> None:
+        """Note when what is judged by its age alone came last."""
+        for age in self._others:
+            value = getattr(feedback, age.field)
+            if value is not None:
+                self._others_ns[age.field] = value.stamp_ns
+
+    def _take_sonars(self, sonars: tuple[SonarFeedback, ...]) -> None:
+        """Keep the ranges of some groups."""
+        for sonar in sonars:
+            for index, range_m in enumerate(sonar.ranges_m, sonar.first):
+                if index < len(self.sonar_m):
+                    self.sonar_m[index] = range_m
+                    if not math.isnan(range_m):
+                        self.sonar_ns[index] = sonar.stamp_ns
+        self._sonars_ns = span_ns(self.sonar_ns)
 
     def _take_bus(self, bus: BusStatus) -> None:
         """Keep the state of the bus, and the fault that it is."""
@@ -187,13 +226,13 @@ class Health:
     def fresh_motor(self, now_ns: int) -> MotorStatus | None:
         """Return the motor status if it is not too old."""
         motor = self.motor
-        fresh = motor is not None and is_fresh(motor.stamp_ns, now_ns, self._status_limit_ns)
+        fresh = motor is not None and is_fresh(motor.stamp_ns, now_ns, self._motor_limit_ns)
         return motor if fresh else None
 
     def fresh_drive(self, now_ns: int) -> DriveStatus | None:
         """Return the drive status if it is not too old."""
         drive = self.drive
-        fresh = drive is not None and is_fresh(drive.stamp_ns, now_ns, self._status_limit_ns)
+        fresh = drive is not None and is_fresh(drive.stamp_ns, now_ns, self._drive_limit_ns)
         return drive if fresh else None
 
     def fresh_battery(self, now_ns: int) -> BatteryFeedback | None:
@@ -227,7 +266,7 @@ class Health:
 
     def _explained(self, fault: Fault, now_ns: int) -> Fault:
         """Return a fault, or that this process was held up where this explains it."""
-        if now_ns - self._pause_over_ns > _PAUSE_NS or fault.code not in _SILENCE:
+        if now_ns - self._pause_over_ns > _PAUSE_NS or fault.code not in self._silence:
             return fault
         text = f"control was held up for {self._paused_ns / 1e6:.0f} ms: {fault}"
         return Fault(FaultCode.CONTROL_HELD_UP, text)
@@ -255,20 +294,20 @@ class Health:
         faults = []
         if self._bus_fault is not None:
             faults.append(self._bus_fault)
+        ages = self._ages
         if not self.wheels_fresh(now_ns):
-            text = f"wheel feedback is older than {self._wheels_limit_ns / 1e6:g} ms"
-            faults.append(Fault(FaultCode.WHEELS_STALE, text, _DRIVE))
-        motor, limit_ns = self.fresh_motor(now_ns), self._status_limit_ns
-        if motor is None:
-            text = f"motor status is older than {limit_ns / 1e6:g} ms"
-            faults.append(Fault(FaultCode.MOTOR_STALE, text, _DRIVE))
+            faults.append(ages["wheels"].fault())
+        if self.fresh_motor(now_ns) is None:
+            faults.append(ages["motor"].fault())
         elif self._motor_fault is not None:
             faults.append(self._motor_fault)
         if self.fresh_drive(now_ns) is None:
-            text = f"drive status is older than {limit_ns / 1e6:g} ms"
-            faults.append(Fault(FaultCode.DRIVE_STALE, text, _DRIVE))
+            faults.append(ages["drive"].fault())
         faults += self._battery_faults(now_ns)
         faults += self._sonar_faults(now_ns)
+        for age in self._others:
+            if not is_fresh(self._others_ns[age.field], now_ns, age.limit_ns):
+                faults.append(age.fault())
         faults += self._node_problems(now_ns)
         return faults
 
@@ -278,8 +317,7 @@ class Health:
         if battery is None:
             return [Fault(FaultCode.BATTERY_MISSING, "the battery has not reported yet")]
         if not is_fresh(battery.stamp_ns, now_ns, self._battery_limit_ns):
-            text = f"the battery's report is older than {self._battery_limit_ns / 1e6:g} ms"
-            return [Fault(FaultCode.BATTERY_STALE, text)]
+            return [self._ages["battery"].fault()]
         if battery.critical:
             text = f"the battery is critical ({battery.voltage_v:.1f} V)"
             return [Fault(FaultCode.BATTERY_CRITICAL, text)]
@@ -290,9 +328,10 @@ class Health:
         limit_ns = self._sonar_limit_ns
         if are_fresh(self._sonars_ns, now_ns, limit_ns):
             return []
-        silence = f"has given no range for {limit_ns / 1e6:g} ms"
+        age = self._ages["sonars"]
+        silence = f"{age.words} {limit_ns / 1e6:g} ms"
         return [
-            Fault(FaultCode.SONAR_STALE, f"sonar {name} {silence}", name)
+            Fault(age.code, f"sonar {name} {silence}", name)
             for name, stamp_ns in zip(self._sonar_names, self.sonar_ns, strict=True)
             if not is_fresh(stamp_ns, now_ns, limit_ns)
         ]

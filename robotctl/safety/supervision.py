@@ -9,7 +9,7 @@ from typing import Final
 from robotctl.messages.control import DriveState, Feedback, WheelCommand
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.safety.health import Health
+from robotctl.safety.health import AgeLimit, Health
 from robotctl.safety.monitor import Monitor, MonitorInputs, Motion
 from robotctl.safety.plausibility import Plausibility, PlausibilityConfig
 from robotctl.safety.plausibility_sonar import SonarMonitor
@@ -72,15 +72,16 @@ class Supervision:
     Parameters
     ----------
     safety
-        Age limits.
-    period_ns
-        Control period [ns].
+        Time-outs.
+    ages
+        How old what the nodes report may be.
     robot
         What is monitored.
     """
 
-    def __init__(self, safety: SafetyConfig, period_ns: int, robot: Monitored) -> None:
-        self.health = Health(safety, period_ns, tuple(mount.name for mount in robot.sonars))
+    def __init__(self, safety: SafetyConfig, ages: tuple[AgeLimit, ...], robot: Monitored) -> None:
+        names = tuple(mount.name for mount in robot.sonars)
+        self.health = Health(ages, safety.heartbeat_timeout_ms * 1_000_000, names)
         self._monitors = tuple(make(robot) for make in MONITORS)
         self._values = SensorValues(
             robot.wheel_names, robot.steering_max_rad, robot.plausibility.steering_tolerance_rad

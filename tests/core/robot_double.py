@@ -7,6 +7,8 @@ import msgspec
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.pid import PidConfig
 from robotctl.core.control_core import ControlConfig, ControlCore, Inputs, Outputs
+from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.control import (
     Arm,
     BatteryFeedback,
@@ -40,6 +42,7 @@ K_V_S_RAD = 0.45
 RESISTANCE_OHM = 1.5
 TAU_S = 0.08
 DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
+NODES = NodeParameters(200, 90, 350, 2400, steered=False, sonars=4)
 PID = PidConfig(kp=0.25, ki=3.0, kv=K_V_S_RAD)
 
 
@@ -50,6 +53,7 @@ def make_core(safety: SafetyConfig = SAFETY, left: PidConfig = PID) -> ControlCo
         LimitsConfig(),
         safety,
         PlausibilityConfig(RESISTANCE_OHM, K_V_S_RAD),
+        age_limits(NODES, safety, PERIOD_NS),
         PERIOD_NS,
         tuple(SonarMount(name, 0.0, 0.1, 90.0) for name in ("a", "b", "c", "d")),
         SE2(1.0, 2.0, 0.0),

@@ -5,9 +5,11 @@ from collections.abc import Callable
 
 import pytest
 
+from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.control import DriveStatus, Feedback, SafetyState, VelocityCommand
 from robotctl.safety.health import Health, is_fresh
 from robotctl.safety.state_machine import SafetyConfig
+from tests.core.robot_double import NODES as NODES_WANTED
 from tests.core.robot_double import PERIOD_NS, RobotDouble
 
 SAFETY = SafetyConfig()
@@ -72,7 +74,7 @@ def test_an_input_that_is_too_old_keeps_the_robot_from_arming(name: str) -> None
 
 def test_the_drive_says_for_how_long_no_command_has_reached_it() -> None:
     limit_ms = SAFETY.feedback_timeout_periods * PERIOD_NS // MS
-    health = Health(SAFETY, PERIOD_NS)
+    health = Health(age_limits(NODES_WANTED, SAFETY, PERIOD_NS), SAFETY.heartbeat_timeout_ms * MS)
 
     def status(at_ms: int, age_ms: int) -> None:
         health.update(Feedback(drive=DriveStatus(at_ms * MS, 0, 0.0, 12.0, age_ms, 0)))

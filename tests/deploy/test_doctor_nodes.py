@@ -6,12 +6,8 @@ from robotctl.app.processes.robot import make_codec
 from robotctl.deploy.check_result import Verdict
 from robotctl.deploy.doctor_nodes import check_node
 from robotctl.drivers.can.config import NodeParameters
-from robotctl.drivers.can.nodes.commissioning import (
-    PRODUCT_DRIVE,
-    REVISION_MAJOR,
-    VENDOR_ID,
-    drive_script,
-)
+from robotctl.drivers.can.nodes.commissioning import REVISION_MAJOR, VENDOR_ID
+from robotctl.drivers.can.nodes.drive import PRODUCT, drive_script
 from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, SdoResponse
 from robotctl.messages.control import NodeStatus
 
@@ -19,7 +15,7 @@ DBC = make_codec().dbc
 PARAMETERS = NodeParameters(200, 90, 350, 2400, False, 8)
 GOOD = tuple(
     SdoResponse(value)
-    for value in (VENDOR_ID, PRODUCT_DRIVE, REVISION_MAJOR << 16, DBC.wire_version, 2400)
+    for value in (VENDOR_ID, PRODUCT, REVISION_MAJOR << 16, DBC.wire_version, 2400)
 )
 NO_ANSWER, NO_OBJECT, REFUSED = (
     SdoResponse(),

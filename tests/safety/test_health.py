@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.control import (
     BatteryFeedback,
     BusState,
@@ -51,8 +53,16 @@ GOOD = Feedback(
 NAMES = ("front", "left", "rear", "right")
 
 
+WANTED = NodeParameters(200, 90, 350, 2400, steered=False, sonars=4)
+
+
+def make(safety: SafetyConfig, period_ns: int, sonars: tuple[str, ...] = NAMES) -> Health:
+    ages = age_limits(WANTED, safety, period_ns)
+    return Health(ages, safety.heartbeat_timeout_ms * MS, sonars)
+
+
 def health(*feedback: Feedback, sonars: tuple[str, ...] = NAMES) -> Health:
-    kept = Health(SAFETY, PERIOD_NS, sonars)
+    kept = make(SAFETY, PERIOD_NS, sonars)
     for each in feedback or (GOOD,):
         kept.update(each)
     return kept
@@ -98,7 +108,7 @@ def test_before_the_first_feedback_every_input_that_is_missing_is_named() -> Non
 
 def test_a_refusal_tells_its_limit_as_it_was_configured() -> None:
     second = {f"{name}_timeout_ms": 1000 for name in ("status", "battery", "sonar", "heartbeat")}
-    kept = Health(SafetyConfig(feedback_timeout_periods=10, **second), 100 * MS, NAMES)
+    kept = make(SafetyConfig(feedback_timeout_periods=10, **second), 100 * MS)
     kept.update(GOOD)
     assert kept.refusals(NOW + 1000 * MS) == ()
     assert kept.refusals(NOW + 1000 * MS + 1) == (
@@ -114,7 +124,7 @@ def test_a_refusal_tells_its_limit_as_it_was_configured() -> None:
 @pytest.mark.parametrize("now_ns", [0, 1, NOW])
 def test_a_health_that_never_saw_anything_has_seen_nothing_at_any_time(now_ns: int) -> None:
     """Nor does the time since the machine's start let it look fresh."""
-    kept = Health(SAFETY, PERIOD_NS, NAMES)
+    kept = make(SAFETY, PERIOD_NS)
     assert str(kept.fault(now_ns)) == "wheel feedback is older than 15 ms"
     assert len(kept.fresh_sonar_m(now_ns)) == len(NAMES)
     assert all(math.isnan(range_m) for range_m in kept.fresh_sonar_m(now_ns))

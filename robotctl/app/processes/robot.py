@@ -9,12 +9,14 @@ from robotctl.core.checkpoint import fields_of
 from robotctl.core.control_core import ControlCore
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.dbc import load_dbc
+from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.drivers.can.nodes.robot_can import CanRobot
 from robotctl.drivers.can.nodes.robot_codec import RobotCodec
 from robotctl.drivers.can.port import SocketPort
 from robotctl.messages.ports import Clock
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.flight.recorder import RecordHeader
+from robotctl.safety.health import AgeLimit
 
 
 def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
@@ -25,6 +27,7 @@ def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
         config.limits,
         config.safety,
         config.plausibility,
+        feedback_ages(config),
         config.runtime.period_ns,
         config.sonar,
         SE2(options.x_m, options.y_m, options.theta_rad),
@@ -46,6 +49,11 @@ def node_parameters(config: RobotConfig) -> NodeParameters:
         steered=config.drive.steered,
         sonars=len(config.sonar),
     )
+
+
+def feedback_ages(config: RobotConfig) -> tuple[AgeLimit, ...]:
+    """Return how old what the nodes of a robot report may be."""
+    return age_limits(node_parameters(config), config.safety, config.runtime.period_ns)
 
 
 def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:

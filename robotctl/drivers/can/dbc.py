@@ -10,6 +10,7 @@ import difflib
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,16 @@ class Dbc:
                 f"{self.path}: {message}.{signal}: value {name} is missing"
                 f"{_nearest(name, found.values.values())}"
             ) from None
+
+    def expect_values(self, message: str, signal: str, kind: type[IntEnum]) -> None:
+        """Check that a value table says the same as an enumeration; `ConfigError` as `message`."""
+        for member in kind:
+            raw = self.value(message, signal, member.name.lower())
+            if raw != member.value:
+                raise ConfigError(
+                    f"{self.path}: {message}.{signal}: {member.name.lower()} is {raw}, "
+                    f"must be {member.value}"
+                )
 
     def protection(self, message: str) -> Protection:
         """Return the protection of a message that must have one; `ConfigError` as `message`."""

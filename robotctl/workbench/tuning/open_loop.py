@@ -8,6 +8,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotctl.app.processes.robot import feedback_ages
 from robotctl.app.simulation.lockstep import Bench
 from robotctl.config.robot_file import RobotConfig
 from robotctl.control.identification.tuning import Relay
@@ -76,7 +77,7 @@ class OpenLoop:
 
     def __init__(self, bench: Bench, config: RobotConfig) -> None:
         self._bench = bench
-        self._health = Health(config.safety, bench.period_ns)
+        self._health = Health(feedback_ages(config), config.safety.heartbeat_timeout_ms * 1_000_000)
         drive = config.drive
         self._wheels = tuple(
             WheelVelocityEstimator(drive.counts_per_revolution) for _ in drive.wheel_names

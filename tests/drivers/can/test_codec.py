@@ -141,7 +141,7 @@ def test_sonar_ranges_tell_no_echo_from_no_sensor(codec, raws):
     message = DBC.message("SonarRangesC")
     names = [f"Range{index}" for index in range(8, 12)]
     frame = compile_encoder(message, names)(*(raw * 0.001 for raw in raws))
-    for raw, range_m in zip(raws, codec.decode_sonars[2](frame), strict=True):
+    for raw, range_m in zip(raws, codec.readers["SonarRangesC"](frame, 5).ranges_m, strict=True):
         if raw == 8190:
             assert math.isnan(range_m)
         else:

@@ -8,46 +8,27 @@ faults, and reading each node's settings in turn.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from robotctl.drivers.can.bus_load import transmission_type
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.e2e import AliveCounter, E2eCounters, E2eReceiver
-from robotctl.drivers.can.nodes.commissioning import (
-    CLEAR_FAULTS,
-    drive_script,
-    power_script,
-    sonar_script,
-)
+from robotctl.drivers.can.nodes.can_node import NodeFrame, Value
+from robotctl.drivers.can.nodes.drive import CLEAR_FAULTS, DRIVE
 from robotctl.drivers.can.nodes.node import Node
-from robotctl.drivers.can.nodes.robot_codec import (
-    BATTERY,
-    DRIVE,
-    MOTOR,
-    SONARS,
-    SYNC,
-    WHEELS,
-    RobotCodec,
-    drive_state,
-    fault_bits,
-)
+from robotctl.drivers.can.nodes.registry import wanted_nodes
+from robotctl.drivers.can.nodes.robot_codec import SYNC, RobotCodec
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, RESPONSE_BASE
 from robotctl.messages.control import (
-    BatteryFeedback,
     BusStatus,
-    DriveStatus,
     EmergencyMessage,
     EmergencyStopSource,
     Feedback,
-    MotorStatus,
     NodeStatus,
-    SonarFeedback,
     WheelCommand,
-    WheelFeedback,
 )
 from robotctl.messages.ports import CanPort
 
-DRIVE_NODE, SONAR_NODE, POWER_NODE = 1, 2, 3
 EMERGENCY_BASE: Final = 0x080
 HEARTBEAT_BASE: Final = 0x700
 
@@ -61,13 +42,19 @@ _SILENCE_PERIODS = 12
 """A protected message silent for so many periods starts anew: before its counter, of 15 values, may
 have gone round, and later than any feedback is let grow old (ten periods in a simulator)."""
 
+_FIELDS: Final = Feedback.__struct_fields__
+_NOTHING: Final[list[Any]] = [getattr(Feedback(), name) for name in _FIELDS]
+_DRIVE_STATUS, _EMERGENCIES, _EMERGENCY_STOP, _NODES, _BUS = map(
+    _FIELDS.index, ("drive", "emergencies", "emergency_stop", "nodes", "bus")
+)
+
 _SOURCES = {source.value: source for source in EmergencyStopSource}
 
 Handler = Callable[[bytes, int], None]
 
 
 class CanRobot:
-    """Motor controller, sonar ring and battery monitor behind one CAN port.
+    """The nodes of a robot behind one CAN port: those of `CAN_NODES` that it wants.
 
     Parameters
     ----------
@@ -85,6 +72,8 @@ class CanRobot:
         self._alive = AliveCounter()
         self._counters = E2eCounters()
         self._receivers: dict[int, list[E2eReceiver]] = {}
+        self._values = list(_NOTHING)
+        """What the present tick has brought, in the order of the fields of `Feedback`."""
         self._refused_commands = 0
         self._stop_source: EmergencyStopSource | None = None
         self._clear_wanted = False
@@ -93,14 +82,13 @@ class CanRobot:
         self._steering_rad = 0.0
         """Where the steering was last, as far as a command can say it: motors that go off leave it
         there."""
-        dbc = codec.dbc
         timeout_ns = parameters.heartbeat_timeout_ms * 1_000_000
-        self._drive = Node(DRIVE_NODE, "drive", drive_script(dbc, parameters), timeout_ns)
-        self._nodes = [self._drive]
-        if parameters.sonars:
-            script = sonar_script(dbc, parameters)
-            self._nodes.append(Node(SONAR_NODE, "sonar", script, timeout_ns))
-        self._nodes.append(Node(POWER_NODE, "power", power_script(dbc, parameters), timeout_ns))
+        wanted = wanted_nodes(parameters)
+        self._nodes = [
+            Node(each.node_id, each.name, each.script(codec.dbc, parameters), timeout_ns)
+            for each in wanted
+        ]
+        self._drive = next(node for node in self._nodes if node.node_id == DRIVE.node_id)
         self._waiting = list(self._nodes)
         """In turn, so that none has to wait until others are ready: whose frame is next."""
         self._node_status = tuple(node.status for node in self._nodes)
@@ -110,24 +98,16 @@ class CanRobot:
         }
         for node in self._nodes:
             self._handle_services(node)
-        self._handle_process_data(parameters)
-        self._clear()
-
-    def _clear(self) -> None:
-        """Forget what the last tick brought."""
-        self._wheels: WheelFeedback | None = None
-        self._motor: MotorStatus | None = None
-        self._drive_status: DriveStatus | None = None
-        self._battery: BatteryFeedback | None = None
-        self._sonars: list[SonarFeedback] = []
-        self._emergencies: list[EmergencyMessage] = []
-        self._emergency_stop: EmergencyStopSource | None = None
+        for each in wanted:
+            for frame in each.frames:
+                self._handle_process_data(each.node_id, frame, parameters)
 
     # Receiving ----------------------------------------------------------------------------------
 
     def receive(self, now_ns: int) -> Feedback:
         """Return what arrived since the last call, and the present state of nodes and bus."""
-        self._clear()
+        values = self._values
+        values[:] = _NOTHING
         handlers = self._handlers
         for arbitration_id, data, stamp_ns in self._port.receive():
             handler = handlers.get(arbitration_id)
@@ -136,17 +116,13 @@ class CanRobot:
         for node in self._nodes:
             if node.check(now_ns):
                 self._note_nodes()
-        return Feedback(
-            self._wheels,
-            self._motor,
-            self._drive_status,
-            tuple(self._sonars),
-            self._battery,
-            tuple(self._emergencies),
-            self._emergency_stop,
-            self._node_status,
-            self._bus_status(),
-        )
+        drive = values[_DRIVE_STATUS]
+        if drive is not None:
+            low_rad, high_rad = self._codec.steering_range_rad
+            self._steering_rad = min(max(drive.steering_rad, low_rad), high_rad)
+        values[_NODES] = self._node_status
+        values[_BUS] = self._bus_status()
+        return Feedback(*values)
 
     def _bus_status(self) -> BusStatus:
         """Return the port's counters together with those of end-to-end protection."""
@@ -189,7 +165,7 @@ class CanRobot:
         def on_emergency(data: bytes, stamp_ns: int) -> None:
             if len(data) == 8:
                 code = int.from_bytes(data[:2], "little")
-                self._emergencies.append(EmergencyMessage(stamp_ns, node_id, code, data[2]))
+                self._values[_EMERGENCIES] += (EmergencyMessage(stamp_ns, node_id, code, data[2]),)
 
         def on_foreign_sdo(_: bytes, stamp_ns: int) -> None:
             node.on_foreign_sdo(stamp_ns)
@@ -199,21 +175,17 @@ class CanRobot:
         self._handlers[RESPONSE_BASE + node_id] = on_sdo
         self._handlers[EMERGENCY_BASE + node_id] = on_emergency
 
-    def _handle_process_data(self, parameters: NodeParameters) -> None:
-        """Wire each protected message to its receiver and decoder."""
-        handlers: dict[str, tuple[int, Handler]] = {
-            WHEELS: (DRIVE_NODE, self._on_wheels),
-            MOTOR: (DRIVE_NODE, self._on_motor),
-            DRIVE: (DRIVE_NODE, self._on_drive),
-            BATTERY: (POWER_NODE, self._on_battery),
-        }
-        for group, name in enumerate(SONARS):
-            handlers[name] = (SONAR_NODE, self._sonar_handler(group))
-        for name, (node_id, handler) in handlers.items():
-            receiver = self._make_receiver(name, parameters)
-            self._receivers.setdefault(node_id, []).append(receiver)
-            arbitration_id = self._codec.dbc.message(name).arbitration_id
-            self._handlers[arbitration_id] = _guarded(receiver, handler)
+    def _handle_process_data(
+        self, node_id: int, frame: NodeFrame, parameters: NodeParameters
+    ) -> None:
+        """Wire a protected message to its receiver and decoder."""
+        receiver = self._make_receiver(frame.message, parameters)
+        self._receivers.setdefault(node_id, []).append(receiver)
+        index = _FIELDS.index(frame.field)
+        guarded = _guarded_all if isinstance(_NOTHING[index], tuple) else _guarded
+        arbitration_id = self._codec.dbc.message(frame.message).arbitration_id
+        read = self._codec.readers[frame.message]
+        self._handlers[arbitration_id] = guarded(receiver, read, self._values, index)
 
     def _make_receiver(self, name: str, parameters: NodeParameters) -> E2eReceiver:
         """Return the receiver of a message, with a time-out that suits its period."""
@@ -225,47 +197,10 @@ class CanRobot:
             period_ns = every * 1_000_000_000 // parameters.rate_hz
         return E2eReceiver(message, _SILENCE_PERIODS * period_ns, self._counters)
 
-    def _on_wheels(self, data: bytes, stamp_ns: int) -> None:
-        timestamp_us, count1, count2 = self._codec.decode_wheels(data)
-        self._wheels = WheelFeedback(stamp_ns, timestamp_us, count1, count2)
-
-    def _on_motor(self, data: bytes, stamp_ns: int) -> None:
-        state, current1, current2, temperature1, temperature2, *flags = (
-            self._codec.decode_motor(data)
-        )  # fmt: skip
-        self._motor = MotorStatus(
-            stamp_ns,
-            drive_state(state),
-            current1,
-            current2,
-            temperature1,
-            temperature2,
-            fault_bits(tuple(flags)),
-        )
-
-    def _on_drive(self, data: bytes, stamp_ns: int) -> None:
-        self._drive_status = status = DriveStatus(stamp_ns, *self._codec.decode_drive(data))
-        low_rad, high_rad = self._codec.steering_range_rad
-        self._steering_rad = min(max(status.steering_rad, low_rad), high_rad)
-
-    def _on_battery(self, data: bytes, stamp_ns: int) -> None:
-        voltage, current, charge, temperature, low, critical = self._codec.decode_battery(data)
-        self._battery = BatteryFeedback(
-            stamp_ns, voltage, current, charge / 100, temperature, bool(low), bool(critical)
-        )
-
-    def _sonar_handler(self, group: int) -> Handler:
-        decode = self._codec.decode_sonars[group]
-
-        def on_sonars(data: bytes, stamp_ns: int) -> None:
-            self._sonars.append(SonarFeedback(stamp_ns, 4 * group, decode(data)))
-
-        return on_sonars
-
     def _on_emergency_stop(self, data: bytes, _: int) -> None:
         self._leave_latches()
         source = _SOURCES.get(data[0]) if data else None
-        self._emergency_stop = EmergencyStopSource.UNKNOWN if source is None else source
+        self._values[_EMERGENCY_STOP] = EmergencyStopSource.UNKNOWN if source is None else source
 
     def _on_foreign_nmt(self, data: bytes, _: int) -> None:
         """Take an NMT command of somebody else: the bus does not bring us our own."""
@@ -364,12 +299,27 @@ class CanRobot:
         return self._node_status
 
 
-def _guarded(receiver: E2eReceiver, handler: Handler) -> Handler:
-    """Return a handler that decodes only what the receiver accepts."""
+def _guarded(
+    receiver: E2eReceiver, read: Callable[[bytes, int], Value], values: list[Any], index: int
+) -> Handler:
+    """Return a handler that keeps the newest value of what the receiver accepts."""
     accept = receiver.accept
 
     def handle(data: bytes, stamp_ns: int) -> None:
         if accept(data, stamp_ns):
-            handler(data, stamp_ns)
+            values[index] = read(data, stamp_ns)
+
+    return handle
+
+
+def _guarded_all(
+    receiver: E2eReceiver, read: Callable[[bytes, int], Value], values: list[Any], index: int
+) -> Handler:
+    """Return a handler that keeps all values of what the receiver accepts."""
+    accept = receiver.accept
+
+    def handle(data: bytes, stamp_ns: int) -> None:
+        if accept(data, stamp_ns):
+            values[index] += (read(data, stamp_ns),)
 
     return handle

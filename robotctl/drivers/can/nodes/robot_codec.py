@@ -6,36 +6,21 @@ at the start, so that a DBC that does not fit is refused before any frame is sen
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from enum import IntEnum
+from collections.abc import Callable, Collection
 from typing import Final
 
 from robotctl.drivers.can.codec import Decoder, compile_decoder, compile_encoder, data_id_crc
 from robotctl.drivers.can.dbc import HOST, Dbc, Message
+from robotctl.drivers.can.nodes.can_node import Value
+from robotctl.drivers.can.nodes.registry import CAN_NODES
 from robotctl.drivers.can.nodes.sdo import NODE_ID_MAX, REQUEST_BASE
 from robotctl.errors import ConfigError
-from robotctl.messages.control import DriveFault, DriveState, EmergencyStopSource
+from robotctl.messages.control import EmergencyStopSource
 
 COMMAND: Final = "MotorCommand"
-WHEELS: Final = "WheelFeedback"
-MOTOR: Final = "MotorStatus"
-DRIVE: Final = "DriveStatus"
-BATTERY: Final = "Battery"
-SONARS: Final = ("SonarRangesA", "SonarRangesB", "SonarRangesC", "SonarRangesD")
 EMERGENCY_STOP: Final = "EmergencyStop"
 SYNC: Final = "Sync"
 NMT: Final = "NmtControl"
-
-_FAULT_SIGNALS = {
-    DriveFault.OVER_CURRENT: "FaultOverCurrent",
-    DriveFault.OVER_TEMPERATURE: "FaultOverTemperature",
-    DriveFault.UNDER_VOLTAGE: "FaultUnderVoltage",
-    DriveFault.ENCODER: "FaultEncoder",
-    DriveFault.COMMAND_TIMEOUT: "FaultCommandTimeout",
-    DriveFault.PARAMETER: "FaultParameter",
-}
-_STATES = tuple(DriveState)
 
 
 class RobotCodec:
@@ -45,6 +30,12 @@ class RobotCodec:
     ----------
     dbc
         A file with the messages of `configs/robot.dbc`.
+
+    Attributes
+    ----------
+    readers
+        For each protected message of `CAN_NODES`, the function from data and time of reception
+        [ns] to what it says.
 
     Raises
     ------
@@ -63,11 +54,11 @@ class RobotCodec:
         self.arbitration_ids = tuple(sorted({*foreign, *dbc.received_by(HOST)}))
         """What the host listens to: what is meant for it; emergency stops, NMT and SDO requests by
         others."""
-        for name in (COMMAND, WHEELS, MOTOR, DRIVE, BATTERY, *SONARS):
+        frames = [frame for node in CAN_NODES for frame in node.frames]
+        for name in (COMMAND, *(frame.message for frame in frames)):
             dbc.protection(name)
         _check_data_ids(dbc)
-        _check_names(dbc, MOTOR, "State", DriveState)
-        _check_names(dbc, EMERGENCY_STOP, "EmergencyStopSource", EmergencyStopSource)
+        dbc.expect_values(EMERGENCY_STOP, "EmergencyStopSource", EmergencyStopSource)
         self.encode_command = compile_encoder(
             dbc.message(COMMAND),
             _present(dbc, COMMAND, "Counter", "Enable", "Brake", "Duty1", "Duty2", "SteeringAngle"),
@@ -78,72 +69,14 @@ class RobotCodec:
             steering.raw_maximum * steering.scale + steering.offset,
         )
         """The steering angles that a command can carry [rad]; DriveStatus says more than these."""
-        self.decode_wheels = self._decoder(WHEELS, "Timestamp", "Count1", "Count2")
-        self.decode_motor = self._decoder(
-            MOTOR,
-            "State",
-            "Current1",
-            "Current2",
-            "Temperature1",
-            "Temperature2",
-            *_FAULT_SIGNALS.values(),
-        )
-        self.decode_drive = self._decoder(
-            DRIVE, "EchoCounter", "SteeringAngle", "BusVoltage", "CommandAge", "RejectedCommands"
-        )
-        self.decode_battery = self._decoder(
-            BATTERY,
-            "Voltage",
-            "Current",
-            "Charge",
-            "Temperature",
-            "BatteryLow",
-            "BatteryCritical",
-        )
-        self.decode_sonars = tuple(
-            _sonar_decoder(dbc, name, group) for group, name in enumerate(SONARS)
-        )
+        self.readers: dict[str, Callable[[bytes, int], Value]] = {
+            frame.message: frame.reader(self) for frame in frames
+        }
 
-    def _decoder(self, message: str, *signals: str) -> Decoder:
-        return compile_decoder(self.dbc.message(message), _present(self.dbc, message, *signals))
-
-
-def drive_state(raw: int) -> DriveState:
-    """Return the state of a raw value; one that the DBC does not know is taken as a fault."""
-    return _STATES[raw] if raw < len(_STATES) else DriveState.FAULT
-
-
-def fault_bits(flags: tuple[int, ...]) -> int:
-    """Return `DriveFault` bits of the six fault signals, as `decode_motor` orders them."""
-    bits = 0
-    for fault, flag in zip(_FAULT_SIGNALS, flags, strict=True):
-        if flag:
-            bits |= fault.value
-    return bits
-
-
-def _sonar_decoder(
-    dbc: Dbc, message: str, group: int
-) -> Callable[[bytes], tuple[float, float, float, float]]:
-    """Compile the decoder of one group of ranges [m]: inf no echo, nan no sensor or a fault."""
-    names = _present(dbc, message, *(f"Range{4 * group + offset}" for offset in range(4)))
-    decode = compile_decoder(dbc.message(message), names, raw=names)
-    scale = dbc.signal(message, names[0]).scale
-    special = {
-        dbc.value(message, names[0], "no_echo"): math.inf,
-        dbc.value(message, names[0], "fault"): math.nan,
-    }
-
-    def decode_ranges(data: bytes) -> tuple[float, float, float, float]:
-        a, b, c, d = decode(data)
-        return (
-            special[a] if a in special else a * scale,
-            special[b] if b in special else b * scale,
-            special[c] if c in special else c * scale,
-            special[d] if d in special else d * scale,
-        )
-
-    return decode_ranges
+    def decoder(self, message: str, *signals: str, raw: Collection[str] = ()) -> Decoder:
+        """Return the decoder of some signals, those of `raw` unscaled."""
+        names = _present(self.dbc, message, *signals)
+        return compile_decoder(self.dbc.message(message), names, raw)
 
 
 def _sdo_requests(dbc: Dbc) -> list[int]:
@@ -172,15 +105,4 @@ def _check_data_ids(dbc: Dbc) -> None:
                 f"{dbc.path}: {message.name}: its E2E_DataId 0x{message.protection.data_id:04X} "
                 f"has the CRC of {other.name}'s 0x{other.protection.data_id:04X}, so that each "
                 "passes for the other"
-            )
-
-
-def _check_names(dbc: Dbc, message: str, signal: str, kind: type[IntEnum]) -> None:
-    """Check that a value table says the same as the enumeration of the messages."""
-    for member in kind:
-        raw = dbc.value(message, signal, member.name.lower())
-        if raw != member.value:
-            raise ConfigError(
-                f"{dbc.path}: {message}.{signal}: {member.name.lower()} is {raw}, "
-                f"must be {member.value}"
             )

@@ -1,0 +1,31 @@
+"""`CAN_NODES`: every kind of node that a robot may have on its bus.
+
+Handlers, commissioning, age limits and the checks of `robotctl doctor` follow from it.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.drivers.can.config import NodeParameters
+from robotctl.drivers.can.nodes.can_node import CanNode
+from robotctl.drivers.can.nodes.drive import DRIVE
+from robotctl.drivers.can.nodes.power import POWER
+from robotctl.drivers.can.nodes.sonar import SONAR
+from robotctl.safety.health import AgeLimit
+from robotctl.safety.state_machine import SafetyConfig
+
+CAN_NODES: Final[tuple[CanNode, ...]] = (DRIVE, SONAR, POWER)
+
+
+def wanted_nodes(parameters: NodeParameters) -> tuple[CanNode, ...]:
+    """Return the nodes that a robot must have."""
+    return tuple(node for node in CAN_NODES if node.is_wanted(parameters))
+
+
+def age_limits(
+    parameters: NodeParameters, safety: SafetyConfig, period_ns: int
+) -> tuple[AgeLimit, ...]:
+    """Return how old what the nodes of a robot report may be; control period [ns]."""
+    nodes = wanted_nodes(parameters)
+    return tuple(limit for node in nodes for limit in node.ages(safety, period_ns))
