@@ -286,7 +286,7 @@ class ControlCore:
             self.odometry.reset(0.0, 0.0)
             self._odom_epoch_ns = now_ns
         if was_up and node.node_id == _DRIVE_NODE:
-            text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
+            text = "the drive restarted or was silent: its motion meanwhile is not in the pose"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
         if was_up and self.machine.powered:
             text = f"{node.name} (node {node.node_id}) restarted"

@@ -261,7 +261,7 @@ class Health:
         motor = self.motor
         if motor is None or motor.stamp_ns - self._idle_ns <= _ENABLE_NS:
             return None
-        stays = f"the motor controller stays in {_words(motor.state)}, told to drive"
+        stays = f"the motor controller stays in {_words(motor.state)} although commanded to drive"
         return self.command_loss(now_ns) or Fault(FaultCode.DRIVE_NOT_ENABLED, stays, _DRIVE)
 
     def _explained(self, fault: Fault, now_ns: int) -> Fault:
@@ -343,7 +343,8 @@ class Health:
             return []
         problems = []
         if not self.nodes:
-            problems.append(Fault(FaultCode.NODE_NOT_HEARD, "no node has been heard on the bus"))
+            text = "no heartbeat from any node on the bus"
+            problems.append(Fault(FaultCode.NODE_NOT_HEARD, text))
         for node in self.nodes:
             if node.problem:
                 problems.append(Fault(node.fault, node.problem, node.name))

@@ -450,7 +450,7 @@ class Plausibility:
         apart = error_rad > config.steering_tolerance_rad
         if self._steering.lasts_ns(apart, drive.stamp_ns) > config.steering_ms * 1_000_000:
             text = (
-                f"the steering stands at {drive.steering_rad:.2f} rad, told to be at "
+                f"the steering is at {drive.steering_rad:.2f} rad, commanded to "
                 f"{command.steering_rad:.2f} rad"
             )
             self._say(Fault(FaultCode.STEERING_OFF, text))

@@ -145,7 +145,7 @@ class SonarMonitor:
         spread_m = track.farthest_m - track.nearest_m
         if spread_m <= SPREAD_M and nearer_m > 0.0 and track.farthest_m < NEAR_M:
             text = (
-                f"odometry came {nearer_m:.2f} m nearer, but sonar {track.name} still sees "
+                f"odometry moved {nearer_m:.2f} m closer, but sonar {track.name} still measures "
                 f"{range_m:.2f} m: the wheels slip, something holds the robot, or the sonar is "
                 "stuck"
             )
@@ -164,7 +164,7 @@ class SonarMonitor:
         if {track.sign for track in against} != {1.0, -1.0}:
             return None
         names = " and ".join(track.name for track in against)
-        text = f"the robot drives the other way than odometry says, by sonar {names}"
+        text = f"the robot moves in the opposite direction to odometry, by sonar {names}"
         return Fault(FaultCode.ODOMETRY_REVERSED, text)
 
 

@@ -121,7 +121,7 @@ class Supervision:
             return None
         if motor.stamp_ns - self._powered_ns <= self._unasked_limit_ns:
             return None
-        text = "emergency stop: the motor controller drives without being told to"
+        text = "emergency stop: the motor controller is enabled without a command"
         return Fault(FaultCode.DRIVES_UNASKED, text)
 
     def powered(self, now_ns: int) -> None:

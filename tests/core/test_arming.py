@@ -138,7 +138,8 @@ def test_a_robot_whose_drive_does_not_enable_is_stopped_100_ms_behind_arming() -
     assert robot.state == SafetyState.ARMED
     robot.tick()
     assert robot.state == SafetyState.FAULT
-    assert robot.snapshot().reason == "the motor controller stays in ready, told to drive"
+    stays = "the motor controller stays in ready although commanded to drive"
+    assert robot.snapshot().reason == stays
 
 
 def test_objections_of_an_earlier_request_do_not_refuse_a_later_one() -> None:

@@ -294,7 +294,7 @@ def test_a_drive_that_goes_on_without_being_told_to_is_stopped_by_the_emergency_
     assert stops[-1] is EmergencyStopSource.HOST_FAULT
     assert robot.state == SafetyState.EMERGENCY_STOP
     assert robot.snapshot().reason == (
-        "emergency stop: the motor controller drives without being told to"
+        "emergency stop: the motor controller is enabled without a command"
     )
 
 
@@ -321,7 +321,7 @@ def test_a_drive_that_restarts_loses_its_counts_and_says_so(node_id: int, told: 
     robot.boots += 1
     before = robot.snapshot().odom_epoch_ns
     texts = [notice.text for notice in robot.tick().notices]
-    text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
+    text = "the drive restarted or was silent: its motion meanwhile is not in the pose"
     assert texts.count(text) == told
     assert (robot.snapshot().odom_epoch_ns != before) == told
     after = robot.snapshot().odom_epoch_ns

@@ -102,7 +102,7 @@ def test_before_the_first_feedback_every_input_that_is_missing_is_named() -> Non
         "sonar left has given no range for 250 ms",
         "sonar rear has given no range for 250 ms",
         "sonar right has given no range for 250 ms",
-        "no node has been heard on the bus",
+        "no heartbeat from any node on the bus",
     )
 
 
@@ -188,7 +188,7 @@ def test_nodes_and_bus_are_the_present_state() -> None:
     assert kept.bus.state == BusState.BUS_OFF
     kept.update(Feedback())
     assert kept.bus == BusStatus()
-    assert str(kept.node_problem(NOW)) == "no node has been heard on the bus"
+    assert str(kept.node_problem(NOW)) == "no heartbeat from any node on the bus"
 
 
 def test_wheel_feedback_with_the_latch_of_before_is_none() -> None:
@@ -322,7 +322,7 @@ def test_a_drive_that_is_not_enabled_100_ms_behind_arming_or_being_so_is_a_fault
     kept.update(at(late_ns, state))
     assert kept.fault(NOW + late_ns) is None
     kept.update(at(late_ns + 1, state))
-    words = f"the motor controller stays in {state.name.lower()}, told to drive"
+    words = f"the motor controller stays in {state.name.lower()} although commanded to drive"
     assert str(kept.fault(NOW + late_ns + 1)) == words
     kept.update(at(late_ns + 2, state, age_ms=16))
     unheard = "the motor controller had no valid command for 16 ms"

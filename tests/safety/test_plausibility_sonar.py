@@ -54,7 +54,8 @@ class Drive:
 
 def slips(nearer_m: float, sonar: str, range_m: float) -> str:
     return (
-        f"odometry came {nearer_m:.2f} m nearer, but sonar {sonar} still sees {range_m:.2f} m: "
+        f"odometry moved {nearer_m:.2f} m closer, but sonar {sonar} still measures "
+        f"{range_m:.2f} m: "
         "the wheels slip, something holds the robot, or the sonar is stuck"
     )
 
@@ -198,7 +199,7 @@ def test_a_robot_of_any_speed_finds_out_that_its_wheels_slip(speed_m_s: float) -
     """A ring brings ten readings of a sonar in a second; the way grows with the speed."""
     drive = Drive()
     said = [drive.see(0.5, step_m=0.1 * speed_m_s) for _ in range(8)]
-    assert next(filter(None, said)).startswith("odometry came")
+    assert next(filter(None, said)).startswith("odometry moved")
     readings = next(number for number, each in enumerate(said, 1) if each)
     assert readings <= max(5, 2 + math.ceil(TRAVEL_M / (0.1 * speed_m_s)))
 
@@ -334,7 +335,7 @@ def backwards(drive: Drive, *, front: bool, rear: bool, error_m: float = 0.0) ->
     return said
 
 
-BACKWARDS = "the robot drives the other way than odometry says, by sonar front and rear"
+BACKWARDS = "the robot moves in the opposite direction to odometry, by sonar front and rear"
 
 
 @pytest.mark.parametrize("start_ns", [0, 10**12])

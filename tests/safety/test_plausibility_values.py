@@ -48,7 +48,7 @@ def test_steering_may_differ_by_its_tolerance_for_ever_and_by_more_for_its_time(
     assert steer(told, told - sign * 0.25) == ""
     far = above(0.375)
     assert steer(told, sign * far, lasts_ns=600 * MS) == ""
-    said = f"the steering stands at {sign * 0.375:.2f} rad, told to be at {told:.2f} rad"
+    said = f"the steering is at {sign * 0.375:.2f} rad, commanded to {told:.2f} rad"
     assert steer(told, sign * far) == said
     assert steer(told, -sign * 0.126) != ""
 

@@ -271,5 +271,5 @@ def test_heartbeats_that_come_again_are_told_as_what_they_may_be():
     robot = Robot()
     robot.inject("frames_lost id=0x701 duration=0.6")
     robot.idle(1.5)
-    text = "the drive restarted or was not heard: its way meanwhile is not in the pose"
+    text = "the drive restarted or was silent: its motion meanwhile is not in the pose"
     assert robot.notices.count(text) == 1

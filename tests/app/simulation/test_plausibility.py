@@ -269,7 +269,7 @@ def test_a_robot_that_drives_backwards_in_every_respect_is_seen_by_its_sonars() 
     trial.port.command = lambda c: replace(c, duty1=-c.duty1, duty2=-c.duty2)
     trial.armed()
     took_s = trial.drive(0.3, 0.0, 4.0)
-    assert "drives the other way than odometry says, by sonar front and rear" in trial.reason
+    assert "moves in the opposite direction to odometry, by sonar front and rear" in trial.reason
     assert took_s < 2.0
 
 
@@ -279,7 +279,7 @@ def test_steering_that_stays_where_it_is_stops_the_robot(robot: str) -> None:
     trial.drive(0.3, 0.0, 1.0)
     trial.port.feedback = steering_stuck
     assert trial.drive(0.3, 0.5, 2.0) < 1.0
-    assert trial.reason.startswith("the steering stands at")
+    assert trial.reason.startswith("the steering is at")
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 0.5])

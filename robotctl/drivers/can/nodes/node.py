@@ -127,7 +127,7 @@ class Node:
         if command in _PUT_OUT and self.phase in (NodePhase.VERIFYING, NodePhase.READY):
             self._nmt_state, words = _PUT_OUT[command]
             self._begin()
-            self._say(f"{words} by somebody else on the bus (NMT)", FaultCode.NODE_PUT_OUT)
+            self._say(f"{words} by another device on the bus (NMT)", FaultCode.NODE_PUT_OUT)
 
     def on_sdo(self, data: bytes) -> None:
         """Take a frame of the node's SDO server."""

@@ -133,7 +133,7 @@ def test_nmt_of_somebody_else_takes_the_node_out_of_service_at_once(bus, command
     bus.deliver(0x000, bytes((command, addressed)))
     feedback = bus.robot.receive(bus.clock.now_ns())
     problems = [node.problem for node in feedback.nodes]
-    assert problems[0] == f"drive (node 1): {words} by somebody else on the bus (NMT)"
+    assert problems[0] == f"drive (node 1): {words} by another device on the bus (NMT)"
     assert [bool(problem) for problem in problems] == [True, addressed == 0, addressed == 0]
     bus.robot.send(WheelCommand(), bus.clock.now_ns())
     for node in bus.nodes:
