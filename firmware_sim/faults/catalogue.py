@@ -1,4 +1,4 @@
-"""Every kind of fault there is: `CATALOGUE`; `docs/faults.md` is written from it.
+"""All kinds of faults: `CATALOGUE`; `docs/faults.md` is generated from it.
 
 Faults of frames and bus are those of `firmware_sim.bus.faults`; those of the drive and the sonars
 sit between the true robot and its firmware, in `firmware_sim.faults.faulty_parts`.
@@ -87,7 +87,7 @@ _FRAMES: Final = {
 
 DRIVE: Final[dict[str, Kind]] = {
     "encoder_stuck": Kind(
-        "an encoder counts no more", act.encoder(STUCK), {**_WHEEL, **_LASTING},
+        "an encoder stops counting", act.encoder(STUCK), {**_WHEEL, **_LASTING},
         fits.wheel,
     ),
     "encoder_reversed": Kind(
@@ -100,38 +100,38 @@ DRIVE: Final[dict[str, Kind]] = {
         fits.wheel,
     ),
     "encoder_disconnected": Kind(
-        "an encoder's cable is open: it counts at random what its inputs pick up while the bridges "
-        "switch, and nothing while they do not", act.disconnect_encoder,
+        "an encoder's cable is open: it counts noise at random while the bridges switch, and "
+        "nothing otherwise", act.disconnect_encoder,
         {**_WHEEL, "edges": Parameter(2000.0, "1/s, 0: none", 0.0, 50000.0), **_LASTING},
         fits.wheel,
     ),
     "wheels_swapped": Kind(
-        "the encoders' cables are in each other's sockets",
+        "the encoder plugs are swapped",
         lambda robot, _: robot.stage.swap(), _LASTING, fits.exchange,
     ),
     "feedback_frozen": Kind(
-        "the drive's feedback goes on with the counts of long ago", act.freeze, _LASTING
+        "the drive's feedback continues with old counts", act.freeze, _LASTING
     ),
     "carried": Kind(
-        "somebody carries the robot to another place of the room, drawn from the seed", act.carry
+        "somebody carries the robot to a random place in the room", act.carry
     ),
     "wheel_blocked": Kind("a wheel cannot turn", act.block, {**_WHEEL, **_LASTING}, fits.wheel),
     "over_current": Kind(
-        "a motor draws more current than it shows torque", act.draw_current,
+        "a motor draws current that produces no torque", act.draw_current,
         {**_WHEEL, "amperes": Parameter(20.0, "A", 0.1, 100.0), **_LASTING},
         fits.wheel,
     ),
     "over_temperature": Kind(
-        "a winding is hotter", act.heat,
+        "a motor winding is hotter", act.heat,
         {**_WHEEL, "kelvin": Parameter(150.0, "K", 1.0, 200.0), **_LASTING},
         fits.wheel,
     ),
     "under_voltage": Kind(
-        "the supply at the drive breaks down", act.under_voltage,
+        "the supply voltage at the drive drops", act.under_voltage,
         {"volts": Parameter(5.0, "V less", 0.1, 12.0), **_LASTING},
     ),
     "brown_out": Kind(
-        f"the supply at the drive sags evenly; below {RESET_V:g} V its processor is held in "
+        f"the supply at the drive sags linearly; below {RESET_V:g} V its processor is held in "
         f"reset, above {RELEASE_V:g} V it boots", act.brown_out,
         {
             "volts": Parameter(4.0, "V that are left", 0.0, 60.0),
@@ -144,7 +144,7 @@ DRIVE: Final[dict[str, Kind]] = {
 
 SONARS: Final[dict[str, Kind]] = {
     "sonar_silent": Kind(
-        "the sonar ring sends no ranges, its heartbeat goes on",
+        "the sonar ring sends no ranges, but its heartbeat continues",
         act.lose(*wire.SONAR_RANGES), _FOR, fits.sonars,
     ),
     "sonar_stuck": Kind(
@@ -152,11 +152,11 @@ SONARS: Final[dict[str, Kind]] = {
         fits.sonars,
     ),
     "sonar_crosstalk": Kind(
-        "a sonar takes the echo of another of its group of four for its own: it reads too near",
+        "a sonar mistakes the echo of another in its group of four for its own and reads too near",
         act.leak,
         {
-            "sonar": Parameter(0.0, "number of the one that hears", 0.0, 15.0, whole=True),
-            "other": Parameter(1.0, "number of the one that is heard", 0.0, 15.0, whole=True),
+            "sonar": Parameter(0.0, "number of the one that receives", 0.0, 15.0, whole=True),
+            "other": Parameter(1.0, "number of the one that is received", 0.0, 15.0, whole=True),
             **_LASTING,
         },
         fits.crosstalk,
@@ -166,20 +166,21 @@ SONARS: Final[dict[str, Kind]] = {
 NODES: Final[dict[str, Kind]] = {
     "node_reset": Kind("a node loses its supply for a moment and boots", act.reset, _NODE),
     "node_silent": Kind(
-        "a node's program hangs: it sends nothing, heartbeat neither",
+        "a node's program hangs: it sends nothing, not even its heartbeat",
         act.on_node(Mute), {**_NODE, **_FOR},
     ),
     "feedback_lost": Kind(
-        "the drive's feedback is missing, its heartbeat goes on", act.lose(*DRIVE_FEEDBACK), _FOR
+        "the drive's feedback is missing, but its heartbeat continues",
+        act.lose(*DRIVE_FEEDBACK), _FOR,
     ),
     "parameter_lost": Kind(
-        "a node's stored parameters are damaged and it boots, with its defaults and saying so; so "
-        "does each boot until they are stored anew",
+        "a node's stored parameters are damaged: it boots with its defaults and reports it, at "
+        "each boot until they are stored again",
         act.lose_parameters, _NODE,
     ),
     "parameter_changed": Kind(
-        "a parameter in a node's memory becomes another, as by a bit that flips or a write that "
-        "should have been refused",
+        "a parameter in a node's memory changes, as by a flipped bit or a write that should have "
+        "been refused",
         act.change_parameter,
         {
             "parameter": Parameter("command_timeout", "which", words=tuple(act.PARAMETERS)),
@@ -189,12 +190,12 @@ NODES: Final[dict[str, Kind]] = {
         },
     ),
     "wrong_firmware": Kind(
-        "a node boots with another major revision, and the drive with another wire version; "
-        "in the end it boots with its own", act.flash, {**_NODE, **_LASTING},
+        "a node boots with another major revision, the drive with another wire version; "
+        "afterwards it boots with its own", act.flash, {**_NODE, **_LASTING},
     ),
     "clock_drift": Kind(
-        "a node's oscillator is off: its periods, its time-out and its time stamps", act.drift,
-        {**_NODE, "ppm": Parameter(50000.0, "ppm too fast", -100000.0, 100000.0), **_LASTING},
+        "a node's oscillator is off, and so are its periods, time-out and time stamps", act.drift,
+        {**_NODE, "ppm": Parameter(50000.0, "ppm fast", -100000.0, 100000.0), **_LASTING},
     ),
 }  # fmt: skip
 
@@ -204,31 +205,31 @@ BUS: Final[dict[str, Kind]] = {
     "node_cut": Kind("a node is cut off", act.on_node(Cut), {**_NODE, **_FOR}),
     "host_cut": Kind("the host is cut off", act.on_host(Cut), _FOR),
     "node_bus_off": Kind(
-        "a node's transmitter breaks each of its frames: it goes bus-off, as often as it comes "
+        "a node's transmitter corrupts each of its frames: it goes bus-off whenever it comes "
         "back", act.on_node(Destroy, error=BusError.BIT_ERROR), {**_NODE, **_FOR},
     ),
     "host_bus_off": Kind(
-        "the host's transmitter breaks each of its frames: it goes bus-off, as often as it comes "
+        "the host's transmitter corrupts each of its frames: it goes bus-off whenever it comes "
         "back", act.on_host(Destroy, error=BusError.BIT_ERROR), _FOR,
     ),
     "node_error_passive": Kind(
-        "a node's transmitter breaks so many frames that it stays error-passive; all get through",
+        "a node's transmitter corrupts enough frames to stay error-passive; all get through",
         act.node_passive, {**_NODE, **_LASTING},
     ),
     "host_error_passive": Kind(
-        "the host's transmitter breaks so many frames that it stays error-passive; all get through",
+        "the host's transmitter corrupts enough frames to stay error-passive; all get through",
         act.host_passive, _LASTING,
     ),
     "no_ack": Kind(
-        "nobody acknowledges the host: its frames are lost, it hears the others",
+        "no node acknowledges the host: its frames are lost, but it receives",
         act.on_host(Unanswered), _FOR,
     ),
     "babble": Kind(
         "a node sends identifier 0 without a pause", act.on_node(Babble), {**_NODE, **_FOR}
     ),
     "overload": Kind(
-        "a stranger's frames fill a share of the bus, behind all others or before them; it "
-        "acknowledges nobody's",
+        "frames of an unknown node fill a share of the bus, at the lowest or the highest priority; "
+        "it acknowledges no others",
         act.overload,
         {
             "priority": Parameter("low", "of its frames", words=tuple(act.OVERLOAD_IDS)),
@@ -240,11 +241,11 @@ BUS: Final[dict[str, Kind]] = {
 
 FRAMES: Final[dict[str, Kind]] = {
     "frames_destroyed": Kind(
-        "frames break on the wire: CAN's own CRC sees it and they are sent again",
+        "frames are corrupted on the wire: CAN's own CRC detects it and they are sent again",
         act.on_frames(Destroy, error=BusError.CRC_ERROR), _FRAMES, fits.frames,
     ),
     "frames_corrupt": Kind(
-        "one bit of the payload changes before the frame is sent: only E2E sees it",
+        "one bit of the payload changes before the frame is sent: only E2E detects it",
         act.on_frames(Corrupt), _FRAMES, fits.frames,
     ),
     "frames_lost": Kind("receivers lose frames", act.on_frames(Drop), _FRAMES, fits.frames),
@@ -252,7 +253,7 @@ FRAMES: Final[dict[str, Kind]] = {
         "frames are sent twice", act.on_frames(Duplicate), _FRAMES, fits.frames
     ),
     "frames_stale": Kind(
-        "instead of a frame the last true one is sent once more", act.on_frames(Stale), _FRAMES,
+        "instead of a frame the previous good one is sent again", act.on_frames(Stale), _FRAMES,
         fits.frames,
     ),
     "frames_reordered": Kind(
@@ -260,11 +261,11 @@ FRAMES: Final[dict[str, Kind]] = {
         fits.frames,
     ),
     "frames_late": Kind(
-        "frames are handed to the controller late; others overtake them", act.delay,
+        "frames reach the CAN controller late; others overtake them", act.delay,
         {**_FRAMES, "delay": Parameter(0.02, "s", 0.0001, 10.0)}, fits.frames,
     ),
     "masquerade": Kind(
-        "the sonar node sends motor commands, with a CRC that does not fit", act.masquerade, _FOR
+        "the sonar node sends motor commands with a wrong CRC", act.masquerade, _FOR
     ),
 }  # fmt: skip
 
