@@ -15,8 +15,8 @@ from robotctl.app.supervision.supervised import Exit, ProcessPhase, Role, Superv
 
 BEATING = """
 import os, sys, time
-from robotctl.runtime.ipc.heartbeat import Heartbeat
-heartbeat = Heartbeat(os.environ)
+from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
+heartbeat = ProcessHeartbeat(os.environ)
 while True:
     heartbeat.beat()
     time.sleep(0.01)
