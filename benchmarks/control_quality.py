@@ -49,12 +49,12 @@ def run(_rounds: int, _seconds: float) -> None:
 
 def _step_row(robot: str, charge: float) -> tuple[str, ...]:
     path = find_file(robot)
-    bench = Track(path, charge=charge).bench(load_robot(path))
-    step = speed_step(bench, STEP_M_S, 2.0)
+    stack = Track(path, charge=charge).stack(load_robot(path))
+    step = speed_step(stack, STEP_M_S, 2.0)
     found = step_metrics(step.time_s, step.true_m_s, STEP_M_S)
     return (
         f"{robot}, {100 * charge:.0f} %",
-        f"{bench.snapshot().bus_voltage_v:.2f}",
+        f"{stack.snapshot().bus_voltage_v:.2f}",
         _seconds(found.rise_s),
         _seconds(found.settling_s),
         f"{100 * found.overshoot:.2f}",
@@ -80,11 +80,11 @@ def _square_row(charge: float) -> tuple[str, ...]:
                     overrides=(f"simulation.battery.charge={charge}",),
                 )
             )
-            begin = run.bench.simulation.truth()
+            begin = run.stack.simulation.truth()
             report = run.run()
-            end = run.bench.simulation.truth()
+            end = run.stack.simulation.truth()
             # Where odometry says that the robot stands, seen from where it ought to stand.
-            missed = np.array([run.bench.snapshot().x_m - 2.0, run.bench.snapshot().y_m - 1.0])
+            missed = np.array([run.stack.snapshot().x_m - 2.0, run.stack.snapshot().y_m - 1.0])
             moved = np.array([end.x_m - begin.x_m, end.y_m - begin.y_m])
             off_m.append(float(np.hypot(*(moved - missed))))
             if not report.mission_completed:

@@ -67,20 +67,20 @@ def _one_round(folder: Path, seconds: float) -> tuple[list[int], float]:
     """Return the time of each tick [ns] and of the dump [ms]; the dump must replay."""
     mission = find_file("patrol", "missions")
     lockstep = LockstepRun(SimOptions(find_file("diff_drive"), mission, max_seconds=seconds))
-    bench = lockstep.bench
+    stack = lockstep.stack
     header = record_header(lockstep.config, StackOptions("x", "", x_m=1.0, y_m=1.0))
-    ring = FlightRing(folder / "x.ring", header, functools.partial(checkpoint, bench.core))
+    ring = FlightRing(folder / "x.ring", header, functools.partial(checkpoint, stack.core))
     times_ns: list[int] = []
-    tick = bench.tick
+    tick = stack.tick
 
     def timed(requests: tuple = ()):  # type: ignore[type-arg,no-untyped-def]
         outputs = tick(requests)
         begin_ns = time.perf_counter_ns()
-        ring.record(bench.clock.now_ns(), bench.inputs, outputs, 1000, 200_000)
+        ring.record(stack.clock.now_ns(), stack.inputs, outputs, 1000, 200_000)
         times_ns.append(time.perf_counter_ns() - begin_ns)
         return outputs
 
-    bench.tick = timed  # type: ignore[method-assign]
+    stack.tick = timed  # type: ignore[method-assign]
     for _ in lockstep.steps():
         pass
     begin_ns = time.perf_counter_ns()

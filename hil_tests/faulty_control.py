@@ -47,7 +47,7 @@ def main() -> int:
     """Run the control process until SIGTERM."""
     pending: list[Callable[[], None]] = []
 
-    class FaultyTicker(control.ControlTicker):
+    class FaultyTick(control.ControlTick):
         def control(self, now_ns: int) -> None:
             while pending:
                 pending.pop()()
@@ -58,7 +58,7 @@ def main() -> int:
 
     for number in FAULTS:
         signal.signal(number, on_signal)
-    control.ControlTicker = FaultyTicker  # type: ignore[misc]
+    control.ControlTick = FaultyTick  # type: ignore[misc]
     return enter("control", control.run)
 
 

@@ -28,23 +28,23 @@ def main() -> int:
     """Run the navigation process until SIGTERM, or until it has no memory left."""
     leaking = False
 
-    class LeakingPilot(navigation.Pilot):
+    class LeakingTick(navigation.NavigationTick):
         leaked: list[bytearray]
 
-        def step(self, *arguments: Any) -> Any:
+        def navigate(self, *arguments: Any) -> Any:
             if leaking:
                 if not hasattr(self, "leaked"):
                     self.leaked = []
                     _limit()
                 self.leaked.append(bytearray(_PIECE_BYTES))
-            return super().step(*arguments)
+            return super().navigate(*arguments)
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
         nonlocal leaking
         leaking = True
 
     signal.signal(LEAK, on_signal)
-    navigation.Pilot = LeakingPilot  # type: ignore[misc]
+    navigation.NavigationTick = LeakingTick  # type: ignore[misc]
     return enter("navigation", navigation.run)
 
 

@@ -28,8 +28,8 @@ from hil_tests.rig import (
     Rig,
     enabled,
 )
-from robotctl.app.processes.pilot import PRESENCE_MAX_AGE_NS
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
+from robotctl.core.navigation_adapter import PRESENCE_MAX_AGE_NS
 from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.faults import FaultCode
 

@@ -22,7 +22,7 @@ def main() -> None:
     run = LockstepRun(SimOptions(find_file("diff_drive"), find_file("patrol", "missions")))
     rows, truths, items = [], [], {}
     for control, navigation in run.steps():
-        truth = run.bench.simulation.truth()
+        truth = run.stack.simulation.truth()
         time_s = control.stamp_ns * 1e-9
         truths.append((truth.x_m, truth.y_m))
         rows.append(

@@ -23,8 +23,8 @@ import numpy as np
 
 from firmware_sim.faults.catalogue import CATALOGUE, Kind
 from firmware_sim.faults.parameters import DURATION, Parameter, Value
-from robotctl.app.processes.pilot import Pilot, load_mission
-from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.app.processes.navigator import load_mission, make_navigation
+from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.estimation.odometry.odometry import Odometry
@@ -118,9 +118,9 @@ class Endurance:
         world = find_file(load_mission(mission).world, "worlds")
         pose = (start.x_m, start.y_m, start.theta_rad)
         self.simulation = simulation = make_simulation(robot, world, seed, pose)
-        self.bench = Bench(self._config, options, simulation)
-        self._pilot = Pilot(self._config, options)
-        self._every = max(1, round(self._pilot.period_ns / self.bench.period_ns))
+        self.stack = LockstepStack(self._config, options, simulation)
+        self._adapter = make_navigation(self._config, options)
+        self._every = max(1, round(self._adapter.period_ns / self.stack.period_ns))
         self._rng = np.random.default_rng(seed)
         self._mean_s = mean_s
         self.faults: Counter[str] = Counter()
@@ -148,22 +148,22 @@ class Endurance:
     @property
     def now_ns(self) -> int:
         """Simulated time [ns]."""
-        return self.bench.clock.now_ns()
+        return self.stack.clock.now_ns()
 
     def run_until(self, end_ns: int) -> None:
         """Simulate up to `end_ns`."""
         requests: tuple[ControlRequest, ...] = ()
-        bench = self.bench
+        stack = self.stack
         while self.now_ns < end_ns:
             if self.now_ns < self._pause_end_ns:  # the host is held up
-                now_ns = self.now_ns + bench.period_ns
+                now_ns = self.now_ns + stack.period_ns
                 self.simulation.advance(now_ns)
-                bench.clock.sleep_until(now_ns)
+                stack.clock.sleep_until(now_ns)
                 continue
-            bench.tick(requests)
+            stack.tick(requests)
             requests = ()
-            if bench.ticks % self._every == 0:
-                requests = self._navigate(bench.snapshot())
+            if stack.ticks % self._every == 0:
+                requests = self._navigate(stack.snapshot())
 
     def _navigate(self, control: ControlState) -> tuple[ControlRequest, ...]:
         """Be navigator, operator and fate."""
@@ -184,7 +184,7 @@ class Endurance:
                 return self._begin_lap(now_ns)
         wishes, self._wishes = self._wishes, []
         wishes += self._operate(control, now_ns)
-        command, self._navigation = self._pilot.step(control, None, modes, now_ns)
+        command, self._navigation = self._adapter.step(control, None, modes, now_ns)
         return (command, *wishes)
 
     def _operate(self, control: ControlState, now_ns: int) -> list[ControlRequest]:
@@ -201,7 +201,7 @@ class Endurance:
                 self.causeless.append(f"{now_ns / 1e9:.3f} s: {control.reason}")
         since_ns = max(self._stopped_ns, self._fault_end_ns) + QUIET_NS
         if now_ns >= self._fault_end_ns:
-            self._quiet_ns += self._pilot.period_ns
+            self._quiet_ns += self._adapter.period_ns
         if self._quiet_ns > RECOVERY_NS:
             self.failed_recoveries += 1
             print(f"{now_ns / 1e9:.1f} s: not recovered: {control.state.name}, {control.reason}, "
@@ -247,10 +247,10 @@ class Endurance:
         if plant.charge < CHANGE_BELOW:
             plant.charge = 1.0
             self.batteries += 1
-        angles = [way_m / drive.wheel_radius_m for way_m in self.bench.snapshot().wheel_distance_m]
-        self.bench.core.odometry = Odometry(drive, start)
-        self.bench.core.odometry.reset(angles[0], angles[-1])
-        self._pilot = Pilot(self._config, self._options)
+        angles = [way_m / drive.wheel_radius_m for way_m in self.stack.snapshot().wheel_distance_m]
+        self.stack.core.odometry = Odometry(drive, start)
+        self.stack.core.odometry.reset(angles[0], angles[-1])
+        self._adapter = make_navigation(self._config, self._options)
         self._navigation = None
         self._number += 1
         return (Arm(now_ns, self._number, arm=False),)
@@ -364,7 +364,7 @@ def conclude(run: Endurance, growth_mib: float) -> int:
         print(f"\n{title}")
         for name, count in counts.most_common():
             print(f"  {count:6d}  {name}")
-    bus = run.bench.snapshot().bus
+    bus = run.stack.snapshot().bus
     print(
         f"\nhost: {bus.crc_rejects} frames rejected for their CRC, {bus.counter_rejects} for their "
         f"counter, {bus.lost} lost\n"

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from firmware_sim.config.config import RobotConfig as SimulatedRobot
 from firmware_sim.faults.faults import check
 from hil_tests.fault_rows import ROWS, Row
-from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.app.simulation.sim_options import simulated_robot
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
@@ -78,24 +78,24 @@ class Run:
         world = find_file("empty_room", "worlds")
         self._omega_rad_s = omega_rad_s
         self.simulation = make_simulation(robot, world, seed, MIDDLE)
-        self._bench = Bench(options.load(), options, self.simulation)
+        self._stack = LockstepStack(options.load(), options, self.simulation)
         self._off_ns: int | None = None
-        while self._bench.snapshot().state != SafetyState.ARMED:
-            now_ns = self._bench.clock.now_ns()
-            ask = self._bench.ticks % 100 == 99
-            self._bench.tick((Arm(now_ns, self._bench.ticks, arm=True),) if ask else ())
+        while self._stack.snapshot().state != SafetyState.ARMED:
+            now_ns = self._stack.clock.now_ns()
+            ask = self._stack.ticks % 100 == 99
+            self._stack.tick((Arm(now_ns, self._stack.ticks, arm=True),) if ask else ())
 
     def drive(self, until_ns: int) -> None:
         """Hold the velocity up to a time, or until the host has stopped."""
-        bench = self._bench
-        while bench.clock.now_ns() < until_ns and bench.snapshot().state in POWERED:
-            now_ns = bench.clock.now_ns()
+        stack = self._stack
+        while stack.clock.now_ns() < until_ns and stack.snapshot().state in POWERED:
+            now_ns = stack.clock.now_ns()
             command = VelocityCommand(now_ns, now_ns + HOLD_NS, V_M_S, self._omega_rad_s)
-            bench.tick((command,) if bench.ticks % STEP == 0 else ())
+            stack.tick((command,) if stack.ticks % STEP == 0 else ())
 
     def now_ns(self) -> int:
         """Return the simulated time [ns]."""
-        return self._bench.clock.now_ns()
+        return self._stack.clock.now_ns()
 
     def fault(self) -> tuple[FaultCode, str]:
         """Return code and part of the fault for which the host has stopped, once it has.
@@ -103,7 +103,7 @@ class Run:
         It may hear of it later than the wheels.
         """
         self.drive(self.now_ns() + SECOND_NS)
-        control = self._bench.snapshot()
+        control = self._stack.snapshot()
         return control.fault, control.fault_part
 
     def _look(self) -> None:
@@ -123,7 +123,7 @@ class Run:
         limit_ns = begin_ns + round(2 * row.limit_ms * 1e6)
         self.drive(limit_ns)
         while self._off_ns is None and self.now_ns() < limit_ns:
-            self._bench.tick(())
+            self._stack.tick(())
         return float("inf") if self._off_ns is None else (self._off_ns - begin_ns) / 1e6
 
 

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 import zmq
 
-from robotctl.app.processes.pilot import load_mission
+from robotctl.app.processes.navigator import load_mission
 from robotctl.app.processes.progress import StoredProgress, resumed, state_directory
 from robotctl.app.supervision.exit_log import ExitLog
 from robotctl.app.supervision.service import ServiceNotifier

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from robotctl.app.processes.pilot import load_mission
+from robotctl.app.processes.navigator import load_mission
 from robotctl.config.robot_file import config_directory, load_robot
 from robotctl.deploy.doctor_can import QUEUE_FRAMES
 from robotctl.drivers.can.config import RESTART_MS, sample_point

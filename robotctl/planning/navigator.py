@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.messages.mode import Mode
@@ -30,10 +30,8 @@ from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard, Point
 from robotctl.planning.local.heading_control import towards
+from robotctl.planning.mission.rejoin import Paths
 from robotctl.planning.mission.runner import MissionRunner
-
-if TYPE_CHECKING:
-    from robotctl.model.grid_map import GridMap  # numpy, which control must not load
 
 __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
@@ -184,10 +182,10 @@ class Navigator:
         if self._runner is not None:
             self._runner.resume(item, s_m)
 
-    def learn_map(self, world_map: GridMap) -> None:
-        """Know a map, to find the way back to a mission in it."""
+    def learn_paths(self, paths: Paths) -> None:
+        """Know the free paths through the world, to find back to a mission on one."""
         if self._runner is not None:
-            self._runner.learn_map(world_map)
+            self._runner.learn_paths(paths)
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty where it can."""

@@ -62,7 +62,7 @@ def test_without_faults_laps_are_completed_and_nothing_is_recovered_from(capsys)
 def test_a_robot_that_cannot_be_armed_again_is_found_though_faults_go_on(monkeypatch, capsys):
     run = Endurance(find_file("diff_drive"), seed=5, mean_s=2.0)
     run.run_until(20 * endurance.SECOND_NS)
-    monkeypatch.setattr(run.bench.core, "_try_to_arm", lambda _now_ns: False)
+    monkeypatch.setattr(run.stack.core, "_try_to_arm", lambda _now_ns: False)
     run.run_until(MINUTE_NS)
     assert run.failed_recoveries > 0
     assert "not recovered" in capsys.readouterr().out
@@ -78,10 +78,10 @@ def test_a_run_without_a_completed_lap_has_failed():
 def test_an_emergency_stop_of_a_robot_that_is_disarmed_between_laps_is_recovered_from():
     run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
     run.run_until(10 * endurance.SECOND_NS)
-    run.bench.tick(run._begin_lap(run.now_ns))
+    run.stack.tick(run._begin_lap(run.now_ns))
     run.run_until(run.now_ns + endurance.SECOND_NS // 10)
-    assert run.bench.snapshot().state == SafetyState.STANDBY
-    run.bench.tick((EmergencyStop(run.now_ns, EmergencyStopSource.OPERATOR),))
+    assert run.stack.snapshot().state == SafetyState.STANDBY
+    run.stack.tick((EmergencyStop(run.now_ns, EmergencyStopSource.OPERATOR),))
     run.run_until(run.now_ns + 5 * endurance.SECOND_NS)
     assert run.stops == {"emergency stop": 1}
     assert run.recoveries == 1
@@ -90,7 +90,7 @@ def test_an_emergency_stop_of_a_robot_that_is_disarmed_between_laps_is_recovered
 def test_a_new_fault_while_the_robot_stands_does_not_shorten_its_recovery():
     run = Endurance(find_file("diff_drive"), seed=5, mean_s=float("inf"))
     run.run_until(10 * endurance.SECOND_NS)
-    run.bench.tick((EmergencyStop(run.now_ns, EmergencyStopSource.OPERATOR),))
+    run.stack.tick((EmergencyStop(run.now_ns, EmergencyStopSource.OPERATOR),))
     for _ in range(4):  # the operator never sees half a second without one
         run.run_until(run.now_ns + 4 * endurance.SECOND_NS // 10)
         run._fault_end_ns = run.now_ns + endurance.SECOND_NS // 10

@@ -16,7 +16,6 @@ from robotctl.app.localisation.localiser import Localiser, LocaliserInput
 from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.app.localisation.mapper import Mapper, live_map
 from robotctl.app.localisation.mcl_localiser import MclLocaliser
-from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.app.localisation.place_watch import load_place_watch
 from robotctl.app.localisation.scan_messages import camera_scan, lidar_scan
 from robotctl.config.robot_file import RobotConfig
@@ -28,6 +27,7 @@ from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
 from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.search_size import search_size, too_large
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.maps.localisation_map import (
     LocalisationMap,

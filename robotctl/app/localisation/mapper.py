@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from robotctl.app.localisation.localiser import LocaliserInput
-from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.messages.estimation import LiveMap, LocalisationState
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus

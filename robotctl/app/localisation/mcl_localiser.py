@@ -17,9 +17,9 @@ from robotctl.app.localisation.localiser import (
     localisation_state,
 )
 from robotctl.app.localisation.map_sensors import CAMERA, LIDAR, SONAR, MapSensors, sonar_name
-from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.app.localisation.place_watch import Fix, PlaceWatch
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import LocalisationState

@@ -19,20 +19,18 @@ from robotctl.app.supervision.signals import EmergencySignal, StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.checkpoint import checkpoint
-from robotctl.core.control_core import ControlCore, Inputs, Outputs
+from robotctl.core.control_core import ControlCore
+from robotctl.core.control_tick import ControlTick
+from robotctl.core.operator import Operator
 from robotctl.core.warmup import rehearse
 from robotctl.errors import LinkError
 from robotctl.messages.control import (
-    Arm,
     ControlRequest,
     EmergencyStop,
     EmergencyStopSource,
-    Feedback,
     Notice,
     Severity,
-    WheelCommand,
 )
-from robotctl.messages.ports import RobotPort
 from robotctl.runtime.flight.ring import FlightRing
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.process_lock import claim, claim_bus
@@ -50,87 +48,52 @@ PUBLISH_HZ: Final = 50
 
 
 class ControlTicker:
-    """The work of one control period.
+    """A tick among processes: recorded, and its state published at a rate of its own.
 
     Parameters
     ----------
-    robot, core
-        The wire and what thinks.
-    requests, publisher
-        The other processes.
+    tick
+        The work of one control period.
+    publisher
+        To the other processes.
     loop
         The loop that calls, for its statistics.
     ring
         The flight recorder; None where it could not be had.
-    emergency
-        SIGUSR1, the emergency stop that works without requests.
     heartbeat
         Tells the supervisor of each tick.
-    objections
-        What of this computer speaks against arming.
     """
 
     def __init__(
         self,
-        robot: RobotPort,
-        core: ControlCore,
-        requests: RequestReceiver[ControlRequest],
+        tick: ControlTick,
         publisher: Publisher,
         loop: Loop,
         ring: FlightRing | None,
-        emergency: EmergencySignal,
         heartbeat: ProcessHeartbeat,
-        objections: tuple[str, ...],
     ) -> None:
-        self._robot = robot
-        self._core = core
-        self._requests = requests
+        self.receive = tick.receive
+        self.control = tick.control
+        self.send = tick.send
+        self._tick = tick
         self._publisher = publisher
         self._loop = loop
         self._ring = ring
-        self._emergency = emergency
         self._heartbeat = heartbeat
-        self._objections = objections
         self._publish_period_ns = 1_000_000_000 // PUBLISH_HZ
         self._published_ns = 0
-        self._inputs = Inputs(Feedback())
-        self._outputs = Outputs(WheelCommand())
-
-    def receive(self, now_ns: int) -> None:
-        """Take in frames and requests."""
-        requests = tuple(self._requests.receive())
-        if self._emergency.take():
-            requests += (EmergencyStop(now_ns, EmergencyStopSource.OPERATOR),)
-        objections: tuple[str, ...] = ()
-        if any(isinstance(request, Arm) and request.arm for request in requests):
-            objections = self._objections
-        self._inputs = Inputs(self._robot.receive(now_ns), requests, objections)
-
-    def control(self, now_ns: int) -> None:
-        """Step the core."""
-        self._outputs = self._core.step(self._inputs, now_ns)
-
-    def send(self, now_ns: int) -> None:
-        """Send the command; an emergency stop goes first."""
-        outputs = self._outputs
-        if outputs.emergency_stop is not None:
-            self._robot.emergency_stop(outputs.emergency_stop)
-        if outputs.clear_faults:
-            self._robot.clear_faults()
-        self._robot.send(outputs.command, now_ns)
 
     def publish(self, now_ns: int) -> None:
         """Record each tick; publish notices at once and the state at its own rate."""
         self._heartbeat.beat()
+        tick, loop = self._tick, self._loop
         if self._ring is not None:
-            loop = self._loop
-            self._ring.record(now_ns, self._inputs, self._outputs, loop.lag_ns, loop.step_ns)
-        for notice in self._outputs.notices:
-            self._publisher.send(notice)
+            self._ring.record(now_ns, tick.inputs, tick.outputs, loop.lag_ns, loop.step_ns)
+        tick.publish()
         if now_ns - self._published_ns >= self._publish_period_ns:
             self._published_ns = now_ns
-            self._loop.refresh()
-            self._publisher.send(self._core.snapshot(now_ns, self._loop.statistics()))
+            loop.refresh()
+            self._publisher.send(tick.core.snapshot(now_ns, loop.statistics()))
 
 
 def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ...]]:
@@ -194,9 +157,15 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     ring, ring_notes = open_ring(config, options, core)
     refused = acquire_realtime(config.runtime)
     objections = () if config.runtime.allow_best_effort else missing_rights(refused)
-    ticker = ControlTicker(
-        robot, core, requests, publisher, loop, ring, emergency, heartbeat, objections
-    )  # fmt: skip
+
+    def ask() -> list[ControlRequest]:
+        asked = requests.receive()
+        if emergency.take():
+            asked.append(EmergencyStop(clock.now_ns(), EmergencyStopSource.OPERATOR))
+        return asked
+
+    tick = ControlTick(robot, core, Operator(ask, publisher.send, objections))
+    ticker = ControlTicker(tick, publisher, loop, ring, heartbeat)
     if sentences := (*notes, *ring_notes, *refused):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(sentences)))
     in_order = False

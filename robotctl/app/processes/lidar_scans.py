@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localisation.odometry_history import OdometryHistory
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import LidarScan
 from robotctl.messages.lidar_port import LidarSweep

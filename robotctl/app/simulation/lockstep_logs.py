@@ -114,14 +114,13 @@ class LockstepLogs:
         self._files.callback(self._states.close)
 
     def tick(self, now_ns: int, inputs: Inputs, outputs: Outputs) -> None:
-        """Log a tick and what it says."""
+        """Log a tick."""
         if self.trouble:
             return
         try:
             self._ticks.record(now_ns, inputs, outputs)
         except OSError as error:
             self._give_up(error)
-        self.states(outputs.notices, now_ns)
 
     def states(self, messages: Sequence[Published], now_ns: int) -> None:
         """Log what the processes would publish."""

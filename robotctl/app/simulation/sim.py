@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import queue
 import shutil
@@ -18,9 +17,10 @@ import msgspec
 import zmq
 
 from firmware_sim.faults.scenario import not_begun
-from robotctl.app.processes.pilot import load_mission
+from robotctl.app.processes.navigator import load_mission
 from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.held_up import HeldUp
+from robotctl.app.simulation.operator import MissionOperator
 from robotctl.app.simulation.room import load_room
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import (
@@ -46,13 +46,11 @@ from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import DiskError
 from robotctl.maps.map_fit import misfit
 from robotctl.messages.control import (
-    Arm,
     ControlState,
     Mode,
     NavigationState,
     Notice,
     SafetyState,
-    SetMode,
     Severity,
 )
 from robotctl.messages.estimation import (
@@ -75,7 +73,6 @@ from robotctl.runtime.ipc.topics import (
     ring_path,
 )
 from robotctl.runtime.storage.log_folder import LogFolder
-from robotctl.safety.state_machine import POWERED
 
 PATIENCE = "safety.feedback_timeout_periods=10"
 """A simulated drive is a process of an ordinary computer, whose pauses are no fault of a robot."""
@@ -86,7 +83,6 @@ BEST_EFFORT = "runtime.allow_best_effort=true"
 _READY_S = 180.0
 _BELOW_CONTROL = 10
 _POLL_S = 0.05
-_ASK_S = 0.5
 _SAY_S = 5.0
 _READY, _FAULT = "ready", "fault at "
 """What lines of firmware_sim begin with."""
@@ -201,10 +197,8 @@ class SimRun:
         self._firmware: subprocess.Popen[str] | None = None
         self._stack: Stack | None = None
         self._exit_log: ExitLog | None = None
-        self._request_ids = itertools.count(1)
+        self._operator = MissionOperator()
         self._said_waiting = False
-        self._was_armed = self._was_steered = False
-        """From the first time on it is for the operator to arm, and to choose who steers."""
         self._was_ready = False
         """Whether there has been a run that could be scored."""
         self._attended = False
@@ -323,7 +317,6 @@ class SimRun:
         """
         clock = self._clock
         begin_ns, real_begin_ns = clock.now_ns(), time.monotonic_ns()
-        asked_s = -_ASK_S
         while True:
             self._listen()
             progress = self.progress
@@ -340,8 +333,7 @@ class SimRun:
             if stopped or progress.elapsed_s > self._options.max_seconds or (until_done and over):
                 self._faults += not_begun(self._scenario, self._faults)
                 return
-            if now_s - asked_s >= _ASK_S and not self._control_began_anew:
-                asked_s = now_s
+            if not self._control_began_anew:
                 self._ask(progress)
             if self._stack is not None:
                 try:
@@ -380,27 +372,23 @@ class SimRun:
 
     def arm(self, *, arm: bool) -> None:
         """Ask to arm or disarm, as an operator."""
-        self._was_armed = True
-        self._to_control.send(Arm(self._clock.now_ns(), next(self._request_ids), arm=arm))
+        self._to_control.send(self._operator.arm(self._clock.now_ns(), arm=arm))
 
     def set_mode(self, mode: Mode) -> None:
         """Ask for a mode, as an operator."""
-        self._was_steered = True
-        self._to_navigation.send(SetMode(self._clock.now_ns(), mode))
+        self._to_navigation.send(self._operator.set_mode(self._clock.now_ns(), mode))
 
     def _ask(self, progress: RunStatus) -> None:
         """Ask for what has not been yet: arming, then mode AUTO."""
-        control, navigation = progress.control, progress.navigation
-        if control is None or navigation is None:
-            if control is not None and progress.elapsed_s > _SAY_S and not self._said_waiting:
-                self._said_waiting = True
-                progress.lines.append("waiting for navigation, which prepares its estimators")
-            return
+        waits = progress.control is not None and progress.navigation is None
+        if waits and progress.elapsed_s > _SAY_S and not self._said_waiting:
+            self._said_waiting = True
+            progress.lines.append("waiting for navigation, which prepares its estimators")
         now_ns = self._clock.now_ns()
-        if not self._was_armed and control.state == SafetyState.STANDBY:
-            self._to_control.send(Arm(now_ns, next(self._request_ids), arm=True))
-        elif not self._was_steered and control.state in POWERED:
-            self._to_navigation.send(SetMode(now_ns, Mode.AUTO))
+        if arm := self._operator.arming(now_ns):
+            self._to_control.send(arm)
+        if mode := self._operator.mode(now_ns):
+            self._to_navigation.send(mode)
 
     def _listen(self) -> None:
         """Take in what the processes published."""
@@ -414,7 +402,7 @@ class SimRun:
                 case ControlState():
                     progress.control = message
                     progress.pose = self._score.control(message)
-                    self._was_armed |= message.state in POWERED
+                    self._operator.hear(message)
                     self._was_ready |= message.state is not SafetyState.BOOT
                 case LocalisationState():
                     progress.localisation = message
@@ -429,7 +417,7 @@ class SimRun:
                     self._score.view(message)
                 case NavigationState():
                     progress.navigation = message
-                    self._was_steered |= message.mode != Mode.HOLD
+                    self._operator.hear(message)
                 case Notice():
                     progress.lines.append(message.text)
 

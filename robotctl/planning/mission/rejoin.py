@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from robotctl.model.drives.drives import Drive
 from robotctl.planning.behaviours.behaviours import GoTo, TurnTo
@@ -21,6 +21,13 @@ from robotctl.planning.local.pursuit import PursuitConfig
 
 _NEAR_M: Final = 0.2
 """Corners of the way are passed within this distance [m]."""
+
+
+class Paths(Protocol):
+    """Knows free paths through the world, as `FreePaths` of a map does."""
+
+    def way(self, start: Point, goal: Point) -> list[Point]:
+        """Return the corners after `start`, `goal` the last; none where there is no path."""
 
 
 class Anchor(NamedTuple):

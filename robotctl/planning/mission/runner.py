@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
@@ -33,11 +32,7 @@ from robotctl.planning.guard.behaviour import (
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.mission.check import check_mission, item_title
-from robotctl.planning.mission.rejoin import Anchor, Rejoin
-
-if TYPE_CHECKING:
-    from robotctl.model.grid_map import GridMap  # numpy, which control must not load
-    from robotctl.planning.global_planning.free_path import FreePaths
+from robotctl.planning.mission.rejoin import Anchor, Paths, Rejoin
 
 _SPARE_S = 20.0
 """Default time-outs are three times the way at full speed, and this [s]."""
@@ -79,7 +74,7 @@ class MissionRunner:
         self.index = 0
         self.failure = ""
         self._config, self._drive, self._guard = config, drive, guard
-        self._ways: FreePaths | None = None
+        self._paths: Paths | None = None
         self._pose: SE2 | None = None
         """That of the last step."""
         self._under_way = False
@@ -123,12 +118,9 @@ class MissionRunner:
             self._behaviours[item].resume(s_m)
             self._relocated = s_m > 0.0  # it may have been found elsewhere meanwhile
 
-    def learn_map(self, world_map: GridMap) -> None:
-        """Know the ways through a map, which else are straight lines."""
-        # scipy and numba take a while to load.
-        from robotctl.planning.global_planning.free_path import FreePaths  # noqa: PLC0415
-
-        self._ways = FreePaths(world_map, self._config.guard.half_width_m)
+    def learn_paths(self, paths: Paths) -> None:
+        """Know the free paths through the world, which else are straight lines."""
+        self._paths = paths
 
     def relocate(self) -> None:
         """Let a robot that has lost its place and found it come back to where its item stood."""
@@ -200,7 +192,7 @@ class MissionRunner:
         if off_m <= self._config.pursuit.off_path_max_m and not turned:
             return None
         goal = (anchor.x_m, anchor.y_m)
-        corners = self._ways.way((pose.x_m, pose.y_m), goal) if self._ways else []
+        corners = self._paths.way((pose.x_m, pose.y_m), goal) if self._paths else []
         config, guard = self._config, self._guard
         rejoin = Rejoin(
             corners or [goal],

@@ -105,14 +105,14 @@ class Campaign:
         """
         mission = find_file(f"calibrate_{shape}", "missions")
         run = LockstepRun(SimOptions(self.robot, mission, seed=seed, overrides=self.overrides))
-        truth = run.bench.simulation.truth()
+        truth = run.stack.simulation.truth()
         start = SE2(truth.x_m, truth.y_m, truth.theta_rad)
         stamps_ns, poses, done, why = [], [], False, ""
         for control, navigation in run.steps():
             stamps_ns.append(control.stamp_ns)
             poses.append((control.x_m, control.y_m, control.theta_rad))
             done, why = navigation.mission_completed, control.reason or navigation.message
-        truth = run.bench.simulation.truth()
+        truth = run.stack.simulation.truth()
         if not done or truth.collisions:
             why = "it met a wall" if truth.collisions else why
             raise CalibrationError(f"the robot did not drive the {shape} to its end: {why}")

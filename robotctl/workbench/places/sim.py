@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import PlaceError
@@ -49,15 +49,15 @@ def simulated_turn(
     at = (start.x_m, start.y_m, start.theta_rad)
     simulation = make_simulation(path, world, seed, at, overrides)
     options = StackOptions("places", str(path), tuple(overrides), "", *at)
-    bench = Bench(robot, options, simulation)
+    stack = LockstepStack(robot, options, simulation)
     turns = StateTurns(robot, signatures)
-    every = max(1, _STATE_NS // bench.period_ns)
+    every = max(1, _STATE_NS // stack.period_ns)
     omega = min(_TURN_RAD_S, robot.limits.omega_max_rad_s)
-    while bench.clock.now_ns() < _PATIENCE_S * 1e9:
-        bench.tick(_wish(bench, omega))
-        if bench.ticks % every:
+    while stack.clock.now_ns() < _PATIENCE_S * 1e9:
+        stack.tick(_wish(stack, omega))
+        if stack.ticks % every:
             continue
-        control = bench.snapshot()
+        control = stack.snapshot()
         turn = turns.step(control)
         progress(turns.turned_rad)
         truth = simulation.truth()
@@ -75,13 +75,13 @@ def simulated_turn(
     )
 
 
-def _wish(bench: Bench, omega_rad_s: float) -> tuple[ControlRequest, ...]:
+def _wish(stack: LockstepStack, omega_rad_s: float) -> tuple[ControlRequest, ...]:
     """Return what the simulated robot is asked for: to arm, then to turn."""
-    now_ns, state = bench.clock.now_ns() + bench.period_ns, bench.core.machine.state
+    now_ns, state = stack.clock.now_ns() + stack.period_ns, stack.core.machine.state
     if state in POWERED:
         return (VelocityCommand(now_ns, now_ns + _COMMAND_NS, 0.0, omega_rad_s),)
     if state == SafetyState.STANDBY:
-        return (Arm(now_ns, bench.ticks, arm=True),)
+        return (Arm(now_ns, stack.ticks, arm=True),)
     return ()
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.config.robot_file import RobotConfig
 from robotctl.errors import PlaceError
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.places.signature_turn import Turn, TurnCollector
 from robotctl.estimation.places.signatures import SignatureConfig
 from robotctl.logs.formats.recorded_log import read_recording

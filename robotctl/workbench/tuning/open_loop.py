@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotctl.app.processes.robot import feedback_ages
-from robotctl.app.simulation.lockstep import Bench
+from robotctl.app.simulation.lockstep_stack import LockstepStack
 from robotctl.config.robot_file import RobotConfig
 from robotctl.control.identification.tuning import Relay
 from robotctl.control.pwm import PwmConfig, PwmMap
@@ -66,7 +66,7 @@ class OpenLoop:
 
     Parameters
     ----------
-    bench, config
+    stack, config
         The robot.
 
     Raises
@@ -75,8 +75,8 @@ class OpenLoop:
         If the nodes do not become ready.
     """
 
-    def __init__(self, bench: Bench, config: RobotConfig) -> None:
-        self._bench = bench
+    def __init__(self, stack: LockstepStack, config: RobotConfig) -> None:
+        self._stack = stack
         self._health = Health(feedback_ages(config), config.safety.heartbeat_timeout_ms * 1_000_000)
         drive = config.drive
         self._wheels = tuple(
@@ -84,12 +84,12 @@ class OpenLoop:
         )
         self._second = len(self._wheels) == 2
         self._rows: list[tuple[float, ...]] = []
-        self.dt_s = bench.period_ns * 1e-9
+        self.dt_s = stack.period_ns * 1e-9
         for _ in range(round(READY_S / self.dt_s)):
-            bench.open_loop_tick(self._wait)
-            refusals = self._health.refusals(bench.clock.now_ns())
+            stack.open_loop_tick(self._wait)
+            refusals = self._health.refusals(stack.clock.now_ns())
             if not refusals:
-                self._health.armed(bench.clock.now_ns())
+                self._health.armed(stack.clock.now_ns())
                 break
         else:
             raise ExperimentError(f"the robot is not ready: {'; '.join(refusals)}")
@@ -130,11 +130,11 @@ class OpenLoop:
         ExperimentError
             If the drive reports a fault, or there is not enough room.
         """
-        self._bench.open_loop_tick(lambda inputs: self._command(inputs, law))
-        problem = self._health.fault(self._bench.clock.now_ns())
+        self._stack.open_loop_tick(lambda inputs: self._command(inputs, law))
+        problem = self._health.fault(self._stack.clock.now_ns())
         if problem is not None:
             raise ExperimentError(f"the experiment was stopped: {problem}")
-        check_room(self._bench)
+        check_room(self._stack)
 
     def _wait(self, inputs: Inputs) -> WheelCommand:
         self._take(inputs)
@@ -153,7 +153,7 @@ class OpenLoop:
         duty = law(self.speed_rad_s, supply_v)
         self._rows.append(
             (
-                self._bench.clock.now_ns() * 1e-9,
+                self._stack.clock.now_ns() * 1e-9,
                 duty,
                 supply_v,
                 *(wheel.velocity_rad_s for wheel in self._wheels),

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, find_file
 from robotctl.errors import RobotctlError
@@ -59,7 +59,7 @@ class Track:
     seed: int = 1
     charge: float | None = None
 
-    def bench(self, config: RobotConfig) -> Bench:
+    def stack(self, config: RobotConfig) -> LockstepStack:
         """Return a fresh robot, controlled as `config` says, at the start of the track."""
         overrides = self.overrides
         if self.charge is not None:
@@ -71,12 +71,12 @@ class Track:
         options = StackOptions(
             "tune", str(self.robot), overrides, x_m=x_m, y_m=y_m, theta_rad=theta_rad
         )
-        return Bench(config, options, simulation)
+        return LockstepStack(config, options, simulation)
 
 
-def check_room(bench: Bench) -> None:
+def check_room(stack: LockstepStack) -> None:
     """Raise ExperimentError once the robot has met a wall or is about to leave the track."""
-    truth = bench.simulation.truth()
+    truth = stack.simulation.truth()
     ahead_m, aside_m = truth.x_m - START[0], truth.y_m - START[1]
     if truth.collisions:
         raise ExperimentError(
@@ -111,7 +111,7 @@ class SpeedStep:
     true_m_s: Array
 
 
-def speed_step(bench: Bench, wanted_m_s: float, duration_s: float) -> SpeedStep:
+def speed_step(stack: LockstepStack, wanted_m_s: float, duration_s: float) -> SpeedStep:
     """Arm, command a speed from rest and record so long [s], through limiter and loop as in use.
 
     Raises
@@ -119,41 +119,41 @@ def speed_step(bench: Bench, wanted_m_s: float, duration_s: float) -> SpeedStep:
     ExperimentError
         If the robot does not arm, stops with a fault, or has not enough room.
     """
-    _arm(bench)
+    _arm(stack)
     rows = []
-    start_ns = bench.clock.now_ns() + bench.period_ns
-    for _ in range(round(duration_s * 1e9 / bench.period_ns)):
-        now_ns = bench.clock.now_ns() + bench.period_ns
-        bench.tick((VelocityCommand(now_ns, now_ns + _COMMAND_NS, wanted_m_s, 0.0),))
-        _check_running(bench)
-        check_room(bench)
-        state, truth = bench.snapshot(), bench.simulation.truth()
+    start_ns = stack.clock.now_ns() + stack.period_ns
+    for _ in range(round(duration_s * 1e9 / stack.period_ns)):
+        now_ns = stack.clock.now_ns() + stack.period_ns
+        stack.tick((VelocityCommand(now_ns, now_ns + _COMMAND_NS, wanted_m_s, 0.0),))
+        _check_running(stack)
+        check_room(stack)
+        state, truth = stack.snapshot(), stack.simulation.truth()
         rows.append((now_ns - start_ns, state.v_ref_m_s, state.v_m_s, truth.v_m_s))
     time_ns, reference, measured, true = np.array(rows, dtype=np.float64).T
     return SpeedStep(time_ns * 1e-9, wanted_m_s, reference, measured, true)
 
 
-def _arm(bench: Bench) -> None:
+def _arm(stack: LockstepStack) -> None:
     """Wait for the nodes, arm, and let the wheels come to rest."""
-    machine = bench.core.machine
+    machine = stack.core.machine
     request_id = 1
-    for _ in range(round(READY_S * 1e9 / bench.period_ns)):
+    for _ in range(round(READY_S * 1e9 / stack.period_ns)):
         if machine.state == SafetyState.ARMED:
             break
         wish: tuple[Arm, ...] = ()
         if machine.state == SafetyState.STANDBY:
-            wish = (Arm(bench.clock.now_ns(), request_id, arm=True),)
-        bench.tick(wish)
-        _check_running(bench)
+            wish = (Arm(stack.clock.now_ns(), request_id, arm=True),)
+        stack.tick(wish)
+        _check_running(stack)
     else:
-        acks = bench.snapshot().acks
+        acks = stack.snapshot().acks
         reasons = "; ".join(acks[-1].reasons) if acks else ""
         raise ExperimentError(f"the robot does not arm: {reasons or machine.reason}")
-    for _ in range(round(_REST_S * 1e9 / bench.period_ns)):
-        bench.tick()
+    for _ in range(round(_REST_S * 1e9 / stack.period_ns)):
+        stack.tick()
 
 
-def _check_running(bench: Bench) -> None:
-    machine = bench.core.machine
+def _check_running(stack: LockstepStack) -> None:
+    machine = stack.core.machine
     if machine.state in LATCHED:
         raise ExperimentError(f"the robot stopped by itself: {machine.reason}")

@@ -203,7 +203,7 @@ def responses(options: TuneOptions, config: RobotConfig) -> tuple[StepResponse, 
     result = []
     for charge in CHARGES:
         track = Track(options.robot, options.overrides, options.seed, charge)
-        step = speed_step(track.bench(config), wanted_m_s, ramp_s + _SETTLED_FOR_S)
+        step = speed_step(track.stack(config), wanted_m_s, ramp_s + _SETTLED_FOR_S)
         metrics = step_metrics(step.time_s, step.true_m_s, wanted_m_s, band=BAND)
         result.append(StepResponse(charge, step, metrics))
     return tuple(result)
@@ -236,7 +236,7 @@ def _experiment(
     """Drive one open-loop experiment and evaluate it."""
     pwm, drive = config.control.pwm, config.drive
     track = Track(options.robot, options.overrides, options.seed, CHARGES[0])
-    open_loop = OpenLoop(track.bench(config), config)
+    open_loop = OpenLoop(track.stack(config), config)
     top_m_s = min(_TOP_SPEED * STEP_M_S, config.limits.v_max_m_s)
     top_duty = find_duty(open_loop, top_m_s / drive.wheel_radius_m, pwm.max_duty)
     speed_rad_s = _RELAY_SPEED * open_loop.speed_rad_s

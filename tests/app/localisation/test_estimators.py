@@ -15,13 +15,13 @@ from robotctl.app.localisation.load_estimators import AGAIN_SIGMA_M, load_estima
 from robotctl.app.localisation.localiser import LocaliserInput, external_covariance
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import pose_measurement
-from robotctl.app.localisation.odometry_history import OdometryHistory
 from robotctl.app.localisation.scan_messages import camera_scan, lidar_scan
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.kalman.ekf import checked_covariance
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from robotctl.app.processes.pilot import Pilot
+from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.processes.robot import make_core
 from robotctl.app.simulation.run_score import RunScore
@@ -118,15 +118,15 @@ class World:
 
     def navigate(self) -> None:
         """Start the navigator, and see what pose it steers by."""
-        self.pilot = Pilot(CONFIG, self.options)
-        step = self.pilot._navigator.step
+        self.adapter = make_navigation(CONFIG, self.options)
+        step = self.adapter.navigator.step
         steers_by = self.steers_by = []  # type: list[tuple[SE2, bool]]
 
         def watched(inputs, now_ns):  # type: ignore[no-untyped-def]
             steers_by.append((inputs.pose, inputs.localised))
             return step(inputs, now_ns)
 
-        self.pilot._navigator.step = watched  # type: ignore[method-assign]
+        self.adapter.navigator.step = watched  # type: ignore[method-assign]
 
     @property
     def truth(self) -> SE2:
@@ -169,7 +169,7 @@ class World:
         """Let all take one step, and compare what they tell."""
         self.now_ns += round(STEP_S * 1e9)
         control, belief = self.control(), self.belief()
-        command, self.state = self.pilot.step(control, belief, requests, self.now_ns)
+        command, self.state = self.adapter.step(control, belief, requests, self.now_ns)
         self.telemetry.step(self.now_ns, [belief, control])
         self.keeper.step([belief, control, self.state], self.now_ns)
         self.keeper.close()
@@ -271,7 +271,7 @@ def test_a_jump_at_a_restart_of_navigation(world: World, by: SE2) -> None:
     item, item_s_m = world.state.item, world.state.item_s_m
     world.jump(by)
     world.navigate()
-    world.pilot.resume(item, item_s_m)
+    world.adapter.navigator.resume(item, item_s_m)
     world.step()
     world.step(SetMode(world.now_ns, Mode.AUTO))
     world.run()

@@ -10,7 +10,7 @@ import pytest
 from robotctl.app.processes import navigation as navigation_process
 from robotctl.app.processes.control import continued
 from robotctl.app.processes.navigation import resume
-from robotctl.app.processes.pilot import Pilot
+from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.progress import (
     ProgressKeeper,
     StoredProgress,
@@ -306,18 +306,18 @@ def test_an_odometer_that_cannot_be_read_is_unknown_and_never_saved_over(
 def test_auto_goes_on_within_the_interrupted_item_and_only_when_it_is_asked_for(
     options: StackOptions,
 ) -> None:
-    pilot = Pilot(CONFIG, options)
-    pilot.resume(1, 5.0)
+    adapter = make_navigation(CONFIG, options)
+    adapter.navigator.resume(1, 5.0)
     now_ns = SECOND_NS
 
     def step(*requests: SetMode) -> tuple[float, NavigationState]:
         nonlocal now_ns
-        now_ns += pilot.period_ns
+        now_ns += adapter.period_ns
         clear = (math.inf,) * len(CONFIG.sonar)
         state = control(
             now_ns, state=SafetyState.ARMED, x_m=6.0, y_m=1.0, theta_rad=0.0, sonar_m=clear
         )
-        command, navigated = pilot.step(state, None, requests, now_ns)
+        command, navigated = adapter.step(state, None, requests, now_ns)
         return command.v_m_s, navigated
 
     for _ in range(5):
@@ -406,20 +406,20 @@ def test_an_item_beyond_the_mission_resumes_nothing_and_navigation_begins_anew(
     write_progress(options, item=4)
     with pytest.raises(StateError, match="mission has 3 items, against 4 done"):
         resumed(options, 3)
-    pilot = Pilot(CONFIG, options)
-    (note,) = resume(pilot, options, load_progress(options)[0])
+    adapter = make_navigation(CONFIG, options)
+    (note,) = resume(adapter.navigator, options, load_progress(options)[0])
     assert note == f"{options.state}: item must be 0 to 3, not 4; mode AUTO begins the mission anew"
-    assert pilot.step(None, None, [], 0)[1].item == 0
+    assert adapter.step(None, None, [], 0)[1].item == 0
 
 
 def test_a_completed_mission_is_said_to_be_completed_behind_a_restart(
     options: StackOptions,
 ) -> None:
     write_progress(options, item=3)
-    pilot = Pilot(CONFIG, options)
-    (note,) = resume(pilot, options, load_progress(options)[0])
+    adapter = make_navigation(CONFIG, options)
+    (note,) = resume(adapter.navigator, options, load_progress(options)[0])
     assert note == "the mission is completed; mode AUTO repeats it"
-    assert pilot.step(None, None, [], 0)[1].mission_completed
+    assert adapter.step(None, None, [], 0)[1].mission_completed
 
 
 @pytest.mark.parametrize(

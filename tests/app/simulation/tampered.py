@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.messages.control import (
@@ -63,39 +63,39 @@ class Trial:
         path = find_file(robot)
         simulation = make_simulation(path, find_file("empty_room", "worlds"), 1, start, overrides)
         config = load_robot(path, overrides)
-        self.bench = Bench(config, StackOptions("trial", str(path), overrides), simulation)
-        self.port = Tampered(self.bench.robot)
-        self.bench.robot = self.port
+        self.stack = LockstepStack(config, StackOptions("trial", str(path), overrides), simulation)
+        self.port = Tampered(self.stack.control.robot)
+        self.stack.control.robot = self.port
         self.top_m_s = 0.0
 
     @property
     def state(self) -> SafetyState:
-        return self.bench.core.machine.state
+        return self.stack.core.machine.state
 
     @property
     def reason(self) -> str:
-        return self.bench.core.machine.reason
+        return self.stack.core.machine.reason
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 200)):
-            self.bench.tick()
+            self.stack.tick()
 
     def arm(self) -> None:
-        self.bench.tick((Arm(self.bench.clock.now_ns(), 1, arm=True),))
+        self.stack.tick((Arm(self.stack.clock.now_ns(), 1, arm=True),))
         self.wait(1.1)
 
     def armed(self) -> "Trial":
         self.wait(2.0)
         self.arm()
-        assert self.state == SafetyState.ARMED, self.bench.snapshot().acks[-1]
+        assert self.state == SafetyState.ARMED, self.stack.snapshot().acks[-1]
         return self
 
     def drive(self, v_m_s: float, omega_rad_s: float, seconds: float) -> float:
         """Drive until the time is up or the robot stops itself; return how long that took [s]."""
         for tick in range(round(seconds * 200)):
-            now_ns = self.bench.clock.now_ns()
-            self.bench.tick((VelocityCommand(now_ns, now_ns + 200_000_000, v_m_s, omega_rad_s),))
+            now_ns = self.stack.clock.now_ns()
+            self.stack.tick((VelocityCommand(now_ns, now_ns + 200_000_000, v_m_s, omega_rad_s),))
             if self.state == SafetyState.FAULT:
                 return tick * 0.005
-            self.top_m_s = max(self.top_m_s, abs(self.bench.simulation.truth().v_m_s))
+            self.top_m_s = max(self.top_m_s, abs(self.stack.simulation.truth().v_m_s))
         return seconds

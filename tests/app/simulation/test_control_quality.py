@@ -21,14 +21,14 @@ def step_response(robot, *settings, weak=False):
     """True speeds every 5 ms, from the tick of the command on."""
     path = find_file(robot)
     config = load_robot(path)
-    bench = Track(path, settings).bench(config)
+    stack = Track(path, settings).stack(config)
     if weak:
         # At 70 % of the voltage the monitors would rightly refuse to drive.
-        simulation = bench.simulation
+        simulation = stack.simulation
         simulation.power.dictionary.set(POWER_LOW, 0, 6000)
         simulation.power.dictionary.set(POWER_CRITICAL, 0, 6000)
         simulation.drive.dictionary.set(DRIVE_UNDER_VOLTAGE, 0, 6000)
-    step = speed_step(bench, STEP_M_S, 2.0)
+    step = speed_step(stack, STEP_M_S, 2.0)
     assert step.time_s[1] - step.time_s[0] == pytest.approx(0.005)
     return step.time_s, step.true_m_s
 
@@ -102,7 +102,7 @@ def drive_round(folder: Path, robot, shape, seed, *settings):
     report = run.run()
     assert report.mission_completed, report.message
     assert report.collisions == 0
-    truth = run.bench.simulation.truth()
+    truth = run.stack.simulation.truth()
     return math.hypot(truth.x_m - x_m, truth.y_m - y_m), truth.distance_m
 
 

@@ -7,7 +7,8 @@ import pytest
 from mcap.reader import make_reader
 
 from firmware_sim.config.config import SafetySection
-from robotctl.app.simulation.lockstep import LockstepRun, make_simulation
+from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.lockstep_stack import make_simulation
 from robotctl.app.simulation.sim_options import SimOptions, SimulatorError
 from robotctl.config.robot_file import find_file
 from robotctl.messages.control import WheelCommand
@@ -66,8 +67,8 @@ def test_an_arming_that_the_robot_refused_is_no_leave_to_drive() -> None:
     ack = next(control.acks[-1] for control, _ in run.steps() if control.acks)
     assert "battery is low" in ack.reasons[0]
     for _ in range(20):
-        run.bench.open_loop_tick(lambda _: WheelCommand(enable=True, duty1=0.2, duty2=0.2))
-    assert "without a new arming" in run.bench.simulation.truth().unsafe_reason
+        run.stack.open_loop_tick(lambda _: WheelCommand(enable=True, duty1=0.2, duty2=0.2))
+    assert "without a new arming" in run.stack.simulation.truth().unsafe_reason
 
 
 def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from robotctl.app.processes.robot import make_core
-from robotctl.app.simulation.lockstep import Bench, make_simulation
+from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file
 from robotctl.core.control_core import Inputs
@@ -34,24 +34,24 @@ class Robot:
         )
         world = find_file("empty_room", "worlds")
         self.simulation = make_simulation(robot, world, 1, MIDDLE, overrides)
-        self.bench = Bench(options.load(), options, self.simulation)
+        self.stack = LockstepStack(options.load(), options, self.simulation)
         self.notices = []
         while self.state not in POWERED:
-            self.tick(*(self.request(),) if self.bench.ticks % 100 == 99 else ())
+            self.tick(*(self.request(),) if self.stack.ticks % 100 == 99 else ())
 
     @property
     def state(self):
-        return self.bench.snapshot().state
+        return self.stack.snapshot().state
 
     @property
     def now_ns(self):
-        return self.bench.clock.now_ns()
+        return self.stack.clock.now_ns()
 
     def request(self):
-        return Arm(self.now_ns, self.bench.ticks, arm=True)
+        return Arm(self.now_ns, self.stack.ticks, arm=True)
 
     def tick(self, *requests):
-        outputs = self.bench.tick(requests)
+        outputs = self.stack.tick(requests)
         self.notices += [notice.text for notice in outputs.notices]
         return outputs
 
@@ -87,14 +87,14 @@ def test_arming_right_behind_a_gap_of_feedback_moves_nothing(kind, duration_s):
     robot.idle(duration_s - 0.3 - (robot.now_ns - began_ns) / 1e9)
     robot.tick(robot.request())
     while robot.state not in POWERED and robot.now_ns < began_ns + 4_000_000_000:
-        robot.tick(*(robot.request(),) if robot.bench.ticks % 100 == 99 else ())
+        robot.tick(*(robot.request(),) if robot.stack.ticks % 100 == 99 else ())
     assert robot.state == SafetyState.ARMED
     armed = robot.simulation.truth()
-    assert abs(robot.bench.snapshot().v_ref_m_s) < 0.01
+    assert abs(robot.stack.snapshot().v_ref_m_s) < 0.01
     robot.idle(0.5)
     after = robot.simulation.truth()
     assert after.distance_m - armed.distance_m < 1e-3
-    assert robot.bench.snapshot().x_m == pytest.approx(after.x_m, abs=0.01)
+    assert robot.stack.snapshot().x_m == pytest.approx(after.x_m, abs=0.01)
 
 
 @pytest.mark.parametrize("drives", [False, True])
@@ -104,12 +104,12 @@ def test_a_restart_whose_boot_up_is_lost_is_noticed_and_the_odometry_stays(drive
     if not drives:
         robot.tick(Arm(robot.now_ns, 1, arm=False))
         robot.idle(1.0)
-    boots = robot.bench.snapshot().nodes[0].boots
+    boots = robot.stack.snapshot().nodes[0].boots
     robot.inject("frames_lost id=0x701 duration=0.05")
     robot.inject("node_reset node=drive")
     robot.drive(0.5, 0.5, 0.3)
     robot.idle(2.0)
-    end, true = robot.bench.snapshot(), robot.simulation.truth()
+    end, true = robot.stack.snapshot(), robot.simulation.truth()
     assert end.nodes[0].boots == boots + 1
     assert robot.state == (SafetyState.FAULT if drives else SafetyState.STANDBY)
     # The way it rolls while the drive starts is counted by nobody.
@@ -138,7 +138,7 @@ def test_no_wish_to_clear_faults_outlives_an_emergency_stop(on_the_bus):
         robot.tick()
         states.add((robot.state.name, robot.drive_state))
     assert states == {("EMERGENCY_STOP", "EMERGENCY_STOP")}
-    ack = robot.bench.snapshot().acks[-1]
+    ack = robot.stack.snapshot().acks[-1]
     assert ack.request_id == asked.request_id
     assert not ack.accepted
 
@@ -152,25 +152,25 @@ def test_a_robot_stands_and_is_armed_with_its_steering_at_a_limit_between_steps_
     driven.drive(2.0, 0.3, 2.0)
     driven.tick(VelocityCommand(driven.now_ns, driven.now_ns + 300 * MS, 0.0, 0.0))
     driven.idle(2.0)
-    assert driven.state == SafetyState.ARMED, driven.bench.snapshot().reason
+    assert driven.state == SafetyState.ARMED, driven.stack.snapshot().reason
     driven.tick(Arm(driven.now_ns, 1, arm=False))
     driven.idle(0.2)
     driven.tick(driven.request())
     driven.idle(1.0)
-    assert driven.state == SafetyState.ARMED, driven.bench.snapshot().reason
+    assert driven.state == SafetyState.ARMED, driven.stack.snapshot().reason
 
 
 def test_a_loop_held_up_for_nearly_ten_periods_drives_on_where_ten_are_allowed():
     """What comes first behind the pause is no older than the sender made it, and is believed."""
     robot = Robot(overrides=("safety.feedback_timeout_periods=10",))
     robot.drive(1.0, 0.4)
-    period_ns = robot.bench.period_ns
+    period_ns = robot.stack.period_ns
     for _ in range(3):
         late_ns = robot.now_ns + 9 * period_ns
         robot.simulation.advance(late_ns)
-        robot.bench.clock.sleep_until(late_ns)
+        robot.stack.clock.sleep_until(late_ns)
         robot.drive(0.3, 0.4)
-    assert robot.state == SafetyState.DRIVING, robot.bench.snapshot().reason
+    assert robot.state == SafetyState.DRIVING, robot.stack.snapshot().reason
 
 
 @pytest.mark.parametrize("name", ["diff_drive", "ackermann"])
@@ -183,7 +183,7 @@ def test_wheels_that_were_not_told_to_turn_back_are_not_blamed_on_an_encoder(nam
         robot.inject("frames_lost id=0x201 duration=0.08")
         robot.drive(0.5, -0.6)
         if robot.state == SafetyState.FAULT:
-            reasons.append(robot.bench.snapshot().reason)
+            reasons.append(robot.stack.snapshot().reason)
     assert reasons
     heard = "the motor controller had no valid command for "
     assert {reason.rstrip("0123456789 ms") for reason in reasons} == {heard.rstrip()}
@@ -201,7 +201,7 @@ def test_a_drive_that_hears_no_command_keeps_the_robot_from_arming_until_it_does
     asked = robot.request()
     robot.tick(asked)
     robot.idle(1.1)
-    ack = robot.bench.snapshot().acks[-1]
+    ack = robot.stack.snapshot().acks[-1]
     said = "the motor controller had no valid command for 255 ms"
     assert (ack.request_id, ack.accepted, ack.reasons) == (asked.request_id, False, (said,))
     robot.tick(robot.request())
@@ -220,7 +220,7 @@ def test_a_drive_that_hears_nothing_from_the_moment_of_arming_on_is_found_out():
     robot.idle(0.1)
     assert robot.state == SafetyState.ARMED
     robot.idle(0.03)
-    assert robot.bench.snapshot().reason.startswith("the motor controller had no valid command")
+    assert robot.stack.snapshot().reason.startswith("the motor controller had no valid command")
 
 
 def test_an_encoder_is_blamed_where_commands_came_through():
@@ -230,7 +230,7 @@ def test_an_encoder_is_blamed_where_commands_came_through():
     robot.drive(1.0, 0.4)
     robot.inject("encoder_stuck wheel=left duration=1")
     robot.drive(0.5, 0.4)
-    assert robot.bench.snapshot().reason.startswith("left encoder stuck")
+    assert robot.stack.snapshot().reason.startswith("left encoder stuck")
 
 
 @pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])

@@ -213,7 +213,7 @@ def test_a_heavy_robot_drives_off_as_fast_as_it_may_and_a_blocked_wheel_still_st
         trial.drive(v_m_s, 0.0, 2.0)
         assert trial.state == SafetyState.DRIVING, trial.reason
     trial.drive(0.0, 0.0, 2.0)
-    trial.bench.simulation.faults.inject("wheel_blocked wheel=left")
+    trial.stack.simulation.faults.inject("wheel_blocked wheel=left")
     assert trial.drive(0.3, 0.0, 2.0) < 0.5
     assert "left wheel is blocked" in trial.reason
 
@@ -286,7 +286,7 @@ def test_steering_that_stays_where_it_is_stops_the_robot(robot: str) -> None:
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_wall_stops_the_robot_that_pushes_against_it(robot: str, heading_rad: float) -> None:
     trial = Trial(robot, (4.3, 2.0, heading_rad)).armed()
-    while trial.bench.simulation.truth().collisions == 0:
+    while trial.stack.simulation.truth().collisions == 0:
         assert trial.drive(0.4, 0.0, 0.05) == 0.05, trial.reason
     took_s = trial.drive(0.4, 0.0, 3.0)
     assert "pushes against something" in trial.reason or "is blocked" in trial.reason
@@ -325,7 +325,7 @@ def test_an_implausible_sensor_keeps_the_robot_from_arming(bend: Bend, words: st
     trial.port.feedback = bend
     trial.wait(0.1)
     trial.arm()
-    ack = trial.bench.snapshot().acks[-1]
+    ack = trial.stack.snapshot().acks[-1]
     assert not ack.accepted
     assert any(words in reason for reason in ack.reasons), ack.reasons
     assert trial.state == SafetyState.STANDBY

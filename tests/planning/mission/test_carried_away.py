@@ -24,10 +24,12 @@ from robotctl.planning.behaviours.mission import (
     WaitItem,
 )
 from robotctl.planning.global_planning.free_path import FreePaths
+from robotctl.planning.guard.obstacle_guard import GuardConfig
 from tests.planning.behaviours.test_relocalise import lost_step
 from tests.planning.conftest import FLAT
 
 CHART = grid_of_walls(WallMap(FLAT))
+FREE = FreePaths(CHART, GuardConfig().half_width_m)
 SQUARE = DriveItem("drive", ((1.0, 1.0), (4.0, 1.0), (4.0, 3.5), (1.2, 3.5)), corner_radius_m=1.0)
 ELSEWHERE = [SE2(6.5, 3.5, 2.0), SE2(6.5, 1.8, -1.0), SE2(1.5, 2.5, 3.0)]
 
@@ -36,7 +38,7 @@ def carried(make_run, robot, item, to, *, after_m=1.5, known=True):
     """Return a run that drove so far on its item, was carried, and was lost for a second."""
     run = make_run(robot, mission=Mission("there", "flat", StartPose(1.0, 1.0), (item,)))
     if known:
-        run.navigator.learn_map(CHART)
+        run.navigator.learn_paths(FREE)
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > after_m, 60.0)
     run.world.pose = run.world.odometry = to
@@ -90,7 +92,7 @@ def test_a_wall_is_followed_on_from_where_it_was_left(make_run, differential, to
 def test_who_waits_or_turns_does_so_at_its_place(make_run, differential, item):
     mission = Mission("there", "flat", StartPose(1.0, 1.0), (item,))
     run = make_run(differential, mission=mission)
-    run.navigator.learn_map(CHART)
+    run.navigator.learn_paths(FREE)
     run.step(ModeRequest(Mode.AUTO))
     for _ in range(10):
         run.step()
@@ -104,7 +106,7 @@ def test_who_waits_or_turns_does_so_at_its_place(make_run, differential, item):
 
 def test_a_pose_that_jumps_without_a_search_is_no_failure_either(make_run, differential):
     run = make_run(differential, mission=Mission("x", "flat", StartPose(1.0, 1.0), (SQUARE,)))
-    run.navigator.learn_map(CHART)
+    run.navigator.learn_paths(FREE)
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
     run.world.pose = run.world.odometry = ELSEWHERE[0]
@@ -137,7 +139,7 @@ def test_without_a_map_the_way_back_is_straight_and_the_guard_stops_it_at_a_wall
 
 def test_who_is_moved_while_another_mode_steers_still_fails(make_run, differential):
     run = make_run(differential, mission=Mission("x", "flat", StartPose(1.0, 1.0), (SQUARE,)))
-    run.navigator.learn_map(CHART)
+    run.navigator.learn_paths(FREE)
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda _: run.world.distance_m > 1.5, 60.0)
     run.step(ModeRequest(Mode.HOLD))

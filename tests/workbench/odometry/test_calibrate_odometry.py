@@ -141,9 +141,9 @@ def test_squares_measured_by_tape_do_as_well(tmp_path):
         run = LockstepRun(
             SimOptions(find_file("diff_drive"), mission, seed=i, overrides=WRONG, record=folder)
         )
-        begin = run.bench.simulation.truth()
+        begin = run.stack.simulation.truth()
         run.run()
-        truth = run.bench.simulation.truth()
+        truth = run.stack.simulation.truth()
         start = SE2(begin.x_m, begin.y_m, begin.theta_rad)
         end = start.inverse() @ SE2(truth.x_m, truth.y_m, truth.theta_rad)
         lines += ["[[run]]", f'log = "{shape}{i}"', f"x_m = {end.x_m}", f"y_m = {end.y_m}"]

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from robotctl import toml_source
-from robotctl.app.localisation.odometry_history import OdometryHistory
-from robotctl.config.options import StackOptions
-from robotctl.config.robot_file import RobotConfig
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.messages.control import (
     ControlState,
     ExternalPose,
@@ -38,8 +34,7 @@ from robotctl.messages.requests import (
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.model.grid_map import GridMap
-from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
 from robotctl.planning.guard.obstacle_guard import Point
 from robotctl.planning.navigator import NavigationInputs, Navigator
@@ -66,66 +61,57 @@ _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 """Before the first control state; the navigator then stands and drops no breadcrumb."""
 
 
-def load_mission(path: Path) -> Mission:
-    """Read a mission file.
-
-    Raises
-    ------
-    ConfigError
-        With one line for each error.
-    """
-    return toml_source.load(path, Mission)
-
-
-class Pilot:
+class NavigationAdapter:
     """Runs a `Navigator` on messages.
 
     Parameters
     ----------
-    config
-        The robot.
-    options
-        Mission and start pose.
+    navigator, config
+        What decides, and its settings.
+    mission
+        Name of its mission; empty: it has none.
+    has_localiser
+        Whether one is to be waited for.
+    looks
+        Whether the robot has a camera that watches the floor.
+    needs_station
+        Whether it drives by itself only while a ground station is there.
+
+    Attributes
+    ----------
+    navigator
+        What decides.
+    period_ns
+        Of its steps [ns].
     """
 
-    def __init__(self, config: RobotConfig, options: StackOptions) -> None:
-        self._mission = load_mission(Path(options.mission)) if options.mission else None
-        self._navigator = Navigator(
-            config.navigation,
-            config.drive,
-            config.limits,
-            config.sonar,
-            self._mission,
-            SE2(options.x_m, options.y_m, options.theta_rad),
-        )
-        self.period_ns = round(1e9 / config.navigation.rate_hz)
+    def __init__(
+        self,
+        navigator: Navigator,
+        config: NavigationConfig,
+        *,
+        mission: str,
+        has_localiser: bool,
+        looks: bool,
+        needs_station: bool,
+    ) -> None:
+        self.navigator = navigator
+        self.period_ns = round(1e9 / config.rate_hz)
+        self._mission = mission
         self._odometry = OdometryHistory()
         self._floor = FloorMemory()
-        self._looks = config.camera is not None and config.camera.enabled
-        self._guard = config.navigation.guard
-        self._world = WorldPose(has_localiser=config.localisation.method != "none")
+        self._looks = looks
+        self._guard = config.guard
+        self._world = WorldPose(has_localiser=has_localiser)
         self._odom_epoch_ns: int | None = None
         """Of the last state."""
         self._notices: list[str] = []
         self._message = ""
         self._armings: int | None = None
         """The count in the last state, None where that was not enabled."""
-        self._needs_station = config.mavlink.hold_without_gcs
+        self._needs_station = needs_station
         self._station_ns: int | None = None
         """When a ground station was there last."""
-
-    @property
-    def mission_completed(self) -> bool:
-        """AUTO would begin the mission anew."""
-        return self._navigator.mission_completed
-
-    def resume(self, item: int, item_s_m: float) -> None:
-        """Let AUTO, when it is asked for, go on at a mission item and the way along it [m]."""
-        self._navigator.resume(item, item_s_m)
-
-    def learn_map(self, world_map: GridMap) -> None:
-        """Know the map that the robot localises itself in."""
-        self._navigator.learn_map(world_map)
 
     def step(
         self,
@@ -180,7 +166,7 @@ class Pilot:
             ),
             floor_base=floor,
         )
-        out = self._navigator.step(inputs, now_ns)
+        out = self.navigator.step(inputs, now_ns)
         command = VelocityCommand(
             now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
         )
@@ -190,7 +176,7 @@ class Pilot:
         state = NavigationState(
             stamp_ns=now_ns,
             mode=out.mode,
-            mission=self._mission.name if self._mission else "",
+            mission=self._mission,
             item=out.item,
             items=out.items,
             item_name=out.item_name,

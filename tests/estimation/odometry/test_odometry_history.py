@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robotctl.app.localisation.odometry_history import OdometryHistory
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.model.geometry.se2 import SE2
 
 

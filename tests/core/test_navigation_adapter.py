@@ -1,4 +1,4 @@
-"""The pilot: which requests of other processes reach the navigator."""
+"""The adapter: which requests of other processes reach the navigator."""
 
 import math
 from pathlib import Path
@@ -6,10 +6,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from robotctl.app.processes.pilot import PRESENCE_MAX_AGE_NS, STATE_MAX_AGE_NS, Pilot
+from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.robot import make_core
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig, find_file, load_robot
+from robotctl.core.navigation_adapter import PRESENCE_MAX_AGE_NS, STATE_MAX_AGE_NS
 from robotctl.messages.control import (
     GroundStationPresence,
     LoopStatistics,
@@ -41,11 +42,11 @@ HANG_NS = 4_500_000_000
 
 
 class Armed:
-    """A pilot of an armed robot that stands on a free floor."""
+    """A adapter of an armed robot that stands on a free floor."""
 
     def __init__(self, mission: Path, config: RobotConfig = CONFIG) -> None:
         mission.write_text(MISSION)
-        self.pilot = Pilot(config, StackOptions("x", "", mission=str(mission)))
+        self.adapter = make_navigation(config, StackOptions("x", "", mission=str(mission)))
         self.now_ns = 10**12
         self.armings = 1
         self.enabled = True
@@ -62,7 +63,7 @@ class Armed:
         localisation: LocalisationState | None = None,
     ) -> tuple[VelocityCommand, NavigationState]:
         """Step once, `pause_ns` later than is due, by a state of control of this age."""
-        self.now_ns += self.pilot.period_ns + pause_ns
+        self.now_ns += self.adapter.period_ns + pause_ns
         control = msgspec.structs.replace(
             STATE,
             stamp_ns=self.now_ns - age_ns,
@@ -74,11 +75,11 @@ class Armed:
             sonar_stamp_ns=(self.stamp_ns or self.now_ns,) * len(CONFIG.sonar),
             theta_rad=self.theta_rad,
         )
-        return self.pilot.step(control, localisation, requests, self.now_ns)
+        return self.adapter.step(control, localisation, requests, self.now_ns)
 
     def next_ns(self) -> int:
         """Return the time of the next step that is in time."""
-        return self.now_ns + self.pilot.period_ns
+        return self.now_ns + self.adapter.period_ns
 
 
 @pytest.fixture
@@ -92,7 +93,7 @@ def test_a_mode_that_waited_for_longer_than_its_life_is_dropped(armed: Armed, mo
     assert state.mode is Mode.HOLD
     _, state = armed.step(SetMode(armed.next_ns() - REQUEST_LIFE_NS, mode))
     assert state.mode is mode
-    assert armed.pilot.take_notices() == ["1 request for a mode or position dropped: 1.0 s old"]
+    assert armed.adapter.take_notices() == ["1 request for a mode or position dropped: 1.0 s old"]
 
 
 def test_hold_is_taken_however_old_it_is(armed: Armed) -> None:
@@ -100,7 +101,7 @@ def test_hold_is_taken_however_old_it_is(armed: Armed) -> None:
     assert command.v_m_s > 0.0
     command, state = armed.step(SetMode(1, Mode.HOLD))
     assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
-    assert armed.pilot.take_notices() == []
+    assert armed.adapter.take_notices() == []
 
 
 def test_a_position_that_waited_for_longer_than_its_life_is_dropped(armed: Armed) -> None:
@@ -119,8 +120,8 @@ def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed:
     for _ in range(3):
         assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
         command, state = armed.step()
-    assert armed.pilot.take_notices() == ["3 requests for a mode or position dropped: 4.5 s old"]
-    assert armed.pilot.take_notices() == []
+    assert armed.adapter.take_notices() == ["3 requests for a mode or position dropped: 4.5 s old"]
+    assert armed.adapter.take_notices() == []
 
 
 @pytest.mark.parametrize(
@@ -139,7 +140,7 @@ def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
     command, state = armed.step()
     assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
     assert state.message == f"hold: {reason}"
-    assert f"hold: {reason}" in armed.pilot.take_notices()
+    assert f"hold: {reason}" in armed.adapter.take_notices()
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
@@ -251,7 +252,7 @@ def test_without_the_ground_station_that_it_needs_a_robot_holds(
 
 def test_a_robot_that_needs_a_ground_station_is_driven_by_hand_without(attended: Armed) -> None:
     attended.step(SetMode(attended.next_ns(), Mode.MANUAL))
-    for _ in range(2 * PRESENCE_MAX_AGE_NS // attended.pilot.period_ns):
+    for _ in range(2 * PRESENCE_MAX_AGE_NS // attended.adapter.period_ns):
         now_ns = attended.next_ns()
         sticks = ManualControl(now_ns, now_ns + 10**8, 0.5, 0.0)
         command, state = attended.step(sticks)

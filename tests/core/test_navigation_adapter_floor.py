@@ -1,4 +1,4 @@
-"""What the pilot remembers of the floor over stops and restarts."""
+"""What the adapter remembers of the floor over stops and restarts."""
 
 import math
 from pathlib import Path
@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from robotctl.app.processes.pilot import Pilot
+from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.robot import make_core
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
@@ -39,13 +39,13 @@ UP_TO_IT = 0.65
 
 
 class Looking:
-    """A pilot that looks at the floor: free, or with a plank across the way at x = 1 m."""
+    """A adapter that looks at the floor: free, or with a plank across the way at x = 1 m."""
 
     def __init__(self, folder: Path, armings: int = 0) -> None:
         path = folder / "mission.toml"
         path.write_text(MISSION)
         self.options = StackOptions("x", "", mission=str(path))
-        self.pilot = Pilot(CONFIG, self.options)
+        self.adapter = make_navigation(CONFIG, self.options)
         self.now_ns = 10**12
         self.state = SafetyState.STANDBY
         self.armings = armings
@@ -56,9 +56,9 @@ class Looking:
 
     def step(self, mode: Mode | None = None) -> tuple[VelocityCommand, NavigationState]:
         """Step once, with a picture of where the robot stands now."""
-        self.now_ns += self.pilot.period_ns
+        self.now_ns += self.adapter.period_ns
         requests = () if mode is None else (SetMode(self.now_ns, mode),)
-        return self.pilot.step(self.control(), None, requests, self.now_ns, [self.view()])
+        return self.adapter.step(self.control(), None, requests, self.now_ns, [self.view()])
 
     def drive_to(self, x_m: float) -> None:
         """Move along x in steps of a centimetre or less; the operator steers."""
@@ -169,15 +169,15 @@ def test_navigation_that_starts_under_way_does_not_drive_over_floor_that_was_bel
     robot.plank = plank
     robot.arm()
     robot.drive_to(UP_TO_IT + 0.05)
-    robot.pilot = Pilot(CONFIG, robot.options)
+    robot.adapter = make_navigation(CONFIG, robot.options)
     assert waits(robot.auto())
-    (said,) = robot.pilot.take_notices()
+    (said,) = robot.adapter.take_notices()
     assert "back it up" in said
     robot.drive_to(UP_TO_IT - 0.25)
     assert not waits(robot.auto())  # the plank, if it is there, is far enough ahead now
     robot.drive_to(UP_TO_IT + 0.05)
     assert waits(robot.auto()) == plank
-    assert robot.pilot.take_notices() == []
+    assert robot.adapter.take_notices() == []
 
 
 def test_a_drive_that_restarts_makes_the_floor_unknown(tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ def test_a_drive_that_restarts_makes_the_floor_unknown(tmp_path: Path) -> None:
     robot.stop(SafetyState.FAULT)
     robot.arm()
     assert waits(robot.auto())
-    floor, mode = robot.pilot.take_notices()
+    floor, mode = robot.adapter.take_notices()
     assert "what was seen of the floor is forgotten" in floor
     assert mode == "hold: the robot was stopped"
 
@@ -201,4 +201,4 @@ def test_a_robot_that_was_never_armed_begins_with_a_free_floor(tmp_path: Path) -
     robot.step()
     robot.arm()
     assert not waits(robot.auto())
-    assert robot.pilot.take_notices() == []
+    assert robot.adapter.take_notices() == []

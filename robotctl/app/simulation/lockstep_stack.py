@@ -1,0 +1,146 @@
+"""A simulated robot with its controller on one virtual clock, moved tick by tick."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from firmware_sim.errors import SimulationError
+from firmware_sim.world.world import World
+from robotctl.app.processes.robot import make_codec, make_core, node_parameters
+from robotctl.app.simulation.sim_options import SimulatorError, simulated_robot
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import RobotConfig
+from robotctl.core.control_core import Inputs, Outputs
+from robotctl.core.control_tick import ControlTick
+from robotctl.core.operator import Operator
+from robotctl.drivers.can.memory_port import MemoryPort
+from robotctl.drivers.can.nodes.robot_can import CanRobot
+from robotctl.messages.control import (
+    ControlRequest,
+    ControlState,
+    LoopStatistics,
+    Notice,
+    WheelCommand,
+)
+from robotctl.runtime.clock import VirtualClock
+from robotctl.runtime.histogram import Histogram
+
+if TYPE_CHECKING:
+    from firmware_sim.simulation import Simulation
+
+_NO_FIGURES = LoopStatistics()
+
+
+class LockstepStack:
+    """Firmware, bus and controller in one process.
+
+    Parameters
+    ----------
+    config, options
+        The robot and its start pose.
+    simulation
+        The other end of the wire.
+    tell
+        Given what the control process would publish at once.
+    """
+
+    def __init__(
+        self,
+        config: RobotConfig,
+        options: StackOptions,
+        simulation: Simulation,
+        tell: Callable[[Notice], object] = lambda _: None,
+    ) -> None:
+        self.clock = VirtualClock(simulation.now_ns)
+        self.simulation = simulation
+        self.period_ns = config.runtime.period_ns
+        self.step_ns = Histogram()
+        codec = make_codec()
+        wire = simulation.bus.attach(
+            "host",
+            lambda frame: port.deliver(*frame),
+            accept=codec.arbitration_ids,
+            errors=True,
+        )
+        port = MemoryPort(wire.send, codec.arbitration_ids, config.can.bitrate, self.clock)
+        self.core = make_core(config, options)
+        self.ticks = 0
+        self._requests: tuple[ControlRequest, ...] = ()
+        self.control = ControlTick(
+            CanRobot(port, codec, node_parameters(config)),
+            self.core,
+            Operator(lambda: self._requests, tell),
+        )
+        self.control.receive(self.clock.now_ns())
+
+    def tick(self, requests: tuple[ControlRequest, ...] = ()) -> Outputs:
+        """Let one period pass, then do what the control process does in a tick."""
+        now_ns = self._advance()
+        self._requests = requests
+        tick = self.control
+        begin_ns = time.perf_counter_ns()
+        tick.receive(now_ns)
+        tick.control(now_ns)
+        tick.send(now_ns)
+        self.step_ns.add((time.perf_counter_ns() - begin_ns) // 100)
+        tick.publish()
+        return tick.outputs
+
+    def open_loop_tick(self, law: Callable[[Inputs], WheelCommand]) -> Inputs:
+        """Let one period pass and send what `law` makes of it past the core, for identification."""
+        now_ns = self._advance()
+        self._requests = ()
+        self.control.receive(now_ns)
+        self.control.robot.send(law(self.control.inputs), now_ns)
+        return self.control.inputs
+
+    def _advance(self) -> int:
+        """Move firmware and clock by one period."""
+        self.ticks += 1
+        now_ns = self.clock.now_ns() + self.period_ns
+        self.simulation.advance(now_ns)
+        self.clock.sleep_until(now_ns)
+        return now_ns
+
+    def snapshot(self) -> ControlState:
+        """Return the control core's state now, without the loop's figures (see `statistics`)."""
+        return self.core.snapshot(self.clock.now_ns(), _NO_FIGURES)
+
+    def statistics(self) -> LoopStatistics:
+        """Return the loop's figures: no lag under a virtual clock, but real times of the step."""
+        p50, p99 = self.step_ns.percentiles(0.5, 0.99)
+        return LoopStatistics(
+            rate_hz=1e9 / self.period_ns,
+            ticks=self.ticks,
+            step_us_p50=p50 / 10,
+            step_us_p99=p99 / 10,
+        )
+
+
+def make_simulation(
+    robot: Path,
+    world: Path | World,
+    seed: int,
+    start: tuple[float, float, float],
+    overrides: Sequence[str] = (),
+) -> Simulation:
+    """Return the simulated robot in its world, compiled and ready.
+
+    Raises
+    ------
+    SimulatorError
+        If a file is wrong or the robot cannot stand at `start` (x [m], y [m], heading [rad]).
+    """
+    simulated = simulated_robot(robot, overrides)
+    try:
+        # It loads numba, for which those who only type `robotctl --help` need not wait.
+        from firmware_sim.simulation import Simulation  # noqa: PLC0415
+
+        simulation = Simulation(simulated, world, seed, start)
+    except SimulationError as error:
+        raise SimulatorError(str(error)) from error
+    simulation.warm()
+    return simulation

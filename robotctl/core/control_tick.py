@@ -1,0 +1,63 @@
+"""One period of control in its order: for the control process and for lockstep alike."""
+
+from __future__ import annotations
+
+from robotctl.core.control_core import ControlCore, Inputs, Outputs
+from robotctl.core.operator import Operator
+from robotctl.messages.control import Arm, ControlRequest, Feedback, WheelCommand
+from robotctl.messages.ports import RobotPort
+
+
+class ControlTick:
+    """Frames and requests in, one step of the core, the command out.
+
+    It reads no clock and knows no sockets. `control` is `ControlCore.step` and nothing else, so a
+    replay of `inputs` through the core is a replay of the tick.
+
+    Parameters
+    ----------
+    robot, core
+        The wire and what thinks.
+    operator
+        Whose requests are carried out, and who is told of it.
+
+    Attributes
+    ----------
+    inputs, outputs
+        Of the present tick.
+    """
+
+    def __init__(
+        self, robot: RobotPort, core: ControlCore, operator: Operator[ControlRequest]
+    ) -> None:
+        self.robot = robot
+        self.core = core
+        self.inputs = Inputs(Feedback())
+        self.outputs = Outputs(WheelCommand())
+        self._operator = operator
+
+    def receive(self, now_ns: int) -> None:
+        """Take in frames and requests."""
+        requests = tuple(self._operator.ask())
+        objections: tuple[str, ...] = ()
+        if requests and any(isinstance(request, Arm) and request.arm for request in requests):
+            objections = self._operator.objections
+        self.inputs = Inputs(self.robot.receive(now_ns), requests, objections)
+
+    def control(self, now_ns: int) -> None:
+        """Step the core."""
+        self.outputs = self.core.step(self.inputs, now_ns)
+
+    def send(self, now_ns: int) -> None:
+        """Send the command; an emergency stop goes first."""
+        outputs = self.outputs
+        if outputs.emergency_stop is not None:
+            self.robot.emergency_stop(outputs.emergency_stop)
+        if outputs.clear_faults:
+            self.robot.clear_faults()
+        self.robot.send(outputs.command, now_ns)
+
+    def publish(self) -> None:
+        """Tell what people should know of this tick."""
+        for notice in self.outputs.notices:
+            self._operator.tell(notice)

@@ -1,0 +1,123 @@
+"""One step of navigation in its order: for the navigation process and for lockstep alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import msgspec
+
+from robotctl.core.navigation_adapter import NavigationAdapter
+from robotctl.core.operator import Operator
+from robotctl.messages.control import (
+    ControlState,
+    ExternalPose,
+    NavigationRequest,
+    NavigationState,
+    Notice,
+    Severity,
+    VelocityCommand,
+)
+from robotctl.messages.estimation import (
+    CameraView,
+    GivenMap,
+    LidarScan,
+    LiveMap,
+    LocalisationState,
+    ParticleCloud,
+)
+
+
+class Estimation(Protocol):
+    """Localiser and mapper of one robot, either of which may be missing."""
+
+    def step(
+        self,
+        control: ControlState,
+        scans: Sequence[LidarScan | CameraView],
+        poses: Sequence[ExternalPose],
+        now_ns: int,
+    ) -> LocalisationState | None:
+        """Take in all that came since the last step; return what the localiser believes."""
+
+    def pictures(self, now_ns: int) -> Sequence[ParticleCloud | LiveMap]:
+        """Return what people see of the estimators, if it is time."""
+
+    def given_map(self, now_ns: int) -> Sequence[GivenMap]:
+        """Return the map that the robot localises itself in, if it is time to tell it again."""
+
+    def take_notices(self) -> Sequence[str]:
+        """Return sentences on what has changed since the last call."""
+
+
+class NavigationTick:
+    """States, scans and requests in, a velocity out, and what others should know of it.
+
+    It reads no clock and knows no sockets: the same inputs at the same times give the same outputs.
+
+    Parameters
+    ----------
+    adapter
+        The navigator behind messages.
+    estimators
+        What finds out where the robot is; None: its odometry alone.
+    operator
+        Whose requests are carried out, and who is told of it.
+
+    Attributes
+    ----------
+    state, localisation
+        What the last step publishes of itself, and where it believed to be; None before the first,
+        or without a localiser.
+    """
+
+    def __init__(
+        self,
+        adapter: NavigationAdapter,
+        estimators: Estimation | None,
+        operator: Operator[NavigationRequest],
+    ) -> None:
+        self.period_ns = adapter.period_ns
+        self.state: NavigationState | None = None
+        self.localisation: LocalisationState | None = None
+        self._adapter = adapter
+        self._estimators = estimators
+        self._operator = operator
+        self._control: ControlState | None = None
+        self._seen: tuple[LidarScan | CameraView, ...] = ()
+        self._requests: tuple[NavigationRequest, ...] = ()
+
+    def receive(self, control: ControlState | None, seen: Sequence[LidarScan | CameraView]) -> None:
+        """Take in the newest state of control, what was seen since the last step, and requests."""
+        self._control, self._seen = control, tuple(seen)
+        self._requests = tuple(self._operator.ask())
+
+    def localise(self, now_ns: int) -> None:
+        """Find out where the robot is."""
+        if self._estimators is None or self._control is None:
+            return
+        poses = [each for each in self._requests if isinstance(each, ExternalPose)]
+        self.localisation = self._estimators.step(self._control, self._seen, poses, now_ns)
+
+    def navigate(self, now_ns: int) -> tuple[VelocityCommand, NavigationState]:
+        """Return the velocity decided, and what the navigator says of itself."""
+        views = [each for each in self._seen if isinstance(each, CameraView)]
+        command, self.state = self._adapter.step(
+            self._control, self.localisation, self._requests, now_ns, views
+        )
+        return command, self.state
+
+    def publish(self, now_ns: int, localise_us: float = 0.0, step_us: float = 0.0) -> None:
+        """Tell what was found and decided, with how long that took [us] where it was measured."""
+        tell, estimators = self._operator.tell, self._estimators
+        if estimators is not None and self._control is not None:
+            if self.localisation is not None:
+                tell(msgspec.structs.replace(self.localisation, step_us=localise_us))
+            for picture in (*estimators.pictures(now_ns), *estimators.given_map(now_ns)):
+                tell(picture)
+            for text in estimators.take_notices():
+                tell(Notice(now_ns, Severity.NOTICE, text))
+        for text in self._adapter.take_notices():
+            tell(Notice(now_ns, Severity.WARNING, text))
+        if self.state is not None:
+            tell(msgspec.structs.replace(self.state, step_us=step_us))

@@ -1,0 +1,29 @@
+"""Who stands behind a robot: all that differs between its processes and a simulated run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+Request = TypeVar("Request")
+
+
+@dataclass(frozen=True, slots=True)
+class Operator(Generic[Request]):
+    """Where the requests of a tick come from and where its messages go; all else is the tick's.
+
+    Parameters
+    ----------
+    ask
+        Returns the requests since the last call, oldest first: those of a socket, or of a
+        simulated operator.
+    tell
+        Takes each message that is to be published: a publisher, a log, a score.
+    objections
+        What of the host computer speaks against arming.
+    """
+
+    ask: Callable[[], Sequence[Request]]
+    tell: Callable[[Any], object]
+    objections: tuple[str, ...] = ()
