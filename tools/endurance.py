@@ -38,6 +38,7 @@ from robotctl.messages.control import (
     NavigationState,
     SetMode,
 )
+from robotctl.messages.faults import FaultCode
 from robotctl.safety.state_machine import LATCHED, POWERED
 
 SECOND_NS = 1_000_000_000
@@ -62,9 +63,9 @@ CHANGE_BELOW = 0.3
 GROWTH_MIB = 8.0
 """More is a leak: Python's arenas move by some MiB."""
 
-PARAMETERS_LOST = "the motor controller reports: parameter"
 STORE = (0x601, b"\x23\x10\x10\x01save")
-"""What the operator sends by hand then, and docs/safety.md tells him: store what is valid now."""
+"""What the operator sends by hand where parameters were lost, as docs/safety.md tells him: store
+what is valid now."""
 
 NEVER_S = 1e9
 """No run is so long [s]."""
@@ -195,7 +196,7 @@ class Endurance:
             self._stopped_ns, self._quiet_ns, self._latched = now_ns, 0, False
         if control.state in LATCHED and not self._latched:  # disarmed between laps, perhaps
             self._latched, self._quiet_ns = True, 0
-            self.stops[_kind(control.reason)] += 1
+            self.stops[control.fault.name] += 1
             late = now_ns > self._fault_end_ns + AFTERMATH_NS or not self.faults
             if late and not self.simulation.plant.touching:
                 self.causeless.append(f"{now_ns / 1e9:.3f} s: {control.reason}")
@@ -210,7 +211,8 @@ class Endurance:
         if now_ns < since_ns or now_ns - self._asked_ns < SECOND_NS:
             return []
         self._asked_ns = now_ns
-        if any(PARAMETERS_LOST in reason for ack in control.acks[-1:] for reason in ack.reasons):
+        refused = {reason.code for ack in control.acks[-1:] for reason in ack.reasons}
+        if FaultCode.DRIVE_PARAMETER in refused:
             [host] = (port for port in self.simulation.bus.ports if port.name == "host")
             host.send(*STORE)
         self._number += 1
@@ -316,12 +318,6 @@ def _draw(rng: np.random.Generator, parameter: Parameter, highest: float) -> flo
     if low > 0.0 and high > WIDE * low:
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
     return float(rng.uniform(low, high))
-
-
-def _kind(reason: str) -> str:
-    """Return a reason without its numbers."""
-    words = reason.partition(" (")[0]
-    return "".join("#" if letter.isdigit() else letter for letter in words)
 
 
 def resident_mib() -> float:

@@ -106,7 +106,7 @@ class Inputs(msgspec.Struct, frozen=True, array_like=True):
 
     feedback: Feedback
     requests: tuple[ControlRequest, ...] = ()
-    objections: tuple[str, ...] = ()
+    objections: tuple[Fault, ...] = ()
 
 
 class Outputs(msgspec.Struct, frozen=True, array_like=True):
@@ -161,8 +161,12 @@ class ControlCore:
             for pid in loops
         )
         self._powerless = tuple(
-            f"control.{name}: kp, ki and kv are 0, the wheel would not turn: find gains with "
-            "`robotctl tune`"
+            Fault(
+                FaultCode.NO_GAINS,
+                f"control.{name}: kp, ki and kv are 0, the wheel would not turn: find gains with "
+                "`robotctl tune`",
+                name,
+            )
             for name, pid in zip(drive.wheel_names, loops, strict=True)
             if not pid.can_drive
         )
@@ -201,7 +205,7 @@ class ControlCore:
         self._node_events = NodeEvents()
         self._ticks = 0
         self._arming = ArmRequests()
-        self._objections: tuple[str, ...] = ()
+        self._objections: tuple[Fault, ...] = ()
         self._cleared_ns = 0
         self._stopped_ns = 0
         """Time of the last emergency stop or fault [ns]."""
@@ -313,15 +317,17 @@ class ControlCore:
                     fault = Fault(FaultCode.EMERGENCY_STOP, f"emergency stop ({source})")
                     self._on(Event.EMERGENCY_STOP, fault, now_ns)
                 case Arm(arm=False):
-                    self._arming.answer_waiting("disarmed")
+                    self._arming.answer_waiting(Fault(FaultCode.REQUEST_WITHDRAWN, "disarmed"))
                     self._on(Event.DISARM, "disarmed", now_ns)
                     self._arming.answer(request.request_id)
-                case Arm() if not oldest_ns <= request.stamp_ns <= now_ns:
-                    when = "too old" if request.stamp_ns < oldest_ns else "of the future"
-                    self._arming.answer(request.request_id, when)
+                case Arm() if request.stamp_ns < oldest_ns:
+                    too_old = Fault(FaultCode.REQUEST_TOO_OLD, "too old")
+                    self._arming.answer(request.request_id, too_old)
+                case Arm() if request.stamp_ns > now_ns:
+                    too_early = Fault(FaultCode.REQUEST_TOO_EARLY, "of the future")
+                    self._arming.answer(request.request_id, too_early)
                 case Arm() if stopping or request.stamp_ns <= self._stopped_ns:
-                    before = f"made before the stop: {self.machine.reason}"
-                    self._arming.answer(request.request_id, before)
+                    self._arming.answer(request.request_id, _before_stop(self.machine.reason))
                 case Arm():
                     self._arming.wait(request)
                     self._objections = inputs.objections
@@ -359,9 +365,9 @@ class ControlCore:
             self._take_over(now_ns)
             return False
         if now_ns - arming.since_ns > self._safety.arm_timeout_ms * 1_000_000:
-            refusals = refusals or (self.machine.reason,)
+            refusals = refusals or (Fault(FaultCode.NOT_READY, self.machine.reason),)
             arming.answer_waiting(*refusals)
-            text = f"arming refused: {'; '.join(refusals)}"
+            text = f"arming refused: {'; '.join(map(str, refusals))}"
             self._notices.append(Notice(now_ns, Severity.WARNING, text))
             return False
         if self._health.drive_latched and now_ns - self._cleared_ns > _CLEAR_INTERVAL_NS:
@@ -369,7 +375,7 @@ class ControlCore:
             return True
         return False
 
-    def _refusals(self, now_ns: int) -> tuple[str, ...]:
+    def _refusals(self, now_ns: int) -> tuple[Fault, ...]:
         """Return all reasons against arming now."""
         refusals = self._objections + self._powerless
         refusals += self._supervision.refusals(
@@ -377,7 +383,8 @@ class ControlCore:
         )
         if not self.warm:
             of = self._safety.warmup_ticks
-            refusals += (f"the control loop is not warm: tick {self._ticks} of {of}",)
+            text = f"the control loop is not warm: tick {self._ticks} of {of}"
+            refusals += (Fault(FaultCode.NOT_WARM, text),)
         return refusals
 
     def _take_over(self, now_ns: int) -> None:
@@ -450,7 +457,7 @@ class ControlCore:
         self._armings += changed and event is Event.ARM
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):
             self._stopped_ns = now_ns
-            self._arming.answer_waiting(f"made before the stop: {why}")
+            self._arming.answer_waiting(_before_stop(str(why)))
         if changed and event in (Event.EMERGENCY_STOP, Event.FAULT):
             self._velocity = None
             self._notices.append(Notice(now_ns, Severity.CRITICAL, f"stopped: {why}"))
@@ -520,3 +527,8 @@ def impossible_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
     """Return a speed that no wheel of this robot has [rad/s]: counts that need it are wrong."""
     pushed_rad_s = _PUSHED_M_S / min(drive.wheel_radii_m)
     return _IMPOSSIBLE_SHARE * fastest_wheel_rad_s(drive, limits) + pushed_rad_s
+
+
+def _before_stop(why: str) -> Fault:
+    """Return the answer to a request to arm of before a stop."""
+    return Fault(FaultCode.REQUEST_BEFORE_STOP, f"made before the stop: {why}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.core.operator import Operator
 from robotctl.messages.control import Arm, ControlRequest, Feedback, WheelCommand
+from robotctl.messages.faults import Fault
 from robotctl.messages.ports import RobotPort
 
 
@@ -39,7 +40,7 @@ class ControlTick:
     def receive(self, now_ns: int) -> None:
         """Take in frames and requests."""
         requests = tuple(self._operator.ask())
-        objections: tuple[str, ...] = ()
+        objections: tuple[Fault, ...] = ()
         if requests and any(isinstance(request, Arm) and request.arm for request in requests):
             objections = self._operator.objections
         self.inputs = Inputs(self.robot.receive(now_ns), requests, objections)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from robotctl.messages.faults import Fault
+
 Request = TypeVar("Request")
 
 
@@ -26,4 +28,4 @@ class Operator(Generic[Request]):
 
     ask: Callable[[], Sequence[Request]]
     tell: Callable[[Any], object]
-    objections: tuple[str, ...] = ()
+    objections: tuple[Fault, ...] = ()

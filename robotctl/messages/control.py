@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from robotctl.messages.faults import FaultCode
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
 from robotctl.model.geometry.se2 import SE2
 
@@ -295,7 +295,7 @@ class Ack(msgspec.Struct, frozen=True):
 
     request_id: int
     accepted: bool
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Fault, ...] = ()
 
 
 class LoopStatistics(msgspec.Struct, frozen=True):

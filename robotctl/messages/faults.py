@@ -1,13 +1,16 @@
-"""Faults: why a robot stops, as a code for programs and a text for people."""
+"""Faults: why a robot stops or does not arm, as a code for programs and a text for people."""
 
 from __future__ import annotations
 
 import enum
-from typing import NamedTuple
+
+import msgspec
 
 
 class FaultCode(enum.IntEnum):
     """Kinds of faults. Numbers are kept for good: logs hold them.
+
+    Some only keep a robot from arming: the comments name them.
 
     docs/safety.md says for each what an operator reads of it, how soon, and what to look at.
     """
@@ -17,6 +20,8 @@ class FaultCode(enum.IntEnum):
     # The bus.
     BUS_OFF = 10
     BUS_DOWN = 11
+    BUS_PASSIVE = 12  # keeps from arming
+    BUS_FULL = 13  # keeps from arming
 
     # Inputs that are missing or too old.
     WHEELS_STALE = 20
@@ -29,6 +34,9 @@ class FaultCode(enum.IntEnum):
     # This computer.
     CONTROL_HELD_UP = 30
     COMMAND_GUARD = 31
+    RIGHT_MISSING = 32  # keeps from arming
+    NOT_WARM = 33  # keeps from arming
+    NO_GAINS = 34  # keeps from arming
 
     # What the motor controller says of itself.
     COMMAND_LOSS = 40
@@ -45,6 +53,7 @@ class FaultCode(enum.IntEnum):
 
     # The battery.
     BATTERY_CRITICAL = 60
+    BATTERY_LOW = 61  # keeps from arming
 
     # Nodes on the bus.
     NODE_NOT_HEARD = 70
@@ -75,8 +84,21 @@ class FaultCode(enum.IntEnum):
     SONAR_STUCK = 121
     ODOMETRY_REVERSED = 122
 
+    # Values that no healthy sensor gives: they keep from arming.
+    TEMPERATURE_WRONG = 130
+    CURRENT_WRONG = 131
+    SUPPLY_WRONG = 132
+    STEERING_WRONG = 133
 
-class Fault(NamedTuple):
+    # Requests to arm that come to nothing by themselves.
+    REQUEST_TOO_OLD = 140
+    REQUEST_TOO_EARLY = 141
+    REQUEST_BEFORE_STOP = 142
+    REQUEST_WITHDRAWN = 143
+    NOT_READY = 144
+
+
+class Fault(msgspec.Struct, frozen=True):
     """One fault.
 
     Parameters

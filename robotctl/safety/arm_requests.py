@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from robotctl.messages.control import Ack, Arm
+from robotctl.messages.faults import Fault
 
 _KEPT: Final = 8
 """Requests that wait, and answers, at most: so many ask within one period of publishing."""
@@ -34,12 +35,12 @@ class ArmRequests:
             self.since_ns = request.stamp_ns
         self.waiting = (*self.waiting, request.request_id)[-_KEPT:]
 
-    def answer(self, request_id: int, *refusals: str) -> None:
+    def answer(self, request_id: int, *refusals: Fault) -> None:
         """Answer one request: yes, unless there are reasons against it."""
         ack = Ack(request_id, accepted=not refusals, reasons=refusals)
         self.acks = (*self.acks, ack)[-_KEPT:]
 
-    def answer_waiting(self, *refusals: str) -> None:
+    def answer_waiting(self, *refusals: Fault) -> None:
         """Answer all that wait: yes, unless there are reasons against it."""
         for request_id in self.waiting:
             self.answer(request_id, *refusals)

@@ -275,18 +275,20 @@ class Health:
         """Take note that the robot is armed: from now on the drive is to be enabled."""
         self._idle_ns = now_ns
 
-    def refusals(self, now_ns: int) -> tuple[str, ...]:
-        """Return all reasons against arming at this moment, in the operator's words."""
-        reasons = [str(fault) for fault in self._faults(now_ns)]
+    def refusals(self, now_ns: int) -> tuple[Fault, ...]:
+        """Return all reasons against arming at this moment."""
+        reasons = self._faults(now_ns)
         drive, battery, bus = self.fresh_drive(now_ns), self.battery, self.bus
         if drive is not None and drive is self._command_loss:
-            reasons.append(_command_loss_text(drive))
+            reasons.append(Fault(FaultCode.COMMAND_LOSS, _command_loss_text(drive), _DRIVE))
         if battery is not None and battery.low and not battery.critical:
-            reasons.append(f"the battery is low ({battery.voltage_v:.1f} V)")
+            text = f"the battery is low ({battery.voltage_v:.1f} V)"
+            reasons.append(Fault(FaultCode.BATTERY_LOW, text))
         if bus.state == BusState.ERROR_PASSIVE:
-            reasons.append("the CAN bus is error passive")
+            reasons.append(Fault(FaultCode.BUS_PASSIVE, "the CAN bus is error passive"))
         if bus.load > BUS_LOAD_MAX:
-            reasons.append(f"the CAN bus is {bus.load:.0%} full, {BUS_LOAD_MAX:.0%} allowed")
+            text = f"the CAN bus is {bus.load:.0%} full, {BUS_LOAD_MAX:.0%} allowed"
+            reasons.append(Fault(FaultCode.BUS_FULL, text))
         return tuple(reasons)
 
     def _faults(self, now_ns: int) -> list[Fault]:

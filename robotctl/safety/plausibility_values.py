@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from robotctl.messages.control import BatteryFeedback, DriveStatus, MotorStatus
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.plausibility import REST_RAD_S
 
 TEMPERATURES_C: Final = (-30.0, 180.0)
@@ -49,21 +50,25 @@ class SensorValues:
         speeds_rad_s: tuple[float, ...],
         *,
         enabled: bool,
-    ) -> tuple[str, ...]:
+    ) -> tuple[Fault, ...]:
         """Return what no healthy sensor would say now, each with its value."""
         faults = []
         for index, name in enumerate(self._wheel_names):
             current_a = (motor.current1_a, motor.current2_a)[index]
             temperature_c = (motor.temperature1_c, motor.temperature2_c)[index]
             if not TEMPERATURES_C[0] <= temperature_c <= TEMPERATURES_C[1]:
-                faults.append(f"{name} motor's temperature sensor says {temperature_c:g} degC")
+                text = f"{name} motor's temperature sensor says {temperature_c:g} degC"
+                faults.append(Fault(FaultCode.TEMPERATURE_WRONG, text, name))
             idle = not enabled and abs(speeds_rad_s[index]) < REST_RAD_S
             if not math.isfinite(current_a) or (idle and abs(current_a) > IDLE_CURRENT_A):
-                faults.append(f"{name} motor's current sensor says {current_a:g} A, at rest")
+                text = f"{name} motor's current sensor says {current_a:g} A, at rest"
+                faults.append(Fault(FaultCode.CURRENT_WRONG, text, name))
         supply_v, battery_v = drive.bus_voltage_v, battery.voltage_v
         # False for nan.
         if not abs(supply_v - battery_v) <= max(SUPPLY_V, SUPPLY_SHARE * battery_v):
-            faults.append(f"supply {supply_v:.1f} V and battery {battery_v:.1f} V contradict")
+            text = f"supply {supply_v:.1f} V and battery {battery_v:.1f} V contradict"
+            faults.append(Fault(FaultCode.SUPPLY_WRONG, text))
         if self._steers and not abs(drive.steering_rad) <= self._far_rad:
-            faults.append(f"the steering says {drive.steering_rad:.2f} rad, beyond its linkage")
+            text = f"the steering says {drive.steering_rad:.2f} rad, beyond its linkage"
+            faults.append(Fault(FaultCode.STEERING_WRONG, text))
         return tuple(faults)

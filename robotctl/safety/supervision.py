@@ -137,7 +137,7 @@ class Supervision:
 
     def refusals(
         self, now_ns: int, speeds_rad_s: tuple[float, ...], *, enabled: bool
-    ) -> tuple[str, ...]:
+    ) -> tuple[Fault, ...]:
         """Return all reasons against arming now; speeds by the encoders [rad/s]."""
         health = self.health
         motor, drive, battery = health.motor, health.drive, health.battery

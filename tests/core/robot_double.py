@@ -27,7 +27,7 @@ from robotctl.messages.control import (
     WheelCommand,
     WheelFeedback,
 )
-from robotctl.messages.faults import FaultCode
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -89,7 +89,7 @@ class RobotDouble:
         self.held_back: WheelFeedback | None = None
         self.heartbeat_ns: int | None = None
         self.sonar_m = (2.0, math.inf, 2.0, 2.0)
-        self.objections: tuple[str, ...] = ()
+        self.objections: tuple[Fault, ...] = ()
         self.bus_stop = None
         self.emergencies: tuple[EmergencyMessage, ...] = ()
         self.record: list[tuple[int, Inputs, Outputs]] = []

@@ -1,4 +1,4 @@
-"""Arming is refused with every reason, as text, and accepted where there is none."""
+"""Arming is refused with every reason, code and text, and accepted where there is none."""
 
 from collections.abc import Callable
 
@@ -19,6 +19,7 @@ from robotctl.messages.control import (
     EmergencyStopSource,
     SafetyState,
 )
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.state_machine import SafetyConfig
 from tests.core.robot_double import PERIOD_NS, WARM_TICKS, RobotDouble, make_core
 
@@ -45,23 +46,43 @@ def setting(**values: object) -> Callable[[RobotDouble], None]:
     return damage
 
 
+C = FaultCode
+NO_RIGHTS = Fault(C.RIGHT_MISSING, "no rights")
 REFUSED = {
-    "low battery": (setting(battery=LOW), "the battery is low (10.2 V)"),
-    "critical battery": (setting(battery=CRITICAL), "the battery is critical (10.1 V)"),
-    "no battery": (setting(battery=None), "the battery has not reported yet"),
+    "low battery": (setting(battery=LOW), Fault(C.BATTERY_LOW, "the battery is low (10.2 V)")),
+    "critical battery": (
+        setting(battery=CRITICAL),
+        Fault(C.BATTERY_CRITICAL, "the battery is critical (10.1 V)"),
+    ),
+    "no battery": (
+        setting(battery=None),
+        Fault(C.BATTERY_MISSING, "the battery has not reported yet"),
+    ),
     "error passive": (
         setting(bus=BusStatus(state=BusState.ERROR_PASSIVE)),
-        "the CAN bus is error passive",
+        Fault(C.BUS_PASSIVE, "the CAN bus is error passive"),
     ),
-    "bus off": (setting(bus=BusStatus(state=BusState.BUS_OFF)), "the CAN bus is bus off"),
-    "bus down": (setting(bus=BusStatus(state=BusState.DOWN)), "the CAN bus is down"),
-    "full bus": (setting(bus=BusStatus(load=0.85)), "the CAN bus is 85% full, 80% allowed"),
+    "bus off": (
+        setting(bus=BusStatus(state=BusState.BUS_OFF)),
+        Fault(C.BUS_OFF, "the CAN bus is bus off"),
+    ),
+    "bus down": (
+        setting(bus=BusStatus(state=BusState.DOWN)),
+        Fault(C.BUS_DOWN, "the CAN bus is down"),
+    ),
+    "full bus": (
+        setting(bus=BusStatus(load=0.85)),
+        Fault(C.BUS_FULL, "the CAN bus is 85% full, 80% allowed"),
+    ),
     "unheard commands": (
         setting(command_age_ms=255),
-        "the motor controller had no valid command for 255 ms",
+        Fault(C.COMMAND_LOSS, "the motor controller had no valid command for 255 ms", "drive"),
     ),
-    "node": (setting(problem="drive (node 1): wire version 7"), "drive (node 1): wire version 7"),
-    "host": (setting(objections=("no rights",)), "no rights"),
+    "node": (
+        setting(problem="drive (node 1): wire version 7"),
+        Fault(C.NODE_REFUSED, "drive (node 1): wire version 7", "drive"),
+    ),
+    "host": (setting(objections=(NO_RIGHTS,)), NO_RIGHTS),
 }
 
 
@@ -84,17 +105,14 @@ def test_all_reasons_are_told_together() -> None:
     robot.battery = LOW
     robot.bus = BusStatus(state=BusState.ERROR_PASSIVE)
     robot.problem = "drive (node 1): lost"
-    robot.objections = ("no rights", "file changed")
+    robot.objections = (NO_RIGHTS, Fault(C.RIGHT_MISSING, "no memory lock"))
     robot.mute_sonars = True
     robot.ticks(WARM_TICKS)
     reasons = answer(robot).reasons
-    assert reasons[:2] == ("no rights", "file changed")
-    assert sum("sonar" in reason for reason in reasons) == 4
-    assert {
-        "the battery is low (10.2 V)",
-        "the CAN bus is error passive",
-        "drive (node 1): lost",
-    } < (set(reasons))
+    assert reasons[:2] == robot.objections
+    codes = [reason.code for reason in reasons]
+    assert codes.count(C.SONAR_STALE) == 4
+    assert {C.BATTERY_LOW, C.BUS_PASSIVE, C.NODE_REFUSED} < set(codes)
 
 
 def test_a_healthy_bus_with_much_traffic_or_a_warning_is_no_reason() -> None:
@@ -115,8 +133,8 @@ def test_a_cold_loop_does_not_arm_and_says_so_and_a_warm_one_does() -> None:
     cold = RobotDouble(safety)
     cold.ticks(5)
     ack = answer(cold)
-    assert ack.reasons[0].startswith("the control loop is not warm: tick ")
-    assert ack.reasons[0].endswith(" of 10000")
+    assert ack.reasons[0].code == C.NOT_WARM
+    assert ack.reasons[0].text.endswith(" of 10000")
 
 
 def test_a_robot_arms_as_soon_as_its_drive_hears_commands() -> None:
@@ -138,13 +156,12 @@ def test_a_robot_whose_drive_does_not_enable_is_stopped_100_ms_behind_arming() -
     assert robot.state == SafetyState.ARMED
     robot.tick()
     assert robot.state == SafetyState.FAULT
-    stays = "the motor controller stays in ready although commanded to drive"
-    assert robot.snapshot().reason == stays
+    assert robot.snapshot().fault == C.DRIVE_NOT_ENABLED
 
 
 def test_objections_of_an_earlier_request_do_not_refuse_a_later_one() -> None:
     robot = RobotDouble()
-    robot.objections = ("no rights",)
+    robot.objections = (NO_RIGHTS,)
     robot.ticks(WARM_TICKS)
     assert not answer(robot).accepted
     robot.objections = ()
@@ -164,7 +181,11 @@ def test_the_rehearsal_takes_a_core_through_arming_and_leaves_other_cores_alone(
 def test_missing_rights_speak_against_arming() -> None:
     refused = ("SCHED_FIFO priority 60 refused", "locking memory refused")
     assert missing_rights(refused) == tuple(
-        f"real-time right missing: {right} (or set runtime.allow_best_effort)" for right in refused
+        Fault(
+            C.RIGHT_MISSING,
+            f"real-time right missing: {right} (or set runtime.allow_best_effort)",
+        )
+        for right in refused
     )
 
 
@@ -180,7 +201,7 @@ def test_disarming_has_no_age() -> None:
 def test_each_of_two_who_ask_is_answered_the_same() -> None:
     robot = RobotDouble()
     robot.ticks(WARM_TICKS)
-    robot.objections = ("the log folder is full",)
+    robot.objections = (NO_RIGHTS,)
     first, second = (Arm(robot.now_ns, number, arm=True) for number in (4, 9))
     robot.tick(first)
     robot.tick(second)
@@ -191,8 +212,8 @@ def test_each_of_two_who_ask_is_answered_the_same() -> None:
     both = (Arm(robot.now_ns, 11, arm=True), Arm(robot.now_ns, 12, arm=True))
     robot.tick(*both, Arm(robot.now_ns, 13, arm=False))
     assert robot.snapshot().acks[2:] == (
-        Ack(11, False, ("disarmed",)),
-        Ack(12, False, ("disarmed",)),
+        Ack(11, False, (Fault(C.REQUEST_WITHDRAWN, "disarmed"),)),
+        Ack(12, False, (Fault(C.REQUEST_WITHDRAWN, "disarmed"),)),
         Ack(13, accepted=True),
     )
     assert robot.state == SafetyState.STANDBY
@@ -207,8 +228,14 @@ def test_the_last_answers_are_kept_and_no_more() -> None:
     assert [ack.request_id for ack in acks] == list(range(92, 100))
 
 
-@pytest.mark.parametrize(("ahead_ns", "reason"), [(1, "of the future"), (None, "too old")])
-def test_a_request_to_arm_of_another_time_is_refused(ahead_ns: int | None, reason: str) -> None:
+@pytest.mark.parametrize(
+    ("ahead_ns", "reason"),
+    [
+        (1, Fault(C.REQUEST_TOO_EARLY, "of the future")),
+        (None, Fault(C.REQUEST_TOO_OLD, "too old")),
+    ],
+)
+def test_a_request_to_arm_of_another_time_is_refused(ahead_ns: int | None, reason: Fault) -> None:
     robot = RobotDouble()
     robot.ticks(WARM_TICKS)
     limit_ns = -SafetyConfig().request_max_age_ms * 1_000_000
@@ -235,7 +262,8 @@ def test_a_request_to_arm_that_a_stop_overtakes_is_answered() -> None:
     robot.tick(EmergencyStop(robot.now_ns, EmergencyStopSource.OPERATOR))
     ack = robot.snapshot().acks[-1]
     assert (ack.request_id, ack.accepted) == (31, False)
-    assert "emergency stop" in ack.reasons[0]
+    assert ack.reasons[0].code == C.REQUEST_BEFORE_STOP
+    assert "emergency stop" in ack.reasons[0].text
 
 
 @pytest.mark.parametrize(
@@ -256,4 +284,4 @@ def test_a_wheel_whose_gains_bring_no_speed_about_refuses(gains: PidConfig, refu
     assert ack.accepted != refused
     if refused:
         (reason,) = ack.reasons
-        assert reason.startswith("control.left: kp, ki and kv are 0, the wheel would not turn")
+        assert (reason.code, reason.part) == (C.NO_GAINS, "left")

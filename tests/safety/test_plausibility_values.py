@@ -14,6 +14,7 @@ from robotctl.messages.control import (
     WheelCommand,
     WheelFeedback,
 )
+from robotctl.messages.faults import FaultCode
 from robotctl.safety.plausibility import Plausibility
 from robotctl.safety.plausibility_values import SensorValues
 from tests.safety.exact_tolerances import CONFIG, DEADBAND, MS, T0, above, below
@@ -152,6 +153,14 @@ def test_after_a_reset_the_next_latch_begins_a_window() -> None:
     assert clocks.step(5000, times=800) == ""
 
 
+WORDS = {
+    FaultCode.TEMPERATURE_WRONG: ("temperature",),
+    FaultCode.CURRENT_WRONG: ("current",),
+    FaultCode.SUPPLY_WRONG: ("supply",),
+    FaultCode.STEERING_WRONG: ("steering",),
+}
+
+
 def values(
     motor: dict[str, float] | None = None,
     drive: dict[str, float] | None = None,
@@ -161,14 +170,19 @@ def values(
     battery_v: float = 12.0,
     steering: float = 0.5,
 ) -> tuple[str, ...]:
+    """Return the texts."""
     names = ("left", "right")[: len(speeds)]
-    return SensorValues(names, steering, CONFIG.steering_tolerance_rad).faults(
+    found = SensorValues(names, steering, CONFIG.steering_tolerance_rad).faults(
         replace(MOTOR, **(motor or {})),
         replace(DRIVE, **(drive or {})),
         replace(BATTERY, voltage_v=battery_v),
         speeds,
         enabled=enabled,
     )
+    for fault in found:
+        assert any(word in fault.text for word in WORDS[fault.code]), fault
+        assert fault.text.startswith(fault.part)
+    return tuple(fault.text for fault in found)
 
 
 @pytest.mark.parametrize(("index", "name"), [(1, "left"), (2, "right")])

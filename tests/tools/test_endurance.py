@@ -83,7 +83,7 @@ def test_an_emergency_stop_of_a_robot_that_is_disarmed_between_laps_is_recovered
     assert run.stack.snapshot().state == SafetyState.STANDBY
     run.stack.tick((EmergencyStop(run.now_ns, EmergencyStopSource.OPERATOR),))
     run.run_until(run.now_ns + 5 * endurance.SECOND_NS)
-    assert run.stops == {"emergency stop": 1}
+    assert run.stops == {"EMERGENCY_STOP": 1}
     assert run.recoveries == 1
 
 

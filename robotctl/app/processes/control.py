@@ -31,6 +31,7 @@ from robotctl.messages.control import (
     Notice,
     Severity,
 )
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.runtime.flight.ring import FlightRing
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.process_lock import claim, claim_bus
@@ -127,10 +128,13 @@ def open_ring(
     return ring, ()
 
 
-def missing_rights(refused: Sequence[str]) -> tuple[str, ...]:
+def missing_rights(refused: Sequence[str]) -> tuple[Fault, ...]:
     """Return an objection to arming for each real-time right that the machine refused."""
     return tuple(
-        f"real-time right missing: {sentence} (or set runtime.allow_best_effort)"
+        Fault(
+            FaultCode.RIGHT_MISSING,
+            f"real-time right missing: {sentence} (or set runtime.allow_best_effort)",
+        )
         for sentence in refused
     )
 

@@ -188,7 +188,7 @@ def run_message(control: ControlState, navigation: NavigationState | None) -> st
     """Return the line that explains how a run stands: why it cannot drive, else what it does."""
     if control.state not in POWERED:
         refused = control.acks[-1].reasons if control.acks else ()
-        reason = control.reason or "; ".join(refused)
+        reason = control.reason or "; ".join(map(str, refused))
         if reason:
             return f"{control.state.name.lower().replace('_', ' ')}: {reason}"
     return navigation.message if navigation is not None else ""

@@ -92,7 +92,7 @@ class OpenLoop:
                 self._health.armed(stack.clock.now_ns())
                 break
         else:
-            raise ExperimentError(f"the robot is not ready: {'; '.join(refusals)}")
+            raise ExperimentError(f"the robot is not ready: {'; '.join(map(str, refusals))}")
 
     @property
     def ticks(self) -> int:

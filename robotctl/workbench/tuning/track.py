@@ -147,7 +147,7 @@ def _arm(stack: LockstepStack) -> None:
         _check_running(stack)
     else:
         acks = stack.snapshot().acks
-        reasons = "; ".join(acks[-1].reasons) if acks else ""
+        reasons = "; ".join(map(str, acks[-1].reasons)) if acks else ""
         raise ExperimentError(f"the robot does not arm: {reasons or machine.reason}")
     for _ in range(round(_REST_S * 1e9 / stack.period_ns)):
         stack.tick()

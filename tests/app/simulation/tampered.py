@@ -15,6 +15,7 @@ from robotctl.messages.control import (
     VelocityCommand,
     WheelCommand,
 )
+from robotctl.messages.faults import FaultCode
 from robotctl.messages.ports import RobotPort
 
 replace = msgspec.structs.replace
@@ -75,6 +76,12 @@ class Trial:
     @property
     def reason(self) -> str:
         return self.stack.core.machine.reason
+
+    @property
+    def fault(self) -> tuple[FaultCode, str]:
+        """The kind of what the robot stands for, and the part that it is of."""
+        state = self.stack.snapshot()
+        return state.fault, state.fault_part
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds * 200)):

@@ -26,12 +26,13 @@ from robotctl.messages.control import (
     Notice,
     SafetyState,
 )
+from robotctl.messages.faults import Fault, FaultCode
 from tests.mavlink.conftest import CONTROL, NAVIGATION
 
 EPOCH_NS = 1_700_000_000_000_000_000
 FULL = msgspec.structs.replace(
     CONTROL,
-    acks=(Ack(1, accepted=False, reasons=("battery low",)),),
+    acks=(Ack(1, accepted=False, reasons=(Fault(FaultCode.BATTERY_LOW, "low"),)),),
     nodes=(NodeStatus(1, "drive", 5, 12, 1, ""),),
     loop=LoopStatistics(stage_us_p50={"receive": 1.5}, overrun_causes={"send": 2}),
     sonar_m=(math.inf, math.nan, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0),

@@ -21,6 +21,7 @@ from robotctl.messages.control import (
     SetMode,
     Severity,
 )
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mavlink_port import Peer
 from robotctl.messages.requests import REQUEST_LIFE_NS
 
@@ -59,7 +60,10 @@ def test_an_answer_to_another_request_acknowledges_nothing(bench):
 def test_a_refusal_is_denied_and_its_reasons_are_said(bench):
     bench.command(ARM, 1)
     (request,) = bench.step()
-    reasons = ("node 2 (sonar) is missing", "emergency stop")
+    reasons = (
+        Fault(FaultCode.NODE_SILENT, "node 2 (sonar) is missing", "sonar"),
+        Fault(FaultCode.EMERGENCY_STOP, "emergency stop"),
+    )
     bench.step(bench.control(acks=(Ack(request.request_id, accepted=False, reasons=reasons),)))
     sent = bench.take()
     assert [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"] == [DENIED]
