@@ -23,12 +23,14 @@ from firmware_sim.bus.port import Port
 from firmware_sim.config.config import RobotConfig, load_robot
 from firmware_sim.config.parameters import DifferentialDrive
 from firmware_sim.faults.faults import Faults
+from firmware_sim.faults.faulty_imu import FaultyImu
 from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.faults.faulty_robot import FaultyRobot
 from firmware_sim.faults.monitor import FORBIDS, TIMEOUT_MARGIN_NS, Allowed, Motion, SafetyMonitor
 from firmware_sim.faults.monitor import PERIOD_NS as MONITOR_PERIOD_NS
 from firmware_sim.nodes.drive import DriveNode
 from firmware_sim.nodes.drive_guards import MotorModel
+from firmware_sim.nodes.imu import ImuNode, ImuSample
 from firmware_sim.nodes.node import Node
 from firmware_sim.nodes.parameter_store import (
     FileStore,
@@ -39,6 +41,7 @@ from firmware_sim.nodes.parameter_store import (
 from firmware_sim.nodes.power import BatterySample, PowerNode
 from firmware_sim.nodes.sonar import Ranges, SonarNode
 from firmware_sim.plant.plant import STEP_NS, Bridge, Plant
+from firmware_sim.sensors.imu import BodyMotion, Imu
 from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.sensors.sonar import SonarRing
 from firmware_sim.world.truth import Picture, Scan, Truth
@@ -69,8 +72,8 @@ class Simulation:
     world
         The room or its TOML.
     seed
-        Of all random draws: bus faults, floor, sonar, lidar, broken sensors and camera each have a
-        stream of their own.
+        Of all random draws: bus faults, floor, sonar, lidar, broken sensors, IMU and camera each
+        have a stream of their own.
         Same seed, same commands: the same frames at the same nanoseconds.
     start
         Pose of base in world: x [m], y [m], heading [rad]; None: the world's.
@@ -102,7 +105,7 @@ class Simulation:
         room = load_world(world) if isinstance(world, Path) else world
         if start is not None:
             room = dataclasses.replace(room, start=start)
-        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(5)]
+        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(6)]
         self.config = config
         self.world = room
         self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
@@ -129,6 +132,12 @@ class Simulation:
         self.power = PowerNode(
             self._measure_battery, config.simulation.battery.cells, self._store("power", memory)
         )
+        self._imu = FaultyImu(Imu(config.simulation.imu, config.imu, streams[5]))
+        self.imu = (
+            ImuNode(self._measure_motion, self._store("imu", memory))
+            if config.imu.enabled
+            else None
+        )
         self.faults = Faults(
             FaultyRobot(
                 config=config,
@@ -139,6 +148,7 @@ class Simulation:
                 stores=self.stores,
                 stage=self._stage,
                 ring=self._faulty_ring,
+                imu=self._imu,
                 rng=streams[4],
                 run_to=self.run_to,
                 supervise=self.supervise,
@@ -155,8 +165,9 @@ class Simulation:
 
     @property
     def nodes(self) -> tuple[Node, ...]:
-        """Drive, sonar and power: node ids 1, 2, 3."""
-        return self.drive, self.sonar, self.power
+        """Those that the robot has of `firmware_sim.nodes.kinds.NODES`, in that order."""
+        always = self.drive, self.sonar, self.power
+        return always if self.imu is None else (*always, self.imu)
 
     @property
     def now_ns(self) -> int:
@@ -363,6 +374,15 @@ class Simulation:
         self.run_to(now_ns)
         plant = self.plant
         return self._faulty_ring.fire(group, plant.x_m, plant.y_m, plant.theta_rad)
+
+    def _measure_motion(self, now_ns: int) -> ImuSample:
+        stamp_ns = self.run_to(now_ns)
+        plant = self.plant
+        motion = BodyMotion(
+            plant.x_m, plant.y_m, plant.theta_rad,
+            plant.v_m_s, plant.lateral_m_s, plant.omega_rad_s,
+        )  # fmt: skip
+        return self._imu.sample(stamp_ns, motion)
 
     def _measure_battery(self, now_ns: int) -> BatterySample:
         self.run_to(now_ns)

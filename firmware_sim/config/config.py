@@ -22,7 +22,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, TypeAdapter, ValidationError
 
 from firmware_sim.config.camera_parameters import CameraSection
-from firmware_sim.config.parameters import Drive, SimulationParameters, SonarMount
+from firmware_sim.config.parameters import Drive, ImuMount, SimulationParameters, SonarMount
 from firmware_sim.config.quantities import Positive
 from firmware_sim.config.toml_lines import Key, key_lines
 from firmware_sim.errors import SimulationError
@@ -137,6 +137,7 @@ class RobotConfig:
     limits: LimitsSection = LimitsSection()
     safety: SafetySection = SafetySection()
     camera: CameraSection | None = None
+    imu: ImuMount = field(default_factory=ImuMount)
 
     def __post_init__(self) -> None:
         if self.camera is not None:

@@ -99,6 +99,21 @@ class SonarMount:
 
 @closed
 @dataclass(frozen=True, slots=True)
+class ImuMount:
+    """The table `[imu]`: whether there is one, where it sits, and where its x axis points.
+
+    `yaw_deg` counts from forward to the left; `tilt_max_deg` is left to robotctl.
+    """
+
+    enabled: bool = False
+    x_m: Real = 0.0
+    y_m: Real = 0.0
+    yaw_deg: Real = 0.0
+    tilt_max_deg: Real = 20.0
+
+
+@closed
+@dataclass(frozen=True, slots=True)
 class MotorParameters:
     """A brushed DC motor with gearbox. Friction and inertia are those of the motor shaft.
 
@@ -265,6 +280,23 @@ class LidarParameters:
         _check_ranges(self.min_range_m, self.max_range_m)
 
 
+@closed
+@dataclass(frozen=True, slots=True)
+class ImuParameters:
+    """The inertial measurement unit.
+
+    `gyro_bias_rad_s` and `force_bias_m_s2` are standard deviations, from which the seed draws the
+    constant bias of each axis; the sigmas are those of a sample. The floor shakes it by
+    `vibration_m_s2_per_m_s` times the speed.
+    """
+
+    gyro_sigma_rad_s: NotNegative = 0.002
+    gyro_bias_rad_s: NotNegative = 0.01
+    force_sigma_m_s2: NotNegative = 0.03
+    force_bias_m_s2: NotNegative = 0.05
+    vibration_m_s2_per_m_s: NotNegative = 0.5
+
+
 def _check_ranges(min_range_m: float, max_range_m: float) -> None:
     if min_range_m >= max_range_m:
         raise ValueError(f"min_range_m: {min_range_m} is not less than max_range_m, {max_range_m}")
@@ -290,6 +322,7 @@ class SimulationParameters:
     sonar: SonarParameters = field(default_factory=SonarParameters)
     lidar: LidarParameters | None = None
     camera: CameraParameters = field(default_factory=CameraParameters)
+    imu: ImuParameters = field(default_factory=ImuParameters)
 
     def __post_init__(self) -> None:
         if len(self.body) < 3:

@@ -156,10 +156,13 @@ def carry(robot: FaultyRobot, _: Arguments) -> None:
         x_m, y_m = robot.rng.uniform((low_x, low_y), (high_x, high_y))
         if not robot.world.is_known(x_m, y_m):
             continue
+        before_rad = robot.plant.theta_rad
         try:
             robot.plant.place(x_m, y_m, robot.rng.uniform(-math.pi, math.pi))
         except SimulationError:
             continue
+        turn_rad = math.remainder(robot.plant.theta_rad - before_rad, math.tau)
+        robot.imu.carry(turn_rad, robot.bus.now_ns)
         return
     raise SimulationError(f"no place to put the robot down was found in {robot.world.name}")
 
@@ -167,6 +170,19 @@ def carry(robot: FaultyRobot, _: Arguments) -> None:
 def leak(robot: FaultyRobot, arguments: Arguments) -> Undo:
     """Let one sonar hear another."""
     return robot.ring.leak(int(number(arguments, "sonar")), int(number(arguments, "other")))
+
+
+def bias_gyro(robot: FaultyRobot, arguments: Arguments) -> Undo:
+    """Let the gyro read more."""
+    return robot.imu.add_bias(number(arguments, "rate"))
+
+
+def tilt(robot: FaultyRobot, arguments: Arguments) -> Undo:
+    """Tilt the robot."""
+    roll_rad, pitch_rad = (math.radians(number(arguments, key)) for key in ("roll", "pitch"))
+    within_ns = round(number(arguments, "within") * 1e9)
+    tilting = robot.imu.tilt(roll_rad, pitch_rad, within_ns, robot.bus.now_ns)
+    return lambda: tilting.end(robot.bus.now_ns)
 
 
 # Nodes ------------------------------------------------------------------------------------------

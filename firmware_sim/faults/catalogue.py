@@ -30,6 +30,7 @@ from firmware_sim.faults import fits
 from firmware_sim.faults.faulty_parts import RELEASE_V, RESET_V, REVERSED, STUCK
 from firmware_sim.faults.parameters import DURATION, Parameter, Value, nearest, shown
 from firmware_sim.nodes import wire
+from firmware_sim.nodes.kinds import NODE_NAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,7 @@ DRIVE_FEEDBACK: Final = (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STAT
 
 _LASTING: Final = {DURATION: Parameter(0.0, "s, 0: until `clear`", 0.0, 3600.0)}
 _FOR: Final = {DURATION: Parameter(0.5, "s", 0.001, 3600.0)}
-_NODE: Final = {"node": Parameter("drive", "which", words=("drive", "sonar", "power"))}
+_NODE: Final = {"node": Parameter("drive", "which", words=NODE_NAMES)}
 _WHEEL: Final = {"wheel": Parameter("left", "whose", words=tuple(act.WHEELS))}
 _FRAMES: Final = {
     "id": Parameter(0.0, "identifier, 0x201 or 513, 0: any", 0.0, 0x7FF, whole=True),
@@ -163,11 +164,34 @@ SONARS: Final[dict[str, Kind]] = {
     ),
 }  # fmt: skip
 
+IMU: Final[dict[str, Kind]] = {
+    "imu_stuck": Kind(
+        "the IMU repeats its last sample", lambda robot, _: robot.imu.stick(), _LASTING, fits.imu
+    ),
+    "gyro_biased": Kind(
+        "the gyro reads more about its upright axis", act.bias_gyro,
+        {"rate": Parameter(0.5, "rad/s", -10.0, 10.0), **_LASTING},
+        fits.imu,
+    ),
+    "tilted": Kind(
+        "the robot tilts, as its IMU feels it: over a wheel, or in somebody's hands", act.tilt,
+        {
+            "roll": Parameter(0.0, "deg, left side up", -180.0, 180.0),
+            "pitch": Parameter(30.0, "deg, nose down", -180.0, 180.0),
+            "within": Parameter(0.5, "s until it does", 0.01, 60.0),
+            **_LASTING,
+        },
+        fits.imu,
+    ),
+}  # fmt: skip
+
 NODES: Final[dict[str, Kind]] = {
-    "node_reset": Kind("a node loses its supply for a moment and boots", act.reset, _NODE),
+    "node_reset": Kind(
+        "a node loses its supply for a moment and boots", act.reset, _NODE, fits.node
+    ),
     "node_silent": Kind(
         "a node's program hangs: it sends nothing, not even its heartbeat",
-        act.on_node(Mute), {**_NODE, **_FOR},
+        act.on_node(Mute), {**_NODE, **_FOR}, fits.node,
     ),
     "feedback_lost": Kind(
         "the drive's feedback is missing, but its heartbeat continues",
@@ -176,7 +200,7 @@ NODES: Final[dict[str, Kind]] = {
     "parameter_lost": Kind(
         "a node's stored parameters are damaged: it boots with its defaults and reports it, at "
         "each boot until they are stored again",
-        act.lose_parameters, _NODE,
+        act.lose_parameters, _NODE, fits.node,
     ),
     "parameter_changed": Kind(
         "a parameter in a node's memory changes, as by a flipped bit or a write that should have "
@@ -191,22 +215,23 @@ NODES: Final[dict[str, Kind]] = {
     ),
     "wrong_firmware": Kind(
         "a node boots with another major revision, the drive with another wire version; "
-        "afterwards it boots with its own", act.flash, {**_NODE, **_LASTING},
+        "afterwards it boots with its own", act.flash, {**_NODE, **_LASTING}, fits.node,
     ),
     "clock_drift": Kind(
         "a node's oscillator is off, and so are its periods, time-out and time stamps", act.drift,
         {**_NODE, "ppm": Parameter(50000.0, "ppm fast", -100000.0, 100000.0), **_LASTING},
+        fits.node,
     ),
 }  # fmt: skip
 
 BUS: Final[dict[str, Kind]] = {
     "bus_cut": Kind("the wire is cut everywhere", act.on_bus(Cut), _FOR),
     "bus_short": Kind("the bus is held dominant", act.on_bus(Dominant), _FOR),
-    "node_cut": Kind("a node is cut off", act.on_node(Cut), {**_NODE, **_FOR}),
+    "node_cut": Kind("a node is cut off", act.on_node(Cut), {**_NODE, **_FOR}, fits.node),
     "host_cut": Kind("the host is cut off", act.on_host(Cut), _FOR),
     "node_bus_off": Kind(
         "a node's transmitter corrupts each of its frames: it goes bus-off whenever it comes "
-        "back", act.on_node(Destroy, error=BusError.BIT_ERROR), {**_NODE, **_FOR},
+        "back", act.on_node(Destroy, error=BusError.BIT_ERROR), {**_NODE, **_FOR}, fits.node,
     ),
     "host_bus_off": Kind(
         "the host's transmitter corrupts each of its frames: it goes bus-off whenever it comes "
@@ -214,7 +239,7 @@ BUS: Final[dict[str, Kind]] = {
     ),
     "node_error_passive": Kind(
         "a node's transmitter corrupts enough frames to stay error-passive; all get through",
-        act.node_passive, {**_NODE, **_LASTING},
+        act.node_passive, {**_NODE, **_LASTING}, fits.node,
     ),
     "host_error_passive": Kind(
         "the host's transmitter corrupts enough frames to stay error-passive; all get through",
@@ -225,7 +250,8 @@ BUS: Final[dict[str, Kind]] = {
         act.on_host(Unanswered), _FOR,
     ),
     "babble": Kind(
-        "a node sends identifier 0 without a pause", act.on_node(Babble), {**_NODE, **_FOR}
+        "a node sends identifier 0 without a pause", act.on_node(Babble), {**_NODE, **_FOR},
+        fits.node,
     ),
     "overload": Kind(
         "frames of an unknown node fill a share of the bus, at the lowest or the highest priority; "
@@ -272,6 +298,7 @@ FRAMES: Final[dict[str, Kind]] = {
 GROUPS: Final = {
     "The drive and its sensors": DRIVE,
     "The sonars": SONARS,
+    "The IMU": IMU,
     "Nodes": NODES,
     "The bus": BUS,
     "Frames": FRAMES,

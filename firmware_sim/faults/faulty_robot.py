@@ -11,6 +11,7 @@ import numpy as np
 
 from firmware_sim.bus.faults import Fault as BusFault
 from firmware_sim.errors import SimulationError
+from firmware_sim.faults.faulty_imu import FaultyImu
 from firmware_sim.faults.faulty_parts import FaultyRing, FaultyStage
 from firmware_sim.faults.parameters import DURATION, Arguments, Undo
 from firmware_sim.nodes import wire
@@ -37,13 +38,15 @@ class FaultyRobot:
     config, world, bus, plant
         The true ones.
     nodes
-        Its drive, sonar and power node.
+        Those it has.
     stores
         Their non-volatile memories, by name.
     stage
         What its drive reads.
     ring
         What its sonars hear.
+    imu
+        What its IMU feels.
     rng
         Of the noise of broken sensors.
     run_to
@@ -62,6 +65,7 @@ class FaultyRobot:
     stores: Mapping[str, FragileStore]
     stage: FaultyStage
     ring: FaultyRing
+    imu: FaultyImu
     rng: np.random.Generator
     run_to: Callable[[int], int]
     supervise: Callable[[], None]

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 from firmware_sim.config.parameters import DifferentialDrive
 from firmware_sim.faults.parameters import Arguments
-from firmware_sim.nodes import drive_objects, power, sonar, wire
+from firmware_sim.nodes import sonar, wire
+from firmware_sim.nodes.kinds import NODES
 
 if TYPE_CHECKING:
     from firmware_sim.config.config import RobotConfig
@@ -72,7 +73,7 @@ def crosstalk(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
     """Yield where no frame of the robot or its host has the identifier; 0 is any."""
-    given, there = int(float(arguments["id"])), _identifiers(len(robot.sonar))
+    given, there = int(float(arguments["id"])), _identifiers(robot)
     if given == 0 or given in there:
         return
     nearest = min(there, key=lambda each: abs(each - given))
@@ -83,18 +84,30 @@ def frames(robot: RobotConfig, arguments: Arguments) -> Misfits:
     )
 
 
-def _identifiers(sonars: int) -> set[int]:
-    """Return the identifiers of a robot with so many sonars, but that of NMT, which is 0."""
-    nodes = (drive_objects.NODE_ID, sonar.NODE_ID, power.NODE_ID)
+def _identifiers(robot: RobotConfig) -> set[int]:
+    """Return the identifiers of a robot, but that of NMT, which is 0."""
+    nodes = [kind for kind in NODES if kind.is_there(robot)]
     bases = (
         wire.EMERGENCY_BASE, wire.SDO_RESPONSE_BASE, wire.SDO_REQUEST_BASE, wire.HEARTBEAT_BASE,
     )  # fmt: skip
     return {
         wire.EMERGENCY_STOP, wire.SYNC, wire.MOTOR_COMMAND,
-        wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS, wire.BATTERY,
-        *sonar.range_identifiers(sonars),
-        *(base + node for base in bases for node in nodes),
+        *(frame for kind in nodes for frame in kind.frames(robot)),
+        *(base + kind.node_id for base in bases for kind in nodes),
     }  # fmt: skip
+
+
+def node(robot: RobotConfig, arguments: Arguments) -> Misfits:
+    """Yield where the robot has no such node."""
+    there = [kind.name for kind in NODES if kind.is_there(robot)]
+    if arguments["node"] not in there:
+        yield "node", f"{arguments['node']!r}, the robot has none, allowed: {', '.join(there)}"
+
+
+def imu(robot: RobotConfig, _arguments: Arguments) -> Misfits:
+    """Yield where the robot has no IMU."""
+    if not robot.imu.enabled:
+        yield KIND, "the robot has no IMU: imu.enabled is false"
 
 
 def sag(robot: RobotConfig, arguments: Arguments) -> Misfits:

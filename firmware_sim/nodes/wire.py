@@ -13,7 +13,7 @@ import math
 import struct
 from typing import Final, NamedTuple
 
-PROTOCOL_VERSION: Final = 0x6FF6E422
+PROTOCOL_VERSION: Final = 0x1C76FE73
 ENABLE: Final = 0x10
 """Bit of byte 1 of MotorCommand."""
 """CRC-32 (zlib) of the robot.dbc that this module implements: object 0x2001 of the drive."""
@@ -28,6 +28,8 @@ MOTOR_STATUS: Final = 0x281
 DRIVE_STATUS: Final = 0x381
 SONAR_RANGES: Final = (0x182, 0x282, 0x382, 0x482)
 BATTERY: Final = 0x183
+IMU_GYRO: Final = 0x184
+IMU_ACCELEROMETER: Final = 0x284
 SDO_RESPONSE_BASE: Final = 0x580
 SDO_REQUEST_BASE: Final = 0x600
 HEARTBEAT_BASE: Final = 0x700
@@ -179,6 +181,21 @@ def battery(
         | _raw(charge, 0.005, 0, 200) << 48
         | _temperature_raw(temperature_c) << 56
     )
+
+
+def imu_gyro(rate_rad_s: tuple[float, float, float]) -> int:
+    """Pack TPDO 1 of the IMU: mean rates of turn about x, y, z of the sensor [rad/s]."""
+    return _vector(rate_rad_s, 0.0005)
+
+
+def imu_accelerometer(force_m_s2: tuple[float, float, float]) -> int:
+    """Pack TPDO 2 of the IMU: mean specific force along x, y, z of the sensor [m/s^2]."""
+    return _vector(force_m_s2, 0.002)
+
+
+def _vector(values: tuple[float, float, float], scale: float) -> int:
+    x, y, z = (_raw(each, scale, -32768, 32767) & 0xFFFF for each in values)
+    return x << 16 | y << 32 | z << 48
 
 
 def emergency(code: int, register: int, detail: bytes = b"") -> bytes:

@@ -34,6 +34,7 @@ def show_budget(robot: RobotName = "diff_drive", overrides: Overrides = None) ->
         config.can.bitrate,
         sonars=len(config.sonar),
         steered=config.drive.steered,
+        imu=config.imu.enabled,
     )
     table = Table(title=f"{config.robot.name}: {config.can.bitrate} bit/s, worst-case stuffing")
     for heading in ("id", "frame", "period ms", "bits", "load %"):

@@ -25,6 +25,7 @@ from robotctl.mavlink.config import MavlinkConfig
 from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, TricycleDrive
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.sensors.camera import CameraConfig
+from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.lidar import LidarConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
@@ -81,6 +82,7 @@ class RobotConfig:
     plausibility: PlausibilityConfig
     sonar: tuple[SonarMount, ...] = ()
     lidar: LidarConfig | None = None
+    imu: ImuConfig = field(default_factory=ImuConfig)
     camera: CameraConfig | None = None
     ground_camera: GroundCameraConfig = field(default_factory=GroundCameraConfig)
     can: CanConfig = field(default_factory=CanConfig)

@@ -11,6 +11,7 @@ from typing import Final
 
 from robotctl.core.control_core import ControlCore, Inputs
 from robotctl.messages.control import (
+    AccelerometerFeedback,
     Arm,
     BatteryFeedback,
     DriveState,
@@ -18,6 +19,7 @@ from robotctl.messages.control import (
     EmergencyStop,
     EmergencyStopSource,
     Feedback,
+    GyroFeedback,
     LoopStatistics,
     MotorStatus,
     NodeStatus,
@@ -77,5 +79,7 @@ def _feedback(now_ns: int, *, enabled: bool) -> Feedback:
         drive=DriveStatus(now_ns, 0, 0.0, _BUS_V, 0, 0),
         sonars=tuple(SonarFeedback(now_ns, first, (1.0,) * 4) for first in range(0, 16, 4)),
         battery=BatteryFeedback(now_ns, _BUS_V, 0.0, 1.0, 25.0, low=False, critical=False),
+        gyro=GyroFeedback(now_ns, 0.0, 0.0, 1e-3 * (now_ns % 7)),
+        accelerometer=AccelerometerFeedback(now_ns, 0.0, 0.0, 9.8 + 1e-3 * (now_ns % 7)),
         nodes=(NodeStatus(1, "drive", 5, now_ns, 1, ""),),
     )

@@ -132,6 +132,27 @@ class BatteryFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
     critical: bool
 
 
+class GyroFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """Mean rates of turn about x, y, z of the IMU since the frame before (rad/s)."""
+
+    stamp_ns: int
+    x_rad_s: float
+    y_rad_s: float
+    z_rad_s: float
+
+
+class AccelerometerFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """Mean specific force along x, y, z of the IMU since the frame before (m/s^2).
+
+    At rest it is that of the floor: 9.81 upwards.
+    """
+
+    stamp_ns: int
+    x_m_s2: float
+    y_m_s2: float
+    z_m_s2: float
+
+
 class EmergencyMessage(msgspec.Struct, frozen=True, array_like=True):
     """A CiA 301 EMCY of a node; code 0 says that its errors are reset."""
 
@@ -187,6 +208,8 @@ class Feedback(msgspec.Struct, frozen=True, array_like=True):
     emergency_stop: EmergencyStopSource | None = None
     nodes: tuple[NodeStatus, ...] = ()
     bus: BusStatus = BusStatus()
+    gyro: GyroFeedback | None = None
+    accelerometer: AccelerometerFeedback | None = None
 
 
 class WheelCommand(msgspec.Struct, frozen=True, gc=False, array_like=True):

@@ -30,6 +30,7 @@ class FaultCode(enum.IntEnum):
     BATTERY_STALE = 23
     BATTERY_MISSING = 24
     SONAR_STALE = 25
+    IMU_STALE = 26
 
     # This computer.
     CONTROL_HELD_UP = 30

@@ -80,6 +80,8 @@ class SafetyConfig:
     sonar_timeout_ms
         As above for each sonar [ms]; nobody is told an older range. A sonar that reports no
         sensor or a fault of its own counts as silent.
+    imu_timeout_ms
+        As above for gyro and accelerometer, where the robot has them [ms].
     heartbeat_timeout_ms
         A node whose heartbeat is older is lost [ms].
     setpoint_timeout_ms
@@ -103,6 +105,7 @@ class SafetyConfig:
     status_timeout_ms: int = 200
     battery_timeout_ms: int = 500
     sonar_timeout_ms: int = 250
+    imu_timeout_ms: int = 100
     heartbeat_timeout_ms: int = 350
     setpoint_timeout_ms: int = 500
     arm_timeout_ms: int = 1000
@@ -123,6 +126,7 @@ _RANGES: Final = {
     "status_timeout_ms": (1, 1000),
     "battery_timeout_ms": (1, 5000),
     "sonar_timeout_ms": (1, 1000),
+    "imu_timeout_ms": (1, 1000),
     "heartbeat_timeout_ms": (1, 5000),
     "setpoint_timeout_ms": (1, 2000),
     "arm_timeout_ms": (1, 10_000),

@@ -48,6 +48,7 @@ def node_parameters(config: RobotConfig) -> NodeParameters:
         counts_per_revolution=config.drive.counts_per_revolution,
         steered=config.drive.steered,
         sonars=len(config.sonar),
+        imu=config.imu.enabled,
     )
 
 

@@ -119,7 +119,7 @@ def simulation_overrides(overrides: Sequence[str]) -> list[str]:
     them, and how often a camera is asked for a picture; where it sits may be wrong in what the
     robot believes.
     """
-    shared = ("simulation.", "limits.", "safety.command_timeout_ms", "camera.rate_hz")
+    shared = ("simulation.", "limits.", "safety.command_timeout_ms", "camera.rate_hz", "imu.")
     return [each for each in overrides if each.startswith(shared)]
 
 

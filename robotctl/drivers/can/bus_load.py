@@ -22,6 +22,7 @@ SONARS_PER_FRAME: Final = 4
 
 _SONAR_FRAMES = ("SonarRangesA", "SonarRangesB", "SonarRangesC", "SonarRangesD")
 _TRANSMISSION_TYPE_MAX = 240
+_IMU = "IMU"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,13 @@ def transmission_type(message: Message, sync: Message, rate_hz: float, *, steere
 
 
 def budget(
-    dbc: Dbc, rate_hz: float, bitrate: int, *, sonars: int = 16, steered: bool = False
+    dbc: Dbc,
+    rate_hz: float,
+    bitrate: int,
+    *,
+    sonars: int = 16,
+    steered: bool = False,
+    imu: bool = False,
 ) -> BusLoad:
     """Add up the cyclic traffic. Events (EMCY, NMT, SDO, emergency stop) are not in it.
 
@@ -84,6 +91,8 @@ def budget(
         Number of sonars, which decides how many frames of ranges there are.
     steered
         Whether DriveStatus comes on every SYNC, as on a robot with a steering angle.
+    imu
+        Whether there is an IMU.
 
     Raises
     ------
@@ -95,6 +104,8 @@ def budget(
     rows = []
     for message in sorted(dbc.messages.values(), key=lambda m: m.arbitration_id):
         if message.cycle_ms == 0 or message.name in absent:
+            continue
+        if not imu and message.senders == (_IMU,):
             continue
         period_ms = _period_ms(message, sync, rate_hz, steered=steered)
         bits = worst_case_bits(message.length)

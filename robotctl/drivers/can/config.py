@@ -120,6 +120,8 @@ class NodeParameters:
         Whether the robot has a steering angle; if so, DriveStatus comes on every SYNC.
     sonars
         Sonars the ring must have, 0 to 16; with 0 the sonar node is not needed.
+    imu
+        Whether there must be an IMU.
     """
 
     rate_hz: int
@@ -128,6 +130,7 @@ class NodeParameters:
     counts_per_revolution: int
     steered: bool
     sonars: int
+    imu: bool = False
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -48,7 +48,7 @@ def test_the_worst_cases_are_those_of_the_literature():
 @pytest.mark.parametrize("steered", [False, True])
 @pytest.mark.parametrize("rate_hz", [100, 200, 500, 1000])
 def test_the_budget_is_kept_at_every_rate_of_the_loop(dbc, rate_hz, steered):
-    load = budget(dbc, rate_hz, dbc.bitrate, sonars=16, steered=steered)
+    load = budget(dbc, rate_hz, dbc.bitrate, sonars=16, steered=steered, imu=True)
     assert 0 < load.total <= MAX_LOAD == 0.5
 
 
@@ -57,6 +57,11 @@ def test_the_default_rate_takes_what_a_sum_by_hand_says(dbc):
     hertz_and_bytes += [(10, 1)] * 3
     bits = sum(hertz * (55 + 10 * length) for hertz, length in hertz_and_bytes)
     assert budget(dbc, 200, 1_000_000, sonars=8).total == pytest.approx(bits / 1e6)
+
+
+def test_an_imu_takes_a_hundred_frames_a_second_and_its_heartbeat(dbc):
+    without, with_imu = (budget(dbc, 200, 1_000_000, imu=imu).total for imu in (False, True))
+    assert with_imu - without == pytest.approx((100 * 135 + 10 * 65) / 1e6)
 
 
 def test_the_rows_add_up_and_stand_in_the_order_of_urgency(dbc):

@@ -15,7 +15,7 @@ def test_the_wire_version_is_the_crc32_of_the_files_bytes(dbc):
 
 
 def test_every_message_and_signal_says_the_same_as_cantools(dbc, oracle):
-    assert len(dbc.messages) == len(oracle.messages) == 24
+    assert len(dbc.messages) == len(oracle.messages) == 30
     for expected in oracle.messages:
         message = dbc.message(expected.name)
         assert message.arbitration_id == expected.frame_id
@@ -28,7 +28,7 @@ def test_every_message_and_signal_says_the_same_as_cantools(dbc, oracle):
 def test_process_data_are_protected_with_the_data_id_of_their_identifier(dbc):
     protected = {m.arbitration_id: m.protection for m in dbc.messages.values() if m.protection}
     assert set(protected) == {
-        0x201, 0x181, 0x281, 0x381, 0x182, 0x282, 0x382, 0x482, 0x183,
+        0x201, 0x181, 0x281, 0x381, 0x182, 0x282, 0x382, 0x482, 0x183, 0x184, 0x284,
     }  # fmt: skip
     for arbitration_id, protection in protected.items():
         # The CRC-8 of 0xA382 would be that of 0xA201: see the codec.
@@ -55,7 +55,7 @@ def test_the_host_listens_to_what_is_sent_to_it(dbc, oracle):
 
 
 def test_the_codec_also_lets_nmt_sdo_and_emergency_stops_of_others_in(codec, dbc):
-    foreign = {0x000, 0x001, 0x601, 0x602, 0x603}
+    foreign = {0x000, 0x001, 0x601, 0x602, 0x603, 0x604}
     assert set(codec.arbitration_ids) == {*foreign, *dbc.received_by("HOST")}
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from firmware_sim.config.config import RobotConfig, load_robot
+from firmware_sim.config.parameters import ImuMount
 from firmware_sim.errors import SimulationError
 from firmware_sim.faults.catalogue import CATALOGUE
 from firmware_sim.faults.faults import check
@@ -162,7 +163,7 @@ def test_the_files_that_come_with_the_robot_are_right(path):
         (
             '[[fault]]\nkind = "node_cut"\nat = 1\nnode = "sonr"',
             4,
-            "fault[0].node: 'sonr', allowed: drive, sonar, power; did you mean \"sonar\"?",
+            "fault[0].node: 'sonr', allowed: drive, sonar, power, imu; did you mean \"sonar\"?",
         ),
         (
             '[[fault]]\nkind = "bus_cut"\nat = 1\ndurat = 2',
@@ -322,14 +323,34 @@ def test_a_default_that_does_not_fit_is_told_at_the_table(problems):
 def test_every_fault_with_its_defaults_is_one_of_every_robot_that_has_what_it_exchanges(
     load, robot, kind
 ):
+    robot = dataclasses.replace(robot, imu=ImuMount(enabled=True))
     assert load(f'[[fault]]\nkind = "{kind}"\nat = 1', robot).faults
 
 
+@pytest.mark.parametrize("kind", ["imu_stuck", "gyro_biased", "tilted"])
+def test_a_fault_of_an_imu_is_one_of_robots_that_have_it(problems, kind):
+    assert problems(f'[[fault]]\nkind = "{kind}"\nat = 1', DIFF) == [
+        ":2: fault[0].kind: the robot has no IMU: imu.enabled is false"
+    ]
+
+
+@pytest.mark.parametrize(
+    "kind", [name for name, each in CATALOGUE.items() if "node" in each.parameters]
+)
+def test_no_fault_is_of_a_node_that_the_robot_has_not(problems, kind):
+    assert problems(f'[[fault]]\nkind = "{kind}"\nnode = "imu"\nat = 1', DIFF) == [
+        ":3: fault[0].node: 'imu', the robot has none, allowed: drive, sonar, power"
+    ]
+
+
+@pytest.mark.parametrize("imu", [False, True])
 @pytest.mark.parametrize("sonars", [0, 4, 5, 16])
-def test_faults_of_frames_know_the_identifiers_of_the_dbc(sonars):
-    robot = dataclasses.replace(DIFF, sonar=(DIFF.sonar * 2)[:sonars])
+def test_faults_of_frames_know_the_identifiers_of_the_dbc(sonars, imu):
+    robot = dataclasses.replace(DIFF, sonar=(DIFF.sonar * 2)[:sonars], imu=ImuMount(enabled=imu))
     dbc = cantools.database.load_file(CONFIGS / "robot.dbc")
     silent = {f"SonarRanges{letter}" for letter in "ABCD"[-(-sonars // 4) :]}
+    if not imu:
+        silent |= {each.name for each in dbc.messages if each.name.startswith("Imu")}
     known = {
         given
         for given in range(1, 0x800)

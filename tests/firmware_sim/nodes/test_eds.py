@@ -1,4 +1,4 @@
-"""configs/motor_controller.eds is the truth about the drive's object dictionary."""
+"""The EDS of drive and IMU in `configs/` are the truth about their object dictionaries."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ import pytest
 from canopen.objectdictionary import ODVariable
 
 from firmware_sim.nodes.drive_objects import drive_objects
+from firmware_sim.nodes.imu import imu_objects
 from firmware_sim.nodes.variables import Kind
 from firmware_sim.simulation import Simulation
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 EDS = CONFIGS / "motor_controller.eds"
+OBJECTS = {EDS: drive_objects(), CONFIGS / "imu.eds": imu_objects()}
+FILES = pytest.mark.parametrize("file", OBJECTS, ids=lambda file: file.name)
 
 
 @pytest.fixture(scope="module")
@@ -22,11 +25,10 @@ def eds():
     return canopen.import_od(str(EDS), node_id=1)
 
 
-@pytest.fixture(scope="module")
-def sections():
+def read_sections(file):
     parser = RawConfigParser(inline_comment_prefixes=(";",))
     parser.optionxform = str
-    parser.read(EDS)
+    parser.read(file)
     return parser
 
 
@@ -38,9 +40,10 @@ def eds_variables(eds):
             yield (each.index, each.subindex), each
 
 
-def test_eds_and_firmware_have_the_same_variables_types_rights_and_defaults(eds):
-    ours = {v.key: v for each in drive_objects() for v in each.variables}
-    theirs = dict(eds_variables(eds))
+@FILES
+def test_eds_and_firmware_have_the_same_variables_types_rights_and_defaults(file):
+    ours = {v.key: v for each in OBJECTS[file] for v in each.variables}
+    theirs = dict(eds_variables(canopen.import_od(str(file), node_id=1)))
     assert theirs.keys() == ours.keys()
     for key, variable in ours.items():
         described = theirs[key]
@@ -58,8 +61,10 @@ def test_the_drive_of_the_default_robot_is_the_one_in_the_eds(eds):
     assert ours == {key: variable.default for key, variable in eds_variables(eds)}
 
 
-def test_eds_and_firmware_have_the_same_kinds_of_object(sections):
-    for each in drive_objects():
+@FILES
+def test_eds_and_firmware_have_the_same_kinds_of_object(file):
+    sections = read_sections(file)
+    for each in OBJECTS[file]:
         section = sections[f"{each.index:04X}"]
         assert section["ParameterName"] == each.name
         assert int(section["ObjectType"], 0) == each.kind
@@ -67,7 +72,9 @@ def test_eds_and_firmware_have_the_same_kinds_of_object(sections):
             assert int(section["SubNumber"], 0) == len(each.variables)
 
 
-def test_the_object_lists_of_the_eds_name_each_object_once(sections):
+@FILES
+def test_the_object_lists_of_the_eds_name_each_object_once(file):
+    sections = read_sections(file)
     listed = []
     for name, low, high in (
         ("MandatoryObjects", 0x1000, 0x1FFF),
@@ -78,7 +85,7 @@ def test_the_object_lists_of_the_eds_name_each_object_once(sections):
         assert int(sections[name]["SupportedObjects"]) == len(entries)
         assert all(low <= index <= high for index in entries)
         listed += entries
-    assert sorted(listed) == sorted(each.index for each in drive_objects())
+    assert sorted(listed) == sorted(each.index for each in OBJECTS[file])
     assert {0x1000, 0x1001, 0x1018} <= set(listed)
 
 

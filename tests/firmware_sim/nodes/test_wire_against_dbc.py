@@ -111,6 +111,20 @@ def test_sonar_ranges_of_all_groups(database, group, raw, odd):
     assert_same(database, name, wire.sonar_ranges(tuple(values)), signals)
 
 
+@pytest.mark.parametrize(
+    ("name", "signal", "scale", "pack"),
+    [
+        ("ImuGyro", "Rate", 0.0005, wire.imu_gyro),
+        ("ImuAccelerometer", "Force", 0.002, wire.imu_accelerometer),
+    ],
+)
+@given(data=st.data())
+def test_the_axes_of_the_imu(database, name, signal, scale, pack, data):
+    axes = [data.draw(scaled(signed(16), scale)) for _ in "XYZ"]
+    signals = {f"{signal}{axis}": raw for axis, (raw, _) in zip("XYZ", axes, strict=True)}
+    assert_same(database, name, pack(tuple(value for _, value in axes)), signals)
+
+
 @given(
     voltage=scaled(bits(16), 1e-3),
     current=scaled(signed(16), 1e-2),
@@ -212,8 +226,10 @@ def test_the_identifiers_are_those_of_the_dbc(database):
         "MotorStatus": wire.MOTOR_STATUS,
         "DriveStatus": wire.DRIVE_STATUS,
         "Battery": wire.BATTERY,
+        "ImuGyro": wire.IMU_GYRO,
+        "ImuAccelerometer": wire.IMU_ACCELEROMETER,
     }
-    for number, node in enumerate(("Drive", "Sonar", "Power"), start=1):
+    for number, node in enumerate(("Drive", "Sonar", "Power", "Imu"), start=1):
         expected[f"{node}Emergency"] = wire.EMERGENCY_BASE + number
         expected[f"{node}SdoRequest"] = wire.SDO_REQUEST_BASE + number
         expected[f"{node}SdoResponse"] = wire.SDO_RESPONSE_BASE + number
@@ -230,7 +246,7 @@ def test_the_data_ids_and_the_counter_step_are_those_of_the_dbc(database):
             protected += 1
             assert wire.data_id(message.frame_id) == attributes["E2E_DataId"].value
             assert attributes["E2E_MaxDeltaCounter"].value == MAX_COUNTER_STEP
-    assert protected == 9
+    assert protected == 11
 
 
 def test_states_and_faults_are_those_of_the_dbc(database):
@@ -266,4 +282,4 @@ def test_no_two_protected_frames_share_the_crc_of_their_data_ids(database):
         crcs.add(data[0])
     # A data id of 0 adds nothing: as if the sender knew of none.
     assert 0 not in crcs
-    assert len(crcs) == len(ids) == 9
+    assert len(crcs) == len(ids) == 11

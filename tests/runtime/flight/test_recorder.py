@@ -294,7 +294,7 @@ def test_a_bit_that_flips_anywhere_in_a_record_is_said_or_shows() -> None:
         except RecordError:
             refused += 1
     assert refused > 100
-    assert len(unseen) <= 2  # names of fields whose value is the default
+    assert len(unseen) <= 3  # names of fields whose value is the default
 
 
 def test_names_that_lead_out_of_a_module_are_refused() -> None:

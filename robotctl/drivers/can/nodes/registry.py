@@ -10,12 +10,13 @@ from typing import Final
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.nodes.can_node import CanNode
 from robotctl.drivers.can.nodes.drive import DRIVE
+from robotctl.drivers.can.nodes.imu import IMU
 from robotctl.drivers.can.nodes.power import POWER
 from robotctl.drivers.can.nodes.sonar import SONAR
 from robotctl.safety.health import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
-CAN_NODES: Final[tuple[CanNode, ...]] = (DRIVE, SONAR, POWER)
+CAN_NODES: Final[tuple[CanNode, ...]] = (DRIVE, SONAR, POWER, IMU)
 
 
 def wanted_nodes(parameters: NodeParameters) -> tuple[CanNode, ...]:

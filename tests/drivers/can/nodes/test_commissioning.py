@@ -88,7 +88,7 @@ def test_command_and_sync_go_out_on_every_tick_in_this_order(bus):
         (
             (0x2001, 0),
             0xDEADBEEF,
-            "drive (node 1): wire version 0xDEADBEEF is not ours 0x6FF6E422",
+            "drive (node 1): wire version 0xDEADBEEF is not ours 0x1C76FE73",
         ),
         (
             (0x2002, 0),
@@ -101,7 +101,7 @@ def test_a_drive_that_is_not_ours_is_not_started(bus, key, value, problem):
     bus.drive.objects[key] = value
     bus.run(700)
     assert bus.status(1).problem == problem.replace(
-        "0x6FF6E422", f"0x{bus.robot._codec.dbc.wire_version:08X}"
+        "0x1C76FE73", f"0x{bus.robot._codec.dbc.wire_version:08X}"
     )
     assert bus.drive.state == PRE_OPERATIONAL
     assert (0x000, b"\x01\x01") not in [frame[1:] for frame in bus.sent]

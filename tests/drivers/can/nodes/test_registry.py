@@ -65,4 +65,4 @@ def test_a_field_that_health_knows_nothing_of_is_judged_by_its_age():
     plain = age_limits(BARE, SafetyConfig(), 5_000_000)
     other = plain[0]._replace(field="emergency_stop", words="the new node's report is")
     health = Health((*plain, other), 350_000_000)
-    assert "the new node's report is older than 15 ms" in health.refusals(10**9)
+    assert other.fault() in health.refusals(10**9)

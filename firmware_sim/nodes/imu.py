@@ -1,0 +1,88 @@
+"""CANopen node 4: an inertial measurement unit, gyro and accelerometer of three axes each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
+
+from firmware_sim.nodes import wire
+from firmware_sim.nodes.e2e import Protector
+from firmware_sim.nodes.node import MILLISECOND_NS, NEVER_NS, NmtState, Node
+from firmware_sim.nodes.object_dictionary import ObjectDictionary
+from firmware_sim.nodes.parameter_store import ParameterStore
+from firmware_sim.nodes.standard_objects import pdo_communication, standard_objects
+from firmware_sim.nodes.variables import Access, DataType, Object, variable
+
+NODE_ID: Final = 4
+SAMPLE_PERIOD: Final = 0x2400
+EVENT_DRIVEN: Final = 254
+
+Vector: TypeAlias = tuple[float, float, float]
+
+
+class ImuSample(NamedTuple):
+    """Means since the sample before, about and along the sensor's axes: [rad/s], [m/s^2]."""
+
+    rate_rad_s: Vector
+    force_m_s2: Vector
+
+
+def imu_objects() -> list[Object]:
+    """Return all objects of the IMU."""
+    return [
+        *standard_objects(NODE_ID, "robotctl imu", 4),
+        pdo_communication(0x1800, "TPDO 1 communication", wire.IMU_GYRO, EVENT_DRIVEN),
+        pdo_communication(0x1801, "TPDO 2 communication", wire.IMU_ACCELEROMETER, EVENT_DRIVEN),
+        variable(
+            0x2001, "Wire-protocol version", DataType.UNSIGNED32, Access.RO, wire.PROTOCOL_VERSION
+        ),
+        variable(
+            SAMPLE_PERIOD, "Sample period [ms]", DataType.UNSIGNED16, Access.RW, 20,
+            low=5, high=100, stored=True,
+        ),
+    ]  # fmt: skip
+
+
+class ImuNode(Node):
+    """The IMU: in operational it sends the means of each sample period.
+
+    Parameters
+    ----------
+    measure
+        Takes a sample at a time [ns].
+    store
+        Non-volatile memory.
+    """
+
+    def __init__(
+        self, measure: Callable[[int], ImuSample], store: ParameterStore | None = None
+    ) -> None:
+        self._measure = measure
+        self._gyro = Protector(wire.data_id(wire.IMU_GYRO))
+        self._accelerometer = Protector(wire.data_id(wire.IMU_ACCELEROMETER))
+        self._measure_ns = NEVER_NS
+        super().__init__(NODE_ID, "imu", ObjectDictionary(imu_objects()), store)
+
+    def _on_power_up(self) -> None:
+        self._gyro.reset()
+        self._accelerometer.reset()
+        self._measure_ns = NEVER_NS
+
+    def _on_nmt_change(self) -> None:
+        operational = self.state is NmtState.OPERATIONAL
+        self._measure_ns = self._now_ns + self._period_ns() if operational else NEVER_NS
+
+    def _due_ns(self) -> int:
+        return self._measure_ns
+
+    def _step(self, now_ns: int) -> None:
+        if now_ns < self._measure_ns:
+            return
+        self._measure_ns += self._period_ns()
+        sample = self._measure(now_ns)
+        self.send(wire.IMU_GYRO, self._gyro.protect(wire.imu_gyro(sample.rate_rad_s)))
+        payload = wire.imu_accelerometer(sample.force_m_s2)
+        self.send(wire.IMU_ACCELEROMETER, self._accelerometer.protect(payload))
+
+    def _period_ns(self) -> int:
+        return self.clock.span_ns(self.dictionary.number(SAMPLE_PERIOD) * MILLISECOND_NS)

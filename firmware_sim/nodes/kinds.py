@@ -1,0 +1,44 @@
+"""`NODES`: the nodes that a robot may have, in the order of their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from firmware_sim.nodes import drive_objects, imu, power, sonar, wire
+
+if TYPE_CHECKING:
+    from firmware_sim.config.config import RobotConfig
+
+
+class NodeKind(NamedTuple):
+    """One node: its name and number, whether a robot has it, its process data by identifier."""
+
+    name: str
+    node_id: int
+    is_there: Callable[[RobotConfig], bool]
+    frames: Callable[[RobotConfig], tuple[int, ...]]
+
+
+NODES: Final = (
+    NodeKind(
+        "drive",
+        drive_objects.NODE_ID,
+        lambda _: True,
+        lambda _: (wire.WHEEL_FEEDBACK, wire.MOTOR_STATUS, wire.DRIVE_STATUS),
+    ),
+    NodeKind(
+        "sonar",
+        sonar.NODE_ID,
+        lambda _: True,
+        lambda robot: sonar.range_identifiers(len(robot.sonar)),
+    ),
+    NodeKind("power", power.NODE_ID, lambda _: True, lambda _: (wire.BATTERY,)),
+    NodeKind(
+        "imu",
+        imu.NODE_ID,
+        lambda robot: robot.imu.enabled,
+        lambda _: (wire.IMU_GYRO, wire.IMU_ACCELEROMETER),
+    ),
+)
+NODE_NAMES: Final = tuple(kind.name for kind in NODES)
