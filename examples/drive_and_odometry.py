@@ -28,5 +28,5 @@ for name, drive in DRIVES.items():
             first += wheels.omega1_rad_s * duration_s / steps
             second += wheels.omega2_rad_s * duration_s / steps
             odometry.update(first, second, steering_rad)
-    end = odometry.pose_world_base
+    end = odometry.pose_odom_base
     print(f"{name}: {odometry.distance_m:.3f} m, ends at {end.x_m:+.4f} m, {end.y_m:+.4f} m")

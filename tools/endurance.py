@@ -250,8 +250,8 @@ class Endurance:
             plant.charge = 1.0
             self.batteries += 1
         angles = [way_m / drive.wheel_radius_m for way_m in self.stack.snapshot().wheel_distance_m]
-        self.stack.core.odometry = Odometry(drive, start)
-        self.stack.core.odometry.reset(angles[0], angles[-1])
+        self.stack.core.motion.odometry = Odometry(drive, start)
+        self.stack.core.motion.odometry.reset(angles[0], angles[-1])
         self._adapter = make_navigation(self._config, self._options)
         self._navigation = None
         self._number += 1

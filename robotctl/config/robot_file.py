@@ -16,7 +16,7 @@ from pydantic import Field, TypeAdapter
 from robotctl import toml_source
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.wheel_velocity import STEP_MAX, WINDOW_S
-from robotctl.core.control_core import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
+from robotctl.core.config import ControlConfig, fastest_wheel_rad_s, impossible_wheel_rad_s
 from robotctl.drivers.can.config import CanConfig
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.estimation.camera.config import GroundCameraConfig

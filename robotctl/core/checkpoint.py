@@ -27,6 +27,7 @@ _PURE: Final = (
     "robotctl.messages.mode",
     "robotctl.safety.arm_requests",
     "robotctl.core.control_core",
+    "robotctl.core.driving",
     "robotctl.core.motion",
     "robotctl.safety.health",
     "robotctl.safety.stale_frame_filter",

@@ -1,10 +1,16 @@
-"""The motion by the encoders, as the monitors see it."""
+"""The motion by the encoders: speeds, odometry and the steering angle."""
 
 from __future__ import annotations
 
+import msgspec
+
 from robotctl.control.wheel_loop import WheelLoop
 from robotctl.estimation.odometry.odometry import Odometry
+from robotctl.messages.control import Feedback, WheelFeedback
+from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.safety.stale_frame_filter import Latch, LatchTimes
 
 
 class EncoderMotion:
@@ -12,15 +18,33 @@ class EncoderMotion:
 
     Parameters
     ----------
-    wheels
-        The driven wheels.
+    drive, wheels
+        Kinematics, and the loops whose estimators see the counts.
+    pose_odom_base
+        Where odometry starts.
+
+    Attributes
+    ----------
     odometry
-        Of these.
+        Pose and distance.
+    twist
+        Measured velocity of `base`.
+    steering_rad
+        Measured steering angle [rad].
+    epoch_ns
+        When the frame `odom` began: the first step, or the last restart of the drive since [ns].
     """
 
-    def __init__(self, wheels: tuple[WheelLoop, ...], odometry: Odometry) -> None:
+    def __init__(self, drive: Drive, wheels: tuple[WheelLoop, ...], pose_odom_base: SE2) -> None:
+        self.odometry = Odometry(drive, pose_odom_base)
+        self.twist = Twist(0.0, 0.0)
+        self.steering_rad = 0.0
+        self.epoch_ns = 0
+        self._drive = drive
         self._wheels = wheels
-        self._odometry = odometry
+        self._estimators = wheels[0].estimator, wheels[-1].estimator
+        self._has_counts = False
+        self._latches = LatchTimes()
 
     @property
     def speeds_rad_s(self) -> tuple[float, ...]:
@@ -35,4 +59,40 @@ class EncoderMotion:
     @property
     def pose_odom_base(self) -> SE2:
         """Pose of odometry."""
-        return self._odometry.pose_world_base
+        return self.odometry.pose_odom_base
+
+    def update(self, feedback: Feedback) -> Feedback:
+        """Take in what the bus brought; return it without counts of another time."""
+        wheels = feedback.wheels
+        latch = Latch.NEXT if wheels is None else self._latches.judge(wheels)
+        if latch is Latch.HELD_BACK:
+            wheels = None
+            feedback = msgspec.structs.replace(feedback, wheels=None)
+        if feedback.drive is not None:
+            self.steering_rad = feedback.drive.steering_rad
+        if wheels is not None:
+            self._count(wheels, anew=latch is Latch.ANEW)
+        return feedback
+
+    def restart(self, now_ns: int) -> None:
+        """Begin anew with the next counts: those of the drive have. The pose stays."""
+        self._has_counts = False
+        self._latches.reset()
+        self.odometry.reset(0.0, 0.0)
+        self.epoch_ns = now_ns
+
+    def _count(self, wheels: WheelFeedback, *, anew: bool) -> None:
+        """Update velocities and odometry; `anew`: behind a gap of unknown length."""
+        counts = wheels.count1, wheels.count2
+        for wheel, count in zip(self._wheels, counts, strict=False):  # of a single one the first
+            if not self._has_counts:
+                wheel.estimator.reset(count, wheels.timestamp_us)
+            elif anew:
+                wheel.estimator.resume(count, wheels.timestamp_us)
+            wheel.estimator.update(count, wheels.timestamp_us)
+        self._has_counts = True
+        first, last = self._estimators
+        self.odometry.update(first.position_rad, last.position_rad, self.steering_rad)
+        self.twist = self._drive.forward(
+            first.velocity_rad_s, last.velocity_rad_s, self.steering_rad
+        )

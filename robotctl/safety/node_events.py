@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
-from robotctl.messages.control import EmergencyMessage, Feedback, NodeStatus
+from robotctl.messages.control import EmergencyMessage, Feedback, NodeStatus, Notice, Severity
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety.emergency_codes import emergency_words
 
+_DRIVE_NODE: Final = 1
 _NO_ERROR: Final = 0
 """EMCY code of a node whose errors are over (CiA 301, 7.2.7)."""
+
+_NOT_IN_THE_POSE: Final = (
+    "the drive restarted or was silent: its motion meanwhile is not in the pose"
+)
+
+
+class Events(NamedTuple):
+    """What is new."""
+
+    drive_booted: bool
+    """The counts of the drive begin anew."""
+    restarts: tuple[Fault, ...]
+    """Nodes that had been up before: a powered robot stops."""
+    notices: tuple[Notice, ...]
 
 
 class NodeEvents:
@@ -19,20 +35,38 @@ class NodeEvents:
         self._boots: dict[int, int] = {}
         self._told: set[tuple[int, int]] = set()
 
-    def booted(self, feedback: Feedback) -> list[tuple[NodeStatus, bool]]:
+    def take(self, feedback: Feedback, now_ns: int) -> Events | None:
+        """Return what is new since last asked; None in most periods."""
+        nodes = feedback.nodes
+        if nodes is self._nodes and not feedback.emergencies:
+            return None
+        booted = [] if nodes is self._nodes else self._booted(nodes)
+        restarted = [node for node, was_up in booted if was_up]
+        texts = [self._error(emergency) for emergency in feedback.emergencies]
+        if any(node.node_id == _DRIVE_NODE for node in restarted):
+            texts.insert(0, _NOT_IN_THE_POSE)
+        return Events(
+            any(node.node_id == _DRIVE_NODE for node, _ in booted),
+            tuple(_restart(node) for node in restarted),
+            tuple(Notice(now_ns, Severity.WARNING, text) for text in texts if text),
+        )
+
+    def forget_errors(self) -> None:
+        """Let each error be told once more."""
+        self._told.clear()
+
+    def _booted(self, nodes: tuple[NodeStatus, ...]) -> list[tuple[NodeStatus, bool]]:
         """Return the nodes that have booted since last asked; whether they had been up before."""
-        if feedback.nodes is self._nodes:  # in most periods
-            return []
-        self._nodes = feedback.nodes
+        self._nodes = nodes
         booted = []
-        for node in feedback.nodes:
+        for node in nodes:
             before = self._boots.get(node.node_id)
             if before != node.boots:
                 self._boots[node.node_id] = node.boots
                 booted.append((node, bool(before)))
         return booted
 
-    def error(self, emergency: EmergencyMessage) -> str:
+    def _error(self, emergency: EmergencyMessage) -> str:
         """Return what to tell people of an EMCY message; empty: nothing, or told already."""
         number, code = emergency.node_id, emergency.code
         if code == _NO_ERROR or (number, code) in self._told:
@@ -41,6 +75,7 @@ class NodeEvents:
         name = next((node.name for node in self._nodes if node.node_id == number), "unknown")
         return f"{name} (node {number}) reports error 0x{code:04X}: {emergency_words(code)}"
 
-    def forget_errors(self) -> None:
-        """Let each error be told once more."""
-        self._told.clear()
+
+def _restart(node: NodeStatus) -> Fault:
+    text = f"{node.name} (node {node.node_id}) restarted"
+    return Fault(FaultCode.NODE_RESTARTED, text, node.name)

@@ -102,13 +102,13 @@ class SonarMonitor:
         return fault
 
     def take(
-        self, first: int, ranges_m: tuple[float, ...], pose_world_base: SE2, stamp_ns: int
+        self, first: int, ranges_m: tuple[float, ...], pose_odom_base: SE2, stamp_ns: int
     ) -> Fault | None:
         """Take the ranges of sonars `first` on [m]; return a contradiction, None where none is."""
         fault = None
         for index, track in self._tracks.items():
             if first <= index < first + len(ranges_m):
-                found = self._compare(track, ranges_m[index - first], pose_world_base, stamp_ns)
+                found = self._compare(track, ranges_m[index - first], pose_odom_base, stamp_ns)
                 fault = fault or found
         return fault
 

@@ -6,7 +6,8 @@ import msgspec
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.control.pid import PidConfig
-from robotctl.core.control_core import ControlConfig, ControlCore, Inputs, Outputs
+from robotctl.core.config import ControlConfig
+from robotctl.core.control_core import ControlCore, Inputs, Outputs
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.control import (

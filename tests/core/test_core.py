@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotctl.control.pid import PidConfig
-from robotctl.core.control_core import ControlConfig
+from robotctl.core.config import ControlConfig
 from robotctl.messages.control import (
     Arm,
     BatteryFeedback,
@@ -407,3 +407,30 @@ def test_counts_that_no_wheel_of_this_robot_can_make_are_no_way() -> None:
     robot.angles[0] += 0.014 / 0.05
     robot.ticks(10)
     assert robot.snapshot().distance_m - before.distance_m == pytest.approx(0.007, abs=2e-4)
+
+
+@pytest.mark.parametrize("source", EmergencyStopSource)
+def test_a_stop_is_passed_on_with_its_source_whatever_that_is(source: EmergencyStopSource) -> None:
+    robot = RobotDouble().armed()
+    robot.ticks(20, (0.3, 0.0))
+    outputs = robot.tick(EmergencyStop(robot.now_ns, source))
+    assert outputs.emergency_stop is source
+    assert robot.tick().emergency_stop is None
+
+
+def test_monitors_compare_what_came_with_the_command_that_the_bridges_had_then() -> None:
+    """SYNC latches the encoders a tick earlier, when the bridges had the command before that."""
+    robot = RobotDouble().armed()
+    supervision, seen = robot.core._supervision, []
+    compare = supervision.compare
+
+    def watched(feedback, command, motion) -> None:  # type: ignore[no-untyped-def]
+        seen.append(command)
+        compare(feedback, command, motion)
+
+    supervision.compare = watched  # type: ignore[method-assign]
+    begin = len(robot.record)
+    robot.ticks(50, (0.4, 0.3))
+    commands = [outputs.command for _, _, outputs in robot.record]
+    assert seen == commands[begin - 2 : -2]
+    assert len({command.duty1 for command in seen}) > 10

@@ -8,7 +8,7 @@ from robotctl.model.geometry.se2 import SE2
 
 
 class Odometry:
-    """Dead reckoning of `base` in `world` from wheel angles and steering angle.
+    """Dead reckoning of `base` in `odom` from wheel angles and steering angle.
 
     Each increment is an exact arc, so the error does not depend on the rate; it assumes rolling
     without slip and grows without bound.
@@ -17,12 +17,12 @@ class Odometry:
     ----------
     drive
         Kinematics.
-    pose_world_base
+    pose_odom_base
         Pose at the start.
     """
 
-    def __init__(self, drive: Drive, pose_world_base: SE2) -> None:
-        self.pose_world_base = pose_world_base
+    def __init__(self, drive: Drive, pose_odom_base: SE2) -> None:
+        self.pose_odom_base = pose_odom_base
         self.distance_m = 0.0
         self._drive = drive
         self._angle1_rad = 0.0
@@ -43,5 +43,5 @@ class Odometry:
         self._angle2_rad = angle2_rad
         # forward() is linear in the wheel speeds, so increments give the increment of the pose.
         moved_m, turned_rad = self._drive.forward(turn1_rad, turn2_rad, steering_rad)
-        self.pose_world_base = arc(self.pose_world_base, moved_m, turned_rad)
+        self.pose_odom_base = arc(self.pose_odom_base, moved_m, turned_rad)
         self.distance_m += abs(moved_m)

@@ -16,7 +16,7 @@ from robotctl.config.patch import round_figures
 from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.control.identification.step_metrics import StepMetrics, step_metrics
 from robotctl.control.pid import PidConfig
-from robotctl.core.control_core import ControlConfig
+from robotctl.core.config import ControlConfig
 from robotctl.errors import ConfigError
 from robotctl.toml_source import nearest
 from robotctl.workbench.tuning.fit import (

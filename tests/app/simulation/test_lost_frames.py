@@ -254,7 +254,7 @@ def test_behind_a_gap_each_wheel_has_turned_by_its_own_counts(robot, gap_ms, bef
             wheels = WheelFeedback(now_ns, now_ns // 1000 & 0xFFFFF, count, second)
             core.step(Inputs(Feedback(wheels=wheels)), now_ns)
             now_ns += 5 * MS
-        return core.odometry.pose_world_base.x_m
+        return core.motion.odometry.pose_odom_base.x_m
 
     at_m = hear(before)
     now_ns += gap_ms * MS

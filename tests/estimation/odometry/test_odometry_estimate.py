@@ -60,7 +60,7 @@ def test_wheels_give_the_pose_of_the_control_process(drive, turn, steering):
     plain, estimate = Odometry(drive, start().pose), OdometryEstimate(NOISE, start())
     plain.update(turn, second, steering)
     estimate.roll(drive, (turn, second), steering, 5)
-    at, expected = estimate.estimate.pose, plain.pose_world_base
+    at, expected = estimate.estimate.pose, plain.pose_odom_base
     assert (at.x_m, at.y_m) == pytest.approx((expected.x_m, expected.y_m))
     assert math.remainder(at.theta_rad - expected.theta_rad, math.tau) == pytest.approx(0.0)
     assert estimate.estimate.stamp_ns == 5

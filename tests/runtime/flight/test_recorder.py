@@ -133,7 +133,7 @@ def test_a_core_restored_at_any_tick_goes_on_bit_for_bit(at: int) -> None:
     again = restored(checkpoint(core))
     for now_ns, inputs, outputs in whole.record[at:]:
         assert again.step(inputs, now_ns) == outputs
-    assert again.odometry.pose_world_base == whole.core.odometry.pose_world_base
+    assert again.motion.odometry.pose_odom_base == whole.core.motion.odometry.pose_odom_base
 
 
 def test_enumerations_as_early_releases_of_python_3_11_write_them_are_read(
@@ -226,7 +226,7 @@ def test_a_record_of_the_whole_run_needs_no_fields_that_fit() -> None:
 @pytest.mark.parametrize("value", ["text", None, ()])
 def test_a_restored_core_that_cannot_step_is_refused(value: object) -> None:
     with pytest.raises(RecordError, match=r"x\.rec: its checkpoint is of another robotctl"):
-        from_the_middle({}, lambda core: setattr(core, "_period_s", value))
+        from_the_middle({}, lambda core: setattr(core._driving, "_period_s", value))
 
 
 @pytest.mark.parametrize("data", [b"", b"text, and no record\n", b"\xff" * 100, framed(b"\x01")])

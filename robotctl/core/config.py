@@ -1,0 +1,66 @@
+"""Settings of the wheel loops, and the speeds that they imply."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.control.pid import PidConfig
+from robotctl.control.pwm import PwmConfig
+from robotctl.model.drives.drives import Drive
+
+_IMPOSSIBLE_SHARE = 2.0
+"""No wheel turns faster than so many times its speed at the robot's limits, and being pushed."""
+_PUSHED_M_S = 1.5
+"""How fast people push or carry a robot [m/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class ControlConfig:
+    """Wheel loops: `left` and `right` for a differential drive, `drive` for drive-and-steer."""
+
+    pwm: PwmConfig = field(default_factory=PwmConfig)
+    left: PidConfig | None = None
+    right: PidConfig | None = None
+    drive: PidConfig | None = None
+
+    def loops(self, wheel_names: tuple[str, ...]) -> tuple[PidConfig, ...]:
+        """Return the loops of the named wheels.
+
+        Raises
+        ------
+        ValueError
+            Where one is missing, or one is given for a wheel that the drive has not.
+        """
+        if problems := self.wrong_loops(wheel_names):
+            raise ValueError("\n".join(f"control.{name}: {why}" for name, why in problems))
+        given = self._loops()
+        return tuple(loop for name in wheel_names if (loop := given[name]) is not None)
+
+    def wrong_loops(self, wheel_names: tuple[str, ...]) -> list[tuple[str, str]]:
+        """Return which loops are missing or too many for the named wheels, each with the reason."""
+        given, wheels = self._loops(), ", ".join(wheel_names)
+        return [
+            (name, f"missing, this drive has the wheels {wheels}")
+            for name in wheel_names
+            if given[name] is None
+        ] + [
+            (name, f"this drive has no such wheel, only {wheels}")
+            for name, loop in given.items()
+            if loop is not None and name not in wheel_names
+        ]
+
+    def _loops(self) -> dict[str, PidConfig | None]:
+        return {"left": self.left, "right": self.right, "drive": self.drive}
+
+
+def fastest_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
+    """Return how fast a wheel turns at both speed limits at once [rad/s]."""
+    corner = drive.inverse(limits.v_max_m_s, limits.omega_max_rad_s, 0.0)
+    return max(abs(corner.omega1_rad_s), abs(corner.omega2_rad_s))
+
+
+def impossible_wheel_rad_s(drive: Drive, limits: LimitsConfig) -> float:
+    """Return a speed that no wheel of this robot has [rad/s]: counts that need it are wrong."""
+    pushed_rad_s = _PUSHED_M_S / min(drive.wheel_radii_m)
+    return _IMPOSSIBLE_SHARE * fastest_wheel_rad_s(drive, limits) + pushed_rad_s

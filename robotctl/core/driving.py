@@ -1,0 +1,115 @@
+"""From the body velocity asked for to the command of the wheels."""
+
+from __future__ import annotations
+
+from robotctl.control.limiter import LimitsConfig, TwistLimiter
+from robotctl.control.wheel_loop import WheelLoop
+from robotctl.messages.control import VelocityCommand, WheelCommand
+from robotctl.messages.faults import Fault, FaultCode
+from robotctl.model.drives.drives import DifferentialDrive, Drive
+from robotctl.model.geometry.twist import Twist
+from robotctl.safety.command_guard import guard_command
+
+
+class Driving:
+    """Set-point, limiter, inverse kinematics and wheel loops of a powered robot.
+
+    Parameters
+    ----------
+    drive, wheels
+        Kinematics, and the loop of each driven wheel.
+    limits
+        Of the set-point limiter.
+    setpoint_timeout_ms
+        An older set-point is void [ms].
+    period_ns
+        Control period [ns].
+
+    Attributes
+    ----------
+    velocity
+        The newest set-point; None: there is none, or a stop has made it void.
+    reference
+        What the limiter makes of it.
+    steering_max_rad
+        Bound of the linkage [rad]; 0: no steering.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        wheels: tuple[WheelLoop, ...],
+        limits: LimitsConfig,
+        setpoint_timeout_ms: int,
+        period_ns: int,
+    ) -> None:
+        self.velocity: VelocityCommand | None = None
+        self.reference = Twist(0.0, 0.0)
+        self.steering_max_rad = (
+            0.0 if isinstance(drive, DifferentialDrive) else drive.steering_max_rad
+        )
+        self._drive = drive
+        self._wheels = wheels
+        self._limiter = TwistLimiter(limits)
+        self._setpoint_limit_ns = setpoint_timeout_ms * 1_000_000
+        self._period_s = period_ns * 1e-9
+        self._armed_ns = 0
+        """Time of the last arming [ns]."""
+
+    def take_over(self, twist_meas: Twist, now_ns: int) -> None:
+        """Start from the present motion, so that arming causes no jump."""
+        self.velocity = None
+        self._armed_ns = now_ns
+        self._limiter.reset(twist_meas.v_m_s, twist_meas.omega_rad_s)
+        for wheel in self._wheels:
+            wheel.reset()
+
+    def stopped(self, steering_rad: float) -> WheelCommand:
+        """Return the command that brakes the wheels and leaves the steering where it is."""
+        self.reference = Twist(0.0, 0.0)
+        return WheelCommand(False, True, 0.0, 0.0, steering_rad)
+
+    def follow_setpoint(self, now_ns: int) -> bool:
+        """Move the reference towards the set-point; return whether that is a motion."""
+        wanted_v, wanted_omega = self._setpoint(now_ns)
+        self.reference = self._limiter.step(wanted_v, wanted_omega, self._period_s)
+        return wanted_v != 0.0 or wanted_omega != 0.0
+
+    def command(
+        self, steering_rad: float, steering_before_rad: float, bus_voltage_v: float
+    ) -> WheelCommand | Fault:
+        """Close the wheel loops on the reference; a fault where the command guard refuses.
+
+        Parameters
+        ----------
+        steering_rad
+            Measured steering angle [rad].
+        steering_before_rad
+            That of the last command [rad].
+        bus_voltage_v
+            Supply of the bridges [V].
+        """
+        reference, dt_s = self.reference, self._period_s
+        wheels = self._drive.inverse(reference.v_m_s, reference.omega_rad_s, steering_rad)
+        duty1 = self._wheels[0].step(wheels.omega1_rad_s, bus_voltage_v, dt_s)
+        duty2 = 0.0
+        if len(self._wheels) == 2:
+            duty2 = self._wheels[1].step(wheels.omega2_rad_s, bus_voltage_v, dt_s)
+        guarded = guard_command(
+            True, duty1, duty2, wheels.steering_rad, self.steering_max_rad, steering_before_rad
+        )
+        if guarded.fault:
+            return Fault(FaultCode.COMMAND_GUARD, f"command guard: {guarded.fault}")
+        return WheelCommand(True, False, guarded.duty1, guarded.duty2, guarded.steering_rad)
+
+    def _setpoint(self, now_ns: int) -> tuple[float, float]:
+        """Return the velocity wanted now; rest where the set-point is missing or void."""
+        velocity = self.velocity
+        if velocity is None or now_ns > velocity.expires_ns:
+            return 0.0, 0.0
+        if velocity.stamp_ns < self._armed_ns:  # who wanted it did not know of the arming
+            return 0.0, 0.0
+        age_ns = now_ns - velocity.stamp_ns
+        if not 0 <= age_ns <= self._setpoint_limit_ns:
+            return 0.0, 0.0
+        return velocity.v_m_s, velocity.omega_rad_s
