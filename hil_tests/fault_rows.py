@@ -46,10 +46,14 @@ class Row:
 
 SILENT = frozenset({C.WHEELS_STALE})
 STOPPED = frozenset({C.DRIVE_STOPPED})
-NODE_GONE = (C.NODE_SILENT, C.NODE_STARTING, C.NODE_REFUSED, C.NODE_PUT_OUT, C.NODE_RESTARTED)
+NODE_GONE = (
+    *(C.NODE_SILENT, C.NODE_STARTING, C.NODE_REFUSED, C.NODE_NO_ANSWER),
+    *(C.NODE_PUT_OUT, C.NODE_RESTARTED),
+)
 DRIVE_GONE = SILENT | {(code, "drive") for code in NODE_GONE}
 BUS_GONE = SILENT | STOPPED | {C.BUS_OFF, C.BUS_DOWN}
 DRIVE_BOOTS = DRIVE_GONE | {C.DRIVE_UNDER_VOLTAGE}
+WRONG = DRIVE_BOOTS | {(C.NODE_OTHER_FIRMWARE, "drive")}
 NO_RANGE = frozenset({C.SONAR_STALE})
 LEFT_ENCODER = frozenset(
     (code, "left") for code in (C.ENCODER_STUCK, C.ENCODER_REVERSED, C.ENCODER_WRONG)
@@ -95,7 +99,7 @@ ROWS = (
     ),
     Row("parameter_changed parameter=ring_period value=240", only(C.NODE_CHANGED, "sonar"), 400),
     Row("parameter_changed parameter=battery_critical value=1", only(C.NODE_CHANGED, "power"), 450),
-    Row("wrong_firmware node=drive duration=0.5", DRIVE_BOOTS, 100, rests_within_m=UNBRAKED_M),
+    Row("wrong_firmware node=drive duration=0.5", WRONG, 100, rests_within_m=UNBRAKED_M),
     Row("clock_drift node=drive ppm=100000 duration=5", only(C.CLOCK_DRIFT), 4500),
     Row("sonar_silent duration=0.5", NO_RANGE, 400),
     # A comparison takes 0.3 m; the fault may have to wait for the end of the one it began in.

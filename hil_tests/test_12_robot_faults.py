@@ -231,5 +231,5 @@ def test_what_harms_nobody_neither_stops_the_robot_nor_leads_it_astray(
 def test_a_drive_with_another_firmware_is_not_armed(lasting: Rig) -> None:
     lasting.inject("wrong_firmware node=drive duration=4")
     lasting.wait_for_state(SafetyState.FAULT, 1.0)
-    reasons = refusals(lasting, FaultCode.NODE_REFUSED)
+    reasons = refusals(lasting, FaultCode.NODE_OTHER_FIRMWARE)
     assert "drive" in {reason.part for reason in reasons}, reasons

@@ -18,6 +18,7 @@ from robotctl.drivers.can.nodes.robot_can import HEARTBEAT_BASE, CanRobot
 from robotctl.drivers.can.port import SocketPort
 from robotctl.errors import LinkError
 from robotctl.messages.control import BusState, BusStatus, NodeStatus, WheelCommand
+from robotctl.messages.faults import FaultCode
 from robotctl.messages.ports import CanPort, Clock
 from robotctl.runtime.ipc.process_lock import claim_bus
 
@@ -29,19 +30,15 @@ _POLL_NS = 5_000_000
 _OFF = WheelCommand(enable=False, brake=True)
 
 _LOAD: Final = "load the firmware that belongs to this robotctl's configs/robot.dbc"
-_FIXES: Final = (
-    ("no answer", "check its power and cable, and that no other node has its number"),
-    ("no such object", _LOAD),
-    ("refused write", "correct the robot's file: the node does not take this value"),
-    ("refused", _LOAD),
-    ("is another device", "give each node its own number: two may be exchanged"),
-    ("vendor", "give each node its own number: a device that is not ours has this one"),
-    ("version", _LOAD),
-    ("revision", _LOAD),
-    ("configuration says", "correct the robot's file, or the node's parameter"),
-)
-"""What to do where a problem contains these words, the first that do: a transfer that fails is told
-with the name of its object."""
+_FIXES: Final = {
+    FaultCode.NODE_NO_ANSWER: "check its power and cable, and that no other node has its number",
+    FaultCode.NODE_OTHER_DEVICE: "give each node its own number: two may be exchanged",
+    FaultCode.NODE_OTHER_FIRMWARE: _LOAD,
+    FaultCode.NODE_OTHER_VALUE: "correct the robot's file, or the node's parameter",
+    FaultCode.NODE_CHANGED: "find out who else on the bus writes to the nodes",
+    FaultCode.NODE_PUT_OUT: "find out who else on the bus commands the nodes (NMT)",
+}
+"""What to do about each kind of problem; about others, see to power and cable."""
 
 
 def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
@@ -103,8 +100,7 @@ def check_node(node: NodeStatus, wire_version: int) -> Finding:
     check = f"node {node.node_id} {node.name}"
     if not node.problem:
         return ok(check, f"identified, parameters confirmed, wire version 0x{wire_version:08X}")
-    fixes = (fix for words, fix in _FIXES if words in node.problem)
-    return fail(check, node.problem, next(fixes, "check its power and cable"))
+    return fail(check, node.problem, _FIXES.get(node.fault, "check its power and cable"))
 
 
 def check_traffic(bus: BusStatus) -> Finding:

@@ -64,11 +64,17 @@ class FaultCode(enum.IntEnum):
     NODE_CHANGED = 74
     NODE_PUT_OUT = 75
     NODE_RESTARTED = 76
+    NODE_NO_ANSWER = 77
+    NODE_OTHER_DEVICE = 78
+    NODE_OTHER_FIRMWARE = 79
 
     # Emergency stops.
     EMERGENCY_STOP = 80
     EMERGENCY_STOP_BUS = 81
     DRIVES_UNASKED = 82
+
+    # Nodes on the bus, continued.
+    NODE_OTHER_VALUE = 90
 
     # Inputs that contradict each other.
     ENCODER_STUCK = 100

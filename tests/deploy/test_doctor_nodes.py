@@ -1,4 +1,4 @@
-"""What doctor advises for each problem that a node can have, in the words of its commissioning."""
+"""What doctor advises for each problem of a node, by the code that its commissioning gives."""
 
 import pytest
 
@@ -10,6 +10,7 @@ from robotctl.drivers.can.nodes.commissioning import REVISION_MAJOR, VENDOR_ID
 from robotctl.drivers.can.nodes.drive import PRODUCT, drive_script
 from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, SdoResponse
 from robotctl.messages.control import NodeStatus
+from robotctl.messages.faults import Fault, FaultCode
 
 DBC = make_codec().dbc
 PARAMETERS = NodeParameters(200, 90, 350, 2400, False, 8)
@@ -24,7 +25,7 @@ NO_ANSWER, NO_OBJECT, REFUSED = (
 )
 
 
-def problem(good: int, last: SdoResponse) -> str:
+def fault(good: int, last: SdoResponse) -> Fault:
     """What the commissioning of the drive says after so many good answers and another one."""
     script = drive_script(DBC, PARAMETERS)()
     next(script)
@@ -32,34 +33,38 @@ def problem(good: int, last: SdoResponse) -> str:
         script.send(answer)
     with pytest.raises(StopIteration) as end:
         script.send(last)
-    return f"drive (node 1): {end.value.value}"
+    return end.value.value
 
 
-FIXES = {
-    problem(0, NO_ANSWER): "check its power and cable",
-    problem(2, NO_ANSWER): "check its power and cable",
-    problem(3, NO_ANSWER): "check its power and cable",
-    problem(5, NO_ANSWER): "check its power and cable",
-    problem(0, SdoResponse(1)): "give each node its own number",
-    problem(1, SdoResponse(2)): "give each node its own number",
-    problem(2, SdoResponse(0)): "load the firmware",
-    problem(3, SdoResponse(0)): "load the firmware",
-    problem(3, NO_OBJECT): "load the firmware",
-    problem(4, REFUSED): "load the firmware",
-    problem(4, SdoResponse(2000)): "correct the robot's file",
-    problem(5, REFUSED): "correct the robot's file",
-    problem(5, NO_OBJECT): "load the firmware",
-    "drive (node 1): not heard on the bus": "check its power and cable",
-    "drive (node 1): no heartbeat for 350 ms": "check its power and cable",
-}
+C = FaultCode
+FIXES = [
+    (fault(0, NO_ANSWER), C.NODE_NO_ANSWER, "check its power and cable"),
+    (fault(2, NO_ANSWER), C.NODE_NO_ANSWER, "check its power and cable"),
+    (fault(3, NO_ANSWER), C.NODE_NO_ANSWER, "check its power and cable"),
+    (fault(5, NO_ANSWER), C.NODE_NO_ANSWER, "check its power and cable"),
+    (fault(0, SdoResponse(1)), C.NODE_OTHER_DEVICE, "give each node its own number"),
+    (fault(1, SdoResponse(2)), C.NODE_OTHER_DEVICE, "give each node its own number"),
+    (fault(2, SdoResponse(0)), C.NODE_OTHER_FIRMWARE, "load the firmware"),
+    (fault(3, SdoResponse(0)), C.NODE_OTHER_FIRMWARE, "load the firmware"),
+    (fault(3, NO_OBJECT), C.NODE_OTHER_FIRMWARE, "load the firmware"),
+    (fault(4, REFUSED), C.NODE_OTHER_FIRMWARE, "load the firmware"),
+    (fault(4, SdoResponse(2000)), C.NODE_OTHER_VALUE, "correct the robot's file"),
+    (fault(5, REFUSED), C.NODE_OTHER_VALUE, "correct the robot's file"),
+    (fault(5, NO_OBJECT), C.NODE_OTHER_FIRMWARE, "load the firmware"),
+    (Fault(C.NODE_NOT_HEARD, "not heard"), C.NODE_NOT_HEARD, "check its power and cable"),
+    (Fault(C.NODE_SILENT, "no heartbeat"), C.NODE_SILENT, "check its power and cable"),
+]
 
 
-@pytest.mark.parametrize("said", FIXES)
-def test_each_problem_of_a_node_has_the_advice_that_mends_it(said: str) -> None:
-    finding = check_node(NodeStatus(1, "drive", 5, 0, 1, said), DBC.wire_version)
+@pytest.mark.parametrize(("said", "code", "fix"), FIXES)
+def test_each_problem_of_a_node_has_the_advice_that_mends_it(
+    said: Fault, code: FaultCode, fix: str
+) -> None:
+    assert said.code == code
+    finding = check_node(NodeStatus(1, "drive", 5, 0, 1, said.text, code), DBC.wire_version)
     assert finding.verdict is Verdict.FAIL
-    assert finding.found == said
-    assert finding.fix.startswith(FIXES[said])
+    assert finding.found == said.text
+    assert finding.fix.startswith(fix)
 
 
 def test_a_node_in_service_has_nothing_to_mend() -> None:

@@ -1,7 +1,7 @@
 """Commissioning: what a node must prove and be told before it is started.
 
 Each kind of node has a script, a generator that yields SDO transfers and gets their answers; what
-it returns is what is wrong, in a sentence, or the settings that must stay as they are. `Node`
+it returns is what is wrong, or the settings that must stay as they are. `Node`
 advances it from within the control loop, one frame at a time, and starts over whenever the node
 boots or comes back after a silence.
 
@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from robotctl.drivers.can.nodes.sdo import ABORT_NO_OBJECT, Request, SdoResponse
+from robotctl.messages.faults import Fault, FaultCode
 
 
 class Start(enum.Enum):
@@ -26,11 +27,11 @@ class Start(enum.Enum):
     START = "start"
 
 
-Check: TypeAlias = Generator[Request | Start, SdoResponse, str]
-"""Yields transfers, receives their ends, returns the problem ("" where there is none)."""
+Check: TypeAlias = Generator[Request | Start, SdoResponse, Fault | None]
+"""Yields transfers, receives their ends, returns what is wrong."""
 
-Script: TypeAlias = Generator[Request | Start, SdoResponse, "str | tuple[Setting, ...]"]
-"""A whole commissioning: returns the problem, or what must stay as it is."""
+Script: TypeAlias = Generator[Request | Start, SdoResponse, "Fault | tuple[Setting, ...]"]
+"""A whole commissioning: returns what is wrong, or what must stay as it is."""
 
 VENDOR_ID: Final = 0x00526F62
 REVISION_MAJOR: Final = 0x0001
@@ -60,9 +61,10 @@ class Setting:
         """The transfer that writes what is wanted."""
         return Request(self.index, self.subindex, self.name, self.wanted, self.size)
 
-    def differs(self, found: int) -> str:
+    def differs(self, found: int, code: FaultCode = FaultCode.NODE_OTHER_VALUE) -> Fault:
         """Say that it has another value than the one wanted."""
-        return f"{self.name} reads back {found}{self.unit}, wanted {self.wanted}{self.unit}"
+        text = f"{self.name} reads back {found}{self.unit}, wanted {self.wanted}{self.unit}"
+        return Fault(code, text)
 
 
 HEARTBEAT: Final = Setting(0x1017, 0, "heartbeat period", None, 2, " ms")
@@ -71,7 +73,10 @@ HEARTBEAT: Final = Setting(0x1017, 0, "heartbeat period", None, 2, " ms")
 def identify(product: int) -> Check:
     """Check the identity object 0x1018."""
     problem = yield from expect(
-        Request(0x1018, 1, "vendor"), VENDOR_ID, "vendor 0x{found:08X} is not ours 0x{wanted:08X}"
+        Request(0x1018, 1, "vendor"),
+        VENDOR_ID,
+        "vendor 0x{found:08X} is not ours 0x{wanted:08X}",
+        FaultCode.NODE_OTHER_DEVICE,
     )
     if problem:
         return problem
@@ -79,6 +84,7 @@ def identify(product: int) -> Check:
         Request(0x1018, 2, "product code"),
         product,
         "is another device: product code {found} instead of {wanted}",
+        FaultCode.NODE_OTHER_DEVICE,
     )
     if problem:
         return problem
@@ -87,8 +93,9 @@ def identify(product: int) -> Check:
     if response.value is None:
         return _failure(request, response)
     if response.value >> 16 != REVISION_MAJOR:
-        return f"revision 0x{response.value:08X} is not 0x{REVISION_MAJOR:04X}xxxx"
-    return ""
+        text = f"revision 0x{response.value:08X} is not 0x{REVISION_MAJOR:04X}xxxx"
+        return Fault(FaultCode.NODE_OTHER_FIRMWARE, text)
+    return None
 
 
 def same_wire(ours: int, *, optional: bool = False) -> Check:
@@ -96,22 +103,25 @@ def same_wire(ours: int, *, optional: bool = False) -> Check:
     request = Request(0x2001, 0, "wire version")
     response = yield request
     if optional and response.abort == ABORT_NO_OBJECT:
-        return ""
+        return None
     if response.value is None:
         return _failure(request, response)
     if response.value != ours:
-        return f"wire version 0x{response.value:08X} is not ours 0x{ours:08X}"
-    return ""
+        text = f"wire version 0x{response.value:08X} is not ours 0x{ours:08X}"
+        return Fault(FaultCode.NODE_OTHER_FIRMWARE, text)
+    return None
 
 
-def expect(request: Request, wanted: int, problem: str) -> Check:
-    """Read an object that must have the value `wanted`."""
+def expect(
+    request: Request, wanted: int, text: str, code: FaultCode = FaultCode.NODE_OTHER_VALUE
+) -> Check:
+    """Read an object that must have the value `wanted`; `text` says that it has another."""
     response = yield request
     if response.value is None:
         return _failure(request, response)
     if response.value != wanted:
-        return problem.format(found=response.value, wanted=wanted)
-    return ""
+        return Fault(code, text.format(found=response.value, wanted=wanted))
+    return None
 
 
 def configure_and_start(*settings: Setting) -> Script:
@@ -142,13 +152,21 @@ def _read_back(setting: Setting) -> Check:
     response = yield setting.reading
     if response.value is None:
         return _failure(setting.reading, response)
-    return "" if response.value == setting.wanted else setting.differs(response.value)
+    return None if response.value == setting.wanted else setting.differs(response.value)
 
 
-def _failure(request: Request, response: SdoResponse) -> str:
+def _failure(request: Request, response: SdoResponse) -> Fault:
     """Say that a transfer did not succeed."""
     if response.abort is None:
-        return f"no answer to {request}"
+        return no_answer(request)
     if response.abort == ABORT_NO_OBJECT:
-        return f"refused {request}: it has no such object"
-    return f"refused {request}: SDO abort 0x{response.abort:08X}"
+        text = f"refused {request}: it has no such object"
+        return Fault(FaultCode.NODE_OTHER_FIRMWARE, text)
+    reads = request.value is None
+    code = FaultCode.NODE_OTHER_FIRMWARE if reads else FaultCode.NODE_OTHER_VALUE
+    return Fault(code, f"refused {request}: SDO abort 0x{response.abort:08X}")
+
+
+def no_answer(request: Request) -> Fault:
+    """Say that nothing came back."""
+    return Fault(FaultCode.NODE_NO_ANSWER, f"no answer to {request}")

@@ -6,10 +6,10 @@ import enum
 from collections.abc import Callable
 from typing import Final
 
-from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start
+from robotctl.drivers.can.nodes.commissioning import Script, Setting, Start, no_answer
 from robotctl.drivers.can.nodes.sdo import REQUEST_BASE, Request, SdoClient, SdoResponse
 from robotctl.messages.control import NodeStatus
-from robotctl.messages.faults import FaultCode
+from robotctl.messages.faults import Fault, FaultCode
 
 NMT_ID: Final = 0x000
 NMT_BOOT_UP, NMT_STOPPED, NMT_OPERATIONAL, NMT_PRE_OPERATIONAL = 0, 4, 5, 127
@@ -92,7 +92,7 @@ class Node:
         self._boots = 0
         self._attempts = 0
         self._wait_until_ns = 0
-        self._problem, self._fault = "not heard on the bus", FaultCode.NODE_NOT_HEARD
+        self._fault: Fault | None = Fault(FaultCode.NODE_NOT_HEARD, "not heard on the bus")
         self.busy = False
         """Whether `poll` may have something to send."""
         self.status: NodeStatus
@@ -127,7 +127,7 @@ class Node:
         if command in _PUT_OUT and self.phase in (NodePhase.VERIFYING, NodePhase.READY):
             self._nmt_state, words = _PUT_OUT[command]
             self._begin()
-            self._say(f"{words} by another device on the bus (NMT)", FaultCode.NODE_PUT_OUT)
+            self._say(Fault(FaultCode.NODE_PUT_OUT, f"{words} by another device on the bus (NMT)"))
 
     def on_sdo(self, data: bytes) -> None:
         """Take a frame of the node's SDO server."""
@@ -142,7 +142,7 @@ class Node:
         self._stop_script()
         self.phase = NodePhase.SILENT
         self.busy = False
-        self._say(f"no heartbeat for {self._timeout_ns / 1e6:g} ms", FaultCode.NODE_SILENT)
+        self._say(Fault(FaultCode.NODE_SILENT, f"no heartbeat for {self._timeout_ns / 1e6:g} ms"))
         return True
 
     def request(self, request: Request) -> bool:
@@ -194,7 +194,8 @@ class Node:
         elif self.phase in (NodePhase.WAKING, NodePhase.STARTING):
             if self._attempts < START_ATTEMPTS:
                 return NMT_ID, bytes((self._nmt_command(), self.node_id))
-            self._refuse(f"does not become {self._nmt_target()}", now_ns)
+            text = f"does not become {self._nmt_target()}"
+            self._refuse(Fault(FaultCode.NODE_REFUSED, text), now_ns)
         return None
 
     def sent(self, now_ns: int) -> None:
@@ -212,7 +213,7 @@ class Node:
         self._wait_until_ns = 0
         self.busy = True
         if not again:
-            self._say("is being identified", FaultCode.NODE_STARTING)
+            self._say(Fault(FaultCode.NODE_STARTING, "is being identified"))
         if self._nmt_state == NMT_STOPPED:
             self.phase = NodePhase.WAKING
         else:
@@ -249,7 +250,7 @@ class Node:
             self._carry_out(self._script.send(response))
         except StopIteration as stop:
             self._script = None
-            if isinstance(stop.value, str):
+            if isinstance(stop.value, Fault):
                 self._refuse(stop.value, self._heartbeat_ns)
             else:
                 self._finish(stop.value)
@@ -261,25 +262,25 @@ class Node:
         if response.value is None:
             self._unread += 1
             if self._unread > UNREAD_MAX:
-                self._refuse(f"no answer to {setting.reading}", self._heartbeat_ns)
+                self._refuse(no_answer(setting.reading), self._heartbeat_ns)
             return
         self._unread = 0
         if response.value == setting.wanted:
             self._doubted = False
             self._kept = (*self._kept[1:], setting)
         elif self._doubted:
-            problem = f"{setting.differs(response.value)}: it was changed"
-            self._refuse(problem, self._heartbeat_ns, FaultCode.NODE_CHANGED)
+            text = f"{setting.differs(response.value)}: it was changed"
+            self._refuse(Fault(FaultCode.NODE_CHANGED, text), self._heartbeat_ns)
         else:
             self._doubted = True
             self._read()
 
-    def _refuse(self, problem: str, now_ns: int, fault: FaultCode = FaultCode.NODE_REFUSED) -> None:
+    def _refuse(self, fault: Fault, now_ns: int) -> None:
         """Keep the node out of service and say why; try again later."""
         self.phase = NodePhase.REFUSED
         self.busy = True
         self._wait_until_ns = now_ns + RETRY_NS
-        self._say(problem, fault)
+        self._say(fault)
 
     def _finish(self, kept: tuple[Setting, ...]) -> None:
         """Put the node into service; `kept` must stay as it is."""
@@ -288,7 +289,7 @@ class Node:
         self._kept = kept
         self._doubted = False
         self._unread = 0
-        self._say("", FaultCode.NONE)
+        self._say(None)
 
     def _stop_script(self) -> None:
         """Drop whatever transfer is under way."""
@@ -307,14 +308,15 @@ class Node:
         """Return the NMT state that it shall bring, in words."""
         return "pre-operational" if self.phase is NodePhase.WAKING else "operational"
 
-    def _say(self, problem: str, fault: FaultCode) -> None:
-        """Set the sentence for the operator, and its kind."""
-        self._problem, self._fault = problem, fault
+    def _say(self, fault: Fault | None) -> None:
+        """Set what is wrong."""
+        self._fault = fault
         self._refresh()
 
     def _refresh(self) -> None:
         """Make `status` say what is known now."""
-        problem = f"{self._name} (node {self.node_id}): {self._problem}" if self._problem else ""
+        fault = self._fault
+        problem = f"{self._name} (node {self.node_id}): {fault}" if fault else ""
         self.status = NodeStatus(
             self.node_id,
             self._name,
@@ -322,5 +324,5 @@ class Node:
             self._heartbeat_ns,
             self._boots,
             problem,
-            self._fault,
+            fault.code if fault else FaultCode.NONE,
         )

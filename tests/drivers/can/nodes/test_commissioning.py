@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from robotctl.messages.faults import FaultCode
 from tests.drivers.can.nodes.fake_nodes import (
     NO_OBJECT,
     OPERATIONAL,
@@ -118,7 +119,7 @@ def test_a_ring_with_another_number_of_sonars_is_not_started(bus):
 def test_a_sonar_ring_of_another_wire_version_is_not_started(bus):
     bus.sonar.objects[0x2001, 0] = 1
     bus.run(700)
-    assert bus.status(2).problem.startswith("sonar (node 2): wire version 0x00000001 is not ours")
+    assert bus.status(2).fault == FaultCode.NODE_OTHER_FIRMWARE, bus.status(2).problem
 
 
 def test_a_time_out_that_reads_back_wrong_keeps_the_drive_out_of_service(bus):

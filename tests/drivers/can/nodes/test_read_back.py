@@ -6,6 +6,7 @@ import pytest
 
 from robotctl.drivers.can.nodes.node import UNREAD_MAX
 from robotctl.messages.control import WheelCommand
+from robotctl.messages.faults import FaultCode
 from tests.drivers.can.nodes.fake_nodes import OPERATIONAL, FakeBus
 
 MS = 1_000_000
@@ -97,7 +98,7 @@ def test_a_node_that_is_asked_by_others_too_is_not_blamed_for_a_few_lost_answers
 def test_a_node_that_answers_no_reading_at_all_is_named(bus):
     bus.drive.deaf = 10_000
     bus.run((UNREAD_MAX + 1) * 350)
-    assert bus.status(1).problem.startswith("drive (node 1): no answer to read of 0x")
+    assert bus.status(1).fault == FaultCode.NODE_NO_ANSWER, bus.status(1).problem
 
 
 def test_an_answer_to_a_strangers_write_is_not_taken_for_a_value(bus):
@@ -179,4 +180,4 @@ def test_who_asks_without_an_end_hides_no_change(bus):
         bus.run(100)
         if bus.status(1).problem:
             break
-    assert "command time-out reads back 2000 ms" in bus.status(1).problem
+    assert bus.status(1).fault == FaultCode.NODE_CHANGED, bus.status(1).problem
