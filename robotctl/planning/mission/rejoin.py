@@ -24,7 +24,7 @@ _NEAR_M: Final = 0.2
 
 
 class Paths(Protocol):
-    """Knows free paths through the world, as `FreePaths` of a map does."""
+    """Knows free paths through the world: a member of `PLANNERS`."""
 
     def way(self, start: Point, goal: Point) -> list[Point]:
         """Return the corners after `start`, `goal` the last; none where there is no path."""
