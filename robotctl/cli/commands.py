@@ -49,6 +49,10 @@ COMMANDS: Final = {
         "map:map_log",
         "Map the lidar scans of a recorded log, at its reference poses or else at its odometry.",
     ),
+    "plan": (
+        "plan:plan",
+        "Find the path between two places of a map, or say why there is none.",
+    ),
     "characterise": (
         "characterise.characterise:characterise",
         "Find noise, outliers and limits of sonars or lidar, with 95 % intervals.",

@@ -1,0 +1,121 @@
+"""`robotctl plan`: the path between two places of a map, or why there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robotctl.cli.arguments import Overrides
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import check_files, write_file
+from robotctl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from robotctl.workbench.planning.plan import PlanResult
+
+
+def plan(
+    world_map: Annotated[
+        str,
+        typer.Option(
+            "--map", help="ROS map (.yaml), world, or MovingAI map (.map): there cells are meant."
+        ),
+    ],
+    start: Annotated[
+        str, typer.Option(metavar="X,Y[,DEG]", help="Start [m, m, deg]; of a .map: COLUMN,ROW.")
+    ],
+    goal: Annotated[
+        str, typer.Option(metavar="X,Y[,DEG]", help="Goal [m, m, deg]; of a .map: COLUMN,ROW.")
+    ],
+    planner: Annotated[str, typer.Option(help="astar or dijkstra.")] = "astar",
+    robot: Annotated[
+        str, typer.Option(help="Robot file, or the name of one that comes along; for its outline.")
+    ] = "",
+    overrides: Overrides = None,
+    time_limit: Annotated[
+        float, typer.Option(metavar="S", help="The search ends after so many seconds.")
+    ] = 10.0,
+    seed: Annotated[int, typer.Option(help="Of planners that draw random samples.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Write the path here, CSV.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw map and path here: .png, .svg or .pdf.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Write the figures here, JSON.")] = None,
+) -> None:
+    """Find the path between two places of a map, or say why there is none.
+
+    The status is 0 where there is a path, and 1 where there is none. On a MovingAI map the robot is
+    a point, and lengths are in cells.
+    """
+    check_files(out, report, plot=plot)
+    # It loads numba, which other subcommands can do without.
+    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+    from robotctl.workbench.planning.plan import (  # noqa: PLC0415
+        PlanOptions,
+        make_plan,
+        write_path,
+        write_report,
+    )
+
+    if cache_is_cold():
+        plain_console(stderr=True).print(COMPILING, soft_wrap=True)
+    result = make_plan(
+        PlanOptions(
+            map=world_map,
+            start=_numbers("--start", start),
+            goal=_numbers("--goal", goal),
+            planner=planner,
+            robot=robot,
+            overrides=tuple(overrides or ()),
+            time_limit_s=time_limit,
+            seed=seed,
+        )
+    )
+    found = result.report()["found"]
+    if report is not None:
+        write_file(report, lambda file: write_report(result, file))
+    if out is not None and found:
+        write_file(out, lambda file: write_path(result, file))
+    if plot is not None:
+        from robotctl.cli.plan_plot import save_plot  # noqa: PLC0415 - an extra
+
+        write_file(plot, lambda file: save_plot(result, file))
+    print(summary(result))
+    if not found:
+        raise typer.Exit(1)
+
+
+def summary(result: PlanResult) -> str:
+    """Return what there is to say of a plan."""
+    figures = result.report()
+    effort = f"{figures['expanded']} expanded, {figures['time_ms']:.1f} ms"
+    if not figures["found"]:
+        return f"no path: {figures['reason']} ({effort})"
+    unit = "cells" if result.is_cells else "m"
+    return (
+        f"{result.options.planner}: {figures['length_m']:.3f} {unit}, "
+        f"cost {figures['cost']:.3f} {unit}, smallest clearance "
+        f"{figures['min_clearance_m']:.2f} {unit}, {len(result.path)} poses, {effort}"
+    )
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    """Return the numbers of a place.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in (2, 3):
+        raise ConfigError(
+            f"{option} {text}: two or three numbers with commas are needed, such as 1.5,-2 or "
+            "1.5,-2,90"
+        )
+    return numbers

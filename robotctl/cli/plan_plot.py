@@ -1,0 +1,47 @@
+"""A plan as a picture; needs the extra `plot`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from robotctl.cli.map_picture import draw_map
+from robotctl.planning.global_planning.plan import PlanFailure
+from robotctl.workbench.planning.plan import PlanResult
+
+_OUTLINES = 40
+"""Drawn along a path at most."""
+
+
+def save_plot(result: PlanResult, file: Path) -> None:
+    """Draw the map, and the path with the robot's outline along it, or the place that fails."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+
+    figure = Figure(figsize=(9.0, 9.0), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    draw_map(axes, result.space.grid)
+    answer = result.answer
+    if isinstance(answer, PlanFailure):
+        if answer.place is not None:
+            axes.plot(*answer.place, "rx", markersize=14, markeredgewidth=3)
+        figure.suptitle(answer.text, wrap=True, fontsize="medium")
+    else:
+        poses = answer.poses
+        corners = np.array(result.space.footprint.corners)
+        if len(corners):
+            for x, y, theta in poses[:: max(1, math.ceil(len(poses) / _OUTLINES))]:
+                turn = np.array(
+                    [[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]]
+                )
+                axes.fill(*(corners @ turn + (x, y)).T, color="tab:blue", alpha=0.25)
+        axes.plot(poses[:, 0], poses[:, 1], color="tab:red", linewidth=1.5)
+        axes.plot(*poses[0, :2], "o", color="tab:green", label="start")
+        axes.plot(*poses[-1, :2], "*", color="tab:orange", markersize=12, label="goal")
+        axes.legend(loc="upper right")
+        figure.suptitle(f"{result.options.planner}: {answer.length_m:.2f} m")
+    axes.set_aspect("equal")
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("y, m")
+    figure.savefig(file)

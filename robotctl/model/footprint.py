@@ -1,0 +1,80 @@
+"""The outline of a robot on the floor, for everything that must know where its body is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Point: TypeAlias = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Footprint:
+    """A convex outline in `base`, with `base` inside.
+
+    Parameters
+    ----------
+    corners
+        Counter-clockwise [m], three at least; none: a robot without extent.
+
+    Raises
+    ------
+    ValueError
+        If the outline is not convex, runs clockwise, or leaves `base` outside.
+    """
+
+    corners: tuple[Point, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the outline."""
+        if not self.corners:
+            return
+        if len(self.corners) < 3:
+            raise ValueError(f"an outline needs three corners at least, found {len(self.corners)}")
+        for (ax, ay), (bx, by) in self.sides():
+            if not ax * by - ay * bx > 0.0:
+                raise ValueError(
+                    f"base must lie to the left of the side {ax:g}, {ay:g} to {bx:g}, {by:g}"
+                )
+        turns = [
+            (bx - ax) * (cy - by) - (by - ay) * (cx - bx)
+            for ((ax, ay), (bx, by)), (_, (cx, cy)) in zip(
+                self.sides(), self.sides()[1:] + self.sides()[:1], strict=True
+            )
+        ]
+        if not min(turns) >= 0.0:
+            raise ValueError("the outline must be convex and counter-clockwise")
+
+    def sides(self) -> list[tuple[Point, Point]]:
+        """Return the sides, from corner to corner."""
+        return list(zip(self.corners, self.corners[1:] + self.corners[:1], strict=True))
+
+    @property
+    def inscribed_m(self) -> float:
+        """Radius of the largest circle about `base` inside of the outline [m]."""
+        distances = [
+            (ax * by - ay * bx) / math.dist((ax, ay), (bx, by))
+            for (ax, ay), (bx, by) in self.sides()
+        ]
+        return min(distances, default=0.0)
+
+    @property
+    def circumscribed_m(self) -> float:
+        """Radius of the circle about `base` that holds the outline [m]."""
+        return max((math.hypot(*corner) for corner in self.corners), default=0.0)
+
+    def samples(self, spacing_m: float) -> NDArray[np.float64]:
+        """Return points of the body, its outline among them, at most so far apart, (n, 2) [m]."""
+        if not self.corners:
+            return np.zeros((1, 2))
+        points = []
+        shrink = np.linspace(1.0, 0.0, max(1, math.ceil(self.circumscribed_m / spacing_m)) + 1)
+        for a, b in self.sides():
+            along = np.linspace(0.0, 1.0, max(1, math.ceil(math.dist(a, b) / spacing_m)) + 1)
+            points.append(np.array(a) + along[:-1, np.newaxis] * (np.array(b) - np.array(a)))
+        outline = np.concatenate(points)
+        return np.unique(np.concatenate([outline * s for s in shrink]).round(9), axis=0)

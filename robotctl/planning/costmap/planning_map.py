@@ -1,0 +1,174 @@
+"""A map as planners see it: how far each cell is from what a robot must not touch.
+
+All of it is in the map's own frame with lengths in cells: row and column 0 begin at the map's
+corner, and the point (x, y) lies in cell (floor(y), floor(x)). `to_cells` and `to_world` convert.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.compiled import compiled
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+
+_EDGE: float = 0.5
+"""From a cell's centre to its edge [cells]: what a wall beside it is nearer than its centre."""
+
+
+class PlanningMap:
+    """A map, what of it is blocked, and the robot that must pass.
+
+    Parameters
+    ----------
+    grid
+        The map. What lies beyond it counts as blocked.
+    footprint
+        Of the robot.
+    through_unknown
+        Whether the robot may pass where the map knows nothing.
+    occupied_percent
+        Cells are obstacles from this probability on [%].
+    """
+
+    def __init__(
+        self,
+        grid: GridMap,
+        footprint: Footprint,
+        *,
+        through_unknown: bool = False,
+        occupied_percent: int = 50,
+    ) -> None:
+        self.grid = grid
+        self.footprint = footprint
+        self.through_unknown = through_unknown
+        self.obstacle = grid.occupied(occupied_percent)
+        self.blocked = self.obstacle if through_unknown else self.obstacle | (grid.cells < 0)
+        self.clearance = clearance_of(self.blocked)
+        """From each cell's centre to the nearest edge of a blocked cell, (rows, columns) [cells];
+        up to 0.21 more than it is where that is a corner."""
+        self._samples = footprint.samples(0.5 * grid.resolution_m) / grid.resolution_m
+        self.inscribed = footprint.inscribed_m / grid.resolution_m
+        self.circumscribed = footprint.circumscribed_m / grid.resolution_m
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of rows and columns."""
+        return self.grid.shape
+
+    def to_cells(self, pose: SE2) -> SE2:
+        """Return a pose of `world` in the map's frame, in cells."""
+        local = self.grid.origin.inverse() @ pose
+        side_m = self.grid.resolution_m
+        return SE2(local.x_m / side_m, local.y_m / side_m, local.theta_rad)
+
+    def to_world(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return poses of the map's frame (n, 3) [cells, cells, rad] in `world`."""
+        origin, side_m = self.grid.origin, self.grid.resolution_m
+        c, s = math.cos(origin.theta_rad), math.sin(origin.theta_rad)
+        x, y = poses[:, 0] * side_m, poses[:, 1] * side_m
+        angles = np.arctan2(
+            np.sin(poses[:, 2] + origin.theta_rad), np.cos(poses[:, 2] + origin.theta_rad)
+        )
+        return np.stack([origin.x_m + c * x - s * y, origin.y_m + s * x + c * y, angles], axis=1)
+
+    def contains(self, x: float, y: float) -> bool:
+        """Return whether a point lies on the map."""
+        rows, columns = self.shape
+        return 0 <= math.floor(y) < rows and 0 <= math.floor(x) < columns
+
+    def collides(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return for each pose (n, 3) [cells, cells, rad] whether the body is in a blocked cell."""
+        hits: NDArray[np.bool_] = _collide(
+            self.blocked, self.clearance, self._samples, self.circumscribed, poses
+        )
+        return hits
+
+    def gaps_m(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the body is from what is blocked, for poses (n, 3) in cells, (n,) [m].
+
+        It is right to about a cell; 0 where they touch.
+        """
+        gaps: NDArray[np.float64] = _gaps(self.clearance, self._samples, poses)
+        return np.maximum(gaps, 0.0) * self.grid.resolution_m
+
+
+def clearance_of(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return how far each cell's centre is from blocked cells and the map's edge [cells].
+
+    0.5 less than the Euclidean distance between the centres; -0.5 in a blocked cell.
+    """
+    padded = np.pad(blocked, 1, constant_values=True)
+    distance = ndimage.distance_transform_edt(~padded)[1:-1, 1:-1]
+    clearance: NDArray[np.float32] = (distance - _EDGE).astype(np.float32)
+    return clearance
+
+
+@compiled
+def _collide(
+    blocked: NDArray[np.bool_],
+    clearance: NDArray[np.float32],
+    samples: NDArray[np.float64],
+    circumscribed: float,
+    poses: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Look at each point of the body, unless nothing is near."""
+    result = np.zeros(len(poses), np.bool_)
+    for i in range(len(poses)):
+        result[i] = body_hits(
+            blocked, clearance, samples, circumscribed, poses[i, 0], poses[i, 1], poses[i, 2]
+        )
+    return result
+
+
+@compiled
+def body_hits(
+    blocked: NDArray[np.bool_],
+    clearance: NDArray[np.float32],
+    samples: NDArray[np.float64],
+    circumscribed: float,
+    x: float,
+    y: float,
+    theta: float,
+) -> bool:
+    """Return whether a point of the body at a pose lies in a blocked cell or off the map."""
+    rows, columns = blocked.shape
+    row, column = int(np.floor(y)), int(np.floor(x))
+    if not (0 <= row < rows and 0 <= column < columns):
+        return True
+    # The pose is up to 0.71 from the centre of its cell, and a corner up to 0.21 nearer than said.
+    if clearance[row, column] > circumscribed + 0.93:
+        return False
+    c, s = np.cos(theta), np.sin(theta)
+    for k in range(len(samples)):
+        px, py = samples[k, 0], samples[k, 1]
+        r = int(np.floor(y + s * px + c * py))
+        q = int(np.floor(x + c * px - s * py))
+        if not (0 <= r < rows and 0 <= q < columns) or blocked[r, q]:
+            return True
+    return False
+
+
+@compiled
+def _gaps(
+    clearance: NDArray[np.float32], samples: NDArray[np.float64], poses: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the smallest clearance of the cells that the body covers at each pose."""
+    rows, columns = clearance.shape
+    result = np.empty(len(poses))
+    for i in range(len(poses)):
+        c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
+        least = np.inf
+        for k in range(len(samples)):
+            px, py = samples[k, 0], samples[k, 1]
+            r = int(np.floor(poses[i, 1] + s * px + c * py))
+            q = int(np.floor(poses[i, 0] + c * px - s * py))
+            inside = 0 <= r < rows and 0 <= q < columns
+            least = min(least, clearance[r, q] if inside else -0.5)
+        result[i] = least
+    return result

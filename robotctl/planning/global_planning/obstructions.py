@@ -1,0 +1,210 @@
+"""Why there is no path: what blocks an end, where it is too narrow, what is unknown."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.costmap.planning_map import PlanningMap, clearance_of
+from robotctl.planning.global_planning.plan import PlanFailure, Point, Reason
+
+_HALVINGS = 24
+"""Of the width of a passage: beyond the resolution of any map."""
+
+
+def blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None:
+    """Return why a robot cannot stand at the start or the goal; None where it can.
+
+    Parameters
+    ----------
+    name
+        start or goal.
+    pose
+        In `world`.
+    """
+    here = space.to_cells(pose)
+    place = (pose.x_m, pose.y_m)
+    said = f"the {name} at x {pose.x_m:.2f} m, y {pose.y_m:.2f} m"
+    if not space.contains(here.x_m, here.y_m):
+        rows, columns = space.shape
+        side_m = space.grid.resolution_m
+        reason = Reason.START_OFF_MAP if name == "start" else Reason.GOAL_OFF_MAP
+        text = f"{said} lies off the map of {columns * side_m:.2f} m x {rows * side_m:.2f} m"
+        return PlanFailure(reason, text, place)
+    if not space.collides(np.array([[here.x_m, here.y_m, here.theta_rad]]))[0]:
+        return None
+    reason = Reason.START_BLOCKED if name == "start" else Reason.GOAL_BLOCKED
+    row, column = math.floor(here.y_m), math.floor(here.x_m)
+    if space.obstacle[row, column]:
+        what = "lies in an obstacle"
+    elif space.blocked[row, column]:
+        what = "lies where the map knows nothing"
+    else:
+        x_m, y_m = nearest(space, space.blocked, here)
+        kind = "an obstacle" if space.obstacle[_cell(space, (x_m, y_m))] else "unknown space"
+        away_m = _gap(space, here, (x_m, y_m)) * space.grid.resolution_m
+        what = (
+            f"is {away_m:.2f} m from {kind} at x {x_m:.2f} m, y {y_m:.2f} m, and the robot's body "
+            f"reaches {space.footprint.circumscribed_m:.2f} m"
+        )
+    return PlanFailure(reason, f"{said} {what}{_free_beside(space, here)}", place)
+
+
+def no_path(space: PlanningMap, start: SE2, goal: SE2, expanded: int) -> PlanFailure:
+    """Return why no path joins two ends at which the robot can stand."""
+    ends = _cell(space, (start.x_m, start.y_m)), _cell(space, (goal.x_m, goal.y_m))
+    width, place = _narrowest(space.clearance, *ends)
+    if place is not None:
+        x_m, y_m = _centre(space, place)
+        side_m = space.grid.resolution_m
+        has_m, needs_m = (
+            2.0 * _half_width(space, place, width) * side_m,
+            2.0 * space.footprint.inscribed_m,
+        )
+        missing_m = max(needs_m - has_m, 0.0)
+        text = (
+            f"no passage is wide enough: the widest way is {has_m:.2f} m wide at x {x_m:.2f} m, "
+            f"y {y_m:.2f} m, and the robot needs {needs_m:.2f} m"
+        )
+        text += f": {missing_m:.2f} m are missing" if missing_m > 0.0 else " and room to turn"
+        return PlanFailure(Reason.NO_PASSAGE, text, (x_m, y_m), expanded)
+    if not space.through_unknown:
+        open_width, _ = _narrowest(clearance_of(space.obstacle), *ends)
+        if open_width > 0.0:
+            unknown = space.blocked & ~space.obstacle
+            x_m, y_m = _entry(space, unknown, ends)
+            text = (
+                "the goal can be reached only through what the map does not know, from about "
+                f"x {x_m:.2f} m, y {y_m:.2f} m on"
+            )
+            return PlanFailure(Reason.ONLY_THROUGH_UNKNOWN, text, (x_m, y_m), expanded)
+    return _enclosed(space, {"start": ends[0], "goal": ends[1]}, expanded)
+
+
+def _enclosed(space: PlanningMap, ends: dict[str, tuple[int, int]], expanded: int) -> PlanFailure:
+    """Return which end lies in a closed area, the smaller of the two."""
+    labels, _ = ndimage.label(~space.blocked)
+    sizes = np.bincount(labels.ravel())
+    name = min(ends, key=lambda each: int(sizes[labels[ends[each]]]))
+    area_m2 = float(sizes[labels[ends[name]]]) * space.grid.resolution_m**2
+    text = f"the {name} lies in an area of {area_m2:.1f} m2 that is closed all around"
+    place = _centre(space, np.array(ends[name]))
+    return PlanFailure(Reason.NO_PASSAGE, text, place, expanded)
+
+
+def nearest(space: PlanningMap, wanted: NDArray[np.bool_], here: SE2) -> Point:
+    """Return the centre in `world` [m] of the wanted cell nearest to a point of the map's frame."""
+    cells = np.argwhere(wanted)
+    away = (cells[:, 1] + 0.5 - here.x_m) ** 2 + (cells[:, 0] + 0.5 - here.y_m) ** 2
+    return _centre(space, cells[int(np.argmin(away))])
+
+
+def _gap(space: PlanningMap, here: SE2, cell_world: Point) -> float:
+    """Return how far a point is from the edge of the cell with a centre in `world` [cells]."""
+    cell = space.to_cells(SE2(*cell_world, 0.0))
+    across, along = abs(cell.x_m - here.x_m) - 0.5, abs(cell.y_m - here.y_m) - 0.5
+    return math.hypot(max(across, 0.0), max(along, 0.0))
+
+
+def _half_width(space: PlanningMap, place: NDArray[np.int64], width: float) -> float:
+    """Return half the width of a passage whose middle may lie between the centres of cells."""
+    radius = math.ceil(width) + 2
+    low = np.maximum(place - radius, -1)
+    near = np.argwhere(np.pad(space.blocked, 1, constant_values=True)[
+        low[0] + 1 : place[0] + radius + 2, low[1] + 1 : place[1] + radius + 2
+    ]) + low  # fmt: skip
+    widest = width
+    for down in (-0.5, 0.0, 0.5):
+        for right in (-0.5, 0.0, 0.5):
+            away = np.maximum(np.abs(near - place - (down, right)) - 0.5, 0.0)
+            widest = max(widest, float(np.hypot(*away.T).min(initial=math.inf)))
+    return min(widest, width + 0.5)
+
+
+def _free_beside(space: PlanningMap, here: SE2) -> str:
+    """Say where the robot could stand instead."""
+    free = space.clearance >= space.circumscribed
+    if not free.any():
+        return "; there is no place on this map where the robot can stand and turn"
+    x_m, y_m = nearest(space, free, here)
+    return f"; the nearest place with room for it is x {x_m:.2f} m, y {y_m:.2f} m"
+
+
+def _narrowest(
+    clearance: NDArray[np.float32], start: tuple[int, int], goal: tuple[int, int]
+) -> tuple[float, NDArray[np.int64] | None]:
+    """Return half the width of the widest way between two cells [cells], and where it is so narrow.
+
+    0 and None where there is none. Ways go from side to side of cells, as diagonal steps need both.
+    """
+    low, high = 0.0, float(min(clearance[start], clearance[goal]))
+    if high <= 0.0 or not _joined(clearance, low, start, goal):
+        return 0.0, None
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if _joined(clearance, middle, start, goal):
+            low = middle
+        else:
+            high = middle
+    # The widest way opens with the cells of just this clearance, and closes without them.
+    inside = clearance >= low - 1e-6
+    labels, _ = ndimage.label(clearance > high + 1e-6)
+    bridge = np.argwhere(inside & (labels == 0))
+    return low, bridge[_between(bridge, labels, inside, start, goal)]
+
+
+def _between(
+    bridge: NDArray[np.int64],
+    labels: NDArray[np.int32],
+    inside: NDArray[np.bool_],
+    start: tuple[int, int],
+    goal: tuple[int, int],
+) -> int:
+    """Return which cell of the bridge lies on the widest way, the first from the start."""
+    from robotctl.planning.global_planning.grid_search import search_cells  # noqa: PLC0415
+
+    costs = np.where(inside, np.where(labels == 0, 1, 0), 254).astype(np.uint8)
+    factors = np.full(256, np.inf)
+    factors[:2] = 1.0, 50.0
+    cells = search_cells(costs, factors, start, goal).cells
+    on_way = cells[costs[tuple(cells.T)] == 1]
+    place = on_way[0] if len(on_way) else cells[len(cells) // 2]
+    away = np.abs(bridge - place).sum(axis=1)
+    return int(np.argmin(away))
+
+
+def _joined(
+    clearance: NDArray[np.float32], least: float, start: tuple[int, int], goal: tuple[int, int]
+) -> bool:
+    """Return whether a way joins two cells, all of which have a clearance."""
+    labels, _ = ndimage.label(clearance >= least)
+    return bool(labels[start] == labels[goal] != 0)
+
+
+def _entry(
+    space: PlanningMap, unknown: NDArray[np.bool_], ends: tuple[tuple[int, int], tuple[int, int]]
+) -> Point:
+    """Return the unknown cell next to what the start can reach that is nearest to the goal."""
+    labels, _ = ndimage.label(~space.blocked)
+    reached = labels == labels[ends[0]]
+    edge = np.argwhere(unknown & ndimage.binary_dilation(reached))
+    if not len(edge):
+        edge = np.argwhere(unknown)
+    away = ((edge - np.array(ends[1])) ** 2).sum(axis=1)
+    return _centre(space, edge[int(np.argmin(away))])
+
+
+def _cell(space: PlanningMap, point: Point) -> tuple[int, int]:
+    """Return row and column of a point of `world` [m]."""
+    here = space.to_cells(SE2(*point, 0.0))
+    return math.floor(here.y_m), math.floor(here.x_m)
+
+
+def _centre(space: PlanningMap, cell: NDArray[np.int64]) -> Point:
+    """Return the centre of a cell in `world` [m]."""
+    x_m, y_m = space.grid.centre_of(np.asarray(cell, dtype=np.int64)[np.newaxis])[0].tolist()
+    return x_m, y_m

@@ -1,0 +1,129 @@
+"""What a global planner is asked, and what it answers: a path, or the reason why there is none."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.grid_search import Corners
+
+Point: TypeAlias = tuple[float, float]
+GoesOn: TypeAlias = Callable[[], bool]
+"""Asked now and then whether there is time left."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerConfig:
+    """How paths are chosen.
+
+    Parameters
+    ----------
+    margin_m
+        Kept between the body and obstacles [m], >= 0.
+    comfort_m
+        Nearer to an obstacle than this beyond the margin, a path counts longer [m], >= 0.
+    comfort_weight
+        By so much, as a multiple, at the margin itself, >= 0.
+    corners
+        How many of the two cells beside a diagonal step must be free.
+    any_angle
+        Whether a path over cells is straightened.
+    seed
+        Of planners that draw random samples.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    margin_m: float = 0.05
+    comfort_m: float = 0.25
+    comfort_weight: float = 2.0
+    corners: Corners = "both"
+    any_angle: bool = True
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for key in ("margin_m", "comfort_m", "comfort_weight"):
+            if not 0.0 <= getattr(self, key) < math.inf:
+                raise ValueError(f"{key} must be finite and >= 0, found {getattr(self, key)}")
+
+
+class Reason(enum.Enum):
+    """Why there is no plan."""
+
+    START_OFF_MAP = "start_off_map"
+    GOAL_OFF_MAP = "goal_off_map"
+    START_BLOCKED = "start_blocked"
+    GOAL_BLOCKED = "goal_blocked"
+    NO_PASSAGE = "no_passage"
+    ONLY_THROUGH_UNKNOWN = "only_through_unknown"
+    NOT_FOUND = "not_found"
+    OUT_OF_TIME = "out_of_time"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFailure:
+    """Why there is no path.
+
+    Parameters
+    ----------
+    reason, text
+        For programs, and for people.
+    place
+        In `world`, where it fails [m]; None where no one place is to blame.
+    expanded
+        Cells, or nodes of a tree, that were looked at.
+    """
+
+    reason: Reason
+    text: str
+    place: Point | None = None
+    expanded: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A path.
+
+    Parameters
+    ----------
+    poses
+        (n, 3) of `base` in `world` [m, m, rad], from the start to the goal. Between two poses the
+        robot drives straight, or on the arc that joins them where the planner knows arcs.
+    cost
+        What the planner made least [m]: the length, with what it counts on top.
+    expanded
+        Cells, or nodes of a tree, that were looked at.
+    reverse
+        (n - 1,): whether the piece from each pose to the next is driven backwards.
+    """
+
+    poses: NDArray[np.float64]
+    cost: float
+    expanded: int
+    reverse: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path [m]."""
+        return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
+
+
+class Planner(Protocol):
+    """Finds a path through a map."""
+
+    def plan(
+        self, space: PlanningMap, start: SE2, goal: SE2, goes_on: GoesOn = lambda: True
+    ) -> Plan | PlanFailure:
+        """Return a path between two poses of `world`, or why there is none."""

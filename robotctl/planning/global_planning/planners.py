@@ -1,0 +1,14 @@
+"""The registry of global planners: one line makes a planner one of `robotctl plan`'s."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from robotctl.planning.global_planning.grid_planner import GridPlanner
+from robotctl.planning.global_planning.plan import Planner, PlannerConfig
+
+PLANNERS: Final[dict[str, Callable[[PlannerConfig], Planner]]] = {
+    "astar": GridPlanner,
+    "dijkstra": lambda config: GridPlanner(config, guided=False),
+}

@@ -1,0 +1,1 @@
+"""Plans on maps, without a robot."""

@@ -1,0 +1,230 @@
+"""A path through a map, and its figures: what `robotctl plan` does."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import json
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.errors import ConfigError
+from robotctl.maps.localisation_map import load_localisation_map
+from robotctl.maps.moving_ai import is_moving_ai, load_moving_ai
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.plan import Plan, PlanFailure, Planner, PlannerConfig
+from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.planning.guard.body import body_outline
+from robotctl.toml_source import nearest
+
+DEFAULT_ROBOT: Final = "diff_drive"
+_STEP: Final = 0.5
+"""Between two places of a path at which its clearance is taken [cells]."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """What the user asked for.
+
+    Parameters
+    ----------
+    map
+        A ROS map, a world, or a MovingAI map.
+    start, goal
+        x, y and perhaps a heading: [m, m, deg]; of a MovingAI map column and row from the top
+        left.
+    planner
+        A name of `PLANNERS`.
+    robot
+        The robot's file, or the name of one; empty: the small robot that comes along. On a
+        MovingAI map a robot is a point.
+    overrides
+        `key=value` settings on top of it.
+    time_limit_s
+        The search ends after this [s].
+    seed
+        Of planners that draw random samples.
+    """
+
+    map: str
+    start: tuple[float, ...]
+    goal: tuple[float, ...]
+    planner: str = "astar"
+    robot: str = ""
+    overrides: tuple[str, ...] = ()
+    time_limit_s: float = 10.0
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanResult:
+    """A plan or a failure with what it was made of.
+
+    Parameters
+    ----------
+    options, space
+        What was asked for, and the map.
+    answer
+        The path, or why there is none.
+    time_ms
+        Of the search [ms], without reading the map.
+    """
+
+    options: PlanOptions
+    space: PlanningMap
+    answer: Plan | PlanFailure
+    time_ms: float
+
+    @property
+    def is_cells(self) -> bool:
+        """Whether the map is one of MovingAI, with lengths in cells."""
+        return is_moving_ai(Path(self.options.map))
+
+    @property
+    def path(self) -> NDArray[np.float64]:
+        """The poses, (n, 3), in `world`; on a MovingAI map column, row and heading. May be none."""
+        if isinstance(self.answer, PlanFailure):
+            return np.empty((0, 3))
+        return self._as_cells(self.answer.poses) if self.is_cells else self.answer.poses
+
+    def _as_cells(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = self.space.shape[0]
+        return np.column_stack([poses[:, 0] - 0.5, rows - 0.5 - poses[:, 1], -poses[:, 2]])
+
+    def report(self) -> dict[str, Any]:
+        """Return the figures."""
+        answer = self.answer
+        if isinstance(answer, PlanFailure):
+            place = None if answer.place is None else [round(each, 3) for each in answer.place]
+            return {
+                "found": False,
+                "length_m": None,
+                "cost": None,
+                "expanded": answer.expanded,
+                "time_ms": round(self.time_ms, 3),
+                "min_clearance_m": None,
+                "reason": answer.text,
+                "code": answer.reason.value,
+                "place": place,
+            }
+        return {
+            "found": True,
+            "length_m": answer.length_m,
+            "cost": answer.cost,
+            "expanded": answer.expanded,
+            "time_ms": round(self.time_ms, 3),
+            "min_clearance_m": min_clearance_m(self.space, answer),
+            "reason": "",
+        }
+
+
+def make_plan(options: PlanOptions) -> PlanResult:
+    """Read map and robot, and plan.
+
+    Raises
+    ------
+    ConfigError
+        If a file, a place or a name is wrong.
+    """
+    if options.planner not in PLANNERS:
+        hint = nearest(options.planner, list(PLANNERS))
+        raise ConfigError(f"--planner {options.planner}: there is no such planner{hint}")
+    if not 0.0 < options.time_limit_s < math.inf:
+        raise ConfigError(f"--time-limit {options.time_limit_s:g}: a number of seconds above 0")
+    path = Path(options.map)
+    if is_moving_ai(path):
+        grid = load_moving_ai(path)
+        space = PlanningMap(grid, Footprint())
+        start, goal = (_cell(grid, name, getattr(options, name)) for name in ("start", "goal"))
+        config = PlannerConfig(margin_m=0.0, comfort_m=0.0, any_angle=False, seed=options.seed)
+    else:
+        robot = load_robot(find_file(options.robot or DEFAULT_ROBOT), options.overrides)
+        grid = load_localisation_map(options.map, Path()).grid
+        space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
+        start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
+        goal = goal if len(options.goal) == 3 else _facing(start, goal)
+        config = PlannerConfig(seed=options.seed)
+    planner = PLANNERS[options.planner](config)
+    _compile(planner, space.footprint)
+    begin_s = time.perf_counter()
+    answer = planner.plan(
+        space, start, goal, lambda: time.perf_counter() - begin_s < options.time_limit_s
+    )
+    return PlanResult(options, space, answer, 1e3 * (time.perf_counter() - begin_s))
+
+
+def _compile(planner: Planner, footprint: Footprint) -> None:
+    """Let a planner compile its loops, which is not part of its time, on a small map."""
+    side_m = max(footprint.circumscribed_m, 1.0)
+    grid = GridMap(np.zeros((9, 9), np.int8), side_m)
+    planner.plan(
+        PlanningMap(grid, footprint),
+        SE2(3.5 * side_m, 3.5 * side_m),
+        SE2(5.5 * side_m, 4.5 * side_m),
+    )
+
+
+def min_clearance_m(space: PlanningMap, plan: Plan) -> float:
+    """Return the smallest gap between the body and what is blocked, along a path [m]."""
+    poses = np.array([
+        [each.x_m, each.y_m, each.theta_rad]
+        for each in (space.to_cells(SE2(*pose)) for pose in plan.poses.tolist())
+    ])  # fmt: skip
+    between = [poses[:1]]
+    for a, b in itertools.pairwise(poses):
+        count = max(1, math.ceil(math.dist(a[:2], b[:2]) / _STEP))
+        share = np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis]
+        turn = math.remainder(b[2] - a[2], math.tau)
+        between.append(a + share * np.array([b[0] - a[0], b[1] - a[1], turn]))
+    return float(space.gaps_m(np.concatenate(between)).min())
+
+
+def write_path(result: PlanResult, file: Path) -> None:
+    """Write the poses as CSV: x_m, y_m, theta_deg, or column, row, theta_deg."""
+    names = ("column", "row") if result.is_cells else ("x_m", "y_m")
+    with file.open("w", encoding="utf-8", newline="") as output:
+        writer = csv.writer(output, lineterminator="\n")
+        writer.writerow((*names, "theta_deg"))
+        for x, y, theta in result.path.tolist():
+            writer.writerow((f"{x:.6g}", f"{y:.6g}", f"{math.degrees(theta):.3f}"))
+
+
+def write_report(result: PlanResult, file: Path) -> None:
+    """Write the figures as JSON."""
+    file.write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")
+
+
+def _pose(name: str, numbers: tuple[float, ...]) -> SE2:
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise ConfigError(f"--{name}: {_words(numbers)} found; x,y or x,y,deg is allowed")
+    heading_deg = numbers[2] if len(numbers) == 3 else 0.0
+    return SE2(numbers[0], numbers[1], math.radians(heading_deg))
+
+
+def _facing(start: SE2, goal: SE2) -> SE2:
+    """Return the goal with the heading in which a straight path would come to it."""
+    return SE2(goal.x_m, goal.y_m, math.atan2(goal.y_m - start.y_m, goal.x_m - start.x_m))
+
+
+def _cell(grid: GridMap, name: str, numbers: tuple[float, ...]) -> SE2:
+    """Return the centre of a cell of a MovingAI map, counted from the top left."""
+    if len(numbers) not in (2, 3) or not all(number.is_integer() for number in numbers[:2]):
+        raise ConfigError(
+            f"--{name}: {_words(numbers)} found; on a MovingAI map column,row from the top left "
+            "are allowed"
+        )
+    return SE2(numbers[0] + 0.5, grid.shape[0] - 0.5 - numbers[1], 0.0)
+
+
+def _words(numbers: tuple[float, ...]) -> str:
+    return ",".join(f"{number:g}" for number in numbers) or "nothing"

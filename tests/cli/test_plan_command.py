@@ -1,0 +1,131 @@
+"""`robotctl plan` as a user calls it."""
+
+import csv
+import gzip
+import json
+import math
+
+import pytest
+from typer.testing import CliRunner
+
+from robotctl.cli.commands import app
+from robotctl.errors import ConfigError
+
+FLAT = ("--map", "flat", "--start", "1,1,0", "--goal", "6,3,90")
+
+
+def call(*words):
+    return CliRunner().invoke(app, ["plan", *map(str, words)])
+
+
+@pytest.mark.parametrize("planner", ["astar", "dijkstra"])
+def test_a_path_through_the_flat_with_all_its_files(tmp_path, planner):
+    files = {name: tmp_path / f"p.{name}" for name in ("csv", "png", "json")}
+    result = call(
+        *FLAT, "--planner", planner,
+        "--out", files["csv"], "--plot", files["png"], "--report", files["json"],
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    report = json.loads(files["json"].read_text())
+    assert report["found"] is True
+    assert report["reason"] == ""
+    assert math.dist((1, 1), (6, 3)) <= report["length_m"] <= report["cost"] + 0.1
+    assert 0.02 < report["min_clearance_m"] < 0.5
+    assert report["expanded"] > 100
+    rows = list(csv.DictReader(files["csv"].read_text().splitlines()))
+    assert [float(each) for each in rows[0].values()] == [1.0, 1.0, 0.0]
+    assert [float(each) for each in rows[-1].values()] == [6.0, 3.0, 90.0]
+    assert files["png"].stat().st_size > 10_000
+    assert f"{planner}: {report['length_m']:.3f} m" in result.output
+
+
+def test_a_goal_in_a_wall_is_told_and_the_status_is_1(tmp_path):
+    report = tmp_path / "r.json"
+    result = call("--map", "flat", "--start", "1,1", "--goal", "0,2", "--report", report)
+    assert result.exit_code == 1
+    assert "no path: the goal at x 0.00 m, y 2.00 m" in result.output
+    figures = json.loads(report.read_text())
+    assert (figures["found"], figures["code"], figures["length_m"]) == (False, "goal_blocked", None)
+    assert "the nearest place with room for it is" in figures["reason"]
+
+
+@pytest.fixture
+def moving_ai(tmp_path):
+    """A map with a wall in which one cell is open; the top row is all free."""
+    rows = ["........", "...@....", "...@....", "...@....", "...@...."]
+    path = tmp_path / "wall.map"
+    path.write_text("\n".join(["type octile", "height 5", "width 8", "map", *rows]) + "\n")
+    return path
+
+
+def test_cells_of_a_moving_ai_map_are_counted_from_the_top_left(moving_ai, tmp_path):
+    out, report = tmp_path / "p.csv", tmp_path / "r.json"
+    words = (
+        "--map",
+        moving_ai,
+        "--start",
+        "2,3",
+        "--goal",
+        "4,3",
+        "--out",
+        out,
+        "--report",
+        report,
+    )
+    assert call(*words).exit_code == 0
+    # Up three, two to the right without cutting corners, down three.
+    assert json.loads(report.read_text())["length_m"] == pytest.approx(8.0)
+    cells = [(float(row["column"]), float(row["row"])) for row in csv.DictReader(out.read_text().splitlines())]
+    assert (cells[0], cells[-1]) == ((2.0, 3.0), (4.0, 3.0))
+    assert (3.0, 0.0) in cells
+
+
+def test_a_cell_in_a_wall_of_a_moving_ai_map(moving_ai):
+    result = call("--map", moving_ai, "--start", "2,3", "--goal", "3,1")
+    assert result.exit_code == 1
+    assert "lies in an obstacle" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((*FLAT[:4], "--goal", "6"), "--goal 6: two or three numbers"),
+        ((*FLAT, "--planner", "a-star"), 'there is no such planner; did you mean "astar"?'),
+        ((*FLAT, "--time-limit", "0"), "--time-limit 0"),
+        ((*FLAT[:4], "--goal", "nan,1"), "--goal: nan,1 found"),
+        ((*FLAT, "--report", "/nowhere/r.json"), "the folder /nowhere does not exist"),
+        (("--map", "flut", *FLAT[2:]), 'did you mean "flat"'),
+        (("--map", "{map}", "--start", "1.5,2", "--goal", "1,2"), "column,row from the top left"),
+    ],
+)  # fmt: skip
+def test_wrong_words_are_told(moving_ai, words, said):
+    result = call(*(str(word).format(map=moving_ai) for word in words))
+    assert isinstance(result.exception, ConfigError), result.output
+    assert said in str(result.exception)
+
+
+@pytest.mark.recordings("movingai")
+def test_published_lengths_come_out_of_the_command(recordings, tmp_path):
+    lines = gzip.decompress((recordings / "movingai" / "arena.map.scen.gz").read_bytes())
+    problems = [line.split("\t") for line in lines.decode().splitlines()[1:]]
+    for words in problems[:: len(problems) // 4]:
+        report = tmp_path / "r.json"
+        x0, y0, x1, y1 = words[4:8]
+        result = call(
+            "--map", recordings / "movingai" / "arena.map.gz",
+            "--start", f"{x0},{y0}", "--goal", f"{x1},{y1}", "--report", report,
+        )  # fmt: skip
+        assert result.exit_code == 0, result.output
+        assert json.loads(report.read_text())["length_m"] == pytest.approx(
+            float(words[8]), abs=1e-3
+        )
+
+
+@pytest.mark.recordings("maps")
+def test_the_warehouse_is_crossed_and_the_heading_at_the_goal_is_as_asked(recordings, tmp_path):
+    out = tmp_path / "p.csv"
+    world_map = recordings / "maps" / "warehouse.yaml"
+    result = call("--map", world_map, "--start", "0,0", "--goal", "10,15,45", "--out", out)
+    assert result.exit_code == 0, result.output
+    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert [float(each) for each in rows[-1].values()] == [10.0, 15.0, 45.0]

@@ -1,0 +1,51 @@
+"""A robot's outline: its circles, its points, and what is no outline."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.model.footprint import Footprint
+
+RECTANGLE = Footprint(((0.4, -0.2), (0.4, 0.2), (-0.1, 0.2), (-0.1, -0.2)))
+
+
+def test_the_circles_of_a_rectangle():
+    assert RECTANGLE.inscribed_m == pytest.approx(0.1)
+    assert RECTANGLE.circumscribed_m == pytest.approx(math.hypot(0.4, 0.2))
+
+
+def test_a_robot_without_corners_is_a_point():
+    assert (Footprint().inscribed_m, Footprint().circumscribed_m) == (0.0, 0.0)
+    assert Footprint().samples(0.1).tolist() == [[0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("corners", "said"),
+    [
+        (((1, 0), (0, 1)), "three corners"),
+        (((1, 1), (1, -1), (-1, -1), (-1, 1)), "left of the side"),  # clockwise
+        (((2, 1), (3, 1), (3, 2), (2, 2)), "left of the side"),  # base is outside
+        (((1, -1), (0.2, 0), (1, 1), (-1, 1), (-1, -1)), "convex"),
+    ],
+)
+def test_what_is_no_outline_is_refused(corners, said):
+    with pytest.raises(ValueError, match=said):
+        Footprint(corners)
+
+
+@given(st.integers(3, 9), st.floats(0.05, 2.0), st.floats(0.02, 0.3), st.floats(0.0, 6.0))
+def test_points_lie_in_the_outline_and_leave_no_hole(count, radius_m, spacing_m, turn):
+    angles = turn + np.arange(count) * math.tau / count
+    footprint = Footprint(tuple((radius_m * math.cos(a), radius_m * math.sin(a)) for a in angles))
+    points = footprint.samples(spacing_m)
+    for (ax, ay), (bx, by) in footprint.sides():
+        side = (bx - ax) * (points[:, 1] - ay) - (by - ay) * (points[:, 0] - ax)
+        assert (side > -1e-6).all()
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet(np.ones(count), 50)
+    inside = weights @ np.array(footprint.corners)
+    away = np.hypot(*(inside[:, np.newaxis] - points).transpose(2, 0, 1)).min(axis=1)
+    assert away.max() <= spacing_m

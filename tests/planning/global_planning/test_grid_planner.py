@@ -1,0 +1,152 @@
+"""Paths for a body through maps with known passages, and the reasons why there is none."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.plan import Plan, PlanFailure, PlannerConfig, Reason
+from robotctl.planning.global_planning.planners import PLANNERS
+
+SIDE_M = 0.05
+LONG = Footprint(((0.45, -0.15), (0.45, 0.15), (-0.45, 0.15), (-0.45, -0.15)))
+
+
+def room(width_m=6.0, height_m=4.0):
+    """Return the cells of a room with walls around."""
+    cells = np.zeros((round(height_m / SIDE_M), round(width_m / SIDE_M)), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    return cells
+
+
+def two_rooms(door_m):
+    """Return a room with a wall across at x = 3 m, and a door in it about y = 2 m."""
+    cells = room()
+    cells[:, 60] = 100
+    half = round(0.5 * door_m / SIDE_M)
+    cells[40 - half : 40 + half, 60] = 0
+    return cells
+
+
+def planned(cells, start, goal, body=LONG, planner="astar", config=None, **kwargs):
+    """Plan, and check that no pose on the way lets the body touch anything."""
+    space = PlanningMap(GridMap(cells, SIDE_M), body, **kwargs)
+    answer = PLANNERS[planner](config or PlannerConfig()).plan(space, SE2(*start), SE2(*goal))
+    if isinstance(answer, Plan):
+        assert answer.poses[0] == pytest.approx(start)
+        assert answer.poses[-1] == pytest.approx(goal)
+        for a, b in pairwise(answer.poses):
+            turn = math.remainder(b[2] - a[2], math.tau)
+            moved = math.dist(a[:2], b[:2])
+            assert moved < 1e-9 or abs(turn) < 1e-9, "it drives straight, or turns on the spot"
+            count = 2 + int(moved / 0.01 + abs(turn) / 0.02)
+            between = a + np.linspace(0.0, 1.0, count)[:, np.newaxis] * (*(b - a)[:2], turn)
+            in_cells = between / (SIDE_M, SIDE_M, 1.0)
+            assert not space.collides(in_cells).any()
+    return answer
+
+
+def test_a_long_robot_passes_lengthwise_where_it_could_not_turn():
+    plan = planned(two_rooms(0.6), (1.5, 2.0, 0.0), (4.5, 2.0, 0.0))
+    assert isinstance(plan, Plan)
+    assert plan.length_m == pytest.approx(3.0, abs=0.05)
+
+
+def test_it_turns_where_there_is_room_for_it():
+    plan = planned(two_rooms(0.6), (1.5, 1.0, math.pi / 2), (4.5, 3.0, math.pi))
+    assert isinstance(plan, Plan)
+    assert math.dist((1.5, 1.0), (4.5, 3.0)) < plan.length_m < 4.6
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_a_door_too_narrow_is_named_with_its_place_and_what_is_missing(planner):
+    failure = planned(two_rooms(0.2), (1.5, 2.0, 0.0), (4.5, 2.0, 0.0), planner=planner)
+    assert isinstance(failure, PlanFailure)
+    assert failure.reason is Reason.NO_PASSAGE
+    assert failure.place == pytest.approx((3.0, 2.0), abs=0.12)
+    assert "0.20 m wide" in failure.text
+    assert "the robot needs 0.30 m: 0.10 m are missing" in failure.text
+
+
+def test_the_widest_of_several_ways_is_named():
+    cells = two_rooms(0.2)
+    cells[10:13, 60] = 0
+    failure = planned(cells, (1.5, 2.0, 0.0), (4.5, 2.0, 0.0))
+    assert failure.place == pytest.approx((3.0, 2.0), abs=0.12)
+
+
+def test_walls_all_around_are_told_with_the_area():
+    failure = planned(two_rooms(0.0), (1.5, 2.0, 0.0), (4.5, 2.0, 0.0))
+    assert failure.reason is Reason.NO_PASSAGE
+    assert "closed all around" in failure.text
+
+
+def test_a_goal_in_an_obstacle_and_one_beside_it_are_told_with_a_place_instead():
+    cells = room()
+    cells[30:50, 80:90] = 100
+    inside = planned(cells, (1.5, 2.0, 0.0), (4.2, 2.0, 0.0))
+    assert inside.reason is Reason.GOAL_BLOCKED
+    assert "lies in an obstacle; the nearest place with room for it is" in inside.text
+    beside = planned(cells, (1.5, 2.0, 0.0), (3.8, 2.0, 0.0))
+    assert "is 0.20 m from an obstacle at x 4.03 m" in beside.text
+    assert "the robot's body reaches 0.47 m" in beside.text
+    start = planned(cells, (4.2, 2.0, 0.0), (1.5, 2.0, 0.0))
+    assert start.reason is Reason.START_BLOCKED
+
+
+def test_ends_off_the_map():
+    cells = room()
+    assert planned(cells, (9.0, 2.0, 0.0), (1.5, 2.0, 0.0)).reason is Reason.START_OFF_MAP
+    failure = planned(cells, (1.5, 2.0, 0.0), (1.5, -2.0, 0.0))
+    assert failure.reason is Reason.GOAL_OFF_MAP
+    assert "off the map of 6.00 m x 4.00 m" in failure.text
+
+
+def test_a_way_through_the_unknown_alone_is_told_and_taken_where_it_is_allowed():
+    cells = room()
+    cells[1:-1, 55:65] = -1
+    ends = (1.5, 2.0, 0.0), (4.5, 2.0, 0.0)
+    failure = planned(cells, *ends)
+    assert failure.reason is Reason.ONLY_THROUGH_UNKNOWN
+    assert failure.place == pytest.approx((2.78, 2.0), abs=0.1)
+    assert isinstance(planned(cells, *ends, through_unknown=True), Plan)
+
+
+def test_time_over_is_a_reason():
+    space = PlanningMap(GridMap(np.zeros((700, 700), np.int8), SIDE_M), Footprint())
+    planner = PLANNERS["dijkstra"](PlannerConfig())
+    answer = planner.plan(space, SE2(1, 1, 0), SE2(33, 33, 0), lambda: False)
+    assert answer.reason is Reason.OUT_OF_TIME
+
+
+def test_a_path_keeps_away_from_walls_where_there_is_room():
+    plan = planned(room(), (0.8, 0.8, 0.0), (5.2, 0.8, 0.0))
+    near = planned(room(), (0.8, 0.8, 0.0), (5.2, 0.8, 0.0), config=PlannerConfig(comfort_weight=0))
+    assert near.length_m == pytest.approx(4.4)
+    assert plan.poses[:, 1].max() >= near.poses[:, 1].max()
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_random_rooms_give_paths_that_are_free_and_reasons_that_have_a_place(seed):
+    rng = np.random.default_rng(seed)
+    cells = room()
+    for _ in range(rng.integers(0, 14)):
+        row, column = rng.integers(5, 70), rng.integers(5, 110)
+        cells[row : row + rng.integers(2, 20), column : column + rng.integers(2, 20)] = 100
+    ends = [(*rng.uniform((0.6, 0.6), (5.4, 3.4)), rng.uniform(-3, 3)) for _ in range(2)]
+    answer = planned(cells, *ends)
+    if isinstance(answer, PlanFailure):
+        assert answer.place is not None
+        assert answer.text
+    else:
+        dijkstra = planned(cells, *ends, planner="dijkstra")
+        assert dijkstra.cost == pytest.approx(answer.cost, rel=1e-9)
+        assert answer.length_m <= answer.cost + 0.2
