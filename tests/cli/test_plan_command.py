@@ -75,7 +75,8 @@ def test_cells_of_a_moving_ai_map_are_counted_from_the_top_left(moving_ai, tmp_p
     assert call(*words).exit_code == 0
     # Up three, two to the right without cutting corners, down three.
     assert json.loads(report.read_text())["length_m"] == pytest.approx(8.0)
-    cells = [(float(row["column"]), float(row["row"])) for row in csv.DictReader(out.read_text().splitlines())]
+    rows = csv.DictReader(out.read_text().splitlines())
+    cells = [(float(row["column"]), float(row["row"])) for row in rows]
     assert (cells[0], cells[-1]) == ((2.0, 3.0), (4.0, 3.0))
     assert (3.0, 0.0) in cells
 
