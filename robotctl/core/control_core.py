@@ -34,6 +34,7 @@ from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.arm_requests import ArmRequests
 from robotctl.safety.health import AgeLimit
@@ -83,6 +84,8 @@ class ControlCore:
         Control period [ns].
     sonars
         The ring, in the order of the bus.
+    imu
+        Where the IMU sits, if there is one.
     pose_odom_base
         Where odometry starts.
     """
@@ -97,6 +100,7 @@ class ControlCore:
         ages: tuple[AgeLimit, ...],
         period_ns: int,
         sonars: tuple[SonarMount, ...],
+        imu: ImuConfig,
         pose_odom_base: SE2,
     ) -> None:
         self.machine = SafetyMachine()
@@ -120,7 +124,7 @@ class ControlCore:
             if not pid.can_drive
         )
         """Reasons against arming that a file cannot be refused for: it may be one to be tuned."""
-        self.motion = EncoderMotion(drive, self._wheels, pose_odom_base)
+        self.motion = EncoderMotion(drive, self._wheels, pose_odom_base, imu)
         self._driving = Driving(drive, self._wheels, limits, safety.setpoint_timeout_ms, period_ns)
         self._safety = safety
         self._command = WheelCommand(enable=False, brake=True)
@@ -134,6 +138,7 @@ class ControlCore:
                 self._driving.steering_max_rad,
                 limits.a_max_m_s2 / max(drive.wheel_radii_m),
                 sonars,
+                imu,
             ),
         )
         self._health = self._supervision.health
@@ -286,7 +291,7 @@ class ControlCore:
         """Return all reasons against arming now."""
         refusals = self._objections + self._powerless
         refusals += self._supervision.refusals(
-            now_ns, self.motion.speeds_rad_s, enabled=self._command_before.enable
+            now_ns, self.motion.speeds_rad_s, self.motion.imu, enabled=self._command_before.enable
         )
         if not self.warm:
             of = self._safety.warmup_ticks
@@ -388,6 +393,7 @@ class ControlCore:
             fault=fault.code if fault else FaultCode.NONE,
             fault_part=fault.part if fault else "",
             odom_epoch_ns=motion.epoch_ns,
+            imu=motion.imu if health.is_fresh("gyro", now_ns) else None,
         )
 
 

@@ -1,20 +1,24 @@
-"""The motion by the encoders: speeds, odometry and the steering angle."""
+"""The motion by encoders and IMU: speeds, odometry, the steering angle and attitude."""
 
 from __future__ import annotations
 
 import msgspec
 
 from robotctl.control.wheel_loop import WheelLoop
+from robotctl.estimation.inertial.tracker import InertialTracker
 from robotctl.estimation.odometry.odometry import Odometry
-from robotctl.messages.control import Feedback, WheelFeedback
+from robotctl.messages.control import Feedback, ImuFeedback, WheelFeedback
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.imu import ImuConfig
 from robotctl.safety.stale_frame_filter import Latch, LatchTimes
 
 
 class EncoderMotion:
-    """What the wheels' estimators and odometry say now.
+    """What the wheels' estimators, odometry and the IMU say now.
+
+    Where there is an IMU, odometry turns by its gyro: what wheels miss as they slip is not lost.
 
     Parameters
     ----------
@@ -22,6 +26,8 @@ class EncoderMotion:
         Kinematics, and the loops whose estimators see the counts.
     pose_odom_base
         Where odometry starts.
+    imu
+        Where the IMU sits, if there is one.
 
     Attributes
     ----------
@@ -31,15 +37,25 @@ class EncoderMotion:
         Measured velocity of `base`.
     steering_rad
         Measured steering angle [rad].
+    imu
+        The newest of the IMU; None on a robot without one.
     epoch_ns
         When the frame `odom` began: the first step, or the last restart of the drive since [ns].
     """
 
-    def __init__(self, drive: Drive, wheels: tuple[WheelLoop, ...], pose_odom_base: SE2) -> None:
+    def __init__(
+        self,
+        drive: Drive,
+        wheels: tuple[WheelLoop, ...],
+        pose_odom_base: SE2,
+        imu: ImuConfig,
+    ) -> None:
         self.odometry = Odometry(drive, pose_odom_base)
         self.twist = Twist(0.0, 0.0)
         self.steering_rad = 0.0
         self.epoch_ns = 0
+        self.imu: ImuFeedback | None = None
+        self._inertial = InertialTracker(imu) if imu.enabled else None
         self._drive = drive
         self._wheels = wheels
         self._estimators = wheels[0].estimator, wheels[-1].estimator
@@ -72,7 +88,17 @@ class EncoderMotion:
             self.steering_rad = feedback.drive.steering_rad
         if wheels is not None:
             self._count(wheels, anew=latch is Latch.ANEW)
+        if self._inertial is not None:
+            self._feel(self._inertial, feedback)
         return feedback
+
+    def _feel(self, inertial: InertialTracker, feedback: Feedback) -> None:
+        """Follow the attitude, and turn odometry by what the wheels have missed."""
+        gyro, accelerometer, odometry = feedback.gyro, feedback.accelerometer, self.odometry
+        turn_rad = inertial.update(gyro, accelerometer, self.twist.v_m_s, odometry.turned_rad)
+        if turn_rad != 0.0:
+            odometry.correct_heading(turn_rad)
+        self.imu = inertial.latest
 
     def restart(self, now_ns: int) -> None:
         """Begin anew with the next counts: those of the drive have. The pose stays."""

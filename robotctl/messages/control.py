@@ -7,6 +7,7 @@ nanoseconds; on one robot computer all processes share that clock (CLOCK_MONOTON
 from __future__ import annotations
 
 import enum
+import math
 from typing import TypeAlias
 
 import msgspec
@@ -151,6 +152,45 @@ class AccelerometerFeedback(msgspec.Struct, frozen=True, gc=False, array_like=Tr
     x_m_s2: float
     y_m_s2: float
     z_m_s2: float
+
+
+class ImuFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
+    """What the IMU says of the robot, in `base`, and what follows from it.
+
+    `stamp_ns` is that of the force, `gyro_stamp_ns` that of the rates. `rate_rad_s` are the mean
+    rates about x, y, z as read, bias included (rad/s), `force_m_s2` the mean specific force along
+    them (m/s^2). `up` is the direction away from the earth, of length 1. `turned_rad` is the sum of
+    all turning about z since the process began, bias included (rad), and `bias_rad_s` the part of
+    that rate which is read at rest. `rise_m_s` is the speed upwards within the last second (m/s),
+    `slip_rad` by how much more the robot turned than its wheels within the last ones (rad), and
+    `corrected_rad` is the sum of that, so far as odometry was turned by it (rad).
+    """
+
+    stamp_ns: int
+    gyro_stamp_ns: int
+    rate_rad_s: tuple[float, float, float]
+    force_m_s2: tuple[float, float, float]
+    up: tuple[float, float, float]
+    turned_rad: float = 0.0
+    bias_rad_s: float = 0.0
+    rise_m_s: float = 0.0
+    slip_rad: float = 0.0
+    corrected_rad: float = 0.0
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle between the robot's z and up [rad]."""
+        return math.acos(max(-1.0, min(self.up[2], 1.0)))
+
+    @property
+    def roll_rad(self) -> float:
+        """Turn about x, left side up [rad]."""
+        return math.atan2(self.up[1], self.up[2])
+
+    @property
+    def pitch_rad(self) -> float:
+        """Turn about y, nose down [rad]."""
+        return math.atan2(-self.up[0], math.hypot(self.up[1], self.up[2]))
 
 
 class EmergencyMessage(msgspec.Struct, frozen=True, array_like=True):
@@ -350,6 +390,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     start of the process, `odometer_m` over the robot's life (nan where its file cannot be read).
     `acks` are the last answers to `Arm`, the newest last. `armings` counts how often the robot was
     armed since the start of the process: a stop and an arming between two states show in it alone.
+    `imu` is None on a robot without one, and while it is too old.
     `fault` is the kind of what `reason` says, NONE where that is no fault; `fault_part` names the
     node, wheel or sonar it is about.
     """
@@ -386,6 +427,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     fault: FaultCode = FaultCode.NONE
     fault_part: str = ""
     odom_epoch_ns: int = 0
+    imu: ImuFeedback | None = None
 
     @property
     def T_odom_base(self) -> SE2:

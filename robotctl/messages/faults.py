@@ -90,6 +90,10 @@ class FaultCode(enum.IntEnum):
     WHEELS_SLIP = 120
     SONAR_STUCK = 121
     ODOMETRY_REVERSED = 122
+    ROBOT_TILTED = 123
+    PICKED_UP = 124
+    IMU_STUCK = 125
+    GYRO_CONTRADICTS = 126
 
     # Values that no healthy sensor gives: they keep from arming.
     TEMPERATURE_WRONG = 130

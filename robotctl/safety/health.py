@@ -215,6 +215,11 @@ class Health:
         """Return whether the newest wheel feedback is not too old."""
         return is_fresh(self._wheels_ns, now_ns, self._wheels_limit_ns)
 
+    def is_fresh(self, field: str, now_ns: int) -> bool:
+        """Return whether what is judged by its age alone has come, and is not too old."""
+        stamp_ns = self._others_ns.get(field)
+        return stamp_ns is not None and is_fresh(stamp_ns, now_ns, self._ages[field].limit_ns)
+
     def fresh_sonar_m(self, now_ns: int) -> tuple[float, ...]:
         """Return the range of each sonar [m]; inf: no echo; nan: too old, or none at all."""
         limit_ns = self._sonar_limit_ns

@@ -6,13 +6,13 @@ from typing import Protocol
 
 import msgspec
 
-from robotctl.messages.control import Feedback, WheelCommand
+from robotctl.messages.control import Feedback, ImuFeedback, WheelCommand
 from robotctl.messages.faults import Fault
 from robotctl.model.geometry.se2 import SE2
 
 
 class Motion(Protocol):
-    """What the encoders say of the motion; computed when asked for."""
+    """What encoders and IMU say of the motion; computed when asked for."""
 
     @property
     def speeds_rad_s(self) -> tuple[float, ...]:
@@ -25,6 +25,10 @@ class Motion(Protocol):
     @property
     def pose_odom_base(self) -> SE2:
         """Pose of odometry."""
+
+    @property
+    def imu(self) -> ImuFeedback | None:
+        """What the IMU says; None on a robot without one."""
 
 
 class MonitorInputs(msgspec.Struct, frozen=True, gc=False):
@@ -39,7 +43,7 @@ class MonitorInputs(msgspec.Struct, frozen=True, gc=False):
     supply_v
         Newest voltage of the drive's supply [V]; None before the first.
     motion
-        By the encoders.
+        By encoders and IMU.
     """
 
     feedback: Feedback

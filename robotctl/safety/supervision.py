@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from robotctl.messages.control import DriveState, Feedback, WheelCommand
+from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.health import AgeLimit, Health
 from robotctl.safety.monitor import Monitor, MonitorInputs, Motion
 from robotctl.safety.plausibility import Plausibility, PlausibilityConfig
+from robotctl.safety.plausibility_imu import ImuMonitor
 from robotctl.safety.plausibility_sonar import SonarMonitor
 from robotctl.safety.plausibility_values import SensorValues
 from robotctl.safety.state_machine import SafetyConfig
@@ -38,6 +40,8 @@ class Monitored:
         What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
     sonars
         The ring, in the order of the bus.
+    imu
+        Where the IMU sits, and how far the robot may be tilted.
     """
 
     plausibility: PlausibilityConfig
@@ -46,6 +50,7 @@ class Monitored:
     steering_max_rad: float
     a_max_rad_s2: float
     sonars: tuple[SonarMount, ...]
+    imu: ImuConfig
 
 
 def _plausibility(robot: Monitored) -> Plausibility:
@@ -62,7 +67,11 @@ def _sonars(robot: Monitored) -> SonarMonitor:
     return SonarMonitor(robot.sonars, robot.plausibility.travel_m)
 
 
-MONITORS: Final[tuple[Callable[[Monitored], Monitor], ...]] = (_plausibility, _sonars)
+def _imu(robot: Monitored) -> ImuMonitor:
+    return ImuMonitor(robot.imu)
+
+
+MONITORS: Final[tuple[Callable[[Monitored], Monitor], ...]] = (_plausibility, _sonars, _imu)
 """All monitors; where several find something in the same tick, the first is heard."""
 
 
@@ -86,6 +95,8 @@ class Supervision:
         self._values = SensorValues(
             robot.wheel_names, robot.steering_max_rad, robot.plausibility.steering_tolerance_rad
         )
+        self._inertial = ImuMonitor(robot.imu)
+        """Judges a robot that is to be armed."""
         self._contradiction: Fault | None = None
         """The first since the robot was armed."""
         self._unasked_limit_ns = safety.command_timeout_ms * 1_000_000 + _UNASKED_NS
@@ -136,12 +147,19 @@ class Supervision:
             monitor.reset()
 
     def refusals(
-        self, now_ns: int, speeds_rad_s: tuple[float, ...], *, enabled: bool
+        self,
+        now_ns: int,
+        speeds_rad_s: tuple[float, ...],
+        imu: ImuFeedback | None,
+        *,
+        enabled: bool,
     ) -> tuple[Fault, ...]:
         """Return all reasons against arming now; speeds by the encoders [rad/s]."""
         health = self.health
         motor, drive, battery = health.motor, health.drive, health.battery
         refusals = health.refusals(now_ns)
+        if imu is not None and (found := self._inertial.judge(imu)) is not None:
+            refusals = (*refusals, found)
         if motor is None or drive is None or battery is None:
             return refusals
         return refusals + self._values.faults(motor, drive, battery, speeds_rad_s, enabled=enabled)

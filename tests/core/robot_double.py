@@ -31,6 +31,7 @@ from robotctl.messages.control import (
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.plausibility import PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
@@ -57,6 +58,7 @@ def make_core(safety: SafetyConfig = SAFETY, left: PidConfig = PID) -> ControlCo
         age_limits(NODES, safety, PERIOD_NS),
         PERIOD_NS,
         tuple(SonarMount(name, 0.0, 0.1, 90.0) for name in ("a", "b", "c", "d")),
+        ImuConfig(),
         SE2(1.0, 2.0, 0.0),
     )
 

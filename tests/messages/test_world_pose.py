@@ -23,7 +23,7 @@ STATE = msgspec.convert(
     | {"fault": 0, "fault_part": ""}
     | dict.fromkeys(("wheel_rad_s", "wheel_ref_rad_s", "wheel_distance_m", "duty"), ())
     | dict.fromkeys(("current_a", "temperature_c", "sonar_m", "sonar_stamp_ns", "nodes"), ())
-    | {"battery": None, "bus": BusStatus(), "loop": LoopStatistics()},
+    | {"battery": None, "imu": None, "bus": BusStatus(), "loop": LoopStatistics()},
     ControlState,
     strict=False,
 )

@@ -30,6 +30,7 @@ def make_core(config: RobotConfig, options: StackOptions) -> ControlCore:
         feedback_ages(config),
         config.runtime.period_ns,
         config.sonar,
+        config.imu,
         SE2(options.x_m, options.y_m, options.theta_rad),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robotctl.model.drives.drives import Drive
 from robotctl.model.drives.motion import arc
+from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 
 
@@ -24,6 +25,8 @@ class Odometry:
     def __init__(self, drive: Drive, pose_odom_base: SE2) -> None:
         self.pose_odom_base = pose_odom_base
         self.distance_m = 0.0
+        self.turned_rad = 0.0
+        """Sum of all turning by the wheels [rad]."""
         self._drive = drive
         self._angle1_rad = 0.0
         self._angle2_rad = 0.0
@@ -45,3 +48,9 @@ class Odometry:
         moved_m, turned_rad = self._drive.forward(turn1_rad, turn2_rad, steering_rad)
         self.pose_odom_base = arc(self.pose_odom_base, moved_m, turned_rad)
         self.distance_m += abs(moved_m)
+        self.turned_rad += turned_rad
+
+    def correct_heading(self, turn_rad: float) -> None:
+        """Turn the pose by what the wheels have missed [rad]."""
+        pose = self.pose_odom_base
+        self.pose_odom_base = SE2(pose.x_m, pose.y_m, wrap_angle(pose.theta_rad + turn_rad))

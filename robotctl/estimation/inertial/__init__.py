@@ -1,0 +1,1 @@
+"""What gyro and accelerometer tell of the robot: attitude, turning, rising."""

@@ -1,0 +1,75 @@
+"""The IMU as a witness: a robot that tips over, is picked up, falls, or turns without its wheels.
+
+Bumps, braking and bends do none of this for long: a bump's push up is followed by one down, and
+attitude follows the accelerometer slowly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from robotctl.messages.control import ImuFeedback
+from robotctl.messages.faults import Fault, FaultCode
+from robotctl.model.sensors.imu import ImuConfig
+from robotctl.safety.monitor import MonitorInputs
+
+RISE_M_S: Final = 0.4
+"""No wheel lifts the robot so fast, nor drops it [m/s]: a hand or a staircase does."""
+
+SLIP_RAD: Final = 0.6
+"""What gyro and wheels may differ by within the memory of that [rad]."""
+
+STUCK_READINGS: Final = 25
+"""So many readings, all the same to the last bit, are not measured: half a second."""
+
+
+class ImuMonitor:
+    """Judges what the IMU says.
+
+    Parameters
+    ----------
+    imu
+        How far the robot may be tilted.
+    """
+
+    def __init__(self, imu: ImuConfig) -> None:
+        self._tilt_max_rad = math.radians(imu.tilt_max_deg)
+        self._newest_ns = 0
+        self._before: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+        self._same = 0
+
+    def reset(self) -> None:
+        """Begin anew: the robot is armed."""
+        self._same = 0
+
+    def update(self, inputs: MonitorInputs) -> Fault | None:
+        """Take the inputs of one tick; return what is wrong, None where nothing is."""
+        imu = inputs.motion.imu
+        if imu is None or imu.stamp_ns == self._newest_ns:
+            return None
+        self._newest_ns = imu.stamp_ns
+        said = imu.rate_rad_s, imu.force_m_s2
+        self._same = self._same + 1 if said == self._before else 0
+        self._before = said
+        if self._same >= STUCK_READINGS:
+            return Fault(FaultCode.IMU_STUCK, "the IMU repeats the same reading", "imu")
+        return self.judge(imu)
+
+    def judge(self, imu: ImuFeedback) -> Fault | None:
+        """Return what a single reading says against driving, None where nothing does."""
+        if imu.tilt_rad > self._tilt_max_rad:
+            degrees, most = math.degrees(imu.tilt_rad), math.degrees(self._tilt_max_rad)
+            text = f"the robot is tilted by {degrees:.0f} degrees, {most:g} are allowed"
+            return Fault(FaultCode.ROBOT_TILTED, text)
+        if abs(imu.rise_m_s) > RISE_M_S:
+            way = "rises" if imu.rise_m_s > 0.0 else "falls"
+            text = f"the robot {way} at {abs(imu.rise_m_s):.2f} m/s: somebody lifts or drops it"
+            return Fault(FaultCode.PICKED_UP, text)
+        if abs(imu.slip_rad) > SLIP_RAD:
+            text = (
+                f"gyro and wheels differ by {math.degrees(abs(imu.slip_rad)):.0f} degrees: the "
+                "wheels slip, somebody turns the robot, or the gyro is wrong"
+            )
+            return Fault(FaultCode.GYRO_CONTRADICTS, text)
+        return None
