@@ -165,6 +165,7 @@ class NavigationAdapter:
                 if not isinstance(each, ExternalPose | GroundStationPresence)
             ),
             floor_base=floor,
+            epoch=(0, 0) if control is None else self._world.epoch(control),
         )
         out = self.navigator.step(inputs, now_ns)
         command = VelocityCommand(

@@ -20,18 +20,17 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.behaviours.behaviours import GoTo
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
-from robotctl.planning.behaviours.guarded import Guarded, limited
+from robotctl.planning.behaviours.kind import NavigatedRobot, Paths
 from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.registry import behaviour_for
+from robotctl.planning.behaviours.rejoin import Rejoining
 from robotctl.planning.behaviours.relocalise import LookAround
-from robotctl.planning.behaviours.return_home import ReturnHome
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard, Point
-from robotctl.planning.local.heading_control import towards
-from robotctl.planning.mission.rejoin import Paths
 from robotctl.planning.mission.runner import MissionRunner
+from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
 
 __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
@@ -71,6 +70,8 @@ class NavigationInputs(NamedTuple):
     """The control core has been heard of lately; where it has not, it is not `enabled` either."""
     floor_base: Sequence[Point] = ()
     """Points on the floor not to be driven over."""
+    epoch: tuple[int, int] = (0, 0)
+    """Changes when the pose jumps, since the robot was found elsewhere: `WorldPose.epoch`."""
 
 
 class NavigationOutputs(NamedTuple):
@@ -147,17 +148,16 @@ class Navigator:
         self._sonars = len(mounts)
         self._heard_ns = (-1,) * self._sonars
         self._guard = ObstacleGuard(config.guard, mounts)
-        self._runner = (
-            MissionRunner(mission, config, drive, mounts, self._guard) if mission else None
-        )
-        self._look_around = LookAround(drive, self._guard, mounts, config.look_around_speed_m_s)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
+        self._robot = NavigatedRobot(config, drive, mounts, self._guard, self._crumbs)
+        self._runner = MissionRunner(mission, self._robot) if mission else None
+        self._look_around = LookAround(drive, self._guard, mounts, config.look_around_speed_m_s)
         self._searching = False
         self._attended = True
         self._mode = Mode.HOLD
         self._velocity: VelocityRequest | None = None
         self._sticks: StickRequest | None = None
-        self._behaviour: Guarded | None = None
+        self._behaviour: Rejoining | None = None
         self._ended = ""
         self._refused = ""
         self._enabled = False
@@ -183,9 +183,8 @@ class Navigator:
             self._runner.resume(item, s_m)
 
     def learn_paths(self, paths: Paths) -> None:
-        """Know the free paths through the world, to find back to a mission on one."""
-        if self._runner is not None:
-            self._runner.learn_paths(paths)
+        """Know the free paths through the world, to go on from where the robot is found."""
+        self._robot.paths = paths
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty where it can."""
@@ -221,7 +220,7 @@ class Navigator:
             ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
         new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
         self._heard_ns = heard_ns
-        situation = BehaviourInput(inputs.pose, inputs.twist, ranges, new)
+        situation = BehaviourInput(inputs.pose, inputs.twist, ranges, new, inputs.epoch)
         self._guard.observe(ranges, new, inputs.floor_base)
         if not inputs.enabled:
             self._pause()
@@ -240,6 +239,8 @@ class Navigator:
             self._look_around.reset()
             if self._mode is Mode.AUTO and self._runner is not None:
                 self._runner.relocate()
+            elif self._behaviour is not None:
+                self._behaviour.relocate()
         self._searching = searching
         return searching
 
@@ -290,10 +291,8 @@ class Navigator:
                     self._behaviour = None
             case PositionRequest(x, y):
                 if enabled and self._mode is Mode.GUIDED and _on_earth(x, y):
-                    speed = self._config.guided_speed_m_s
-                    goal = GoTo(x, y, self._config.pursuit, self._drive, speed, self._guard)
                     self._velocity, self._ended = None, ""
-                    self._behaviour = Guarded(goal, self._guard, self._config.guard)
+                    self._behaviour = behaviour_for(request, self._robot)
             case StickRequest():
                 self._sticks = request
 
@@ -305,10 +304,7 @@ class Navigator:
         if mode is Mode.AUTO and self._runner is not None:
             self._runner.begin()
         if mode is Mode.RTL:
-            home = ReturnHome(
-                self._crumbs, self._config.pursuit, self._drive, self._config.return_speed_m_s
-            )
-            self._behaviour = Guarded(home, self._guard, self._config.guard)
+            self._behaviour = behaviour_for(mode, self._robot)
 
     def _pause(self) -> None:
         """Stop whatever is going on, and its time."""
@@ -326,7 +322,7 @@ class Navigator:
     def _decide(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the step of the present mode."""
         if self._mode is Mode.MANUAL:
-            return self._manual(now_ns)
+            return stick_velocity(self._sticks, self._limits, self._drive, now_ns)
         if self._mode is Mode.AUTO and self._runner is not None:
             return self._runner.step(situation, now_ns)
         if self._behaviour is not None:
@@ -336,36 +332,9 @@ class Navigator:
             self._behaviour = None
             self._ended = step.text or "arrived"
         if self._mode is Mode.GUIDED and self._velocity is not None:
-            return self._guided_velocity(self._velocity, situation.pose, now_ns)
+            heading_rad = situation.pose.theta_rad
+            return guided_velocity(self._velocity, heading_rad, self._drive, self._guard, now_ns)
         return BehaviourOutput(0.0, 0.0, text=self._ended)
-
-    def _manual(self, now_ns: int) -> BehaviourOutput:
-        """Return the velocity of the sticks."""
-        sticks = self._sticks
-        if sticks is None or now_ns >= sticks.expires_ns:
-            return BehaviourOutput(0.0, 0.0, text="no sticks")
-        forward, turn = _unit(sticks.forward), _unit(sticks.turn)
-        v = forward * self._limits.v_max_m_s
-        if self._drive.steered:
-            return BehaviourOutput(v, turn * v / self._drive.min_turning_radius_m)
-        return BehaviourOutput(v, turn * self._limits.omega_max_rad_s)
-
-    def _guided_velocity(self, target: VelocityRequest, pose: SE2, now_ns: int) -> BehaviourOutput:
-        """Return the velocity of the ground station, as far as the guard allows."""
-        wanted = BehaviourOutput(target.v_m_s, target.omega_rad_s)
-        if target.heading_rad is not None:
-            steered = self._drive.steered
-            twist = towards(target.heading_rad, target.v_m_s, pose.theta_rad, steered=steered)
-            wanted = BehaviourOutput(twist.v_m_s, twist.omega_rad_s)
-        if now_ns >= target.expires_ns or not math.isfinite(wanted.v_m_s + wanted.omega_rad_s):
-            return BehaviourOutput(0.0, 0.0, text="no valid velocity")
-        if self._drive.steered:
-            if wanted.v_m_s == 0.0 and wanted.omega_rad_s != 0.0:
-                return BehaviourOutput(0.0, 0.0, text="this robot cannot turn on the spot")
-            return limited(wanted, self._guard)[0]
-        step = limited(wanted, self._guard)[0]
-        # Blocked, it may still turn away: the body turns on the spot as it does where v is 0.
-        return step if step.v_m_s else step._replace(omega_rad_s=wanted.omega_rad_s)
 
     def _outputs(self, step: BehaviourOutput) -> NavigationOutputs:
         """Return a step as outputs."""
@@ -382,11 +351,6 @@ class Navigator:
             f"refused: {self._refused}" if self._refused else step.text,
             runner.item_s_m if runner else 0.0,
         )
-
-
-def _unit(stick: float) -> float:
-    """Return a stick clamped to [-1, 1], 0 where it is not finite."""
-    return min(max(stick, -1.0), 1.0) if math.isfinite(stick) else 0.0
 
 
 def _finite(inputs: NavigationInputs) -> bool:

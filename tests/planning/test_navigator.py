@@ -17,14 +17,11 @@ from robotctl.messages.requests import (
 )
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.mission import (
-    DriveItem,
-    GoToItem,
-    Mission,
-    StartPose,
-    TurnToItem,
-    WaitItem,
-)
+from robotctl.planning.behaviours.follow_path import DriveItem
+from robotctl.planning.behaviours.go_to import GoToItem
+from robotctl.planning.behaviours.mission import Mission, StartPose
+from robotctl.planning.behaviours.turn_to import TurnToItem
+from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.navigator import NavigationInputs
 
 LATER = 10**15

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from robotctl.control.wall_following import (
     WallFollowConfig,
@@ -12,12 +13,30 @@ from robotctl.control.wall_following import (
     critically_damped,
 )
 from robotctl.errors import InvalidValue
+from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.behaviours.mission import FollowWallItem
-from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, done, failed
+from robotctl.planning.behaviours.item import (
+    NO_LENGTH_S,
+    require_points,
+    require_positive,
+    time_for,
+)
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.guard.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    done,
+    failed,
+)
+from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.guard.sonars import sonar_towards
+from robotctl.planning.local.path import Point
+
+Side: TypeAlias = Literal["left", "right"]
 
 _TURNED_MAX_RAD = math.radians(30.0)
 """Turned by more while somebody else steered, the robot would follow another wall."""
@@ -63,7 +82,68 @@ class WallConfig:
             )
 
 
-class FollowWall:
+@dataclass(frozen=True, slots=True)
+class Until:
+    """When wall following is done: as soon as one of the conditions given is met.
+
+    Parameters
+    ----------
+    length_m
+        The robot has travelled this far [m], > 0.
+    front_below_m
+        The front sonar sees something nearer than this [m], > 0.
+    position
+        The robot has come abeam of this point of `world` [m], or past it.
+    """
+
+    length_m: float | None = None
+    front_below_m: float | None = None
+    position: Point | None = None
+
+    def __post_init__(self) -> None:
+        require_positive(self, "length_m", "front_below_m")
+        if (self.length_m, self.front_below_m, self.position) == (None, None, None):
+            raise ValueError("one of length_m, front_below_m and position is needed")
+        if self.position is not None:
+            require_points("position", (self.position,))
+
+
+@dataclass(frozen=True, slots=True)
+class FollowWallItem:
+    """Drive along a wall at a constant distance.
+
+    Parameters
+    ----------
+    kind
+        Always "follow_wall".
+    side
+        Where the wall is: "left" or "right".
+    distance_m
+        Wanted distance of `base`, the middle of the robot, from the wall [m], > 0: what the sonar
+        on that side reads, and how far aside it sits.
+    until
+        When it is done.
+    speed_m_s
+        Speed [m/s], > 0.
+    name
+        What people call it.
+    time_out_s
+        The item fails after this time [s], > 0. Default: from its length and speed, or 60 s.
+    """
+
+    kind: Literal["follow_wall"]
+    side: Side
+    distance_m: float
+    until: Until
+    speed_m_s: float = 0.3
+    name: str = ""
+    time_out_s: float | None = None
+
+    def __post_init__(self) -> None:
+        require_positive(self, "distance_m", "speed_m_s", "time_out_s")
+
+
+class FollowWall(Behaviour):
     """Drives along a wall until one of the item's conditions is met.
 
     After an interruption it goes on if the robot still is where it was left, and faces there.
@@ -117,10 +197,10 @@ class FollowWall:
         """The way along the wall so far [m]."""
         return self._travelled
 
-    @property
-    def anchor(self) -> SE2 | None:
-        """The pose in `world` at which it is, or was left; None before it began."""
-        return self._left if self._last is None else self._last[0]
+    def anchor(self, pose: SE2) -> Anchor | None:  # noqa: ARG002 - as all behaviours
+        """Return where along the wall it is, or was left; None before it began."""
+        left = self._left if self._last is None else self._last[0]
+        return None if left is None else Anchor(left.x_m, left.y_m, left.theta_rad)
 
     def resume(self, s_m: float) -> None:
         """Go on from wherever the robot is, with the way `s_m` behind it [m]."""
@@ -204,3 +284,42 @@ def _required(mounts: Sequence[SonarMount], direction: str) -> int:
     if index is None:
         raise ValueError(f"no sonar looks to the {direction}")
     return index
+
+
+def _make(item: FollowWallItem, robot: NavigatedRobot) -> FollowWall:
+    config = robot.config
+    return FollowWall(item, config.wall, robot.mounts, config.pursuit.off_path_max_m)
+
+
+def _time_out_s(item: FollowWallItem) -> float:
+    length_m = item.until.length_m
+    known_s = NO_LENGTH_S if length_m is None else time_for(length_m, item.speed_m_s)
+    return item.time_out_s or known_s
+
+
+def _problems(
+    item: FollowWallItem,
+    drive: Drive,  # noqa: ARG001 - as of all kinds
+    sides: frozenset[str],
+    guard: GuardConfig,
+) -> Iterator[str]:
+    needed = [item.side] + (["front"] if item.until.front_below_m is not None else [])
+    for side in needed:
+        if side not in sides:
+            yield f"this robot has no sonar that looks to the {side}"
+    if item.distance_m < guard.half_width_m:
+        yield (
+            f"distance_m = {item.distance_m:g} is from the robot's middle to the wall, which "
+            f"half of its width would touch; {guard.half_width_m:g} at least "
+            "(navigation.guard.half_width_m) is allowed"
+        )
+    front_m = item.until.front_below_m
+    if front_m is not None and front_m <= guard.margin_m:
+        yield (
+            f"until.front_below_m = {front_m:g} is never reached, since this robot stops "
+            f"{guard.margin_m:g} m "
+            "before an obstacle; above navigation.guard.margin_m is allowed"
+        )
+
+
+FOLLOW_WALL = Kind(_make, _time_out_s, _problems)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from robotctl.planning.behaviours.behaviours import FollowPath, GoTo
-from robotctl.planning.behaviours.follow_wall import FollowWall
+from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.guard.behaviour import (
+    Anchor,
     Behaviour,
     BehaviourInput,
     BehaviourOutput,
@@ -13,7 +13,6 @@ from robotctl.planning.guard.behaviour import (
     failed,
 )
 from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
-from robotctl.planning.mission.rejoin import Anchor
 
 _STANDSTILL_M_S = 0.03
 """Where the guard allows less, the robot stands."""
@@ -30,7 +29,7 @@ def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutpu
     return BehaviourOutput(step.v_m_s * share, step.omega_rad_s * share, step.status, text), allowed
 
 
-class Guarded:
+class Guarded(Behaviour):
     """Runs a behaviour with the obstacle guard and a time-out.
 
     The robot slows down and stops ahead of an obstacle and goes on when it is gone; after
@@ -65,29 +64,21 @@ class Guarded:
     @property
     def s_m(self) -> float:
         """The way along the path or wall [m]; 0 for a behaviour without one."""
-        behaviour = self._behaviour
-        return behaviour.s_m if isinstance(behaviour, FollowPath | FollowWall) else 0.0
+        return self._behaviour.s_m
 
-    @property
-    def anchor(self) -> Anchor | None:
-        """Where it goes on after an interruption; None: it is for no place, or has not begun."""
-        behaviour = self._behaviour
-        if isinstance(behaviour, FollowPath | GoTo):
-            return Anchor(*behaviour.anchor)
-        pose = behaviour.anchor if isinstance(behaviour, FollowWall) else None
-        return None if pose is None else Anchor(pose.x_m, pose.y_m, pose.theta_rad)
+    def anchor(self, pose: SE2) -> Anchor | None:
+        """Return where a robot found at `pose` goes on; None: it is for no place, or not begun."""
+        return self._behaviour.anchor(pose)
 
     def join(self) -> None:
         """Go on from about its anchor, with all the time anew."""
         self.retry()
-        if isinstance(self._behaviour, FollowPath):
-            self._behaviour.join()
+        self._behaviour.join()
 
     def resume(self, s_m: float) -> None:
         """Go on at the way `s_m` along the path or wall [m]; without one it begins anew."""
         self.reset()
-        if isinstance(self._behaviour, FollowPath | FollowWall):
-            self._behaviour.resume(s_m)
+        self._behaviour.resume(s_m)
 
     def reset(self) -> None:
         """Start anew."""

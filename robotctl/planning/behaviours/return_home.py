@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-import math
-
+from robotctl.messages.mode import Mode
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.behaviours import FollowPath
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs, Leg
-from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status, done
+from robotctl.planning.behaviours.follow_path import FollowPath
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.guard.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Status,
+    done,
+)
 from robotctl.planning.local.path import Path
 from robotctl.planning.local.pursuit import PursuitConfig
 
 
-class ReturnHome:
+class ReturnHome(Behaviour):
     """Follows the breadcrumbs back, leg by leg, and picks them up on its way.
 
-    Interrupted, it goes on with what is left; crumbs that others drop meanwhile count. It ends
-    within the crumbs' spacing of home.
+    Interrupted, it goes on with what is left; crumbs that others drop meanwhile count. Found
+    elsewhere, it goes on from the nearest of them. It ends within the crumbs' spacing of home.
 
     Parameters
     ----------
@@ -33,13 +40,17 @@ class ReturnHome:
         self._legs: list[Leg] = []
         self._path: Path | None = None
         self._follow: FollowPath | None = None
-        self._pose: SE2 | None = None
-        self._join: FollowPath | None = None
         self._crumbs = crumbs
         self._config = config
         self._drive = drive
         self._speed = speed_m_s
         self.reset()
+
+    def anchor(self, pose: SE2) -> Anchor:
+        """Return the nearest crumb, and forget the way behind it."""
+        crumb = self._crumbs.nearest(pose)
+        self.pause()
+        return Anchor(crumb.x_m, crumb.y_m)
 
     def reset(self) -> None:
         """Plan the way back from the present crumbs."""
@@ -49,27 +60,9 @@ class ReturnHome:
     def pause(self) -> None:
         """Plan anew when going on."""
         self._legs, self._path = [], None
-        self._join, self._pose = None, None
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Return the next velocity; done at home.
-
-        A robot that is suddenly found elsewhere drives straight to the nearest point of its way.
-        """
-        before, self._pose = self._pose, situation.pose
-        if before is not None and self._is_off(before.x_m, before.y_m, situation.pose):
-            crumb = self._crumbs.nearest(situation.pose)
-            self._path = self._join = None
-            if self._is_off(crumb.x_m, crumb.y_m, situation.pose):
-                here = (situation.pose.x_m, situation.pose.y_m)
-                path = Path((here, (crumb.x_m, crumb.y_m)))
-                self._join = FollowPath(path, self._config, self._drive, self._speed)
-                self._join.join()
-        if self._join is not None:
-            step = self._join.step(situation, now_ns)
-            if step.status is not Status.DONE:
-                return step
-            self._join = None
+        """Return the next velocity; done at home."""
         if self._path is None:
             self.reset()
         while self._path is not None and self._follow is not None:
@@ -83,10 +76,6 @@ class ReturnHome:
             self._begin_leg()
         return done("home")
 
-    def _is_off(self, x_m: float, y_m: float, pose: SE2) -> bool:
-        """Say whether a pose is farther from a point than a robot on its path can be."""
-        return math.hypot(x_m - pose.x_m, y_m - pose.y_m) > self._config.off_path_max_m
-
     def _begin_leg(self) -> None:
         """Prepare to follow the first of the legs left."""
         self._path, self._follow = None, None
@@ -96,3 +85,11 @@ class ReturnHome:
             self._follow = FollowPath(
                 self._path, self._config, self._drive, self._speed, reverse=leg.reverse
             )
+
+
+def _make(_mode: Mode, robot: NavigatedRobot) -> ReturnHome:
+    config = robot.config
+    return ReturnHome(robot.crumbs, config.pursuit, robot.drive, config.return_speed_m_s)
+
+
+RETURN_HOME = Kind(_make)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from robotctl.model.grid_map import GridMap
-from robotctl.planning.mission.rejoin import Paths
+from robotctl.planning.behaviours.kind import Paths
+
+if TYPE_CHECKING:
+    from robotctl.model.grid_map import GridMap  # numpy, which control must not load
 
 PLANNERS: Final[dict[str, str]] = {
     "a_star": "free_path:a_star",

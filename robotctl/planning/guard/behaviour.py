@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import enum
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
@@ -20,6 +21,8 @@ class BehaviourInput(NamedTuple):
     """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale."""
     new: tuple[bool, ...]
     """Which of the ranges have come since the last step."""
+    epoch: tuple[int, int] = (0, 0)
+    """Changes when the pose jumps, since the robot was found elsewhere."""
 
 
 class Status(enum.Enum):
@@ -49,17 +52,45 @@ def failed(reason: str) -> BehaviourOutput:
     return BehaviourOutput(0.0, 0.0, Status.FAILED, reason)
 
 
-class Behaviour(Protocol):
+class Anchor(NamedTuple):
+    """Where a behaviour goes on after an interruption, in `world`; a heading where it matters."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+
+
+class Behaviour(ABC):
     """One thing the robot does until it is done or has failed."""
 
+    @property
+    def s_m(self) -> float:
+        """The way along a path or wall [m]; 0 where it follows none."""
+        return 0.0
+
+    @abstractmethod
     def reset(self) -> None:
         """Start anew."""
 
+    @abstractmethod
     def pause(self) -> None:
         """Somebody else steers for a while; the next step goes on from wherever the robot is."""
 
+    @abstractmethod
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return what to do at `now_ns`, monotonic [ns]; time in a pause does not count."""
+
+    def anchor(self, pose: SE2) -> Anchor | None:  # noqa: ARG002 - for who overrides it
+        """Return where a robot found at `pose` goes on; None: at no place of its own."""
+        return None
+
+    def join(self) -> None:
+        """Go on from about the anchor, with any heading."""
+        self.pause()
+
+    def resume(self, s_m: float) -> None:  # noqa: ARG002 - for who overrides it
+        """Go on at the way `s_m` along a path or wall [m], where an earlier run was interrupted."""
+        self.reset()
 
 
 class Stopwatch:

@@ -8,8 +8,8 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.follow_wall import FollowWall, WallConfig
-from robotctl.planning.behaviours.mission import FollowWallItem, Mission, StartPose, Until
+from robotctl.planning.behaviours.follow_wall import FollowWall, FollowWallItem, Until, WallConfig
+from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.guard.behaviour import BehaviourInput, Status
 
 

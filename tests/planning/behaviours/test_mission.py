@@ -3,16 +3,11 @@
 import pytest
 
 from robotctl.errors import ConfigError, MissionError
-from robotctl.planning.behaviours.mission import (
-    DriveItem,
-    FollowWallItem,
-    Mission,
-    StartPose,
-    TurnToItem,
-    Until,
-    WaitItem,
-    parse_mission,
-)
+from robotctl.planning.behaviours.follow_path import DriveItem
+from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
+from robotctl.planning.behaviours.mission import Mission, StartPose, parse_mission
+from robotctl.planning.behaviours.turn_to import TurnToItem
+from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.mission.check import check_mission, item_title
 

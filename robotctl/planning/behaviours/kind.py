@@ -1,0 +1,69 @@
+"""What a kind of behaviour is: how one is made, how long it may take, who cannot do it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from robotctl.model.drives.drives import Drive
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
+from robotctl.planning.guard.behaviour import Behaviour
+from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.local.path import Point
+
+if TYPE_CHECKING:
+    from robotctl.planning.config import NavigationConfig  # which has settings of behaviours
+
+
+class Paths(Protocol):
+    """Knows free paths through the world: a member of `PLANNERS`."""
+
+    def way(self, start: Point, goal: Point) -> list[Point]:
+        """Return the corners after `start`, `goal` the last; none where there is no path."""
+
+
+@dataclass(slots=True)
+class NavigatedRobot:
+    """The robot as behaviours see it.
+
+    Parameters
+    ----------
+    config
+        Settings of the navigator.
+    drive, mounts
+        Kinematics, and the sonars in the order of the ranges.
+    guard
+        Shared by all behaviours; the navigator feeds it.
+    crumbs
+        The way from home.
+    paths
+        Free paths through the world; None: ways are straight lines.
+    """
+
+    config: NavigationConfig
+    drive: Drive
+    mounts: Sequence[SonarMount]
+    guard: ObstacleGuard
+    crumbs: Breadcrumbs
+    paths: Paths | None = None
+
+
+def _never(_wanted: object) -> float | None:
+    return None
+
+
+def _nothing(*_arguments: object) -> Iterator[str]:
+    return iter(())
+
+
+class Kind(NamedTuple):
+    """An entry of `BEHAVIOURS`."""
+
+    make: Callable[[Any, NavigatedRobot], Behaviour]
+    """Returns the behaviour for what is wanted: an item, a request, a mode."""
+    time_out_s: Callable[[Any], float | None] = _never
+    """Returns after which time it fails [s]; None: never."""
+    problems: Callable[[Any, Drive, frozenset[str], GuardConfig], Iterator[str]] = _nothing
+    """Yields why a robot with this drive and sonars to these sides cannot do it."""

@@ -1,0 +1,38 @@
+"""All behaviours: a new one is one file, and one line here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.messages.mode import Mode
+from robotctl.messages.requests import PositionRequest
+from robotctl.planning.behaviours.follow_path import DRIVE, DriveItem
+from robotctl.planning.behaviours.follow_wall import FOLLOW_WALL, FollowWallItem
+from robotctl.planning.behaviours.go_to import GO_TO, GUIDED_POSITION, GoToItem
+from robotctl.planning.behaviours.guarded import Guarded
+from robotctl.planning.behaviours.item import Item
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.rejoin import Rejoining
+from robotctl.planning.behaviours.return_home import RETURN_HOME
+from robotctl.planning.behaviours.turn_to import TURN_TO, TurnToItem
+from robotctl.planning.behaviours.wait import WAIT, WaitItem
+
+BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
+    DriveItem: DRIVE,
+    FollowWallItem: FOLLOW_WALL,
+    GoToItem: GO_TO,
+    TurnToItem: TURN_TO,
+    WaitItem: WAIT,
+    PositionRequest: GUIDED_POSITION,
+    Mode.RTL: RETURN_HOME,
+}
+"""All, by what asks for them: an item of a mission's file, a request, a mode."""
+
+
+def behaviour_for(wanted: Item | PositionRequest | Mode, robot: NavigatedRobot) -> Rejoining:
+    """Return the behaviour for what is wanted, supervised."""
+    kind = BEHAVIOURS[wanted if isinstance(wanted, Mode) else type(wanted)]
+    guarded = Guarded(
+        kind.make(wanted, robot), robot.guard, robot.config.guard, kind.time_out_s(wanted)
+    )
+    return Rejoining(guarded, robot)
