@@ -17,7 +17,7 @@ from robotctl.app.localisation.localiser import (
 from robotctl.estimation.kalman.ekf import PoseEkf
 from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.odometry.estimate import arc_between
-from robotctl.messages.control import ControlState
+from robotctl.messages.control import ControlState, ImuFeedback
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -25,7 +25,7 @@ from robotctl.model.wall_map import WallMap
 
 
 class EkfLocaliser:
-    """Predicts by the odometry, corrects by sonar ranges to walls and by poses from outside.
+    """Predicts by the odometry, corrects by gyro, sonar ranges to walls and poses from outside.
 
     It has no use for lidar scans.
 
@@ -44,6 +44,8 @@ class EkfLocaliser:
         self._mounts = tuple(mounts)
         self._walls = walls
         self._odometry: SE2 | None = None
+        self._imu: ImuFeedback | None = None
+        """Of the step before."""
         self._innovation: Innovation | None = None
 
     @property
@@ -66,9 +68,13 @@ class EkfLocaliser:
         if self._odometry is None:
             ekf.reset(dataclasses.replace(ekf.estimate(), stamp_ns=control.stamp_ns))
         elif control.stamp_ns > ekf.stamp_ns:
-            arc = arc_between(self._odometry.inverse() @ odometry)
-            self._keep(*ekf.predict(control.stamp_ns, *arc))
-        self._odometry = odometry
+            dt_s = (control.stamp_ns - ekf.stamp_ns) * 1e-9
+            distance_m, turn_rad = arc_between(self._odometry.inverse() @ odometry)
+            self._keep(*ekf.predict(control.stamp_ns, distance_m, turn_rad))
+            if self._imu is not None and control.imu is not None:
+                turn_rad += _ahead_rad(control.imu) - _ahead_rad(self._imu)
+                self._keep(ekf.update_gyro(control.stamp_ns, turn_rad / dt_s))
+        self._odometry, self._imu = odometry, control.imu
         for reading in seen.sonars:
             for mount, range_m in zip(self._mounts, reading.ranges_m, strict=True):
                 self._keep(ekf.update_sonar(reading.stamp_ns, mount, range_m, self._walls))
@@ -85,3 +91,8 @@ class EkfLocaliser:
         for innovation in innovations:
             if innovation is not None:
                 self._innovation = innovation
+
+
+def _ahead_rad(imu: ImuFeedback) -> float:
+    """Return by how much the gyro is ahead of the odometry's turning, which may have taken some."""
+    return imu.ahead_rad - imu.corrected_rad

@@ -271,7 +271,9 @@ def _ekf(config: RobotConfig, world_map: LocalisationMap, start: SE2) -> EkfLoca
     sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
     covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
     known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
-    ekf = PoseEkf(EkfConfig(motion=config.odometry, sonar=settings.sonar), known)
+    ekf = PoseEkf(
+        EkfConfig(motion=config.odometry, sonar=settings.sonar, gyro=config.imu.enabled), known
+    )
     return EkfLocaliser(ekf, config.sonar, walls)
 
 

@@ -83,7 +83,7 @@ class InertialTracker:
         self._bias: Vector = (0.0, 0.0, 0.0)
         self._readings_at_rest = 0
         self._up: Vector | None = None
-        self._turned_rad = self._rise_m_s = self._slip_rad = self._corrected_rad = 0.0
+        self._ahead_rad = self._rise_m_s = self._slip_rad = self._corrected_rad = 0.0
         self._apart_rad = 0.0
         """What gyro and wheels differ by, beyond the bias and short of a correction."""
         self._gyro_ns = self._force_ns = 0
@@ -139,7 +139,6 @@ class InertialTracker:
             self._learn_bias(rate, dt_s)
         bias = self._bias
         wx, wy, wz = rate[0] - bias[0], rate[1] - bias[1], rate[2] - bias[2]
-        self._turned_rad += rate[2] * dt_s
         if self._up is not None:
             ux, uy, uz = self._up  # du/dt = u x omega
             self._up = _unit(
@@ -148,6 +147,7 @@ class InertialTracker:
                 uz + (ux * wy - uy * wx) * dt_s,
             )
         slip_rad = wz * dt_s - by_wheels_rad
+        self._ahead_rad += slip_rad
         self._slip_rad += slip_rad - self._slip_rad * dt_s / SLIP_S
         return 0.0 if at_rest else self._correction(slip_rad, dt_s)
 
@@ -197,10 +197,10 @@ class InertialTracker:
             self._rate,
             force,
             up,
-            self._turned_rad,
             self._bias[2],
             self._rise_m_s,
             self._slip_rad,
+            self._ahead_rad,
             self._corrected_rad,
         )
 

@@ -128,3 +128,23 @@ def test_wheels_of_another_size_than_configured_turn_the_pose_less() -> None:
         bench.drive(1.9, lambda _: (0.4, 0.0))
         errors[setting] = bench.heading_error_rad()
     assert errors[ON] < 0.5 * errors["imu.enabled=false"]
+
+
+def test_the_localiser_turns_by_the_gyro_where_the_wheels_are_wrong() -> None:
+    found = []
+    for setting in ("imu.enabled=false", ON):
+        options = SimOptions(
+            find_file("diff_drive"),
+            find_file("patrol", "missions"),
+            seed=1,
+            overrides=(setting, "simulation.errors.wheel_radius=[0.02, -0.02]"),
+            localisation=('localisation.method="ekf"',),
+            max_seconds=30.0,
+        )
+        report = LockstepRun(options).run()
+        assert report.localisation is not None
+        found.append(report.localisation)
+    without, with_imu = found
+    assert with_imu.error.heading_rmse_rad < 0.3 * without.error.heading_rmse_rad
+    assert with_imu.error.rmse_m < 0.6 * without.error.rmse_m
+    assert with_imu.odometry_rmse_m < 0.3 * without.odometry_rmse_m
