@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import msgspec
@@ -10,15 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.app.localisation.localiser import (
+    LocaliserBegin,
     LocaliserInput,
     external_covariance,
     localisation_state,
 )
 from robotctl.estimation.kalman.ekf import PoseEkf
+from robotctl.estimation.kalman.ekf_config import EkfConfig
 from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.odometry.estimate import arc_between
+from robotctl.maps.localisation_map import walls_for_ekf
 from robotctl.messages.control import ControlState, ImuFeedback
 from robotctl.messages.estimation import LocalisationState
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
@@ -91,6 +97,25 @@ class EkfLocaliser:
         for innovation in innovations:
             if innovation is not None:
                 self._innovation = innovation
+
+
+def make_ekf(begin: LocaliserBegin) -> EkfLocaliser:
+    """Return the EKF of a robot.
+
+    Raises
+    ------
+    ConfigError
+        If the map has no walls that are lines.
+    """
+    config, settings = begin.config, begin.config.localisation
+    walls = walls_for_ekf(begin.world_map, settings.map)
+    sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
+    covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
+    known = PoseEstimate(0, begin.start, covariance, LocalisationStatus.LOCALISED)
+    ekf = PoseEkf(
+        EkfConfig(motion=config.odometry, sonar=settings.sonar, gyro=config.imu.enabled), known
+    )
+    return EkfLocaliser(ekf, config.sonar, walls)
 
 
 def _ahead_rad(imu: ImuFeedback) -> float:

@@ -4,36 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeAlias, TypeVar
 
 import msgspec
 import numpy as np
 
-from robotctl.app.localisation.ekf_localiser import EkfLocaliser
-from robotctl.app.localisation.localiser import Localiser, LocaliserInput
-from robotctl.app.localisation.map_sensors import MapSensors
+from robotctl.app.localisation.ekf_localiser import make_ekf
+from robotctl.app.localisation.localiser import Localiser, LocaliserBegin, LocaliserInput
 from robotctl.app.localisation.mapper import Mapper, live_map
-from robotctl.app.localisation.mcl_localiser import MclLocaliser
-from robotctl.app.localisation.place_watch import load_place_watch
+from robotctl.app.localisation.mcl_localiser import make_mcl
 from robotctl.app.localisation.scan_messages import camera_scan, lidar_scan
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
-from robotctl.estimation.kalman.ekf import PoseEkf
-from robotctl.estimation.kalman.ekf_config import EkfConfig
-from robotctl.estimation.mcl.config import MclConfig
-from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
-from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
-from robotctl.estimation.mcl.map_symmetry import symmetries
-from robotctl.estimation.mcl.search_size import search_size, too_large
+from robotctl.estimation.mcl.free_space import free_area_m2
+from robotctl.estimation.mcl.search_size import too_large
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
-from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.maps.localisation_map import (
-    LocalisationMap,
     load_localisation_map,
     off_map,
-    walls_for_ekf,
 )
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import (
@@ -46,11 +35,16 @@ from robotctl.messages.estimation import (
 )
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
-from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.new_sonar_readings import NewSonarReadings
 from robotctl.model.sensors.range_scan import RangeScan
+
+ESTIMATORS: Final[dict[str, Callable[[LocaliserBegin], Localiser]]] = {
+    "ekf": make_ekf,
+    "mcl": make_mcl,
+}
+"""By `localisation.method`: a new localiser is one file, and one line here."""
 
 Picture: TypeAlias = ParticleCloud | LiveMap
 T = TypeVar("T")
@@ -251,10 +245,8 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     if settings.method != "none":
         world_map = load_localisation_map(settings.map, beside)
         given = world_map.grid
-        if settings.method == "ekf":
-            localiser = _ekf(config, world_map, start)
-        else:
-            localiser = _mcl(config, world_map, start, history, beside)
+        begin = LocaliserBegin(config, world_map, start, history, beside)
+        localiser = ESTIMATORS[settings.method](begin)
         if settings.start == "known" and (said := off_map(world_map, start)):
             notices = [said]
         if settings.start == "unknown":
@@ -262,50 +254,6 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
     if settings.mapping:
         mapper = _mapper(config, history)
     return Estimators(localiser, mapper, history, settings.sonar.max_range_m, notices, given)
-
-
-def _ekf(config: RobotConfig, world_map: LocalisationMap, start: SE2) -> EkfLocaliser:
-    """Return the EKF of a robot."""
-    settings = config.localisation
-    walls = walls_for_ekf(world_map, settings.map)
-    sigma_m, sigma_rad = settings.start_sigma_m, math.radians(settings.start_sigma_deg)
-    covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
-    known = PoseEstimate(0, start, covariance, LocalisationStatus.LOCALISED)
-    ekf = PoseEkf(
-        EkfConfig(motion=config.odometry, sonar=settings.sonar, gyro=config.imu.enabled), known
-    )
-    return EkfLocaliser(ekf, config.sonar, walls)
-
-
-def _mcl(
-    config: RobotConfig,
-    world_map: LocalisationMap,
-    start: SE2,
-    history: OdometryHistory,
-    beside: Path,
-) -> MclLocaliser:
-    """Return the particles of a robot, their kernels compiled or loaded from the cache."""
-    settings = config.localisation
-    known = MclConfig()
-    camera = config.camera is not None and config.camera.enabled
-    mcl_config = replace(
-        known,
-        max_particles=settings.particles_max,
-        motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
-    )
-    sensors = MapSensors(world_map, config.sonar, settings)
-    free, free_m2 = free_poses(world_map.grid), free_area_m2(world_map.grid)
-    tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
-    _rehearse(tried, sensors.rehearsal(camera=camera), start)
-    size = max(search_size(free_m2), settings.particles_max)
-    mcl_config = replace(mcl_config, search_particles=size)
-    seeded = np.random.default_rng(settings.seed)
-    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(world_map.grid))
-    if settings.start == "known":
-        mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
-    area_m2 = float(world_map.grid.free().sum()) * world_map.grid.resolution_m**2
-    places = load_place_watch(settings.places, beside, config.sonar, area_m2)
-    return MclLocaliser(mcl, sensors, settings.sensors, history, places)
 
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
@@ -316,13 +264,3 @@ def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
         rehearsed.update_sonar(SE2(), mount, 1.5)
     rehearsed.to_map()
     return Mapper(OccupancyGrid(config.localisation.grid), config.sonar, history)
-
-
-def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:
-    """Let particles that nobody needs afterwards search and track once with each sensor."""
-    for measurement in measurements:
-        mcl.measure(measurement)
-    mcl.start_at(start, 0.1, 0.1)
-    for measurement in measurements:
-        mcl.move(SE2(0.2, 0.0, 0.1))
-        mcl.measure(measurement)

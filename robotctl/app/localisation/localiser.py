@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.config.robot_file import RobotConfig
+from robotctl.estimation.odometry.odometry_history import OdometryHistory
+from robotctl.maps.localisation_map import LocalisationMap
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
@@ -26,6 +30,19 @@ _MOST_VARIANCE: Final = 1e6
 _LEAST_OF_CORRELATION: Final = 1e-9
 _LEAST_OF_COVARIANCE: Final = 1e-12
 """Shares that the smallest eigenvalue has at least of the largest: less is rounding."""
+
+
+class LocaliserBegin(NamedTuple):
+    """What a localiser is made of."""
+
+    config: RobotConfig
+    world_map: LocalisationMap
+    start: SE2
+    """`base` in `world`, where that is known."""
+    history: OdometryHistory
+    """Of the odometry; whoever steps the localiser keeps it up to date."""
+    beside: Path
+    """Folder of the robot's file, where other files may lie."""
 
 
 class LocaliserInput(NamedTuple):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from operator import itemgetter
 from typing import Final
@@ -12,13 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.app.localisation.localiser import (
+    LocaliserBegin,
     LocaliserInput,
     external_covariance,
     localisation_state,
 )
 from robotctl.app.localisation.map_sensors import CAMERA, LIDAR, SONAR, MapSensors, sonar_name
-from robotctl.app.localisation.place_watch import Fix, PlaceWatch
+from robotctl.app.localisation.place_watch import Fix, PlaceWatch, load_place_watch
+from robotctl.estimation.mcl.config import MclConfig
+from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
 from robotctl.estimation.mcl.localiser import MonteCarloLocaliser
+from robotctl.estimation.mcl.map_symmetry import symmetries
+from robotctl.estimation.mcl.search_size import search_size
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 from robotctl.messages.control import ControlState, ExternalPose
@@ -156,3 +163,39 @@ def pose_measurement(pose: ExternalPose) -> LogLikelihood:
         return logs
 
     return log_likelihood
+
+
+def make_mcl(begin: LocaliserBegin) -> MclLocaliser:
+    """Return the particles of a robot, their kernels compiled or loaded from the cache."""
+    config, world_map, start, history, beside = begin
+    settings = config.localisation
+    known = MclConfig()
+    camera = config.camera is not None and config.camera.enabled
+    mcl_config = replace(
+        known,
+        max_particles=settings.particles_max,
+        motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
+    )
+    sensors = MapSensors(world_map, config.sonar, settings)
+    free, free_m2 = free_poses(world_map.grid), free_area_m2(world_map.grid)
+    tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
+    _rehearse(tried, sensors.rehearsal(camera=camera), start)
+    size = max(search_size(free_m2), settings.particles_max)
+    mcl_config = replace(mcl_config, search_particles=size)
+    seeded = np.random.default_rng(settings.seed)
+    mcl = MonteCarloLocaliser(mcl_config, free, seeded, symmetries(world_map.grid))
+    if settings.start == "known":
+        mcl.start_at(start, settings.start_sigma_m, math.radians(settings.start_sigma_deg))
+    area_m2 = float(world_map.grid.free().sum()) * world_map.grid.resolution_m**2
+    places = load_place_watch(settings.places, beside, config.sonar, area_m2)
+    return MclLocaliser(mcl, sensors, settings.sensors, history, places)
+
+
+def _rehearse(mcl: MonteCarloLocaliser, measurements: Sequence[LogLikelihood], start: SE2) -> None:
+    """Let particles that nobody needs afterwards search and track once with each sensor."""
+    for measurement in measurements:
+        mcl.measure(measurement)
+    mcl.start_at(start, 0.1, 0.1)
+    for measurement in measurements:
+        mcl.move(SE2(0.2, 0.0, 0.1))
+        mcl.measure(measurement)

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import errno
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import msgspec
 import numpy as np
 import pytest
 
-from robotctl.app.localisation.estimators import Estimators, make_estimators
+from robotctl.app.localisation.estimators import ESTIMATORS, Estimators, make_estimators
 from robotctl.app.localisation.load_estimators import AGAIN_SIGMA_M, load_estimators
-from robotctl.app.localisation.localiser import LocaliserInput, external_covariance
+from robotctl.app.localisation.localiser import (
+    LocaliserBegin,
+    LocaliserInput,
+    external_covariance,
+    localisation_state,
+)
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import pose_measurement
 from robotctl.app.localisation.scan_messages import camera_scan, lidar_scan
@@ -21,13 +28,14 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.kalman.ekf import checked_covariance
+from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
-from robotctl.model.geometry.pose_estimate import upper_triangle
+from robotctl.model.geometry.pose_estimate import PoseEstimate, upper_triangle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import FREE, OCCUPIED
 from robotctl.model.wall_map import WallMap
@@ -469,3 +477,38 @@ def test_a_disk_that_takes_no_compiled_kernels_is_an_error_with_a_reason(
     options = options_with(tmp_path, "localisation.mapping=true")
     with pytest.raises(ConfigError, match=r"localisation: No space left on device$"):
         load_estimators(options.load(), options)
+
+
+def test_each_method_of_a_robots_file_has_a_localiser() -> None:
+    methods = get_args(get_type_hints(LocalisationConfig)["method"])
+    assert set(ESTIMATORS) == set(methods) - {"none"}
+
+
+class Told:
+    """A localiser that believes where it began."""
+
+    def __init__(self, begin: LocaliserBegin) -> None:
+        self.particles = np.empty((0, 3))
+        self.begin_odometry = lambda: None
+        self.take_notices = lambda: ["told"]
+        self._begin = begin
+
+    def step(self, control: ControlState, _seen: object, now_ns: int) -> LocalisationState:
+        start = self._begin.start
+        known = PoseEstimate(now_ns, start, np.eye(3), LocalisationStatus.LOCALISED)
+        return localisation_state("told", known, control.T_odom_base, now_ns)
+
+
+def test_a_new_localiser_is_one_line_in_the_table(
+    monkeypatch: pytest.MonkeyPatch, world: Path
+) -> None:
+    monkeypatch.setitem(ESTIMATORS, "told", Told)
+    overrides = (f'localisation.map="{world}"', 'localisation.method="ekf"')
+    config = load_robot(find_file("diff_drive"), overrides)
+    config = replace(config, localisation=replace(config.localisation, method="told"))
+    several = make_estimators(config, SE2(1.0, 1.0, 0.5), world.parent)
+    state = control(0, SE2(7.0, 0.0, 2.0))
+    found = several.step(state, (), (), 0)
+    assert found.method == "told"
+    assert distance(pose_in_world(state, found), SE2(1.0, 1.0, 0.5)) < 1e-9
+    assert "told" in several.take_notices()
