@@ -24,19 +24,9 @@ _PURE: Final = (
     "robotctl.model.",
     "robotctl.control.",
     "robotctl.estimation.",
-    "robotctl.messages.mode",
-    "robotctl.safety.arm_requests",
-    "robotctl.core.control_core",
-    "robotctl.core.driving",
-    "robotctl.core.motion",
-    "robotctl.safety.health",
-    "robotctl.safety.stale_frame_filter",
-    "robotctl.messages.control",
-    "robotctl.messages.faults",
-    "robotctl.safety.node_events",
-    "robotctl.safety.plausibility",
-    "robotctl.safety.state_machine",
-    "robotctl.safety.supervision",
+    "robotctl.messages.",
+    "robotctl.safety.",
+    "robotctl.core.",
 )
 _CONTAINERS: Final = frozenset(
     {

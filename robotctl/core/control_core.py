@@ -38,10 +38,11 @@ from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.arm_requests import ArmRequests
 from robotctl.safety.health import AgeLimit
+from robotctl.safety.monitor import Monitored
 from robotctl.safety.node_events import Events, NodeEvents
 from robotctl.safety.plausibility import PlausibilityConfig
 from robotctl.safety.state_machine import LATCHED, Event, SafetyConfig, SafetyMachine
-from robotctl.safety.supervision import Monitored, Supervision
+from robotctl.safety.supervision import Supervision
 
 _UNKNOWN_TWIST: Final = Twist(math.nan, math.nan)
 _AT_REST_M_S = 0.005

@@ -2,13 +2,50 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
 from robotctl.messages.control import Feedback, ImuFeedback, WheelCommand
 from robotctl.messages.faults import Fault
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.imu import ImuConfig
+from robotctl.model.sensors.sonar import SonarMount
+
+if TYPE_CHECKING:
+    from robotctl.safety.plausibility import PlausibilityConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Monitored:
+    """What monitors must know of the robot.
+
+    Parameters
+    ----------
+    plausibility
+        Tolerances.
+    wheel_names
+        The driven wheels.
+    deadband
+        Of the bridges.
+    steering_max_rad
+        Bound of the linkage [rad]; 0: no steering.
+    a_max_rad_s2
+        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
+    sonars
+        The ring, in the order of the bus.
+    imu
+        Where the IMU sits, and how far the robot may be tilted.
+    """
+
+    plausibility: PlausibilityConfig
+    wheel_names: tuple[str, ...]
+    deadband: float
+    steering_max_rad: float
+    a_max_rad_s2: float
+    sonars: tuple[SonarMount, ...]
+    imu: ImuConfig
 
 
 class Motion(Protocol):

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
 from robotctl.messages.faults import Fault, FaultCode
-from robotctl.model.sensors.imu import ImuConfig
-from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.health import AgeLimit, Health
-from robotctl.safety.monitor import Monitor, MonitorInputs, Motion
-from robotctl.safety.plausibility import Plausibility, PlausibilityConfig
+from robotctl.safety.monitor import Monitor, Monitored, MonitorInputs, Motion
+from robotctl.safety.plausibility import Plausibility
 from robotctl.safety.plausibility_imu import ImuMonitor
 from robotctl.safety.plausibility_sonar import SonarMonitor
 from robotctl.safety.plausibility_values import SensorValues
@@ -20,37 +17,6 @@ from robotctl.safety.state_machine import SafetyConfig
 
 _UNASKED_NS: Final = 50_000_000
 """Grace period for the drive to report power off after a stop of the host [ns]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Monitored:
-    """What monitors must know of the robot.
-
-    Parameters
-    ----------
-    plausibility
-        Tolerances.
-    wheel_names
-        The driven wheels.
-    deadband
-        Of the bridges.
-    steering_max_rad
-        Bound of the linkage [rad]; 0: no steering.
-    a_max_rad_s2
-        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
-    sonars
-        The ring, in the order of the bus.
-    imu
-        Where the IMU sits, and how far the robot may be tilted.
-    """
-
-    plausibility: PlausibilityConfig
-    wheel_names: tuple[str, ...]
-    deadband: float
-    steering_max_rad: float
-    a_max_rad_s2: float
-    sonars: tuple[SonarMount, ...]
-    imu: ImuConfig
 
 
 def _plausibility(robot: Monitored) -> Plausibility:

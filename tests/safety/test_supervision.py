@@ -7,7 +7,7 @@ import pytest
 from robotctl.messages.control import SafetyState
 from robotctl.messages.faults import Fault, FaultCode
 from robotctl.safety import supervision
-from robotctl.safety.monitor import MonitorInputs
+from robotctl.safety.monitor import Monitored, MonitorInputs
 from tests.core.robot_double import RobotDouble
 
 LIMIT_RAD_S = 3.0
@@ -17,7 +17,7 @@ TOO_FAST = Fault(FaultCode.ENCODER_WRONG, "a wheel turns too fast", "left")
 class SpeedMonitor:
     """Finds wheels that are faster than a limit."""
 
-    def __init__(self, robot: supervision.Monitored) -> None:
+    def __init__(self, robot: Monitored) -> None:
         assert robot.wheel_names == ("left", "right")
         self.resets = 0
 

@@ -30,8 +30,10 @@ class Gimbal(Microservice):
         return (Stream(common.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS, self._status, 5.0),)
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
-        """Take GIMBAL_MANAGER_SET_PITCHYAW."""
+        """Take GIMBAL_MANAGER_SET_PITCHYAW; its sender is told at once who commands now."""
         self._commander = source(message)
+        for status in self._status(now_ns):
+            self._context.links.reply(status, peer)
 
     def on_command(self, command: Command, now_ns: int) -> int:
         """Take DO_GIMBAL_MANAGER_PITCHYAW: param1 is the pitch [deg]."""

@@ -1,0 +1,25 @@
+"""The command of docs/extending.md is listed, runs, and ends with 2 where its input is bad."""
+
+import subprocess
+import sys
+
+from tests.cli.test_commands import (  # noqa: F401 - it holds this entry, too
+    test_the_list_of_commands_says_what_each_says_of_itself,
+)
+
+
+def robotctl(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "robotctl", *arguments], capture_output=True, text=True, check=False
+    )
+
+
+def test_it_is_listed_runs_and_refuses(tmp_path):
+    assert "distance" in robotctl("--help").stdout
+    path = tmp_path / "drive.txt"
+    path.write_text("stamp_ns,x_m,y_m,theta_rad\n0,0,0,0\n1,3,4,0\n2,3,5,0\n")
+    done = robotctl("distance", str(path))
+    assert (done.returncode, done.stdout, done.stderr) == (0, "6.000 m\n", "")
+    bad = robotctl("distance", str(tmp_path / "drove.txt"))
+    assert bad.returncode == 2
+    assert 'did you mean "drive.txt"?' in bad.stderr
