@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from dataclasses import dataclass, field
 
 from robotctl.errors import InvalidValue
 from robotctl.planning.behaviours.follow_wall import WallConfig
-from robotctl.planning.global_planning.registry import PLANNERS
 from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.local.pursuit import PursuitConfig
 
@@ -27,8 +25,6 @@ class NavigationConfig:
         Largest speed on the way home [m/s], > 0.
     look_around_speed_m_s
         Largest speed of a robot that does not know where it is [m/s], > 0.
-    planner
-        Of paths through the map: a name of `PLANNERS`.
     pursuit, guard, wall
         Following paths, minding obstacles, following walls.
 
@@ -42,7 +38,6 @@ class NavigationConfig:
     guided_speed_m_s: float = 0.4
     return_speed_m_s: float = 0.3
     look_around_speed_m_s: float = 0.25
-    planner: str = "a_star"
     pursuit: PursuitConfig = field(default_factory=PursuitConfig)
     guard: GuardConfig = field(default_factory=GuardConfig)
     wall: WallConfig = field(default_factory=WallConfig)
@@ -55,10 +50,3 @@ class NavigationConfig:
                 raise InvalidValue(
                     key, f"{getattr(self, key)} found, a number > 0 allowed", getattr(self, key)
                 )
-        if self.planner not in PLANNERS:
-            near = difflib.get_close_matches(self.planner, PLANNERS, n=1)
-            hint = f'; did you mean "{near[0]}"?' if near else ""
-            allowed = ", ".join(PLANNERS)
-            raise InvalidValue(
-                "planner", f'"{self.planner}" found, {allowed} allowed{hint}', self.planner
-            )

@@ -11,7 +11,6 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.mission import Mission
-from robotctl.planning.global_planning.registry import make_planner
 from robotctl.planning.navigator import Navigator
 
 if TYPE_CHECKING:
@@ -60,6 +59,8 @@ def learn_paths(navigator: Navigator, config: RobotConfig, estimators: Estimator
     """Let the navigator know the free paths through the map that the robot localises itself in."""
     if estimators is None or estimators.world_map is None:
         return
-    navigation, world_map = config.navigation, estimators.world_map
-    paths = make_planner(navigation.planner, world_map, navigation.guard.half_width_m)
-    navigator.learn_paths(paths)
+    # scipy and numba take a while to load.
+    from robotctl.planning.global_planning.free_path import FreePaths  # noqa: PLC0415
+
+    half_width_m = config.navigation.guard.half_width_m
+    navigator.learn_paths(FreePaths(estimators.world_map, half_width_m))

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from functools import partial
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.cost_map import INSCRIBED, CostMapConfig, cost_map
-from robotctl.planning.global_planning.grid_search import CellPath, search_cells
+from robotctl.planning.global_planning.grid_search import search_cells
 from robotctl.planning.local.path import Point
 
 MARGIN_M: Final = 0.1
@@ -22,20 +21,6 @@ _COMFORT_M: Final = 0.4
 
 _TIGHT: Final = 2.0
 """By so much, as a multiple, right beside the wall."""
-
-
-class Search(Protocol):
-    """Finds the cheapest path between two cells, as `grid_search.search_cells` does."""
-
-    def __call__(
-        self,
-        costs: NDArray[np.uint8],
-        factors: NDArray[np.float64],
-        start: tuple[int, int],
-        goal: tuple[int, int],
-        /,
-    ) -> CellPath:
-        """Return it; `cells` is empty where there is none."""
 
 
 class FreePaths:
@@ -50,22 +35,20 @@ class FreePaths:
         The map.
     half_width_m
         Of the robot [m], > 0.
-    search
-        Of a path over the cells.
     """
 
-    def __init__(self, world_map: GridMap, half_width_m: float, search: Search) -> None:
+    def __init__(self, world_map: GridMap, half_width_m: float) -> None:
         radius_m = half_width_m + MARGIN_M
         comfort_m = max(_COMFORT_M, radius_m)
         config = CostMapConfig(radius_m, comfort_m, scaling_per_m=5.0, occupied_percent=50)
-        self._grid, self._search = world_map, search
+        self._grid = world_map
         self._costs = cost_map(world_map, config).costs
         self._factors = np.full(256, math.inf)
         self._factors[:INSCRIBED] = 1.0 + _TIGHT * np.arange(INSCRIBED) / (INSCRIBED - 1)
         self._passable = np.argwhere(self._costs < INSCRIBED)
         if len(self._passable):
             cell = self._passable[0].tolist()
-            search(self._costs, self._factors, (cell[0], cell[1]), (cell[0], cell[1]))
+            search_cells(self._costs, self._factors, (cell[0], cell[1]), (cell[0], cell[1]))
 
     def way(self, start: Point, goal: Point) -> list[Point]:
         """Return the corners of a way after `start`, `goal` the last; none where there is none.
@@ -75,7 +58,7 @@ class FreePaths:
         if not len(self._passable):
             return []
         ends = self._nearest(start), self._nearest(goal)
-        cells = self._search(self._costs, self._factors, *ends).cells
+        cells = search_cells(self._costs, self._factors, *ends).cells
         if not len(cells):
             return []
         corners = self._grid.centre_of(self._straightened(cells))
@@ -105,13 +88,3 @@ class FreePaths:
         count = 2 * int(np.abs(ends[1] - ends[0]).max()) + 1
         line = np.rint(np.linspace(ends[0], ends[1], count)).astype(np.int64)
         return bool(self._costs[tuple(line.T)].max() <= most)
-
-
-def a_star(world_map: GridMap, half_width_m: float) -> FreePaths:
-    """Return the planner that searches towards the goal."""
-    return FreePaths(world_map, half_width_m, search_cells)
-
-
-def dijkstra(world_map: GridMap, half_width_m: float) -> FreePaths:
-    """Return the planner that searches in all directions alike."""
-    return FreePaths(world_map, half_width_m, partial(search_cells, guided=False))

@@ -3,7 +3,6 @@
 import itertools
 import math
 import time
-from functools import partial
 
 import numpy as np
 import pytest
@@ -20,14 +19,13 @@ from robotctl.planning.behaviours.go_to import GoToItem
 from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
-from robotctl.planning.global_planning.registry import PLANNERS, make_planner
+from robotctl.planning.global_planning.free_path import FreePaths
 from robotctl.planning.guard.obstacle_guard import GuardConfig
 from tests.planning.behaviours.test_relocalise import lost_step
 from tests.planning.conftest import FLAT
 
 CHART = grid_of_walls(WallMap(FLAT))
-free_paths = partial(make_planner, "a_star")
-FREE = free_paths(CHART, GuardConfig().half_width_m)
+FREE = FreePaths(CHART, GuardConfig().half_width_m)
 SQUARE = DriveItem("drive", ((1.0, 1.0), (4.0, 1.0), (4.0, 3.5), (1.2, 3.5)), corner_radius_m=1.0)
 ELSEWHERE = [SE2(6.5, 3.5, 2.0), SE2(6.5, 1.8, -1.0), SE2(1.5, 2.5, 3.0)]
 
@@ -233,11 +231,10 @@ def distance_to_walls(points: np.ndarray) -> float:
     return float(np.linalg.norm(off - share[..., None] * along, axis=2).min())
 
 
-@pytest.mark.parametrize("planner", PLANNERS)
-@pytest.mark.parametrize("seed", range(10))
-def test_a_way_keeps_the_robots_half_width_from_all_walls(seed, planner):
+@pytest.mark.parametrize("seed", range(20))
+def test_a_way_keeps_the_robots_half_width_from_all_walls(seed):
     rng = np.random.default_rng(seed)
-    ways = make_planner(planner, CHART, 0.18)
+    ways = FreePaths(CHART, 0.18)
     inside = rng.uniform((0.4, 0.4), (7.6, 4.6), (50, 2))
     start, goal = inside[[distance_to_walls(each[None]) > 0.35 for each in inside]][:2]
     corners = np.array([start, *ways.way(tuple(start), tuple(goal))])
@@ -255,16 +252,16 @@ def test_a_way_keeps_the_robots_half_width_from_all_walls(seed, planner):
 def test_a_place_that_is_walled_in_has_no_way_and_an_unknown_one_neither():
     cells = np.zeros((60, 60), np.int8)
     cells[30, :] = 100
-    assert free_paths(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
+    assert FreePaths(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
     cells[30, :] = -1
-    assert free_paths(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
-    assert free_paths(GridMap(np.full((9, 9), 100, np.int8), 0.05), 0.18).way((0, 0), (1, 1)) == []
+    assert FreePaths(GridMap(cells, 0.05), 0.18).way((1.0, 0.7), (1.0, 2.5)) == []
+    assert FreePaths(GridMap(np.full((9, 9), 100, np.int8), 0.05), 0.18).way((0, 0), (1, 1)) == []
 
 
 def test_a_map_of_a_million_cells_does_not_hold_navigation_up():
     cells = np.zeros((1000, 1000), np.int8)
     cells[500, :900] = 100
-    ways = free_paths(GridMap(cells, 0.05), 0.18)
+    ways = FreePaths(GridMap(cells, 0.05), 0.18)
     begin_s = time.process_time()
     assert ways.way((1.0, 1.0), (1.0, 49.0))
     assert time.process_time() - begin_s < 0.4
