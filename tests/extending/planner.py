@@ -1,34 +1,54 @@
-"""The planner of docs/extending.md: chosen in the robot's file, it goes round walls."""
+"""The planner of docs/extending.md finds the shortest way round walls, as `robotctl plan` does."""
 
-from itertools import pairwise
+import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from robotctl.config.robot_file import find_file, load_robot
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.global_planning.registry import make_planner
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.plan import PlanFailure, PlannerConfig
+from robotctl.planning.global_planning.planners import PLANNERS
+
+START, GOAL = SE2(1.0, 0.5), SE2(1.0, 2.5)
 
 
-def test_it_goes_through_the_gap_and_keeps_off_the_walls():
+def plan(cells):
+    space = PlanningMap(GridMap(cells, 0.05), Footprint())
+    return PLANNERS["breadth_first"](PlannerConfig(margin_m=0.0)).plan(space, START, GOAL)
+
+
+def test_it_goes_through_the_gap_by_the_shortest_way():
     cells = np.zeros((60, 60), np.int8)
     cells[30, :45] = 100
-    planner = make_planner("breadth_first", GridMap(cells, 0.05), 0.1)
-    way = [(1.0, 0.5), *planner.way((1.0, 0.5), (1.0, 2.5))]
-    assert way[-1] == (1.0, 2.5)
-    points = np.concatenate([np.linspace(*ends, 100) for ends in pairwise(way)])
-    crossing = points[np.abs(points[:, 1] - 1.525) < 0.02]
-    assert len(crossing)
-    assert crossing[:, 0].min() > 45 * 0.05 + 0.1
+    found = plan(cells)
+    assert found.length_m == pytest.approx(2.0 + 2 * (45 - 20) * 0.05)
+    at_wall = found.poses[np.abs(found.poses[:, 1] - 1.525) < 0.02]
+    assert at_wall[:, 0].min() > 45 * 0.05
 
 
-def test_where_there_is_no_way_it_says_so():
+def test_where_there_is_no_way_it_says_why():
     cells = np.zeros((60, 60), np.int8)
     cells[30, :] = 100
-    assert make_planner("breadth_first", GridMap(cells, 0.05), 0.1).way((1, 0.5), (1, 2.5)) == []
+    failure = plan(cells)
+    assert isinstance(failure, PlanFailure)
+    assert failure.text
 
 
-@pytest.mark.parametrize("name", ["breadth_first", "a_star"])
-def test_the_robots_file_may_name_it(name):
-    config = load_robot(find_file("diff_drive"), (f"navigation.planner={name}",))
-    assert config.navigation.planner == name
+@pytest.mark.parametrize("planner", ["breadth_first", "astar"])
+def test_the_command_uses_it(tmp_path, planner):
+    report = tmp_path / "report.json"
+    options = ["plan", "--map", "flat", "--start", "1,1,0", "--goal", "6,3,90", "--planner"]
+    done = subprocess.run(
+        [sys.executable, "-m", "robotctl", *options, planner, "--report", str(report)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found = json.loads(report.read_text())
+    assert found["found"]
+    assert found["min_clearance_m"] > 0.0
+    assert 5.3 < found["length_m"] < 8.0
