@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Paths(Protocol):
-    """Knows free paths through the world: a member of `PLANNERS`."""
+    """Knows free paths through the world, as `FreePaths` of a map does."""
 
     def way(self, start: Point, goal: Point) -> list[Point]:
         """Return the corners after `start`, `goal` the last; none where there is no path."""
