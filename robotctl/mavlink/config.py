@@ -31,6 +31,8 @@ class StreamRates:
         WHEEL_DISTANCE [Hz].
     sonar_hz : float
         DISTANCE_SENSOR of each sonar [Hz].
+    imu_hz : float
+        SCALED_IMU [Hz], of robots that have an IMU.
     battery_hz : float
         BATTERY_STATUS [Hz].
     status_hz : float
@@ -42,6 +44,7 @@ class StreamRates:
     odometry_hz: float = 10.0
     wheel_distance_hz: float = 5.0
     sonar_hz: float = 5.0
+    imu_hz: float = 10.0
     battery_hz: float = 1.0
     status_hz: float = 1.0
 

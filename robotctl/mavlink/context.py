@@ -53,6 +53,8 @@ class TelemetryRobot:
         In the order of `ControlState.sonar_m`.
     sonar : SonarModelConfig
         What each of them hears, the robot's `[localisation.sonar]`: its range and its beam.
+    has_imu : bool
+        It has an IMU.
     has_localiser : bool
         Its navigation has a localiser, which must be ready before the robot is armed.
     arm_timeout_s : float
@@ -63,6 +65,7 @@ class TelemetryRobot:
     version: str = "0.0.0"
     sonars: tuple[SonarMount, ...] = ()
     sonar: SonarModelConfig = field(default_factory=SonarModelConfig)
+    has_imu: bool = False
     has_localiser: bool = False
     arm_timeout_s: float = 1.0
 

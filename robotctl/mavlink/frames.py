@@ -20,6 +20,7 @@ from robotctl.model.geometry.angles import wrap_angle
 UINT16_MAX = 0xFFFF
 INT16_MAX = 0x7FFF
 UINT32_MAX = 0xFFFF_FFFF
+STANDARD_GRAVITY_M_S2 = 9.80665
 
 ROTATION_CUSTOM = 100
 """MAV_SENSOR_ROTATION_CUSTOM."""
@@ -124,6 +125,49 @@ def pose_covariance_enu(values: Sequence[float]) -> tuple[float, ...]:
     return tuple(found)
 
 
+class Frd(NamedTuple):
+    """A vector in body FRD."""
+
+    forward: float
+    right: float
+    down: float
+
+
+def frd_from_flu(x: float, y: float, z: float) -> Frd:
+    """Turn a vector, or rates of turn, of `base` into body FRD [same unit]."""
+    return Frd(forward=x, right=-y, down=-z)
+
+
+class Euler(NamedTuple):
+    """Roll, pitch and yaw of FRD in local NED, turned in the order yaw, pitch, roll [rad]."""
+
+    roll: float
+    pitch: float
+    yaw: float
+
+
+def euler_ned(roll_rad: float, pitch_rad: float, theta_rad: float) -> Euler:
+    """Return the attitude in local NED of one in `world`, turned in the order theta, pitch, roll.
+
+    Ours: left side up, nose down, to the left [rad]. MAVLink's: right side down, nose up, to the
+    right.
+    """
+    return Euler(roll_rad, -pitch_rad, yaw_ned_from_theta(theta_rad))
+
+
+def quaternion_from_euler(euler: Euler) -> tuple[float, float, float, float]:
+    """Return (w, x, y, z) of the rotation by yaw, pitch and roll."""
+    cr, sr = math.cos(euler.roll / 2.0), math.sin(euler.roll / 2.0)
+    cp, sp = math.cos(euler.pitch / 2.0), math.sin(euler.pitch / 2.0)
+    cy, sy = math.cos(euler.yaw / 2.0), math.sin(euler.yaw / 2.0)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
 class SensorRotation(NamedTuple):
     """MAV_SENSOR_ORIENTATION of a sensor; the quaternion (w, x, y, z) only where it is custom."""
 
@@ -163,6 +207,16 @@ def boot_us(stamp_ns: int) -> int:
 def millivolts(voltage_v: float) -> int:
     """Return [mV], 0 to 65534; 65535 where it is not known (nan)."""
     return _scaled(voltage_v, 1e3, 0, UINT16_MAX - 1, UINT16_MAX)
+
+
+def milligravities(acceleration_m_s2: float) -> int:
+    """Return [mG], -32768 to 32767; 0 where it is not known (nan)."""
+    return _scaled(acceleration_m_s2, 1e3 / STANDARD_GRAVITY_M_S2, -INT16_MAX - 1, INT16_MAX, 0)
+
+
+def milliradians(rate_rad_s: float) -> int:
+    """Return [mrad/s], -32768 to 32767; 0 where it is not known (nan)."""
+    return _scaled(rate_rad_s, 1e3, -INT16_MAX - 1, INT16_MAX, 0)
 
 
 def centiamperes(current_a: float) -> int:

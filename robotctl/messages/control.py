@@ -159,8 +159,8 @@ class ImuFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
 
     `stamp_ns` is that of the force, `gyro_stamp_ns` that of the rates. `rate_rad_s` are the mean
     rates about x, y, z as read, bias included (rad/s), `force_m_s2` the mean specific force along
-    them (m/s^2). `up` is the direction away from the earth, of length 1. `bias_rad_s` is the rate
-    about z that is read at rest. `rise_m_s` is the speed upwards within the last second (m/s), and
+    them (m/s^2). `up` is the direction away from the earth, of length 1. `bias_rad_s` are the
+    rates that are read at rest. `rise_m_s` is the speed upwards within the last second (m/s), and
     `slip_rad` by how much more the robot turned than its wheels within the last ones (rad).
     `ahead_rad` is the same since the process began, and `corrected_rad` that part of it by which
     odometry was turned (rad).
@@ -171,7 +171,7 @@ class ImuFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
     rate_rad_s: tuple[float, float, float]
     force_m_s2: tuple[float, float, float]
     up: tuple[float, float, float]
-    bias_rad_s: float = 0.0
+    bias_rad_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rise_m_s: float = 0.0
     slip_rad: float = 0.0
     ahead_rad: float = 0.0

@@ -137,3 +137,42 @@ def test_known_values_stay_in_range_and_never_become_unknown(value):
 def test_milliseconds_since_boot_roll_over_after_49_days():
     assert frames.boot_ms((1 << 32) * 1_000_000) == 0
     assert frames.boot_ms(((1 << 32) + 7) * 1_000_000) == 7
+
+
+@given(LENGTHS, LENGTHS, LENGTHS)
+def test_vectors_of_the_body_turn_as_its_axes(x, y, z):
+    assert frames.frd_from_flu(x, y, z) == pytest.approx(FRD_FROM_FLU @ [x, y, z])
+
+
+@given(ANGLES, st.floats(-1.5, 1.5), ANGLES)
+def test_an_attitude_is_that_of_the_same_body_in_other_axes(theta, pitch, roll):
+    ours = Rotation.from_euler("ZYX", [theta, pitch, roll]).as_matrix()
+    theirs = Rotation.from_matrix(NED_FROM_ENU @ ours @ FRD_FROM_FLU)
+    euler = frames.euler_ned(roll, pitch, theta)
+    built = Rotation.from_euler("ZYX", [euler.yaw, euler.pitch, euler.roll])
+    assert (theirs.inv() * built).magnitude() == pytest.approx(0.0, abs=1e-6)
+    w, x, y, z = frames.quaternion_from_euler(euler)
+    assert (theirs.inv() * Rotation.from_quat([x, y, z, w])).magnitude() == pytest.approx(
+        0.0, abs=1e-6
+    )
+
+
+def test_nose_up_left_side_up_and_turning_left_have_the_signs_of_aircraft():
+    nose_up_left_up = frames.euler_ned(0.1, -0.2, 0.0)
+    assert (nose_up_left_up.roll, nose_up_left_up.pitch) == (0.1, 0.2)  # right side down, nose up
+    assert frames.frd_from_flu(0.0, 0.0, 0.5).down == -0.5
+
+
+@pytest.mark.parametrize(
+    ("m_s2", "expected"),
+    [(0.0, 0), (9.80665, 1000), (-9.80665, -1000), (1e6, 32767), (-1e6, -32768), (math.nan, 0)],
+)
+def test_milligravities(m_s2, expected):
+    assert frames.milligravities(m_s2) == expected
+
+
+@pytest.mark.parametrize(
+    ("rad_s", "expected"), [(0.0, 0), (0.0015, 2), (-1.5, -1500), (99.0, 32767), (-99.0, -32768)]
+)
+def test_milliradians(rad_s, expected):
+    assert frames.milliradians(rad_s) == expected

@@ -44,6 +44,7 @@ def described(config: RobotConfig) -> TelemetryRobot:
         version=robotctl.__version__,
         sonars=config.sonar,
         sonar=config.localisation.sonar,
+        has_imu=config.imu.enabled,
         has_localiser=config.localisation.method != "none",
         arm_timeout_s=config.safety.arm_timeout_ms / 1e3,
     )

@@ -197,7 +197,7 @@ class InertialTracker:
             self._rate,
             force,
             up,
-            self._bias[2],
+            self._bias,
             self._rise_m_s,
             self._slip_rad,
             self._ahead_rad,

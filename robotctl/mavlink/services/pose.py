@@ -62,20 +62,22 @@ class Poses(Microservice):
 
 
 def attitude(state: ControlState, pose: SE2) -> list[Message]:
-    """Return ATTITUDE of the level robot; empty where the heading is not a number."""
+    """Return ATTITUDE: level without an IMU; empty where the heading is not a number."""
     if not _fit(pose.theta_rad, state.omega_rad_s):
         return []
-    return [
-        common.MAVLink_attitude_message(
-            frames.boot_ms(state.stamp_ns),
-            0.0,
-            0.0,
-            frames.yaw_ned_from_theta(pose.theta_rad),
-            0.0,
-            0.0,
-            frames.yaw_rate_frd_from_omega(state.omega_rad_s),
-        )
-    ]
+    euler, rates = _attitude(state, pose)
+    return [common.MAVLink_attitude_message(frames.boot_ms(state.stamp_ns), *euler, *rates)]
+
+
+def _attitude(state: ControlState, pose: SE2) -> tuple[frames.Euler, frames.Frd]:
+    """Return attitude and rates of turn [rad, rad/s] by the IMU; without one, by the wheels."""
+    imu = state.imu
+    if imu is None:
+        rates = frames.frd_from_flu(0.0, 0.0, state.omega_rad_s)
+        return frames.euler_ned(0.0, 0.0, pose.theta_rad), rates
+    true = (rate - bias for rate, bias in zip(imu.rate_rad_s, imu.bias_rad_s, strict=True))
+    euler = frames.euler_ned(imu.roll_rad, imu.pitch_rad, pose.theta_rad)
+    return euler, frames.frd_from_flu(*true)
 
 
 def local_position(state: ControlState, pose: SE2) -> list[Message]:
@@ -108,6 +110,7 @@ def odometry(
     if not _fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s, state.omega_rad_s):
         return []
     position = frames.ned_from_enu(pose.x_m, pose.y_m)
+    euler, rates = _attitude(state, pose)
     return [
         common.MAVLink_odometry_message(
             frames.boot_us(state.stamp_ns),
@@ -116,13 +119,11 @@ def odometry(
             position.north,
             position.east,
             0.0,
-            frames.quaternion_from_yaw_ned(frames.yaw_ned_from_theta(pose.theta_rad)),
+            frames.quaternion_from_euler(euler),
             state.v_m_s,
             0.0,
             0.0,
-            0.0,
-            0.0,
-            frames.yaw_rate_frd_from_omega(state.omega_rad_s),
+            *rates,
             _UNKNOWN_COVARIANCE
             if localisation is None
             else frames.pose_covariance_ned(localisation.covariance),

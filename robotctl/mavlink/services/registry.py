@@ -12,6 +12,7 @@ from robotctl.mavlink.services.commands import Commands
 from robotctl.mavlink.services.external_pose import ExternalPoses
 from robotctl.mavlink.services.ground_stations import GroundStations
 from robotctl.mavlink.services.heartbeat import Heartbeat
+from robotctl.mavlink.services.inertial import Inertial
 from robotctl.mavlink.services.link_watch import LinkWatch
 from robotctl.mavlink.services.manual_control import ManualControls
 from robotctl.mavlink.services.message_requests import MessageRequests
@@ -42,6 +43,7 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Poses,
     Wheels,
     Sonars,
+    Inertial,
     Battery,
     SystemStatus,
     Streams,

@@ -16,6 +16,7 @@ from robotctl.messages.mavlink_port import Message
 _MOTORS = common.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 _BATTERY = common.MAV_SYS_STATUS_SENSOR_BATTERY
 _SONARS = common.MAV_SYS_STATUS_SENSOR_PROXIMITY
+_IMU = common.MAV_SYS_STATUS_SENSOR_3D_GYRO | common.MAV_SYS_STATUS_SENSOR_3D_ACCEL
 _SOUND_STATES = (SafetyState.STANDBY, SafetyState.ARMED, SafetyState.DRIVING)
 
 
@@ -37,7 +38,7 @@ def system_status(state: ControlState | None, robot: TelemetryRobot) -> list[Mes
 
     `errors_count1` to 3 are CAN error frames, failed CAN sends and overruns of the control loop.
     """
-    present = _MOTORS | _BATTERY | (_SONARS if robot.sonars else 0)
+    present = _MOTORS | _BATTERY | (_SONARS if robot.sonars else 0) | (_IMU if robot.has_imu else 0)
     if state is None:
         unknown = (0, frames.UINT16_MAX, -1, -1, 0, 0, 0, 0, 0, 0)
         return [common.MAVLink_sys_status_message(present, present, 0, *unknown)]
@@ -71,4 +72,6 @@ def _health(state: ControlState) -> int:
         health |= _BATTERY
     if not any(math.isnan(range_m) for range_m in state.sonar_m):
         health |= _SONARS
+    if state.imu is not None:
+        health |= _IMU
     return health

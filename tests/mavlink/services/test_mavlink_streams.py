@@ -6,12 +6,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
+from scipy.spatial.transform import Rotation
 
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.mavlink.config import StreamRates
+from robotctl.mavlink.context import TelemetryRobot
+from robotctl.mavlink.services.system_status import system_status
 from robotctl.messages.control import (
     BatteryFeedback,
     BusStatus,
+    ImuFeedback,
     LoopStatistics,
     Mode,
     Notice,
@@ -19,6 +23,7 @@ from robotctl.messages.control import (
 )
 from robotctl.messages.mavlink_port import Peer
 from robotctl.model.sensors.sonar import SonarMount
+from tests.mavlink.conftest import control_state
 
 STREAMS = (
     "ATTITUDE",
@@ -397,3 +402,70 @@ def test_a_flood_of_notices_is_spread_and_the_oldest_are_dropped(bench):
     assert len(bench.texts()) == 4
     bench.run(1.0)
     assert bench.texts()[-1] == "199"
+
+
+NOSE_UP_DEG, LEFT_UP_DEG = 12.0, 5.0
+
+
+def tilted(**changes):
+    """What the IMU of a robot says that stands nose up and left side up, and turns left."""
+    attitude = Rotation.from_euler("ZYX", [0.7, -NOSE_UP_DEG, LEFT_UP_DEG], degrees=True)
+    up = attitude.inv().apply([0.0, 0.0, 1.0])
+    values = {
+        "stamp_ns": 5_000_000_000,
+        "gyro_stamp_ns": 5_000_000_000,
+        "rate_rad_s": (0.1, 0.2, 0.3),
+        "force_m_s2": tuple(9.80665 * up),
+        "up": tuple(up),
+        "bias_rad_s": (0.01, 0.02, 0.03),
+    }
+    return ImuFeedback(**values | changes)
+
+
+def test_the_imu_is_told_in_front_right_down(bench):
+    message = one_of_each(bench, imu=tilted(force_m_s2=(1.0, 2.0, 9.80665)))["SCALED_IMU"]
+    assert (message.xacc, message.yacc, message.zacc) == (102, -204, -1000)
+    assert (message.xgyro, message.ygyro, message.zgyro) == (100, -200, -300)
+    assert (message.xmag, message.ymag, message.zmag) == (0, 0, 0)
+    assert message.time_boot_ms == 5000
+
+
+def test_the_attitude_is_that_of_the_imu_and_its_rates_are_without_bias(bench):
+    message = one_of_each(bench, imu=tilted(), theta_rad=0.7)["ATTITUDE"]
+    assert math.degrees(message.roll) == pytest.approx(LEFT_UP_DEG, abs=1e-4)
+    assert math.degrees(message.pitch) == pytest.approx(NOSE_UP_DEG, abs=1e-4)
+    assert message.yaw == pytest.approx(math.pi / 2 - 0.7)
+    assert message.rollspeed == pytest.approx(0.09)
+    assert message.pitchspeed == pytest.approx(-0.18)
+    assert message.yawspeed == pytest.approx(-0.27)
+
+
+def test_odometry_has_the_same_attitude(bench):
+    sent = one_of_each(bench, imu=tilted(), theta_rad=0.7)
+    attitude, odometry = sent["ATTITUDE"], sent["ODOMETRY"]
+    w, x, y, z = odometry.q
+    yaw, pitch, roll = Rotation.from_quat([x, y, z, w]).as_euler("ZYX")
+    told = attitude.roll, attitude.pitch, attitude.yaw
+    assert told == pytest.approx((roll, pitch, yaw), abs=1e-6)
+    assert (odometry.rollspeed, odometry.pitchspeed, odometry.yawspeed) == pytest.approx(
+        (attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed)
+    )
+
+
+def test_a_robot_without_an_imu_is_level_and_tells_none(bench):
+    sent = one_of_each(bench, omega_rad_s=0.4)
+    assert "SCALED_IMU" not in sent
+    attitude = sent["ATTITUDE"]
+    assert (attitude.roll, attitude.pitch, attitude.rollspeed, attitude.pitchspeed) == (0, 0, 0, 0)
+    assert attitude.yawspeed == pytest.approx(-0.4)
+
+
+@pytest.mark.parametrize(("imu", "healthy"), [(tilted(), True), (None, False)])
+def test_gyro_and_accelerometer_are_present_where_the_robot_has_them(imu, healthy):
+    bits = common.MAV_SYS_STATUS_SENSOR_3D_GYRO | common.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    for has_imu in (False, True):
+        robot = TelemetryRobot(has_imu=has_imu)
+        (message,) = system_status(control_state(0, imu=imu), robot)
+        assert message.onboard_control_sensors_present & bits == (bits if has_imu else 0)
+        expected = bits if has_imu and healthy else 0
+        assert message.onboard_control_sensors_health & bits == expected
