@@ -29,7 +29,9 @@ def plan(
     goal: Annotated[
         str, typer.Option(metavar="X,Y[,DEG]", help="Goal [m, m, deg]; of a .map: COLUMN,ROW.")
     ],
-    planner: Annotated[str, typer.Option(help="astar or dijkstra.")] = "astar",
+    planner: Annotated[
+        str, typer.Option(help="astar, dijkstra, rrt, rrt-connect or rrtstar.")
+    ] = "astar",
     robot: Annotated[
         str, typer.Option(help="Robot file, or the name of one that comes along; for its outline.")
     ] = "",

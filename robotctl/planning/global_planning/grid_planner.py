@@ -1,13 +1,12 @@
 """Paths over the cells of a map for robots that can turn on the spot: A* and Dijkstra's algorithm.
 
-First a path is looked for on which the robot could turn anywhere; where there is none, one through
-which it fits lengthwise, and there its body is checked at each pose. A piece that the body would
-not pass is closed, and the search begins again.
+First a path is looked for on which the robot could turn anywhere; where there is none, a narrower
+one, down to where it fits lengthwise. The body is checked at each pose; a cell at which it would
+touch something is closed, and the search begins again.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
 from typing import Final
@@ -15,7 +14,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.cost_map import LETHAL
 from robotctl.planning.costmap.planning_map import PlanningMap
@@ -29,13 +27,12 @@ from robotctl.planning.global_planning.plan import (
     Reason,
 )
 from robotctl.planning.global_planning.smoothing import straightened
+from robotctl.planning.global_planning.straight import collisions, radii, straight_poses
 
 _CLASSES: Final = 250
 """Costs between the margin and comfort."""
-_TRIES: Final = 40
-"""Searches of a narrow path, each with the piece closed that the body did not pass."""
-_TURN_RAD: Final = math.radians(5.0)
-"""Between two poses at which the body is checked as it turns."""
+_TRIES: Final = 20
+"""Searches with one circle, each with the piece closed that the body did not pass."""
 
 
 class GridPlanner:
@@ -64,9 +61,7 @@ class GridPlanner:
         side_m = space.grid.resolution_m
         margin = self._config.margin_m / side_m
         expanded = 0
-        # In a passage an even number of cells wide, the middle lies between two cells.
-        narrow = max(space.inscribed - 0.5, 0.0)
-        for radius in dict.fromkeys((space.circumscribed + margin, narrow)):
+        for radius in radii(space, margin):
             found = self._search(space, radius, start, goal, goes_on)
             expanded += found.expanded
             if isinstance(found, PlanFailure):
@@ -80,13 +75,12 @@ class GridPlanner:
     ) -> Plan | PlanFailure:
         """Return a path at a distance [cells] from what is blocked; without poses: none."""
         costs, factors = self._costs(space, radius)
-        turns = radius >= space.circumscribed
         ends = space.to_cells(start), space.to_cells(goal)
         cells = [(math.floor(end.y_m), math.floor(end.x_m)) for end in ends]
         for end in cells:  # the body fits there, however near to a wall
             costs[end] = min(int(costs[end]), _CLASSES)
         expanded = 0
-        for _ in range(1 if turns else _TRIES):
+        for _ in range(_TRIES):
             found = search_cells(
                 costs, factors, cells[0], cells[1],
                 corners=self._config.corners, guided=self._guided, goes_on=goes_on,
@@ -97,7 +91,7 @@ class GridPlanner:
             if not len(found.cells):
                 break
             poses = self._poses(space, found, costs, factors, ends)
-            stuck = _collisions(space, poses)
+            stuck = collisions(space, poses)
             if not len(stuck):
                 cost_m = found.cost * space.grid.resolution_m
                 return Plan(space.to_world(poses), cost_m, expanded)
@@ -141,32 +135,4 @@ class GridPlanner:
             cells = cells[straightened(cells, space.clearance, prices)]
         inner = cells[1:-1, ::-1] + 0.5
         points = np.array([(ends[0].x_m, ends[0].y_m), *inner, (ends[1].x_m, ends[1].y_m)])
-        steps = np.diff(points, axis=0)
-        headings = np.append(np.arctan2(steps[:, 1], steps[:, 0]), ends[1].theta_rad)
-        poses = np.column_stack([points, headings])
-        # The robot turns on the spot to its first piece, and from the last one to the goal.
-        first = np.array([[ends[0].x_m, ends[0].y_m, ends[0].theta_rad]])
-        return _with_turns(first, poses)
-
-
-def _with_turns(first: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return poses between which the robot either drives straight or turns on the spot."""
-    arrivals = poses[1:].copy()
-    arrivals[:, 2] = poses[:-1, 2]
-    both = np.empty((2 * len(poses) - 2, 3))
-    both[0::2], both[1::2] = poses[:-1], arrivals
-    return np.concatenate([first, both, poses[-1:]])
-
-
-def _collisions(space: PlanningMap, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where `base` is as its body first touches something, of each piece, (k, 2) [cells]."""
-    stuck = []
-    for a, b in itertools.pairwise(poses):
-        turn = wrap_angle(b[2] - a[2])
-        count = 1 + int(max(2.0 * math.dist(a[:2], b[:2]), abs(turn) / _TURN_RAD))
-        share = np.linspace(0.0, 1.0, count + 1)[:, np.newaxis]
-        between = a + share * np.array([b[0] - a[0], b[1] - a[1], turn])
-        hits = space.collides(between)
-        if hits.any():
-            stuck.append(between[int(np.argmax(hits)), :2])
-    return np.array(stuck).reshape(-1, 2)
+        return straight_poses(points, *ends)

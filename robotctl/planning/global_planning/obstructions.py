@@ -65,13 +65,18 @@ def no_path(space: PlanningMap, start: SE2, goal: SE2, expanded: int) -> PlanFai
             2.0 * _half_width(space, place, width) * side_m,
             2.0 * space.footprint.inscribed_m,
         )
-        missing_m = max(needs_m - has_m, 0.0)
+        place_m = f"at x {x_m:.2f} m, y {y_m:.2f} m"
+        if has_m < needs_m:
+            text = (
+                f"no passage is wide enough: the widest way is {has_m:.2f} m wide {place_m}, and "
+                f"the robot needs {needs_m:.2f} m: {needs_m - has_m:.2f} m are missing"
+            )
+            return PlanFailure(Reason.NO_PASSAGE, text, (x_m, y_m), expanded)
         text = (
-            f"no passage is wide enough: the widest way is {has_m:.2f} m wide at x {x_m:.2f} m, "
-            f"y {y_m:.2f} m, and the robot needs {needs_m:.2f} m"
+            "no path was found on which the body has room to turn; the widest way is "
+            f"{has_m:.2f} m wide {place_m}"
         )
-        text += f": {missing_m:.2f} m are missing" if missing_m > 0.0 else " and room to turn"
-        return PlanFailure(Reason.NO_PASSAGE, text, (x_m, y_m), expanded)
+        return PlanFailure(Reason.NOT_FOUND, text, (x_m, y_m), expanded)
     if not space.through_unknown:
         open_width, _ = _narrowest(clearance_of(space.obstacle), *ends)
         if open_width > 0.0:

@@ -166,12 +166,10 @@ def make_plan(options: PlanOptions) -> PlanResult:
 def _compile(planner: Planner, footprint: Footprint) -> None:
     """Let a planner compile its loops, which is not part of its time, on a small map."""
     side_m = max(footprint.circumscribed_m, 1.0)
-    grid = GridMap(np.zeros((9, 9), np.int8), side_m)
-    planner.plan(
-        PlanningMap(grid, footprint),
-        SE2(3.5 * side_m, 3.5 * side_m),
-        SE2(5.5 * side_m, 4.5 * side_m),
-    )
+    cells = np.zeros((13, 13), np.int8)
+    cells[:9, 6] = 100
+    start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
+    planner.plan(PlanningMap(GridMap(cells, side_m), footprint), start, goal)
 
 
 def min_clearance_m(space: PlanningMap, plan: Plan) -> float:

@@ -1,0 +1,415 @@
+"""Trees of points that grow over a map: nearest points, what is in sight, and how trees grow.
+
+RRT: LaValle, "Rapidly-exploring random trees", 1998. RRT-Connect: Kuffner and LaValle 2000. RRT*:
+Karaman and Frazzoli 2011; informed samples: Gammell, Srinivasa, Barfoot 2014. All lengths are in
+cells of the map. A cell is passable where its clearance is at least the robot's radius, and a piece
+is where all cells that it touches are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.compiled import compiled
+
+FOUND, GOING_ON, FULL = 2, 1, 0
+_LEAST_STEP: Final = 0.25
+"""A piece that is shorter brings nothing [cells]."""
+_ROOM: Final = 0.93
+"""From a point to the centre of its cell and from there, at most, beyond the clearance [cells]."""
+
+
+class Tree(NamedTuple):
+    """Points with their parents, sorted into square buckets by place."""
+
+    xy: NDArray[np.float64]
+    parent: NDArray[np.int32]
+    cost: NDArray[np.float64]
+    """Length from the root."""
+    links: NDArray[np.int32]
+    """The next point of the same bucket, -1: none."""
+    heads: NDArray[np.int32]
+    """(rows, columns) of buckets: the first point of each, -1: none."""
+    size: NDArray[np.int64]
+    """(1,): how many points there are."""
+
+
+def make_tree(
+    shape: tuple[int, int], capacity: int, side: float, root: tuple[float, float]
+) -> Tree:
+    """Return a tree of one point, for a map of (rows, columns) cells."""
+    buckets = tuple(math.ceil(each / side) + 1 for each in shape)
+    tree = Tree(
+        np.empty((capacity, 2)),
+        np.full(capacity, -1, np.int32),
+        np.zeros(capacity),
+        np.full(capacity, -1, np.int32),
+        np.full(buckets, -1, np.int32),
+        np.zeros(1, np.int64),
+    )
+    add_point(tree, side, root[0], root[1], -1, 0.0)
+    return tree
+
+
+@compiled
+def add_point(tree: Tree, side: float, x: float, y: float, parent: int, cost: float) -> int:
+    """Add a point and return its number; there must be room for it."""
+    node = tree.size[0]
+    tree.size[0] = node + 1
+    tree.xy[node, 0], tree.xy[node, 1] = x, y
+    tree.parent[node], tree.cost[node] = parent, cost
+    row, column = int(y / side), int(x / side)
+    tree.links[node] = tree.heads[row, column]
+    tree.heads[row, column] = node
+    return int(node)
+
+
+@compiled
+def nearest_point(tree: Tree, side: float, x: float, y: float) -> int:
+    """Return the point nearest to a place: rings of buckets around it, until none can be nearer."""
+    rows, columns = tree.heads.shape
+    row, column = int(y / side), int(x / side)
+    best, best_squared = -1, np.inf
+    for ring in range(max(rows, columns)):
+        if best >= 0 and ((ring - 1) * side) ** 2 > best_squared:
+            break
+        for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
+            edge = abs(r - row) == ring
+            step = 1 if edge else max(2 * ring, 1)
+            for c in range(column - ring, column + ring + 1, step):
+                if not 0 <= c < columns:
+                    continue
+                node = tree.heads[r, c]
+                while node >= 0:
+                    squared = (tree.xy[node, 0] - x) ** 2 + (tree.xy[node, 1] - y) ** 2
+                    if squared < best_squared:
+                        best, best_squared = node, squared
+                    node = tree.links[node]
+    return best
+
+
+@compiled
+def free_share(
+    clearance: NDArray[np.float32], radius: float, x0: float, y0: float, x1: float, y1: float
+) -> float:
+    """Return which share of a straight piece is free from its start on, up to 1.
+
+    Where the clearance is large the next cells need not be looked at. Else cells are visited in
+    order (Amanatides and Woo 1987); a corner that is passed exactly needs both cells beside it.
+    """
+    rows, columns = clearance.shape
+    dx, dy = x1 - x0, y1 - y0
+    length = np.hypot(dx, dy)
+    right, up = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+    step_x = abs(1.0 / dx) if dx != 0.0 else np.inf
+    step_y = abs(1.0 / dy) if dy != 0.0 else np.inf
+    at, column, row, next_x, next_y = 0.0, 0, 0, 0.0, 0.0
+    jumped = True
+    while True:
+        if jumped:  # where is the piece now, and when does it leave this cell?
+            column, row = int(np.floor(x0 + at * dx)), int(np.floor(y0 + at * dy))
+            next_x = (column + (dx > 0) - x0) / dx if dx != 0.0 else np.inf
+            next_y = (row + (dy > 0) - y0) / dy if dy != 0.0 else np.inf
+        if not (0 <= row < rows and 0 <= column < columns) or clearance[row, column] < radius:
+            return at
+        jump = clearance[row, column] - radius - _ROOM
+        jumped = jump > 2.0
+        if jumped:
+            at += jump / length
+        else:
+            at = min(next_x, next_y)
+        if at >= 1.0 or length == 0.0:
+            return 1.0
+        if jumped:
+            continue
+        if abs(next_x - next_y) * length < 1e-9:
+            beside = 0 <= column + right < columns and clearance[row, column + right] >= radius
+            above = 0 <= row + up < rows and clearance[row + up, column] >= radius
+            if not (beside and above):
+                return at
+            column += right
+            row += up
+            next_x += step_x
+            next_y += step_y
+        elif next_x < next_y:
+            column += right
+            next_x += step_x
+        else:
+            row += up
+            next_y += step_y
+
+
+@compiled
+def grow(
+    tree: Tree,
+    side: float,
+    clearance: NDArray[np.float32],
+    radius: float,
+    x: float,
+    y: float,
+    longest: float,
+) -> tuple[int, bool]:
+    """Grow from the nearest point towards a place; return the new point, and whether it is there.
+
+    -1 where nothing could grow.
+    """
+    near = nearest_point(tree, side, x, y)
+    x0, y0 = tree.xy[near, 0], tree.xy[near, 1]
+    length = np.hypot(x - x0, y - y0)
+    if length < 1e-9:
+        return near, True
+    share = min(1.0, longest / length)
+    x1, y1 = x0 + share * (x - x0), y0 + share * (y - y0)
+    free = free_share(clearance, radius, x0, y0, x1, y1)
+    if free < 1.0:
+        # Half a cell back from the wall, in a cell that is passable for sure.
+        free -= 0.5 / (share * length)
+        if free * share * length < _LEAST_STEP:
+            return -1, False
+        x1, y1 = x0 + free * share * (x - x0), y0 + free * share * (y - y0)
+    node = add_point(tree, side, x1, y1, near, tree.cost[near] + np.hypot(x1 - x0, y1 - y0))
+    return node, free >= 1.0 and share >= 1.0
+
+
+@compiled
+def sample(
+    rng: np.random.Generator,
+    free: NDArray[np.int32],
+    narrow: NDArray[np.int32],
+    narrow_share: float,
+) -> tuple[float, float]:
+    """Return a random place in a free cell, or with some share in one of a narrow passage."""
+    if len(narrow) > 0 and rng.random() < narrow_share:
+        cell = narrow[int(rng.random() * len(narrow))]
+    else:
+        cell = free[int(rng.random() * len(free))]
+    return cell[1] + rng.random(), cell[0] + rng.random()
+
+
+@compiled
+def grow_single(
+    tree: Tree,
+    side: float,
+    clearance: NDArray[np.float32],
+    radius: float,
+    goal: tuple[float, float],
+    free: NDArray[np.int32],
+    narrow: NDArray[np.int32],
+    rng: np.random.Generator,
+    longest: float,
+    rounds: int,
+) -> tuple[int, int]:
+    """RRT: grow for some rounds; return how it stands, and the point that sees the goal."""
+    for _ in range(rounds):
+        if tree.size[0] + 2 > len(tree.parent):
+            return FULL, -1
+        x, y = goal if rng.random() < 0.05 else sample(rng, free, narrow, 0.3)
+        node, _ = grow(tree, side, clearance, radius, x, y, longest)
+        if node < 0:
+            continue
+        x, y = tree.xy[node, 0], tree.xy[node, 1]
+        near = np.hypot(goal[0] - x, goal[1] - y) <= longest
+        if near and free_share(clearance, radius, x, y, goal[0], goal[1]) >= 1.0:
+            return FOUND, node
+    return GOING_ON, -1
+
+
+@compiled
+def grow_both(
+    trees: tuple[Tree, Tree],
+    side: float,
+    clearance: NDArray[np.float32],
+    radius: float,
+    free: NDArray[np.int32],
+    narrow: NDArray[np.int32],
+    rng: np.random.Generator,
+    longest: float,
+    rounds: int,
+) -> tuple[int, int, int]:
+    """RRT-Connect: grow one tree, let the other grow to the new point, take turns.
+
+    Return how it stands, and the points of both trees that met.
+    """
+    for turn in range(rounds):
+        one, other = (trees[0], trees[1]) if turn % 2 == 0 else (trees[1], trees[0])
+        if one.size[0] + 2 > len(one.parent) or other.size[0] + 2 > len(other.parent):
+            return FULL, -1, -1
+        x, y = sample(rng, free, narrow, 0.5)
+        node, _ = grow(one, side, clearance, radius, x, y, longest)
+        if node < 0:
+            continue
+        met, is_there = grow(
+            other, side, clearance, radius, one.xy[node, 0], one.xy[node, 1], np.inf
+        )
+        if is_there:
+            return (FOUND, node, met) if turn % 2 == 0 else (FOUND, met, node)
+    return GOING_ON, -1, -1
+
+
+@compiled
+def grow_optimal(
+    tree: Tree,
+    side: float,
+    clearance: NDArray[np.float32],
+    radius: float,
+    ends: tuple[float, float, float, float],
+    free: NDArray[np.int32],
+    narrow: NDArray[np.int32],
+    rng: np.random.Generator,
+    longest: float,
+    best: float,
+    seen: NDArray[np.int32],
+    rounds: int,
+) -> tuple[int, float]:
+    """RRT*: grow for some rounds, by the cheapest parent near by, and let neighbours change theirs.
+
+    The length over each point from which the goal is seen counts; of `seen`, the first entry is the
+    number of those. Once a path is known, samples that cannot lie on a shorter one are left out.
+    Return how it stands, and the length of the best path.
+    """
+    gx, gy = ends[2], ends[3]
+    area = len(free)
+    near = np.empty(256, np.int32)
+    for _ in range(rounds):
+        if tree.size[0] + 2 > len(tree.parent):
+            return FULL, best
+        x, y = sample(rng, free, narrow, 0.3)
+        if np.hypot(x - ends[0], y - ends[1]) + np.hypot(x - gx, y - gy) >= best:
+            continue
+        node, _ = grow(tree, side, clearance, radius, x, y, longest)
+        if node < 0:
+            continue
+        x, y = tree.xy[node, 0], tree.xy[node, 1]
+        count = tree.size[0]
+        # Karaman and Frazzoli 2011, theorem 38, in the plane: 2 (1 + 1/2)^(1/2) (area / pi)^(1/2).
+        reach = min(longest, 2.45 * np.sqrt(area / np.pi * np.log(count + 1.0) / (count + 1.0)))
+        found = _points_near(tree, side, x, y, reach, near)
+        _take_parent(tree, clearance, radius, node, near[:found])
+        _rewire(tree, clearance, radius, node, near[:found])
+        rest = np.hypot(gx - x, gy - y)
+        is_new = tree.cost[node] + rest < best and seen[0] + 1 < len(seen)
+        if is_new and free_share(clearance, radius, x, y, gx, gy) >= 1.0:
+            seen[0] += 1
+            seen[seen[0]] = node
+        for k in range(1, seen[0] + 1):
+            each = seen[k]
+            best = min(
+                best, tree.cost[each] + np.hypot(gx - tree.xy[each, 0], gy - tree.xy[each, 1])
+            )
+    return GOING_ON, best
+
+
+@compiled
+def _points_near(
+    tree: Tree, side: float, x: float, y: float, reach: float, near: NDArray[np.int32]
+) -> int:
+    """Collect the points within a distance, as many as there is room for; return how many."""
+    rows, columns = tree.heads.shape
+    found = 0
+    for r in range(max(int((y - reach) / side), 0), min(int((y + reach) / side), rows - 1) + 1):
+        for c in range(
+            max(int((x - reach) / side), 0), min(int((x + reach) / side), columns - 1) + 1
+        ):
+            node = tree.heads[r, c]
+            while node >= 0 and found < len(near):
+                if (tree.xy[node, 0] - x) ** 2 + (tree.xy[node, 1] - y) ** 2 <= reach * reach:
+                    near[found] = node
+                    found += 1
+                node = tree.links[node]
+    return found
+
+
+@compiled
+def _take_parent(
+    tree: Tree,
+    clearance: NDArray[np.float32],
+    radius: float,
+    node: int,
+    near: NDArray[np.int32],
+) -> None:
+    """Let a new point have the parent over which the way from the root is shortest."""
+    x, y = tree.xy[node, 0], tree.xy[node, 1]
+    for other in near:
+        if other == node:
+            continue
+        cost = tree.cost[other] + np.hypot(x - tree.xy[other, 0], y - tree.xy[other, 1])
+        if cost < tree.cost[node] - 1e-9 and (
+            free_share(clearance, radius, tree.xy[other, 0], tree.xy[other, 1], x, y) >= 1.0
+        ):
+            tree.parent[node], tree.cost[node] = other, cost
+
+
+@compiled
+def _rewire(
+    tree: Tree,
+    clearance: NDArray[np.float32],
+    radius: float,
+    node: int,
+    near: NDArray[np.int32],
+) -> None:
+    """Let neighbours to which the way over a new point is shorter have it as their parent.
+
+    What hangs on them learns of it as it is passed: costs are upper bounds until then.
+    """
+    x, y = tree.xy[node, 0], tree.xy[node, 1]
+    for other in near:
+        cost = tree.cost[node] + np.hypot(tree.xy[other, 0] - x, tree.xy[other, 1] - y)
+        if (
+            other != node
+            and cost < tree.cost[other] - 1e-9
+            and (free_share(clearance, radius, x, y, tree.xy[other, 0], tree.xy[other, 1]) >= 1.0)
+        ):
+            tree.parent[other], tree.cost[other] = node, cost
+
+
+def branch(tree: Tree, node: int) -> NDArray[np.float64]:
+    """Return the points from the root to a point, (n, 2)."""
+    nodes = [node]
+    while tree.parent[nodes[-1]] >= 0:
+        nodes.append(int(tree.parent[nodes[-1]]))
+    return tree.xy[nodes[::-1]].copy()
+
+
+@compiled
+def shorten(
+    points: NDArray[np.float64],
+    clearance: NDArray[np.float32],
+    radius: float,
+    rng: np.random.Generator,
+    tries: int,
+) -> NDArray[np.float64]:
+    """Return a path (n, 2) with random pieces of it replaced by straight ones, where they are free.
+
+    Geraerts and Overmars, "Creating high-quality paths for motion planning", 2007.
+    """
+    path = points.copy()
+    for _ in range(tries):
+        count = len(path)
+        if count < 3:
+            break
+        i, j = int(rng.random() * (count - 1)), int(rng.random() * (count - 1))
+        i, j = min(i, j), max(i, j)
+        s, t = rng.random(), rng.random()
+        ax, ay = path[i] + s * (path[i + 1] - path[i])
+        bx, by = path[j] + t * (path[j + 1] - path[j])
+        if i == j:
+            continue
+        old = np.hypot(path[i + 1, 0] - ax, path[i + 1, 1] - ay)
+        for k in range(i + 1, j):
+            old += np.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        old += np.hypot(bx - path[j, 0], by - path[j, 1])
+        if np.hypot(bx - ax, by - ay) > old - 1e-6:
+            continue
+        if free_share(clearance, radius, ax, ay, bx, by) < 1.0:
+            continue
+        shorter = np.empty((i + 1 + 2 + count - j - 1, 2))
+        shorter[: i + 1] = path[: i + 1]
+        shorter[i + 1, 0], shorter[i + 1, 1] = ax, ay
+        shorter[i + 2, 0], shorter[i + 2, 1] = bx, by
+        shorter[i + 3 :] = path[j + 1 :]
+        path = shorter
+    return path

@@ -1,0 +1,214 @@
+"""RRT, RRT-Connect and informed RRT* for robots that can turn on the spot.
+
+A tree sees the robot as a circle: that around its body, or where no way is wide enough for it, the
+one inside; then the body is checked along the path. Half of the samples come from passages that
+are narrow, which uniform samples hardly ever hit. The same seed gives the same path.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.obstructions import blocked_end, no_path
+from robotctl.planning.global_planning.plan import (
+    GoesOn,
+    Plan,
+    PlanFailure,
+    PlannerConfig,
+    Reason,
+)
+from robotctl.planning.global_planning.straight import collisions, radii, straight_poses
+from robotctl.planning.global_planning.tree import (
+    FOUND,
+    FULL,
+    Tree,
+    branch,
+    free_share,
+    grow_both,
+    grow_optimal,
+    grow_single,
+    make_tree,
+    shorten,
+)
+
+Point = tuple[float, float]
+
+_CAPACITY: Final = 200_000
+"""Points of a tree at most: 6 MB."""
+_ROUNDS: Final = 1000
+"""Between two looks at the time: some milliseconds."""
+_BUCKET: Final = 8.0
+"""Side of a bucket [cells]."""
+_LONGEST: Final = 60.0
+"""A tree grows by this at most [cells]: 3 m at 5 cm."""
+_NARROW: Final = 6
+"""A passage up to this wide is narrow [cells]."""
+_OPTIMAL_ROUNDS: Final = 20_000
+"""Of RRT*, once a path is known."""
+_SHORTENINGS: Final = 400
+_TRIES: Final = 30
+"""Trees with one circle: the body may not pass on the path of the first."""
+
+
+class TreePlanner(ABC):
+    """What the planners by random trees share.
+
+    Parameters
+    ----------
+    config
+        Margin and seed count.
+    """
+
+    def __init__(self, config: PlannerConfig | None = None) -> None:
+        self._config = config or PlannerConfig()
+
+    def plan(
+        self, space: PlanningMap, start: SE2, goal: SE2, goes_on: GoesOn = lambda: True
+    ) -> Plan | PlanFailure:
+        """Return a path, or why there is none."""
+        for name, pose in (("start", start), ("goal", goal)):
+            failure = blocked_end(space, name, pose)
+            if failure is not None:
+                return failure
+        ends = space.to_cells(start), space.to_cells(goal)
+        side_m = space.grid.resolution_m
+        margin = self._config.margin_m / side_m
+        expanded = 0
+        for radius in radii(space, margin):
+            search = _Search(space.clearance, radius, ends, self._config.seed)
+            for _ in range(_TRIES if search.may_succeed else 0):
+                path = self._grow(search, goes_on)
+                if path is None:
+                    break
+                path = shorten(path, space.clearance, radius, search.rng, _SHORTENINGS)
+                poses = straight_poses(path, *ends)
+                if not len(collisions(space, poses)):
+                    length_m = float(np.hypot(*np.diff(path, axis=0).T).sum() * side_m)
+                    return Plan(space.to_world(poses), length_m, expanded + search.expanded)
+            if not goes_on():
+                expanded += search.expanded
+                return PlanFailure(Reason.OUT_OF_TIME, "the time was over", None, expanded)
+            expanded += search.expanded
+        if expanded:
+            text = "there is a way, but the trees did not find one that the body can take"
+            return PlanFailure(Reason.NOT_FOUND, text, None, expanded)
+        return no_path(space, start, goal, expanded)
+
+    @abstractmethod
+    def _grow(self, search: _Search, goes_on: GoesOn) -> NDArray[np.float64] | None:
+        """Return the points of a path, (n, 2) in cells, or None."""
+
+
+class _Search:
+    """What a tree grows in."""
+
+    def __init__(
+        self, clearance: NDArray[np.float32], radius: float, ends: tuple[SE2, SE2], seed: int
+    ) -> None:
+        self.clearance, self.radius = clearance, radius
+        self.start, self.goal = ((end.x_m, end.y_m) for end in ends)
+        self.rng = np.random.default_rng(seed)
+        self.expanded = 0
+        passable = clearance >= radius
+        labels, _ = ndimage.label(passable)
+        a, b = (labels[math.floor(y), math.floor(x)] for x, y in (self.start, self.goal))
+        self.may_succeed = bool(a == b != 0)
+        """Whether a circle can pass from the start to the goal."""
+        passable = labels == a  # a tree cannot leave the start's area
+        self.free = np.argwhere(passable).astype(np.int32)
+        self.narrow = np.argwhere(_narrow(passable)).astype(np.int32)
+
+    def tree(self, root: Point) -> Tree:
+        """Return a tree that begins at a point."""
+        return make_tree(self.clearance.shape, _CAPACITY, _BUCKET, root)
+
+    def sees(self, a: Point, b: Point) -> bool:
+        """Return whether the straight piece between two points is free."""
+        return bool(free_share(self.clearance, self.radius, *a, *b) >= 1.0)
+
+
+class Rrt(TreePlanner):
+    """One tree from the start, until it sees the goal."""
+
+    def _grow(self, search: _Search, goes_on: GoesOn) -> NDArray[np.float64] | None:
+        if search.sees(search.start, search.goal):
+            return np.array([search.start, search.goal])
+        tree = search.tree(search.start)
+        status, node = 1, -1
+        while status not in (FOUND, FULL) and goes_on():
+            status, node = grow_single(
+                tree, _BUCKET, search.clearance, search.radius, search.goal,
+                search.free, search.narrow, search.rng, _LONGEST, _ROUNDS,
+            )  # fmt: skip
+        search.expanded += int(tree.size[0])
+        return np.vstack([branch(tree, node), search.goal]) if status == FOUND else None
+
+
+class RrtConnect(TreePlanner):
+    """Two trees, from start and goal, that grow to each other."""
+
+    def _grow(self, search: _Search, goes_on: GoesOn) -> NDArray[np.float64] | None:
+        if search.sees(search.start, search.goal):
+            return np.array([search.start, search.goal])
+        trees = search.tree(search.start), search.tree(search.goal)
+        status, one, other = 1, -1, -1
+        while status not in (FOUND, FULL) and goes_on():
+            status, one, other = grow_both(
+                trees, _BUCKET, search.clearance, search.radius,
+                search.free, search.narrow, search.rng, _LONGEST, _ROUNDS,
+            )  # fmt: skip
+        search.expanded += int(trees[0].size[0] + trees[1].size[0])
+        if status != FOUND:
+            return None
+        return np.vstack([branch(trees[0], one), branch(trees[1], other)[::-1]])
+
+
+class RrtStar(TreePlanner):
+    """One tree whose paths become shorter as it grows: RRT*, with informed samples."""
+
+    def _grow(self, search: _Search, goes_on: GoesOn) -> NDArray[np.float64] | None:
+        if search.sees(search.start, search.goal):
+            return np.array([search.start, search.goal])
+        tree = search.tree(search.start)
+        seen = np.zeros(4096, np.int32)
+        best, status, left = math.inf, 1, _OPTIMAL_ROUNDS
+        while status != FULL and left > 0 and goes_on():
+            status, best = grow_optimal(
+                tree, _BUCKET, search.clearance, search.radius, (*search.start, *search.goal),
+                search.free, search.narrow, search.rng, _LONGEST, best, seen, _ROUNDS,
+            )  # fmt: skip
+            left -= _ROUNDS if best < math.inf else 0
+        search.expanded += int(tree.size[0])
+        if best == math.inf:
+            return None
+        nodes = seen[1 : seen[0] + 1]
+        rest = np.hypot(*(np.array(search.goal) - tree.xy[nodes]).T)
+        node = int(nodes[np.argmin(tree.cost[nodes] + rest)])
+        return np.vstack([branch(tree, node), search.goal])
+
+
+def _narrow(passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the passable cells with walls on two opposite sides, near by: the bridge test.
+
+    Hsu, Jiang, Reif, Sun, "The bridge test for sampling narrow passages", 2003.
+    """
+    padded = np.pad(passable, _NARROW)
+    rows, columns = passable.shape
+    result = np.zeros(passable.shape, np.bool_)
+    for down, right in ((0, 1), (1, 0)):
+        ahead = np.full(passable.shape, _NARROW + 1)
+        behind = ahead.copy()
+        for k in range(_NARROW, 0, -1):
+            for sign, gap in ((1, ahead), (-1, behind)):
+                row, column = _NARROW + sign * k * down, _NARROW + sign * k * right
+                gap[~padded[row : row + rows, column : column + columns]] = k
+        result |= ahead + behind - 1 <= _NARROW
+    return result & passable
