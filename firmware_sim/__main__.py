@@ -1,6 +1,6 @@
 """`python -m firmware_sim`: the simulated robot as a process of its own, in real time.
 
-SIGTERM and SIGINT end it; SIGHUP, as ending and starting it anew, is a power cycle of all nodes.
+SIGTERM and SIGINT end it; SIGHUP, like a restart of the program, is a power cycle of all nodes.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ def _make_directory(path: Path) -> None:
     except (FileExistsError, NotADirectoryError):
         raise SimulationError(f"--state {path}: not a directory") from None
     except OSError as error:
-        raise SimulationError(f"--state {path}: cannot be made: {error.strerror}") from error
+        raise SimulationError(f"--state {path}: cannot be created: {error.strerror}") from error
 
 
 def _camera_arguments(options: argparse.Namespace) -> list[str]:
@@ -216,7 +216,7 @@ def _open_clock(path: Path) -> SharedClock:
     try:
         return SharedClock(path)
     except OSError as error:
-        raise SimulationError(f"--clock {path}: cannot be made: {error.strerror}") from error
+        raise SimulationError(f"--clock {path}: cannot be created: {error.strerror}") from error
 
 
 def _open_log(simulation: Simulation, options: argparse.Namespace, channel: str) -> LogWriter:
@@ -263,7 +263,7 @@ def _check_bus(name: str) -> None:
 
 
 def _announce_when_booted(simulation: Simulation, options: argparse.Namespace) -> None:
-    """Print the line that says that the robot is there, once its nodes have booted."""
+    """Print the ready line once the nodes have booted."""
     bus = simulation.bus
     addresses = [
         f"{key}={getattr(options, key)}" for key in STREAMS if getattr(options, key) is not None
@@ -284,7 +284,7 @@ def _announce_fault(line: str) -> None:
 
 
 def _finished(simulation: Simulation, signals: list[int], duration_s: float) -> bool:
-    """Answer the signals that have come; tell whether it is time to end."""
+    """Handle received signals; return whether to end."""
     if signal.SIGHUP in signals:
         signals.remove(signal.SIGHUP)
         simulation.power_cycle()

@@ -17,7 +17,7 @@ class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are one line."""
 
     def error(self, message: str) -> NoReturn:
-        """End with status 2; says what to do about a value that looks like an option."""
+        """Exit with status 2, with a hint for a value that looks like an option."""
         if message.endswith("expected one argument"):
             message += "; one that begins with a minus sign needs `=`, as --start=-1,2,90"
         self.exit(2, f"{self.prog}: {message}\n")
@@ -42,7 +42,7 @@ def parse_natural(text: str) -> int:
 
 
 def tell(line: str) -> None:
-    """Write a line to standard output at once; drop it, and all later ones, where nobody reads."""
+    """Write a line to standard output at once; drop it and all later ones without a reader."""
     try:
         sys.stdout.write(f"{line}\n")
         sys.stdout.flush()
@@ -68,7 +68,7 @@ def file_among(folder: str, *suffixes: str) -> Callable[[str], Path]:
                 if (place / name).is_file():
                     return place / name
         if Path(text).suffix in suffixes or "/" in text:
-            return Path(text)  # what is wrong with it is said by who reads it
+            return Path(text)  # its errors are reported by its reader
         names = sorted(each.stem for each in (configs / folder).glob(f"*{suffixes[0]}"))
         raise argparse.ArgumentTypeError(
             f"{text!r} is no file, and no name of one that comes along: {', '.join(names)}"

@@ -29,9 +29,9 @@ _PACKAGE = Path(__file__).parent
 
 
 def _parents() -> Iterator[Path]:
-    """Where the cache may be: as the user says, with the sources, in the user's own folders.
+    """Possible cache folders: the user's choice, beside the sources, in the user's own folders.
 
-    A folder that somebody else could write to is none: what is cached runs as this user.
+    A folder that others can write to is not used, because cached code runs as this user.
     """
     if _NUMBA.CACHE_DIR:
         yield Path(_NUMBA.CACHE_DIR) / "firmware_sim"
@@ -97,7 +97,7 @@ NOT_KEPT = (
     else "note: no folder takes the compiled code, so each start compiles for half a minute; "
     "NUMBA_CACHE_DIR=FOLDER names one that does"
 )
-"""What to tell people where compiled code is not kept for the next start; else empty."""
+"""Message for the user if compiled code is not kept for the next start, otherwise empty."""
 
 
 class _Cache(_FUNCTION_CACHE):  # type: ignore[misc] # numba has no types

@@ -47,7 +47,7 @@ class FaultConsole:
             return
         try:
             data = os.read(self._descriptor, 65536)
-        except OSError:  # a closed input, or a terminal that belongs to somebody else now
+        except OSError:  # a closed input, or a terminal now owned by another process
             data = b""
         if not data:
             self._open = False

@@ -1,8 +1,8 @@
 """What the simulation keeps pace with: the computer's clock, or one that waits for the computer.
 
 A computer that is held up gives a simulation, and the control loop that it drives, no time to
-think, which no robot's computer would do. `SharedClock` stands still meanwhile, for the simulation
-and for all processes that read it: simulated time stretches. It is a file in memory of eight signed
+think, which no robot's computer would do. `SharedClock` pauses meanwhile, for the simulation and
+for all processes that read it: simulated time stretches. It is a file in memory of eight signed
 64-bit integers in host byte order, `FIELDS`. The clock reads
 
     min(CLOCK_MONOTONIC - offset, limit)
@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Final, Protocol
 
 MARGIN_NS: Final = 5_000_000
-"""The simulation, and who paces it, may be so late before time stands still [ns]."""
+"""Lag of the simulation, or of its pacer, at which time pauses [ns]."""
 
 HOLD_NS: Final = 400_000_000
-"""What is held up for longer hangs, and time goes on without it [ns]."""
+"""A longer stall counts as a hang, and time continues without it [ns]."""
 
 GONE_NS: Final = 500_000_000
-"""A clock that was written last so long ago is without limit [ns]."""
+"""Age of the last write after which a clock has no limit [ns]."""
 
 POLL_NS: Final = 500_000
 """How often one that is held up looks whether it still is [ns]."""
@@ -34,7 +34,7 @@ LONGEST_WAIT_NS: Final = 50_000_000
 
 FIELDS: Final = ("offset", "limit", "written", "pid", "deadline", "held", "longest", "spare")
 """In ns but `pid`: the process that paces the clock, 0: none; `deadline`: until when it sleeps, by
-this clock. `held`: how long time has stood still; `longest`: at most at a time."""
+this clock. `held`: how long time has paused; `longest`: at most at a time."""
 
 _OFFSET, _LIMIT, _WRITTEN, _PID, _DEADLINE, _HELD, _LONGEST = range(7)
 
@@ -55,7 +55,7 @@ class Pace(Protocol):
 
 
 class MonotonicPace:
-    """The computer's clock, which waits for nobody."""
+    """The computer's clock, which never waits."""
 
     longest_wait_ns = LONGEST_WAIT_NS
 
@@ -77,7 +77,7 @@ class SharedClock:
     Parameters
     ----------
     path
-        The file, made anew.
+        The file, created afresh.
 
     Raises
     ------
@@ -94,13 +94,13 @@ class SharedClock:
             self._map = mmap.mmap(file.fileno(), 8 * len(FIELDS))
         self._words = memoryview(self._map).cast("q")
         self._hold_ns = 0
-        """How long time has stood still at the present limit [ns]."""
+        """How long time has paused at the present limit [ns]."""
         self._given_up_ns = 0
-        """The deadline that who paces the clock has missed for too long [ns]."""
+        """The deadline that the pacer has missed for too long [ns]."""
         self.reached(time.monotonic_ns())
 
     def now_ns(self) -> int:
-        """Return the time [ns]; what it lags behind the limit is let go."""
+        """Return the time [ns]; lag behind the limit is dropped."""
         words = self._words
         monotonic_ns = time.monotonic_ns()
         now_ns = monotonic_ns - words[_OFFSET]
@@ -121,7 +121,7 @@ class SharedClock:
         return max(shortest_ns, rest_ns) / 1e9
 
     def reached(self, time_ns: int) -> None:
-        """Let time go on to a margin past the simulation and past the sleep of who paces it."""
+        """Let time run to a margin past the simulation and past its pacer's sleep."""
         words = self._words
         limit_ns = time_ns + MARGIN_NS
         paced_ns = words[_DEADLINE] + MARGIN_NS
@@ -133,7 +133,7 @@ class SharedClock:
         words[_WRITTEN] = time.monotonic_ns()
 
     def _waits_for(self, deadline_ns: int) -> bool:
-        """Return whether to wait for who paces the clock, and still is where it was."""
+        """Return whether to wait for the pacer, which has not moved."""
         if deadline_ns == self._given_up_ns:
             return False
         if self._hold_ns and (self._hold_ns > HOLD_NS or not _runs(self._words[_PID])):

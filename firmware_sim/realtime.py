@@ -1,10 +1,10 @@
 """Keeps a simulation at the pace of a clock and serves the processes around it.
 
 One thread, absolute deadlines: the loop sleeps until the next event of the bus (frames and the
-nodes' timers) or until a client has sent something. A simulator that has been held up for less
-than `LATE_NS` catches up, and the clients notice frames that come late. Beyond that it lets the
-lost time go: the simulation stands still for that long, nothing is made up for in a burst, and
-`late` counts it. `pace.SharedClock` waits for the simulator: it is late then only where it hangs.
+nodes' timers) or until a client has sent something. A simulator that has been held up for less than
+`LATE_NS` catches up, and the clients notice frames that come late. Beyond that it drops the lost
+time: the simulation pauses that long, nothing is caught up in a burst, and `late` counts it.
+`pace.SharedClock` waits for the simulator, which is then late only if it hangs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from firmware_sim.simulation import Simulation
 from firmware_sim.world.truth import Publisher, Scan, Truth
 
 LATE_NS = 50_000_000
-"""Lag from which lost time is let go."""
+"""Lag above which lost time is dropped."""
 TRUTH_PERIOD_NS = 20_000_000
 
 
@@ -37,7 +37,7 @@ class RealTime:
     Parameters
     ----------
     simulation
-        The simulation; its time goes on from where it stands.
+        The simulation; its time continues from its present value.
     services
         Hub or bridge.
     pace
@@ -46,11 +46,11 @@ class RealTime:
     Attributes
     ----------
     origin_ns
-        The clock at time 0 of the simulation [ns]; grows when time is let go.
+        The clock at time 0 of the simulation [ns]; grows when time is dropped.
     late
         How often that has happened.
     late_max_ns
-        How late the loop was at most, whether it let time go or not [ns].
+        Maximum lateness of the loop, whether it dropped time or not [ns].
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class RealTime:
         self._set_origin(self._pace.now_ns() - simulation.now_ns)
 
     def run(self, stop: Callable[[], bool], priority: int = 0) -> None:
-        """Run until `stop`, asked at least every 50 ms, says so.
+        """Run until `stop`, called at least every 50 ms, returns true.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class RealTime:
                 service.service(now_ns)
 
     def write_log(self, log: LogWriter, epoch_ns: int) -> None:
-        """Give a log the times of the clock plus an epoch [ns], also when time is let go."""
+        """Give a log the times of the clock plus an epoch [ns], also when time is dropped."""
         self._log, self._epoch_ns = log, epoch_ns
         self._set_origin(self.origin_ns)
 
@@ -168,7 +168,7 @@ class RealTime:
 
 
 def _raise_priority(priority: int) -> None:
-    """Schedule all threads first in, first out, where permitted: the loop before who publishes."""
+    """Use SCHED_FIFO for all threads, if permitted: the loop above the publishers."""
     if priority <= 0:
         return
     below = max(os.sched_get_priority_min(os.SCHED_FIFO), priority - 1)

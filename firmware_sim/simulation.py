@@ -1,9 +1,9 @@
 """The simulated robot as one object: bus, nodes, plant and sensors under one virtual time.
 
 Time passes only in `advance`. Nodes are told of frames at the bit, and are woken by the bus's
-timers at the nanosecond they asked for; nothing is polled. The plant runs behind, in whole steps
-of 1 ms, and is brought up to the present only where something touches it: a command, a SYNC, a
-sonar, a guard, a look at the truth.
+timers at the nanosecond they asked for; nothing is polled. The plant lags, in whole steps of 1 ms,
+and is brought up to date only when something touches it: a command, a SYNC, a sonar, a guard, a
+look at the truth.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ class Simulation:
         return self.bus.now_ns
 
     def warm(self) -> None:
-        """Compile, or load from the cache, what the first steps would else wait for."""
+        """Compile, or load from the cache, what the first steps would wait for."""
         self.plant.warm()
         self._ring.warm()
 
@@ -210,7 +210,7 @@ class Simulation:
             self._boot(node)
 
     def supervise(self) -> None:
-        """Hold the drive in reset, or let it boot, as its supply is now."""
+        """Hold the drive in reset, or let it boot, according to its supply."""
         drive = self.drive
         held = self._stage.holds_in_reset()
         if held and self.runs(drive):
@@ -305,7 +305,7 @@ class Simulation:
         """Return a picture from where the robot is now; None where it has no camera.
 
         The first takes seconds: the camera is made ready for this world. `origin_ns` is added to
-        the time stamp, as in `truth`. `[simulation.camera] latency_ms` is up to who hands it on.
+        the time stamp, as in `truth`. The caller applies `[simulation.camera] latency_ms`.
         """
         if self.config.camera is None:
             return None

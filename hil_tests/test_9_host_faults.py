@@ -301,13 +301,13 @@ def test_a_robot_that_must_have_a_ground_station_stops_without_it(
         limit_ms += 1000 * rig.config.mavlink.gcs_timeout_s
     rig.wait(lambda: rig.navigation.mode == Mode.HOLD, PATIENT_S, "it holds")
     taken_ms = (rig.navigation.stamp_ns - beaten_ns) / 1e6
-    assert rig.navigation.message == "hold: no ground station is there"
+    assert rig.navigation.message == "hold: no ground station is connected"
     reaction(fault, taken_ms)
     assert taken_ms <= limit_ms + HELD_UP_MS
     rig.at_rest()
     before = rig.fresh_truth()
     rig.ask_for_mode(Mode.GUIDED)
-    refused = "refused: no ground station is there"
+    refused = "refused: no ground station is connected"
     rig.wait(lambda: rig.navigation.message == refused, PATIENT_S, "GUIDED is refused")
     assert rig.navigation.mode == Mode.HOLD
     assert rig.fresh_truth().distance_m - before.distance_m < 1e-3

@@ -92,7 +92,7 @@ def frame_bit_sequence(arbitration_id: int, data: bytes) -> list[int]:
 def _stuff_step(state: int, bit: int) -> tuple[int, int]:
     """Advance the stuffing state by one bit; return (1 where a stuff bit follows, new state).
 
-    State 0: nothing sent yet; 1..4: so many equal dominant bits; 5..8: so many recessive ones.
+    State 0: nothing sent yet; 1..4: number of equal dominant bits; 5..8: of recessive ones.
     """
     first = 1 + 4 * bit
     if first <= state < first + 4:

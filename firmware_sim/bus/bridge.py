@@ -128,7 +128,7 @@ class Bridge:
                 self.dropped += 1
 
     def _fail(self, error: OSError, now_ns: int) -> None:
-        """Remember the error; a socket whose interface is gone will not find it again by itself."""
+        """Remember the error; a socket does not recover when its interface returns."""
         self.problem = error
         if self._reopen is not None and self._reopen_ns is None:
             self._reopen_ns = now_ns

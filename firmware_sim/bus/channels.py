@@ -1,4 +1,4 @@
-"""Where the socket of a simcan channel lies, and which channels there are.
+"""Path of a simcan channel's socket, and the list of channels.
 
 A channel name `simcan0` means `$XDG_RUNTIME_DIR/robotctl/simcan0.sock`, where that directory
 exists, else `/tmp/robotctl-<uid>/simcan0.sock`. A channel with a slash in it is a path itself.
@@ -63,7 +63,7 @@ def running_channels() -> list[str]:
 
 
 def answers(path: Path) -> bool:
-    """Tell whether somebody listens on a socket."""
+    """Return whether a process listens on a socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
         probe.setblocking(False)
         try:
@@ -79,7 +79,7 @@ def private_directory(path: Path) -> None:
     Raises
     ------
     PermissionError
-        If it exists and belongs to somebody else, or others may enter it.
+        If it exists and belongs to another user, or is open to others.
     """
     path.mkdir(mode=0o700, exist_ok=True)
     status = path.lstat()

@@ -29,7 +29,7 @@ from firmware_sim.bus.state import BusState, Failure, Message, Offer, PortState,
 FLAG_BITS = 6
 DELIMITER_BITS = 8
 SUSPEND_BITS = 8
-"""An error-passive transmitter lets others go first for so long after the intermission."""
+"""Time after the intermission that an error-passive transmitter leaves to others."""
 
 
 class Confinement:
@@ -118,7 +118,7 @@ class Confinement:
                 return strike.bit
         if self._answered(senders, receivers):
             return bus.bits
-        # An error-passive sender's flag is recessive: nobody else sees that it objects.
+        # An error-passive sender's flag is recessive, so no other node sees it.
         seen_by = () if senders[0].counters.passive else receivers
         active = any(not port.counters.passive for port in seen_by)
         flag_bits = 2 * FLAG_BITS if active else FLAG_BITS
@@ -140,7 +140,7 @@ class Confinement:
         if not first:
             return None
         if strike.receiver is not None and first[0].counters.passive:
-            self._deaf = first  # its passive error flag disturbs nobody
+            self._deaf = first  # its passive error flag disturbs no other node
             return None
         others = tuple(port for port in receivers if port not in first)
         # Flags of a CRC error wait for the acknowledge delimiter. Where nobody has acknowledged,

@@ -2,8 +2,8 @@
 
 A frame starts when the bus is free and takes as many bit times as its stuffed bits; of several
 waiting frames the arbitration field decides; receivers are called at the end of the end of frame.
-Without errors a frame takes a short way through `advance`; as soon as an error counter stands
-above zero, a fault is active, or two nodes send one id, `Confinement` takes over.
+Without errors a frame takes a short path through `advance`; as soon as an error counter is above
+zero, a fault is active, or two nodes send one id, `Confinement` takes over.
 
 Time only moves in `advance`. A frame sent at the present time waits for the next `advance`
 before it starts, so all frames sent at one time take part in one arbitration, in whatever order
@@ -132,8 +132,8 @@ class Bus:
         queue_limit
             Frames which wait besides the one being sent.
         restart_ms
-            After bus-off, wait so long (ms) before the recovery of 128 x 11 recessive bits begins;
-            None: only `Port.restart` begins it.
+            After bus-off, wait this long (ms) before the recovery of 128 x 11 recessive bits
+            begins; None: only `Port.restart` begins it.
         listen_only
             The controller neither sends nor acknowledges.
 
@@ -200,10 +200,10 @@ class Bus:
 
     @property
     def next_event_ns(self) -> int | None:
-        """Time of the next thing to happen if nobody sends anything more; None: nothing will.
+        """Time of the next event if no more frames are sent; None: nothing will.
 
-        A real-time server sleeps until then, or until somebody has sent a frame. The endless
-        attempts of a lone error-passive node do not count as events.
+        A real-time server sleeps until then, or until a frame is sent. The endless attempts of a
+        lone error-passive node do not count as events.
         """
         bus = self._state
         due = bus.timer_ns
@@ -342,7 +342,7 @@ class Bus:
             sender.on_sent(frame)
 
     def _route(self, sender: PortState, arbitration_id: int) -> Route:
-        """Find out who gets a sender's frames of one id."""
+        """Determine the receivers of a sender's frames of one id."""
         bus = self._state
         ports = tuple(
             port

@@ -51,7 +51,7 @@ class Disturbance:
         self._confinement.fail()
 
     def send_alone(self, port: PortState) -> None:
-        """Let a cut-off node try to send: nobody acknowledges, up to error-passive."""
+        """Let a cut-off node try to send: no acknowledgement, up to error-passive."""
         if port.alone or not port.queue:
             return
         port.alone = True
@@ -119,7 +119,7 @@ class Disturbance:
             bus.schedule(bus.now_ns + 8 * bus.bit_ns, lambda: self._next_dominant_error(since_ns))
 
     def _dominant_error(self, *, first: bool) -> bool:
-        """Count one error of the dominant bus for everybody; tell whether anything changed."""
+        """Count one error of the dominant bus for all nodes; return whether anything changed."""
         ports = tuple(port for port in self._bus.ports.values() if port.on_bus)
         failure = Failure(
             BusError.BROKEN_ERROR,

@@ -126,7 +126,7 @@ class ErrorCounters:
             self.bus_off = True
 
     def acknowledge_error(self) -> None:
-        """Rule c, exception 1: nobody answers, not even by an error flag.
+        """Rule c, exception 1: no answer, not even an error flag.
 
         TEC + 8, but no more once passive: so a lone node waits at 128 and never goes bus-off.
         """

@@ -29,9 +29,9 @@ class FrameFault:
     start_ns, end_ns
         Only frames from start (included) to end (excluded); None: without end.
     first
-        So many fitting frames pass before the fault may strike (0: strikes the first one).
+        Number of matching frames that pass before the fault may strike (0: strikes the first).
     count
-        Strikes at most so often; None: without limit.
+        Maximum number of strikes; None: without limit.
     probability
         Chance (0..1] that it strikes a fitting frame, drawn from the bus's generator.
     """
@@ -62,7 +62,7 @@ class Destroy(FrameFault):
     ----------
     error
         BIT_ERROR: the transmitter sees it. CRC_ERROR, FORM_ERROR, BIT_STUFFING_ERROR: receivers do.
-        ACK_ERROR is what follows when nobody acknowledges and cannot be asked for here.
+        ACK_ERROR follows from missing acknowledgement and cannot be requested here.
     bit
         Bit after the start of frame at which the error is seen; None: drawn, or where the kind of
         error has its place.
@@ -145,7 +145,7 @@ class Reorder(FrameFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stale(FrameFault):
-    """In the place of the frame the sender sends the last one that it truly sent, once more.
+    """Instead of the frame, the sender repeats the last one it really sent.
 
     A first frame without one before it is sent as it is.
     """
@@ -193,7 +193,7 @@ class AckLess(NodeFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unanswered(NodeFault):
-    """Nobody acknowledges the node's frames, whoever comes to the bus meanwhile."""
+    """No node acknowledges the node's frames, even nodes that join meanwhile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +215,7 @@ class Babble(NodeFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cut:
-    """The wire is cut: the node, or with None every node, neither hears nor is heard.
+    """The wire is cut: the node, or with None every node, neither sends nor receives.
 
     A cut-off node which sends gets acknowledge errors until it is error-passive.
     """
@@ -232,7 +232,7 @@ class Cut:
 class Dominant:
     """The bus is held dominant (a short circuit): no frame passes.
 
-    Whoever was sending goes bus-off; all others become error-passive.
+    The sender goes bus-off; all others become error-passive.
     """
 
     start_ns: int = 0

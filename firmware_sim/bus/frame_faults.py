@@ -26,7 +26,7 @@ from firmware_sim.bus.state import BusState, Offer, PortState
 
 
 class Strike(NamedTuple):
-    """An error to come on the wire: its kind, the bit at which flags begin, who alone sees it."""
+    """An upcoming error on the wire: kind, first bit of its flags, who alone sees it."""
 
     error: BusError
     bit: int
@@ -35,7 +35,7 @@ class Strike(NamedTuple):
 
 @dataclass(slots=True)
 class _Watch:
-    """A frame fault, how often it has fitted and struck, and the last frames that it let pass."""
+    """A frame fault, how often it matched and struck, and the last frames it let pass."""
 
     fault: FrameFault
     seen: int = 0

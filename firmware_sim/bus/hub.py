@@ -5,7 +5,7 @@ arbitration, it acknowledges, it has error counters. There is no thread: the own
 for `Hub.fileno()` to become readable, or for `Bus.next_event_ns`, advances the bus and calls
 `Hub.service`. Frames go out to the clients from within `Bus.advance`, at their completion.
 
-Who may connect: processes of the same user, and root (checked with SO_PEERCRED).
+Only processes of the same user, and root, may connect (checked with SO_PEERCRED).
 
 Flow control: while a client's transmit queue on the bus is full nothing more is read from it, so
 that its own socket fills up and `send` fails there, as it does with ENOBUFS on SocketCAN. What a
@@ -124,9 +124,9 @@ class Hub:
         os.close(self._lock)
 
     def _listen(self) -> socket.socket:
-        """Bind under another name and rename: where the path exists, somebody listens.
+        """Bind under another name and rename, so that an existing path always has a listener.
 
-        What a killed hub left there is replaced; nobody else holds the lock.
+        Replaces what a killed hub left; no other process holds the lock.
         """
         fresh = Path(f"{self.path}.new")
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)

@@ -28,14 +28,14 @@ class Client:
     epoll
         What waits for the socket; it is registered there.
     greet
-        Called with the client's name and options when it says hello.
+        Called with the client's name and options at its hello.
     backlog
         Frames kept while it is slow.
 
     Attributes
     ----------
     port
-        The client's node; None before it has said hello.
+        The client's node; None before its hello.
     lost
         Frames it was too slow to take.
     malformed
@@ -93,7 +93,7 @@ class Client:
         self.watch()
 
     def watch(self) -> None:
-        """Wait for what it can do next: send, unless paused; receive, if it is behind."""
+        """Wait for the next possible event: send, unless paused; receive, if it is behind."""
         events = 0 if self.paused else select.EPOLLIN
         if self._backlog or self._overflown:
             events |= select.EPOLLOUT

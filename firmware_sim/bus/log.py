@@ -97,7 +97,7 @@ class LogWriter:
     channel
         Name of the bus in the log.
     epoch_ns
-        Added to the time of the bus (ns); may be set anew when its clock has stood still.
+        Added to the time of the bus (ns); may be changed after its clock has paused.
     file_bytes
         A file given by its path that has become larger is followed by another.
     next_file
@@ -150,7 +150,7 @@ class LogWriter:
         self._bytes = 0
 
     def flush(self) -> None:
-        """Pass on what has been written so far."""
+        """Flush what has been written so far."""
         if not self._file.closed:
             try:
                 self._file.flush()
@@ -158,7 +158,7 @@ class LogWriter:
                 self._give_up(error)
 
     def _give_up(self, error: OSError) -> None:
-        """Write no more, where the disk is full for example: the bus goes on."""
+        """Stop writing, for example on a full disk: the bus continues."""
         sys.stderr.write(f"{self._file.name}: logging of frames stopped: {error.strerror}\n")
         with suppress(OSError):
             self._file.close()

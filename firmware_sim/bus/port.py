@@ -16,8 +16,8 @@ class Port:
     """What a node's program has of its CAN controller and driver. Made by `Bus.attach`.
 
     The queue is first in, first out, as Linux's default queue for CAN interfaces with a single
-    transmit mailbox: an urgent frame waits behind the same node's earlier ones. It takes
-    `queue_limit` frames besides the one being sent.
+    transmit mailbox: an urgent frame waits for the same node's earlier ones. It takes `queue_limit`
+    frames besides the one being sent.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Port:
     def close(self) -> None:
         """Stop receiving, send what is queued, then leave the bus.
 
-        What nobody acknowledges is given up, so that no ghost keeps on sending.
+        Unacknowledged frames are given up, so that no ghost keeps sending.
         """
         self._state.closing = True
         self._bus.rewire()

@@ -279,7 +279,7 @@ class SimCanBus(can.BusABC):
 
 
 def _connect(channel: str) -> socket.socket:
-    """Connect to a channel's hub, wherever it lies."""
+    """Connect to a channel's hub."""
     paths = socket_paths(channel)
     problems = []
     for path in paths:
@@ -304,7 +304,7 @@ def _connect(channel: str) -> socket.socket:
 
 
 def _check_owner(connection: socket.socket, path: Path) -> None:
-    """Refuse a hub of another user, who could make the robot believe anything."""
+    """Refuse a hub of another user, who could feed the robot false data."""
     layout = struct.Struct("3i")
     packed = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, layout.size)
     user = layout.unpack(packed)[1]

@@ -59,7 +59,7 @@ class BusOffRecovery:
                 self._recovered(port)
 
     def _check(self, port: PortState) -> None:
-        """Look whether the pauses so far suffice; else come back when they could."""
+        """Check whether the pauses so far suffice; otherwise retry when they could."""
         if port not in self._recovering:
             return
         bus = self._bus

@@ -44,7 +44,7 @@ def serve(
     advance: Callable[[int], None] | None = None,
     tick_ns: int | None = None,
 ) -> None:
-    """Keep a bus at the pace of the clock until `stop` says so.
+    """Keep a bus at the pace of the clock until `stop` returns true.
 
     It waits with `select`, which takes microseconds; epoll and poll round up to milliseconds, so
     that frames would come late.

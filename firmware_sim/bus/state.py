@@ -1,6 +1,6 @@
 """The state of a bus and of each of its ports: one value, on which all parts of the bus work.
 
-The parts import this file and it imports none of them; what they tell each other stands here.
+The parts import this file and it imports none of them; it holds their shared state.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Failure(NamedTuple):
     flag_bits
         Length of the superposed error flags.
     outlasted
-        Whether another's active flag goes on behind those of `first` (rule b).
+        Whether another's active flag continues after those of `first` (rule b).
     """
 
     error: BusError
@@ -108,7 +108,7 @@ class PortState:
     alone
         Whether it tries to send on a cut wire.
     heard
-        Whether somebody acknowledges its frames.
+        Whether any node acknowledges its frames.
     direct
         Whether its frames may go into the queue without a further look.
     """
@@ -186,7 +186,7 @@ class BusState:
     taps
         Observers.
     senders
-        Who sends at present: several where they send one and the same frame.
+        Present senders: several if they send the same frame.
     offer, bits
         The frame on the wire and its length (bits).
     failure
@@ -199,7 +199,7 @@ class BusState:
         Whether an attempt needs a look at each port.
     hopeless
         Whether the last attempt was a lone error-passive node's: nothing comes of the next ones
-        either, until somebody else comes or sends.
+        either, until another node joins or sends.
     dominant
         How many causes hold the wire dominant.
     watches_sending, watches_wire
@@ -245,7 +245,7 @@ class BusState:
         self.timer_ns = self.timers[0][0]
 
     def rewire(self) -> None:
-        """Work out anew what depends on who is on the bus and in which state."""
+        """Recompute what depends on the nodes on the bus and their states."""
         self.hopeless = False
         ports = self.ports.values()
         answering = [port for port in ports if port.answers]
@@ -261,7 +261,7 @@ class BusState:
         self.reconsider()
 
     def reconsider(self) -> None:
-        """Decide whether frames may take the short way."""
+        """Decide whether frames may take the short path."""
         now_ns = self.now_ns
         self.slow = (
             self.watches_wire
@@ -313,13 +313,13 @@ class BusState:
             self.detach(port)
 
     def observers(self, arbitration_id: int) -> tuple[Receive, ...]:
-        """Return who sees frames or error messages of an id without being a node."""
+        """Return the listeners that see frames or error messages of an id without being nodes."""
         return tuple(
             tap.observe for tap in self.taps if tap.ids is None or arbitration_id in tap.ids
         )
 
     def deliver(self, messages: list[Message]) -> None:
-        """Hand error messages to those who want them; last of all, for they may send."""
+        """Hand error messages to their subscribers; last of all, because they may send."""
         now_ns = self.now_ns
         for port, classes, data in messages:
             if port.errors and not port.detached:

@@ -33,7 +33,7 @@ MAX_MESSAGE = len(FILTERS_MAGIC) + MAX_FILTERS * FILTER.size
 
 
 class Options(enum.IntFlag):
-    """What a client wants."""
+    """A client's request."""
 
     RECEIVE_OWN = 1
     ERRORS = 2
@@ -41,7 +41,7 @@ class Options(enum.IntFlag):
 
 
 class Answer(enum.IntEnum):
-    """What a hub says to a hello."""
+    """A hub's answer to a hello."""
 
     OK = 0
     REFUSED = 1
@@ -75,7 +75,7 @@ def pack_hello(name: str, options: Options) -> bytes:
 
 
 def unpack_hello(message: bytes) -> tuple[str, Options] | None:
-    """Return (name, options) of a greeting; None if it is none of this version."""
+    """Return (name, options) of a greeting; None if it is not of this version."""
     if len(message) != HELLO.size:
         return None
     magic, options, _, name = HELLO.unpack(message)
@@ -99,7 +99,7 @@ def pack_filters(filters: Iterable[Filter]) -> bytes:
 
 
 def unpack_filters(message: bytes) -> tuple[Filter, ...] | None:
-    """Return the filters of such a message; None if it is none."""
+    """Return the filters of such a message; None if invalid."""
     packed = message[len(FILTERS_MAGIC) :]
     if not message.startswith(FILTERS_MAGIC) or len(packed) % FILTER.size:
         return None

@@ -8,10 +8,10 @@
 
 The world is 2.5-D: upright prisms on a level floor. Rays of pixels are computed once; for a picture
 the plane about the camera is cut into sectors (`camera_fan`) and each ray with the candidates of
-its sector (`camera_view`), exactly, so that a wall's foot lies where the lens puts it. The
-floor's pattern repeats; it is filtered along the ray by how much of it a pixel covers. Light and
-shadows come from lamps (`camera_light`) and are there before the first picture. A picture depends
-on pose, seed and number alone: the same in lockstep and in real time.
+its sector (`camera_view`), exactly, so that a wall's foot is where the lens puts it. The floor's
+pattern repeats; it is filtered along the ray by how much of it a pixel covers. Light and shadows
+come from lamps (`camera_light`) and are there before the first picture. A picture depends only on
+pose, seed and number: the same in lockstep and in real time.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Which things stand in which direction from the camera: the first half of a picture.
 
-The plane about the camera is cut into narrow sectors. Each lists, nearest first, the things that
-may be met in it, up to one that hides all behind it. Where a single side of a thing spans a sector,
-that side is noted, and a ray is cut with it alone; elsewhere with all sides of the thing. So the
-cuts are exact for every ray, and only their candidates come from the sectors.
+The plane about the camera is cut into narrow sectors. Each lists, nearest first, the objects that
+may be hit in it, up to one that hides everything behind it. Where a single side of a thing spans a
+sector, that side is noted, and a ray is cut with it alone; elsewhere with all sides of the thing.
+So the cuts are exact for every ray, and only their candidates come from the sectors.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Fan:
     Parameters
     ----------
     scene
-        What stands about.
+        The objects.
     sectors
         Number of sectors of the full turn.
     height_m

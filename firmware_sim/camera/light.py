@@ -1,4 +1,4 @@
-"""Light on the floor: lamps below the ceiling and the soft shadows of what stands under them."""
+"""Light on the floor: lamps below the ceiling and soft shadows of objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from firmware_sim.compiled import compiled
 from firmware_sim.world.world import Lamp, World
 
 CEILING_M = 2.4
-"""Height of lamps of which a world's file says nothing."""
+"""Default height of lamps."""
 SPACING_M = 3.6
 REACH_M = 8.0
 RADIUS_M = 0.12
@@ -36,7 +36,7 @@ class Light:
     x_m, y_m
         Middle of cell 0, 0 in world.
     cell_m
-        Side of a cell.
+        Cell size.
     """
 
     cells: np.ndarray
@@ -48,7 +48,7 @@ class Light:
 def floor_light(world: World, scene: Scene, ambient: float) -> Light:
     """Return how bright the floor of a world is; `ambient` is the share without shadows.
 
-    A map says nothing of lamps: its floor is lit evenly.
+    A map has no lamps: its floor is lit evenly.
     """
     low_x, low_y, high_x, high_y = world.bounds
     if world.cells is not None:
@@ -66,7 +66,7 @@ def floor_light(world: World, scene: Scene, ambient: float) -> Light:
         for dx, dy in RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1):
             point = np.array([lamp.at[0] + dx, lamp.at[1] + dy, lamp.at[2], lamp.power])
             add_lamp(point, x_m, y_m, cell, scene.sides, height, hidden, direct)
-    # Within things it is dark, else light would show along their feet.
+    # Inside objects it is dark, otherwise light would show along their feet.
     hidden[:] = 0
     for first, count in zip(scene.first, scene.count, strict=True):
         x, y = scene.sides[first : first + count, :2].T.copy()
@@ -105,7 +105,7 @@ def add_lamp(
     hidden: np.ndarray,
     direct: np.ndarray,
 ) -> None:
-    """Add the light of one point (x, y, z, power) where nothing stands in between."""
+    """Add the unobstructed light of one point (x, y, z, power)."""
     rows, columns = direct.shape
     i0 = max(0, math.floor((lamp[0] - REACH_M - x) / cell))
     i1 = min(columns, math.ceil((lamp[0] + REACH_M - x) / cell) + 1)

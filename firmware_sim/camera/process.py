@@ -2,8 +2,8 @@
 
 The loop writes 40 bytes into a pipe for each exposure: number, time, pose. This process draws the
 newest of them and drops what it is too slow for; each picture is published when the camera's
-latency is over. It ends when the pipe does, and has a process group of its own: a Ctrl-C is for the
-simulator alone.
+latency is over. It ends when the pipe does, and has a process group of its own: Ctrl-C only reaches
+the simulator.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _serve(options: argparse.Namespace) -> None:
     latency_ns = round(robot.simulation.camera.latency_ms * 1e6)
     clock = MonotonicPace() if options.clock is None else ClockReader(options.clock)
     with Publisher(options.camera, _QUEUE_LIMIT) as publisher:
-        # They load numba, for which those who only ask for help need not wait.
+        # Loading numba takes a second, which `--help` need not wait for.
         from firmware_sim.camera.camera import Camera  # noqa: PLC0415
         from firmware_sim.world.world import load_world  # noqa: PLC0415
 

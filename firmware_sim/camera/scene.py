@@ -25,7 +25,7 @@ _LIGHT_RAD = math.radians(35.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What stands in a world. A bare wall is a row of things with one side each.
+    """The objects of a world. A bare wall is a row of things with one side each.
 
     Attributes
     ----------

@@ -2,8 +2,8 @@
 
 Writes for each pose NAME-000.png, and NAME-000.png in the folder `labels` beside it (16 bits: 0
 nothing, 1 floor, 2 and on the things of the world in their order), and NAME.json with the truth:
-poses, the true camera, the ranges to whatever stands nearest in each direction, and the things in
-the picture.
+poses, the true camera, the range to the nearest object in each direction, and the objects in the
+picture.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def png(image: np.ndarray) -> bytes:
 
 
 def _write_all(options: argparse.Namespace) -> None:
-    # They load numba, for which those who only ask for help need not wait.
+    # Loading numba takes a second, which `--help` need not wait for.
     from firmware_sim.camera.camera import Camera  # noqa: PLC0415
 
     robot = load_robot(options.robot, dict(parse_override(text) for text in options.set))
@@ -151,7 +151,7 @@ def _free_poses(
 
 
 def _finite(ranges_m: np.ndarray) -> list[float | None]:
-    """Ranges for JSON, which knows no infinity: None where nothing stands."""
+    """Ranges for JSON, which knows no infinity: None if there is nothing."""
     return [float(each) if math.isfinite(each) else None for each in ranges_m]
 
 

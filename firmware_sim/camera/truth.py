@@ -72,7 +72,7 @@ def true_ranges(
     Returns
     -------
     ndarray
-        (n,) [m]; inf where nothing stands.
+        (n,) [m]; inf if there is nothing.
     """
     x, y = _camera_place(pose, mount)
     bearings = pose[2] + np.asarray(angles_rad, dtype=np.float64)
@@ -102,17 +102,17 @@ def _distances(sides: np.ndarray, x: float, y: float) -> np.ndarray:
     return apart
 
 
-def _met(sides: np.ndarray, x: float, y: float, way: np.ndarray) -> np.ndarray:
-    """Return at how many of its lengths each way from a point meets a side; inf: never.
+def _met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.ndarray:
+    """Return the fraction of its length at which each ray from a point hits a side; inf: never.
 
     For sides (k, 4) and ways (n, 2) it is (k, n).
     """
     ax, ay, bx, by = sides.T[..., None]
     ex, ey = bx - ax, by - ay
-    across = way[:, 0] * ey - way[:, 1] * ex
+    across = ray[:, 0] * ey - ray[:, 1] * ex
     with np.errstate(divide="ignore", invalid="ignore"):
         lengths = ((ax - x) * ey - (ay - y) * ex) / across
-        along = ((ax - x) * way[:, 1] - (ay - y) * way[:, 0]) / across
+        along = ((ax - x) * ray[:, 1] - (ay - y) * ray[:, 0]) / across
     return np.where((lengths > 0.0) & (along >= 0.0) & (along <= 1.0), lengths, np.inf)
 
 
@@ -251,14 +251,14 @@ def _hidden(
     pose: tuple[float, float, float],
     mount: CameraMount,
 ) -> np.ndarray:
-    """Whether something else stands between the camera and each point of a foot, (n,)."""
+    """Whether another object hides each point of a foot from the camera, (n,)."""
     place = _camera_place(pose, mount)
-    way = foot - np.array(place)
+    ray = foot - np.array(place)
     hidden = np.zeros(len(foot), dtype=bool)
     for other in world.things:
         if other is thing:
             continue
-        t = _met(other.sides(), *place, way)
+        t = _met(other.sides(), *place, ray)
         # The line of sight has come down to z_m (1 - t) where it meets a side.
         hides = (t < 1.0 - 1.0e-6) & (mount.z_m * (1.0 - t) <= other.height_m)
         hidden |= hides.any(axis=0)

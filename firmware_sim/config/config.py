@@ -217,7 +217,7 @@ def validate(adapter: TypeAdapter[T], file: TomlFile) -> T:
     except ValidationError as error:
         known = _known_keys(adapter)
         items = error.errors()
-        # What is wrong in a list makes the list wrong: that is said once.
+        # An error in a list makes the list wrong; report it once.
         within = {item["loc"][:n] for item in items for n in range(len(item["loc"]))}
         lines = [_line(file, item, known) for item in items if item["loc"] not in within]
         raise SimulationError("\n".join(lines)) from error
@@ -275,7 +275,7 @@ def _named_key(file: TomlFile, table: Key, message: str) -> tuple[Key, str]:
     key, rule = (*table, *named[1].split(".")), message[named.end() :]
     try:
         found = file.value(key)
-    except (LookupError, TypeError):  # its default, which the message tells where it matters
+    except (LookupError, TypeError):  # its default, which the message names if it matters
         return key, rule
     is_told = isinstance(found, dict | list) or reprlib.repr(found) in rule
     return key, rule if is_told else f"{rule}, found {found!r}"

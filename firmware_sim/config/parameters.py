@@ -84,7 +84,7 @@ Drive: TypeAlias = Annotated[
 @closed
 @dataclass(frozen=True, slots=True)
 class SonarMount:
-    """Where a sonar sits on the robot and where it looks, counter-clockwise from forward."""
+    """Position and direction of a sonar on the robot, counter-clockwise from forward."""
 
     name: str
     x_m: Real
@@ -168,7 +168,7 @@ class BatteryParameters:
     """Lithium-ion cells in series: open-circuit voltage over charge, resistance, one RC pair.
 
     `charge` is the state at power-on (1 full). `voltage_scale` multiplies the open-circuit voltage:
-    a plain way to test with 70 % of the voltage. `electronics_current_a` always flows.
+    a simple test with 70 % of the voltage. `electronics_current_a` always flows.
     """
 
     cells: Annotated[int, Field(strict=True, gt=0, le=1000)] = 3
@@ -234,7 +234,7 @@ class GeometryErrors:
 @closed
 @dataclass(frozen=True, slots=True)
 class SonarParameters:
-    """The ultrasonic sensors of the ring, all alike, `z_m` above the floor.
+    """The ultrasonic sensors of the ring, all identical, `z_m` above the floor.
 
     The cone of `beam_deg` (full angle) is a fan of `rays`; a ray that meets a surface at more than
     `max_incidence_deg` from its normal is lost, except in concave corners, which reflect back.

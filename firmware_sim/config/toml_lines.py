@@ -1,4 +1,4 @@
-"""Where the keys of a TOML file stand, which `tomllib` does not tell."""
+"""Positions of the keys of a TOML file, which `tomllib` does not provide."""
 
 from __future__ import annotations
 

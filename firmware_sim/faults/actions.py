@@ -25,7 +25,7 @@ Begin: TypeAlias = Callable[[FaultyRobot, Arguments], Undo | None]
 
 WHEELS: Final = {"left": 0, "right": 1, "drive": 0}
 OVERLOAD_IDS: Final = {"low": 0x7FF, "high": 0x002}
-"""What the stranger of `overload` sends: behind everybody, or before all but emergency stop."""
+"""Frames of the unknown node of `overload`: after all others, or before all but emergency stop."""
 
 PARAMETERS: Final = {
     "command_timeout": ("drive", drive_objects.COMMAND_TIMEOUT, 0),
@@ -71,7 +71,7 @@ def _all(*ends: Undo) -> Undo:
 
 
 def encoder(factor: int) -> Begin:
-    """Return what lets an encoder count by a factor."""
+    """Return a fault that scales an encoder's counts."""
     return lambda robot, arguments: robot.stage.break_encoder(_channel(arguments), factor).end
 
 
@@ -194,7 +194,7 @@ def reset(robot: FaultyRobot, arguments: Arguments) -> None:
 
 
 def lose_parameters(robot: FaultyRobot, arguments: Arguments) -> None:
-    """Damage what a node has stored, and let it boot."""
+    """Damage a node's stored parameters, and let it boot."""
     name = str(arguments["node"])
     robot.stores[name].damaged = True
     robot.power_cycle(name)
@@ -241,7 +241,7 @@ def drift(robot: FaultyRobot, arguments: Arguments) -> Undo:
 
 
 def lose(*identifiers: int) -> Begin:
-    """Return what lets receivers lose all frames of some identifiers."""
+    """Return a fault in which receivers lose all frames of some identifiers."""
 
     def begin(robot: FaultyRobot, arguments: Arguments) -> None:
         for identifier in identifiers:

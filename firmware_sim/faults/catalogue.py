@@ -1,7 +1,7 @@
 """All kinds of faults: `CATALOGUE`; `docs/faults.md` is generated from it.
 
 Faults of frames and bus are those of `firmware_sim.bus.faults`; those of the drive and the sonars
-sit between the true robot and its firmware, in `firmware_sim.faults.faulty_parts`.
+are between the true robot and its firmware, in `firmware_sim.faults.faulty_parts`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Kind:
     help
         What happens, in a line.
     begin
-        Lets it begin; returns what ends it, or None where nothing is left to end.
+        Starts it; returns what ends it, or None if there is nothing to end.
     parameters
         By name.
     fits

@@ -1,7 +1,7 @@
 """Faults of the simulated robot, each set off by one line: `encoder_stuck wheel=left duration=0.5`.
 
-The kinds stand in `fault_catalogue`. A fault that lasts ends by itself after its `duration`, or by
-`clear`; faults of the bus end by themselves alone.
+The kinds stand in `fault_catalogue`. A lasting fault ends after its `duration`, or by `clear`;
+faults of the bus end only by themselves.
 """
 
 from __future__ import annotations

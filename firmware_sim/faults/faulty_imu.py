@@ -1,4 +1,4 @@
-"""What stands between the true inertial sensors and the IMU's firmware, and can break."""
+"""Fault layer between the true inertial sensors and the IMU's firmware."""
 
 from __future__ import annotations
 

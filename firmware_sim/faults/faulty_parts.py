@@ -1,7 +1,7 @@
-"""What stands between the true robot and its firmware, and can break.
+"""Fault layer between the true robot and its firmware.
 
-The true robot does what physics says while the firmware sees what is broken. A part without a
-fault passes everything through unchanged.
+The true robot obeys physics while the firmware sees the fault. A part without a fault passes
+everything through unchanged.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class FaultyStage:
         return _add(self._added_c, channel, rise_k)
 
     def lose_voltage(self, lost_v: float) -> None:
-        """Let the supply at the bridges be lower [V] than so far; negative: give it back."""
+        """Lower the supply at the bridges [V]; negative: restore it."""
         self._lost_v = _without_dust(self._lost_v + lost_v)
         self._pass_on()
 
@@ -244,7 +244,7 @@ class FaultyStage:
 
 
 class FaultyRing:
-    """The sonars as the ring's firmware hears them.
+    """The sonars as the ring's firmware reads them.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ class FaultyRing:
         self._stuck += by
 
     def leak(self, listener: int, speaker: int) -> Undo:
-        """Let one sonar take the echo of another for its own.
+        """Make one sonar mistake the echo of another for its own.
 
         Raises
         ------
@@ -301,7 +301,7 @@ class FaultyRing:
         return ranges_m
 
     def _mixed(self, ranges_m: Ranges, listener: int, speaker: int) -> Ranges:
-        """Return the ranges of a group in which one sonar hears another, if that echo is first.
+        """Return a group's ranges in which one sonar takes another's earlier echo.
 
         The sound goes from the speaker to what it sees and from there straight to the listener,
         which takes half of the way for its range.

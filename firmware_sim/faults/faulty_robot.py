@@ -52,7 +52,7 @@ class FaultyRobot:
     run_to
         Brings the plant to a time [ns].
     supervise
-        Holds the drive in reset, or lets it boot, as its supply is now.
+        Holds the drive in reset, or lets it boot, according to its supply.
     power_cycle
         Takes the supply from a node, by name, and gives it back.
     """

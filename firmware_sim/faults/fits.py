@@ -39,7 +39,7 @@ def wheel(robot: RobotConfig, arguments: Arguments) -> Misfits:
 
 
 def exchange(robot: RobotConfig, _arguments: Arguments) -> Misfits:
-    """Yield where the robot has no two motors, whose encoders could be exchanged."""
+    """Yield a misfit if the robot does not have two motors whose encoders could be swapped."""
     if not isinstance(robot.drive, DifferentialDrive):
         yield KIND, f"the {robot.drive.kind} drive has one motor, whose encoder has no other socket"
 

@@ -1,16 +1,16 @@
-"""Looks for motion that nobody allowed, from outside: by the wire, and by the true robot.
+"""Detects unauthorised motion from outside: from the wire and the true robot.
 
-The monitor knows nothing of the drive's own guards and states, and nothing of the host. What
-forbids power counts as soon as it has passed the bus; what allows it only once it was delivered to
-the drive's controller, whoever sent it. It looks at the bridges and the body of the true robot.
-What it holds against a robot:
+The monitor knows nothing of the drive's own guards and states, and nothing of the host. Frames that
+forbid power count once they have passed the bus; frames that allow it only once delivered to the
+drive's controller, from any sender. It looks at the bridges and the body of the true robot. What it
+holds against a robot:
 
 - power at the wheels later than the drive's time-out after the last command that allowed it. A
   command allows power if it is sound, new, and says "enable", and forbids it with a "no" if it is
   sound, new or not; after an emergency stop it allows only once the drive's latch has been cleared,
-  over the bus or by the loss of its supply, and a command has said "no"; after a "no" only once
-  somebody has armed the robot anew, where armings are told of;
-- steering that goes on where the wheels may have no power: it stays where it is;
+  over the bus or by the loss of its supply, and a command has said "no"; after a "no" only once the
+  robot was armed again, if armings are reported;
+- steering that moves while the wheels may have no power: it should stay;
 - more speed than the robot is allowed.
 
 Power is torque-making voltage: a bridge that drives with a duty that is not zero. The time-out is
@@ -31,7 +31,7 @@ PERIOD_NS: Final = 5_000_000
 """Between two looks at the robot [ns]."""
 
 TIMEOUT_MARGIN_NS: Final = 10_000_000
-"""A drive whose clock is slow, as it may be, takes so much longer than its time-out [ns]."""
+"""Extra time-out of a drive whose clock is as slow as allowed [ns]."""
 
 GRACE_NS: Final = 6_000_000
 """The drive takes effect each millisecond, and the monitor looks each fifth [ns]."""
@@ -40,13 +40,13 @@ OVERSPEED: Final = 1.3
 """Share of the allowed speed that is held against the robot: room for overshoot and slip."""
 
 STEERED_RAD: Final = 0.05
-"""By so much a steering that is held may move: its servo settles [rad]."""
+"""Motion allowed to a held steering while its servo settles [rad]."""
 
 KEPT: Final = 100
 """Findings kept; all are counted."""
 
 FORBIDS: Final = (0x001, 0x001 | REMOTE_FLAG)
-"""Identifiers of the emergency stop, which the monitor hears on the bus."""
+"""Identifiers of the emergency stop, which the monitor reads on the bus."""
 
 _SDO_TO_DRIVE: Final = 0x601
 _CLEAR_FAULTS: Final = bytes((0x2F, 0x10, 0x20, 0x00, 0x01))
@@ -74,7 +74,7 @@ class Allowed(NamedTuple):
 
 
 class Unsafe(NamedTuple):
-    """One motion that nobody allowed: when it began, and why it is one."""
+    """One unauthorised motion: start and reason."""
 
     stamp_ns: int
     reason: str
@@ -112,7 +112,7 @@ class SafetyMonitor:
         self._allowed_ns: int | None = None
         self._why = ""
         self._held_rad: float | None = None
-        """Where the steering stood when the wheels were not allowed power any more."""
+        """Steering angle when the wheels lost their permission."""
         self._said_yes = False
         self._cleared = self._said_no = True
         self._now_ns = 0
@@ -121,7 +121,7 @@ class SafetyMonitor:
         self._present = ""
 
     def on_arming(self, number: int) -> None:
-        """Take note that somebody arms the robot on purpose, by a number of his own."""
+        """Note a deliberate arming, by a number of its own."""
         self._armings = (self._armings or {}) | {number: self._now_ns}
 
     def on_refusal(self, number: int) -> None:
@@ -130,7 +130,7 @@ class SafetyMonitor:
             self._armings.pop(number, None)
 
     def on_bus(self, frame: Frame) -> None:
-        """Hear a frame that has passed the bus, whoever received it."""
+        """Process a frame that has passed the bus, whoever received it."""
         if frame.arbitration_id in FORBIDS:
             self._cleared = self._said_no = False
             self._why = "an emergency stop"
@@ -144,7 +144,7 @@ class SafetyMonitor:
             self._cleared = True
 
     def on_power_up(self) -> None:
-        """Take note that the drive begins anew: what it had latched is gone with its supply."""
+        """Note a restart of the drive: its latches are lost with its supply."""
         self._cleared = True
 
     def _on_command(self, data: bytes, stamp_ns: int) -> None:

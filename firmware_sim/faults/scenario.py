@@ -123,7 +123,7 @@ def play(scenario: Scenario, faults: Faults, announce: Callable[[str], None]) ->
     faults
         Those of the simulation.
     announce
-        Is told of each fault as it begins: `12.500 s: encoder_stuck wheel=right duration=1`, and
+        Called for each fault as it begins: `12.500 s: encoder_stuck wheel=right duration=1`, and
         after that ` failed: ` and why where it could not begin.
     """
     streams = np.random.SeedSequence(scenario.seed).spawn(len(scenario.faults))
@@ -272,7 +272,7 @@ class _Reader:
 
 
 def _line(time_s: float, planned: PlannedFault) -> str:
-    """Return what is told of a fault that begins."""
+    """Return the message about a fault that begins."""
     return f"{_nanoseconds(time_s) / 1e9:.3f} s: {planned}"
 
 

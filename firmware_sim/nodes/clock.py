@@ -20,7 +20,7 @@ class LocalClock:
         self._read_ns, self._true_ns = 0, now_ns
 
     def drift(self, ppm: float, now_ns: int) -> None:
-        """From now on run faster by so many parts per million than so far."""
+        """Run faster by some parts per million from now on."""
         self._read_ns, self._true_ns = self.read(now_ns), now_ns
         self._ppm += ppm
 

@@ -51,8 +51,8 @@ GUARD_DUE_NS: Final = 30 * MILLISECOND_NS
 MAX_COUNTER_STEP: Final = 3
 """E2E_MaxDeltaCounter of MotorCommand."""
 ENABLE_FRAMES: Final = 3
-"""So many valid commands that say Enable=1, without a 0 between, enable the motors: a frame that
-somebody's controller held back for long does not."""
+"""Consecutive valid commands with Enable=1 that enable the motors; a single frame that a CAN
+controller delayed does not."""
 NO_ECHO: Final = 15
 AGE_MAX_MS: Final = 255
 
@@ -236,10 +236,10 @@ class DriveNode(Node):
                 self._apply(0.0, 0.0, self._steering_rad, bridge)
 
     def _heed_off(self, now_ns: int) -> None:
-        """Obey a command that says Enable=0 whatever its counter.
+        """Obey a command with Enable=0 whatever its counter.
 
-        Late, it costs a moment. Behind frames that were held back it is the host's present will,
-        which their counters make look late.
+        Late, it costs a moment. After delayed frames it is the host's present command, which their
+        counters make look late.
         """
         self._enables = 0
         if self._machine.state is _ENABLED:
@@ -315,7 +315,7 @@ class DriveNode(Node):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if self._machine.handle(DriveEvent.CLEAR):
             self._hold(self._now_ns)
-        lost = self.faults & DriveFault.PARAMETER  # until they are stored anew
+        lost = self.faults & DriveFault.PARAMETER  # until they are stored again
         self.faults = lost
         for guard in self._guards:
             guard.reset()
@@ -443,5 +443,5 @@ class DriveNode(Node):
 
 
 def _refuse(_value: int) -> None:
-    """Motors are commanded by the protected PDO alone."""
+    """Motors are commanded only by the protected PDO."""
     raise SdoAbortError(AbortCode.DEVICE_STATE)

@@ -1,8 +1,8 @@
 """The electrical guards of the motor controller: independent of NMT, SDO and commands.
 
-Each guard looks at one sample of the power stage after another and says which faults have
-developed, as bits of `DriveFault` in a plain integer, which is several times faster. Conditions
-must stand for a stated time, so that a transient does not stop the robot.
+Each guard processes samples of the power stage and returns the faults that have developed, as bits
+of `DriveFault` in a plain integer, which is several times faster. Conditions must stand for a
+stated time, so that a transient does not stop the robot.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class _Persistence:
         self._stood_ns = -1
 
     def update(self, condition: bool, elapsed_ns: int) -> bool:
-        """Return whether the condition stood in all samples for at least the limit."""
+        """Return whether the condition held in all samples for at least the limit."""
         if not condition:
             self._stood_ns = -1
             return False
@@ -124,7 +124,7 @@ class ChannelGuard:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what has stood so far."""
+        """Reset the timers."""
         self._count: int | None = None
         self._current = _Persistence(OVER_CURRENT_NS)
         self._temperature = _Persistence(OVER_TEMPERATURE_NS)
@@ -165,7 +165,7 @@ class ChannelGuard:
         return (sample.duty * bus_voltage_v - drop_v) / self._model.back_emf_v_s_rad
 
     def cause_present(self, sample: ChannelSample, limits: Limits) -> int:
-        """Return the faults whose cause still stands, so that they cannot be cleared."""
+        """Return the faults whose cause persists, so that they cannot be cleared."""
         faults = _OVER_CURRENT if abs(sample.current_a) > limits.current_a else 0
         if sample.temperature_c > limits.temperature_c - TEMPERATURE_HYSTERESIS_C:
             faults |= _OVER_TEMPERATURE
@@ -179,7 +179,7 @@ class SupplyGuard:
         self._low = _Persistence(UNDER_VOLTAGE_NS)
 
     def reset(self) -> None:
-        """Forget what has stood so far."""
+        """Reset the timers."""
         self._low = _Persistence(UNDER_VOLTAGE_NS)
 
     def update(self, bus_voltage_v: float, limits: Limits, elapsed_ns: int) -> int:
@@ -188,6 +188,6 @@ class SupplyGuard:
         return _UNDER_VOLTAGE if low else 0
 
     def cause_present(self, bus_voltage_v: float, limits: Limits) -> int:
-        """Return the faults whose cause still stands."""
+        """Return the faults whose cause persists."""
         low = bus_voltage_v < limits.voltage_v + VOLTAGE_HYSTERESIS_V
         return _UNDER_VOLTAGE if low else 0

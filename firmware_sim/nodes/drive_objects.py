@@ -1,4 +1,4 @@
-"""Object dictionary of the motor controller; configs/motor_controller.eds says the same."""
+"""Object dictionary of the motor controller, as in configs/motor_controller.eds."""
 
 from __future__ import annotations
 

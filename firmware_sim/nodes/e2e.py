@@ -5,8 +5,8 @@ CRC, the low nibble of byte 1 the counter 0..14. CRC-8 with polynomial 0x1D, ini
 final xor 0x00, most significant bit first, over the low byte and the high byte of the data id and
 then all payload bytes but the CRC itself.
 
-Fails to detect: a frame held back for exactly a multiple of 15 counts, and one corruption in 256
-of those that CAN's own CRC lets through.
+Undetectable: a frame delayed by exactly a multiple of 15 counts, and one in 256 corruptions that
+pass CAN's own CRC.
 """
 
 from __future__ import annotations

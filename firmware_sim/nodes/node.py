@@ -1,7 +1,7 @@
 """What all nodes have in common: NMT, boot-up, heartbeat, EMCY, SDO, stored parameters (CiA 301).
 
-A node is told of every frame at its exact time (`on_frame`) and asks through its alarm to be woken
-at an exact time without one (`wake`). Its own clock (`clock`) says how long its periods are.
+A node receives every frame at its exact time (`on_frame`) and sets its alarm to be woken at an
+exact time without one (`wake`). Its own clock (`clock`) determines its periods.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ BOOT_NS = 5 * MILLISECOND_NS
 """From power-up to the boot-up message of node 1; each further node takes 1 ms longer."""
 
 COMMANDED_NS = 500 * MILLISECOND_NS
-"""For so long behind a command that lets the motors turn, nodes take no writes."""
+"""Time after a command that enables the motors during which nodes refuse writes."""
 
 
 class CanFrame(Protocol):
@@ -176,7 +176,7 @@ class Node:
             self._reschedule()
 
     def step(self, now_ns: int) -> None:
-        """Do what is due at `now_ns` [ns], then say anew in `next_due_ns` when to be called."""
+        """Do what is due at `now_ns` [ns], then update `next_due_ns`."""
         self._now_ns = now_ns
         if now_ns >= self._boot_ns:
             self._finish_boot(now_ns)
@@ -209,16 +209,16 @@ class Node:
         """Do what is due."""
 
     def _due_ns(self) -> int:
-        """Return when `_step` is next wanted."""
+        """Return when `_step` is next due."""
         return NEVER_NS
 
     def _on_motor_command(self, data: bytes, now_ns: int) -> None:
-        """Note whether the motors are told to turn."""
+        """Note whether the motors are commanded to turn."""
         if len(data) == 8:
             self._powered_ns = now_ns if data[1] & wire.ENABLE else -NEVER_NS
 
     def _is_locked(self) -> bool:
-        """Return whether nobody may write to the dictionary: the robot is under power."""
+        """Return whether writes to the dictionary are refused: the robot is powered."""
         return self._now_ns - self._powered_ns < COMMANDED_NS
 
     # NMT ----------------------------------------------------------------------------------------
@@ -290,7 +290,7 @@ class Node:
         return register
 
     def report(self, trouble: Trouble, detail: bytes = b"") -> None:
-        """Note an error that has appeared and tell the bus, unless it stands already."""
+        """Note a new error and report it on the bus, unless it is already present."""
         if trouble in self._troubles:
             return
         self._troubles.append(trouble)
@@ -299,7 +299,7 @@ class Node:
         self._send_emergency(trouble.code, detail)
 
     def retract(self, *troubles: Trouble) -> None:
-        """Take back errors that are over; tell the bus (code 0) if one of them stood."""
+        """Clear errors that are over; report it on the bus (code 0) if one was present."""
         left = [each for each in self._troubles if each not in troubles]
         if len(left) != len(self._troubles):
             self._troubles = left

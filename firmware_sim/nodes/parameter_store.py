@@ -21,10 +21,10 @@ class ParameterStore(Protocol):
     """Keeps the parameters of one node over a power cycle."""
 
     def load(self) -> dict[Key, int]:
-        """Return what was stored, empty where nothing was; raise `StoreDamagedError`."""
+        """Return the stored data, empty if none; raise `StoreDamagedError`."""
 
     def save(self, values: dict[Key, int]) -> None:
-        """Replace what is stored, or raise OSError and leave it as it was."""
+        """Replace the stored data, or raise OSError and keep it."""
 
     def clear(self) -> None:
         """Forget what is stored, so that the next start uses defaults."""
@@ -50,7 +50,7 @@ class MemoryStore:
 
 
 class FragileStore:
-    """Another store whose content can be damaged, until it is written anew.
+    """A store whose content can be damaged until it is written again.
 
     Parameters
     ----------

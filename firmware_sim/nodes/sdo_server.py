@@ -30,7 +30,7 @@ _SEGMENT_BYTES = 7
 
 @dataclass(slots=True)
 class _Upload:
-    """A segmented upload under way: what is still to be sent."""
+    """A segmented upload in progress: the data still to send."""
 
     index: int
     sub_index: int
@@ -40,7 +40,7 @@ class _Upload:
 
 @dataclass(slots=True)
 class _Download:
-    """A segmented download under way: what has been received."""
+    """A segmented download in progress: the data received."""
 
     variable: Variable
     data: bytearray = field(default_factory=bytearray)
@@ -61,7 +61,7 @@ class SdoServer:
         self._transfer: _Upload | _Download | None = None
 
     def reset(self) -> None:
-        """Forget a transfer under way."""
+        """Drop a transfer in progress."""
         self._transfer = None
 
     def respond(self, request: bytes) -> bytes | None:

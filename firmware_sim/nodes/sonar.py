@@ -54,7 +54,7 @@ def sonar_objects(count: int) -> list[Object]:
 
 
 def range_identifiers(count: int) -> tuple[int, ...]:
-    """Return the identifiers of the frames that tell the ranges of `count` sonars."""
+    """Return the identifiers of the frames with the ranges of `count` sonars."""
     return wire.SONAR_RANGES[: -(-count // GROUP_SIZE)]
 
 

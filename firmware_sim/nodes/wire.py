@@ -121,7 +121,7 @@ def drive_status(
     command_age_ms: int,
     rejected_commands: int,
 ) -> int:
-    """Pack TPDO 3 of the drive: steering angle [rad], supply [V], what it hears of the host.
+    """Pack TPDO 3 of the drive: steering angle [rad], supply [V], the age of the host's commands.
 
     `command_age_ms` saturates at 255, `rejected_commands` is taken modulo 256.
     """

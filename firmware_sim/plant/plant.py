@@ -41,7 +41,7 @@ _DUTY, _WHEEL_OMEGA, _ANGLE, _CURRENT, _WINDING_C = _places(
 
 
 class Bridge(IntEnum):
-    """What the bridges do: drive by duty, let the wheels run free, short the windings."""
+    """States of the bridges: drive by duty, freewheel, short the windings."""
 
     DRIVE = 0
     COAST = 1
@@ -189,7 +189,7 @@ class Plant:
             raise SimulationError(f"{error}; {self._nearest_place(x_m, y_m, theta_rad)}") from error
 
     def place(self, x_m: float, y_m: float, theta_rad: float) -> None:
-        """Put the robot somewhere else, at rest; counts and distance go on.
+        """Move the robot, at rest; counts and distance continue.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class Plant:
             wheel["omega"] = 0.0
 
     def _obstacle(self, x_m: float, y_m: float, theta_rad: float) -> str:
-        """Name of what is in the way of a robot that is put somewhere; "" if nothing is."""
+        """Name of the obstacle to placing the robot somewhere; "" if none."""
         if inside := self._world.solid_at(x_m, y_m):
             return inside
         touches = _overlaps(self._outline, self._segments, x_m, y_m, theta_rad)

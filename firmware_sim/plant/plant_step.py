@@ -95,7 +95,7 @@ def turn_steering(body: np.ndarray, p: np.ndarray) -> None:
 
 @compiled
 def spin_motor(body: np.ndarray, wheels: np.ndarray, p: np.ndarray, k: int) -> None:
-    """Speed of wheel k after the step as if it stood in the air, and the inertia of its motor."""
+    """Speed of wheel k after the step if off the ground, and the inertia of its motor."""
     b, c, w = body[0], p[0], wheels[k]
     w.before = w.omega
     w.resistance = winding_resistance(c.winding_ohm, w.winding_c) + c.bridge_ohm

@@ -39,7 +39,7 @@ LEVEL: Final = Tilt()
 
 
 class Imu:
-    """Feels gravity, the acceleration of the place where it sits, and all turning.
+    """Measures gravity, the acceleration of its mounting point, and all rotation.
 
     Gyro and accelerometer have a constant bias drawn from the seed, and white noise; the floor
     shakes the accelerometer the more, the faster the robot drives.
@@ -92,13 +92,13 @@ class Imu:
         )
 
     def _velocity_world(self, motion: BodyMotion) -> tuple[float, float]:
-        """Return the velocity in world of the place where the sensor sits [m/s]."""
+        """Return the velocity in world of the sensor's mounting point [m/s]."""
         v_x = motion.v_m_s - motion.omega_rad_s * self._mount.y_m
         v_y = motion.lateral_m_s + motion.omega_rad_s * self._mount.x_m
         return _turned(v_x, v_y, motion.theta_rad)
 
     def forget(self) -> None:
-        """Begin anew: the robot has been put somewhere else."""
+        """Reset: the robot has been moved."""
         self._before = None
 
     def _disturbed(self, true: Vector, bias: np.ndarray, sigma: float) -> Vector:

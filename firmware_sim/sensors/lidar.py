@@ -1,4 +1,4 @@
-"""A planar lidar, for estimators that want more than sonar. Its scans do not fit on CAN."""
+"""A planar lidar, for estimators that need more than sonar. Its scans do not fit on CAN."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def cast_fan(
     angles
         Of the rays about the axis, (n,), from `fan_angles`.
     max_range
-        Walls farther than this are not seen [m].
+        Maximum range [m].
     segments
         Walls, (m, 4).
     ranges, hits

@@ -1,8 +1,9 @@
 """The ring of ultrasonic sensors: what their echoes say, and how they mislead.
 
 The echo that counts is the first, from the nearest surface in the cone that reflects back: one met
-at no more than the greatest incidence, or a concave corner. A surface met more flatly hides what is
-behind it and sends nothing. Sensors of a group fire together; one may hear another's sound.
+at no more than the greatest incidence, or a concave corner. A surface met at a flatter angle hides
+what is behind it and returns nothing. Sensors of a group fire together; one may hear another's
+sound.
 """
 
 from __future__ import annotations
@@ -227,7 +228,7 @@ def corner_echo(
 def foreign_echo(
     listener: np.ndarray, speaker: np.ndarray, sensor: np.ndarray, segments: np.ndarray
 ) -> float:
-    """Return the range that a sonar takes another's sound for, mirrored by a wall; inf if none.
+    """Return the range from another's sound, reflected by a wall; inf if none.
 
     The reflection must be in both cones and in sight of both.
     """
@@ -242,7 +243,7 @@ def foreign_echo(
         there = (speaker[0] - wall[0]) * nx + (speaker[1] - wall[1]) * ny
         if here * there <= 0.0:
             continue
-        # The speaker's image behind the wall, and where the way to it meets the wall.
+        # The source's image behind the wall, and where the line to it crosses the wall.
         image_x, image_y = speaker[0] - 2.0 * there * nx, speaker[1] - 2.0 * there * ny
         share = here / (here + there)
         qx = listener[0] + share * (image_x - listener[0])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 ROOM_M = 0.4
-"""Kept to everything on a clear way: more than half of a robot's width and some."""
+"""Clearance of a free line: a little more than half a robot's width."""
 _LONGEST_M = 8.0
 _DIRECTIONS = 72
 
@@ -24,8 +24,8 @@ class Cells:
     Attributes
     ----------
     occupied, free
-        (rows, columns) bool; what is neither is unknown: no wall, but nobody is put there. Row 0
-        is the lowest.
+        (rows, columns) bool; the rest is unknown: no wall, but no robot is placed there. Row 0 is
+        the lowest.
     side_m
         Of a cell.
     origin
@@ -72,7 +72,7 @@ class Cells:
         return low_x, low_y, high_x, high_y
 
     def is_occupied(self, points: np.ndarray) -> np.ndarray:
-        """Whether each point, (n, 2) [m], lies in an occupied cell, (n,)."""
+        """Whether each point, (n, 2) [m], is in an occupied cell, (n,)."""
         return self._at(self.occupied, points)
 
     def is_free(self, points: np.ndarray) -> np.ndarray:
@@ -80,9 +80,9 @@ class Cells:
         return self._at(self.free, points)
 
     def clear_way(self) -> tuple[float, float, float, float]:
-        """Return x, y [m], heading [rad] and length [m] of a straight way from the roomiest place.
+        """Return x, y [m], heading [rad] and length [m] of a straight line from the roomiest place.
 
-        The heading is the one with the longest way, up to 8 m, that keeps `ROOM_M` to all that is
+        The heading is the one with the longest line, up to 8 m, that keeps `ROOM_M` from everything
         not free; the length is 0 where the place has not that much room. There must be a free cell.
         """
         from scipy import ndimage  # type: ignore[import-untyped] # noqa: PLC0415 - it takes 0.1 s

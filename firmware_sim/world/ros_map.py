@@ -55,7 +55,7 @@ def load_cells(path: Path) -> Cells:
 
 
 def _header(path: Path) -> dict[str, Any]:
-    """Return what the yaml file says, all of it as text: YAML 1.1 takes `1e-05` for that anyway."""
+    """Return the content of the yaml file, all as text: YAML 1.1 takes `1e-05` for that anyway."""
     try:
         # BaseLoader makes text, lists and tables of it, nothing else.
         header = yaml.load(path.read_text(encoding="utf-8"), yaml.BaseLoader)  # noqa: S506

@@ -1,4 +1,4 @@
-"""What stands in a room: walls, boxes, pillars and small obstacles, as they are written in TOML.
+"""The objects of a room: walls, boxes, pillars and small obstacles, as written in TOML.
 
 All are upright prisms on the floor. `height_m` matters to the sensors: see
 `firmware_sim.world.world`.
@@ -45,7 +45,7 @@ class Thing:
     height_m
         From the floor to its top.
     colour
-        `#rrggbb`; "" where the file says nothing.
+        `#rrggbb`; "" if the file has none.
     """
 
     name: str
@@ -84,7 +84,7 @@ class Wall:
             return [points]
         chains = []
         for (ax, ay), (bx, by) in itertools.pairwise(points):
-            # Where two points coincide this is no rectangle, which is told by who reads the file.
+            # If two points coincide this is no rectangle, which the file's reader reports.
             length = math.hypot(bx - ax, by - ay) or 1.0
             px = -(by - ay) / length * self.thickness_m / 2
             py = (bx - ax) / length * self.thickness_m / 2

@@ -45,14 +45,14 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     bus_load
         Share [0, 1] of the last second.
     late
-        Times the simulator fell behind real time so far that it let time go; 0 in lockstep.
+        How often the simulator fell so far behind real time that it dropped time; 0 in lockstep.
     late_max_ns
-        How late the simulator was at most, whether it let time go or not [ns].
+        Maximum lateness of the simulator, whether it dropped time or not [ns].
     power_off_ns
         When the wheels were last seen to have lost their power, to 5 ms; before that 0 of the
         simulation.
     unsafe_motions, unsafe_reason
-        Motions that nobody allowed since the start, and why the last of them was one: see
+        Unauthorised motions since the start, and the reason of the last: see
         `firmware_sim.faults.monitor`.
     """
 
@@ -109,7 +109,7 @@ class Picture(msgspec.Struct, frozen=True, gc=False, tag="CameraFrame"):
     stamp_ns
         Time of the exposure, all rows at once.
     sequence
-        Number of the exposure; pictures that nobody took leave gaps.
+        Number of the exposure; dropped pictures leave gaps.
     width, height
         Size [px].
     encoding
@@ -139,7 +139,7 @@ class Publisher:
     Raises
     ------
     SimulationError
-        If the address is none or taken, its directory is open to others, or it cannot be bound.
+        If the address is invalid or taken, its directory is open to others, or it cannot be bound.
     """
 
     def __init__(self, address: str, queue_limit: int = _QUEUE_LIMIT) -> None:
@@ -157,7 +157,7 @@ class Publisher:
             raise SimulationError(f"{address}: cannot be bound: {error}") from error
 
     def publish(self, sample: Truth | Scan | Picture) -> None:
-        """Send one sample to whoever listens; never waits."""
+        """Send one sample to the subscribers; never waits."""
         self._socket.send(self._encoder.encode(sample), zmq.DONTWAIT)
 
     def close(self) -> None:

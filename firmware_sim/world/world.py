@@ -9,12 +9,14 @@ camera, and any number of
 - `[[box]]`: `centre`, `size`, `heading_deg`,
 - `[[furniture]]`: a named `kind = "box"`, or a round `kind = "pillar"` with `centre` and
   `radius_m`, drawn as a polygon of `sides` sides about the circle,
-- `[[obstacle]]`: what lies about and is on no map: `centre`, `radius_m` or `size`, `height_m`.
+- `[[obstacle]]`: objects on the floor that are on no map: `centre`, `radius_m` or `size`,
+  `height_m`.
 
 Each may have a `height_m` (default 2.5 m for walls, 0.8 m for boxes and furniture) and a `colour`
 (`#rrggbb`, default drawn from the floor's seed). The robot touches all of them and the camera sees
 all of them; a sonar or a lidar sees what is higher than it is mounted. The map that robotctl makes
-of a world has walls, boxes and furniture, not the obstacles. All stands within 500 m of the origin.
+of a world has walls, boxes and furniture, not the obstacles. Everything is within 500 m of the
+origin.
 
 A map as ROS has it, `.yaml`, is a world too: its occupied cells are walls of 2.5 m, on an evenly
 lit floor of tiles; the robot starts where there is the most room.
@@ -136,7 +138,7 @@ class World:
     start
         x [m], y [m], heading [rad].
     things
-        All that stands here, in the order of the segments; the obstacles last.
+        All objects, in the order of the segments; obstacles last.
     floor
         What the camera sees below.
     lamps
@@ -277,7 +279,8 @@ def _world_of(cells: Cells, path: Path) -> World:
     """Return the world that a map's cells are."""
     if not cells.free.any():
         raise SimulationError(
-            f"{path}: no cell is free, so a robot can be nowhere: are negate, free_thresh and "
+            f"{path}: no cell is free, so there is no place for a robot: are negate, free_thresh "
+            "and "
             "occupied_thresh right?"
         )
     segments = cells.walls()

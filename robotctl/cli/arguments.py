@@ -9,12 +9,14 @@ import typer
 from robotctl.errors import ConfigError
 
 RobotName = Annotated[
-    str, typer.Option("--robot", help="Robot file, or the name of one that comes along.")
+    str, typer.Option("--robot", help="Robot file, or the name of a built-in one.")
 ]
 
 TimeUnit = Annotated[
     str | None,
-    typer.Option("--time-unit", help="Of the log's times: s, ms, us or ns; else its format's own."),
+    typer.Option(
+        "--time-unit", help="Unit of the log's times: s, ms, us or ns; default: its format's."
+    ),
 ]
 
 MaxRange = Annotated[
@@ -22,7 +24,7 @@ MaxRange = Annotated[
     typer.Option(
         "--max-range",
         metavar="M",
-        help="Lidar ranges from here on are no echoes, else found out from the log.",
+        help="Lidar ranges from here on are no echoes; default: found from the log.",
     ),
 ]
 

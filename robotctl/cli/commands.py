@@ -27,7 +27,7 @@ COMMANDS: Final = {
     ),
     "install": (
         "install:install",
-        "Write the systemd service, the CAN link's set-up and the rights for one robot.",
+        "Install the systemd service, CAN link and rights for one robot.",
     ),
     "uninstall": (
         "install:uninstall",
@@ -35,19 +35,19 @@ COMMANDS: Final = {
     ),
     "replay": (
         "logs.replay:replay",
-        "Compute every output of a record anew; status 1 and the first tick where they differ.",
+        "Recompute every output of a record; status 1 and the first tick that differs.",
     ),
     "plot": (
         "logs.plot:plot",
-        "Show fields of a recording over time, with the robot's states, restarts and gaps.",
+        "Plot fields of a recording over time, with the robot's states, restarts and gaps.",
     ),
     "localize": (
         "localize.localize:localize",
-        "Run a filter of the live robot on a recorded log, and compare with the log's reference.",
+        "Localise on a recorded log, and compare with its reference.",
     ),
     "map": (
         "map:map_log",
-        "Map the lidar scans of a recorded log, at its reference poses or else at its odometry.",
+        "Map the lidar scans of a recorded log, at its reference poses or its odometry.",
     ),
     "plan": (
         "plan:plan",
@@ -60,9 +60,9 @@ COMMANDS: Final = {
     "config": ("config:app", "Check and show robot configurations."),
     "can": ("can:app", "The CAN bus."),
     "record": ("logs.record:app", "The flight recorder and the logs."),
-    "calibrate": ("calibrate.calibrate:app", "Find out how the robot really is."),
-    "places": ("places:app", "Places that the robot knows by its sonars."),
-    "camera": ("camera.camera:app", "Measure on the floor with a camera."),
+    "calibrate": ("calibrate.calibrate:app", "Calibrate the robot from drives and recordings."),
+    "places": ("places:app", "Learn and recognise places by sonar."),
+    "camera": ("camera.camera:app", "Calibrate a camera, and measure on the floor with it."),
 }
 """Of each subcommand, module and function (or group) below `robotctl.cli`, and how its help begins.
 

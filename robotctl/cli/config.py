@@ -9,7 +9,7 @@ import typer
 
 from robotctl.cli.arguments import Overrides
 
-RobotFile = Annotated[str, typer.Argument(help="Robot file, or the name of one that comes along.")]
+RobotFile = Annotated[str, typer.Argument(help="Robot file, or the name of a built-in one.")]
 
 app = typer.Typer(help="Check and show robot configurations.", no_args_is_help=True)
 

@@ -29,8 +29,8 @@ _STYLE = {
 
 def doctor(
     robot: RobotName = "diff_drive",
-    json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
-    logs: Annotated[Path, typer.Option(help="Folder whose disk is tried.")] = LOGS,
+    json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
+    logs: Annotated[Path, typer.Option(help="Folder whose disk is tested.")] = LOGS,
     seconds: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="How long to measure wake-ups.")
     ] = LAG_SECONDS,

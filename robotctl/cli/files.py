@@ -1,4 +1,4 @@
-"""Files that commands write: refused before the work where they cannot be, said plainly after."""
+"""Files that commands write: checked before the work, with plain errors after."""
 
 from __future__ import annotations
 
@@ -70,7 +70,4 @@ def advise_keeping(robot: Path, tables: Tables) -> None:
     """Say how a patch gets into the robot's file."""
     command = ["robotctl", "config", "check", str(robot)]
     command += [word for setting in as_overrides(tables) for word in ("--set", setting)]
-    print(
-        f"To keep it, put its keys in place of those in {robot}. To see that they are allowed:\n"
-        f"  {shlex.join(command)}"
-    )
+    print(f"To use it, replace the keys in {robot}, then check the file:\n  {shlex.join(command)}")

@@ -24,30 +24,30 @@ _RUNNING_SYSTEMD: Final = Path("/run/systemd/system")
 _RELOAD: Final = ("systemctl daemon-reload", "udevadm control --reload", "udevadm trigger")
 _RELOAD_NETWORKD: Final = "systemctl try-restart systemd-networkd"
 
-Root = Annotated[
-    Path, typer.Option("--root", help="Folder that stands for /, such as an image's root.")
-]
+Root = Annotated[Path, typer.Option("--root", help="Folder to use as /, such as an image's root.")]
 
 
 def install(
     robot: RobotName = "diff_drive",
     mission: Annotated[
         str,
-        typer.Option(help="Mission file or name for mode AUTO; default: an installed one stays."),
+        typer.Option(help="Mission file or name for mode AUTO; default: keep the installed one."),
     ] = "",
     no_mission: Annotated[
-        bool, typer.Option("--no-mission", help="No mission; an installed one is removed.")
+        bool, typer.Option("--no-mission", help="Remove an installed mission.")
     ] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show all, write nothing.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show the changes, write nothing.")
+    ] = False,
     root: Root = Path("/"),
 ) -> None:
-    """Write the systemd service, the CAN link's set-up and the rights for one robot.
+    """Install the systemd service, CAN link and rights for one robot.
 
-    Starts nothing that does not run; the CAN link is set up anew. Files that somebody changed
-    are not touched.
+    Starts nothing that is not running; the CAN link is configured again. Files that somebody
+    changed are not touched.
     """
     if mission and no_mission:
-        raise ConfigError("--mission and --no-mission: give one of them")
+        raise ConfigError("--mission and --no-mission: give only one of them")
     root = root.absolute()
     kept = None if mission or no_mission else installed_mission(root)
     executable = Path(sys.executable).with_name("robotctl")
@@ -59,7 +59,7 @@ def install(
         os.cpu_count() or 1,
     )
     if kept is not None:
-        print(f"the mission stays: {kept}; --no-mission removes it")
+        print(f"mission kept: {kept}; --no-mission removes it")
     if dry_run:
         for each in files:
             print(f"### {root / each.path}\n{each.text}")
@@ -81,7 +81,9 @@ def install(
 
 
 def uninstall(
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show all, remove nothing.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show the changes, remove nothing.")
+    ] = False,
     root: Root = Path("/"),
 ) -> None:
     """Stop the service and remove what `install` wrote; logs and state stay.
@@ -105,7 +107,7 @@ def _run(commands: tuple[str, ...], root: Path, *, dry_run: bool = False) -> boo
     good = True
     for command in commands:
         if not here:
-            print(f"to be run on the robot: {command}")
+            print(f"run on the robot: {command}")
             continue
         print(command, flush=True)
         good &= subprocess.run(shlex.split(command), check=False).returncode == 0  # noqa: S603

@@ -24,11 +24,11 @@ def map_log(
     scans: Annotated[
         str, typer.Option(help="all, or every second one: even or odd, counted from 0.")
     ] = "all",
-    resolution: Annotated[float, typer.Option(metavar="M", help="Side of a cell.")] = 0.05,
+    resolution: Annotated[float, typer.Option(metavar="M", help="Cell size.")] = 0.05,
     max_range: MaxRange = None,
     time_unit: TimeUnit = None,
 ) -> None:
-    """Map the lidar scans of a recorded log, at its reference poses or else at its odometry."""
+    """Map the lidar scans of a recorded log, at its reference poses or its odometry."""
     # It loads numba and OpenCV, which other subcommands can do without.
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
     from robotctl.workbench.localize.mapping import MapOptions, make_map  # noqa: PLC0415
@@ -55,7 +55,7 @@ def _lines(result: MapResult) -> list[str]:
     unknown = rows * columns - free - occupied
     size = f"{columns * side_m:.2f} m x {rows * side_m:.2f} m"
     corner = f"({grid.origin.x_m:.3f}, {grid.origin.y_m:.3f}) m"
-    mean = f"{figures.mean_entropy_bits:.3f} bit for a cell that was seen"
+    mean = f"{figures.mean_entropy_bits:.3f} bit per observed cell"
     return [
         f"{options.log}: {result.used} of {result.of} scans ({options.scans}), at {poses}",
         f"size: {size}, {columns} x {rows} cells of {side_m:g} m, from {corner}",

@@ -1,6 +1,6 @@
 """The standard output and error of a command: what they cannot take costs nothing but the text.
 
-A robot drives on, a map is written and a status stands, whether or not anybody reads along.
+A robot drives on, a map is written and a status is kept, whether or not the output is read.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ codecs.register_error("plainly, escaped", _escaped)
 
 
 class Output:
-    """A stream of text that goes on in silence where it cannot be written any more.
+    """A text stream that silently discards output once it cannot be written.
 
     Parameters
     ----------

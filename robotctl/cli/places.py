@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 REFUSED = 3
 
-app = typer.Typer(no_args_is_help=True, help="Places that the robot knows by its sonars.")
+app = typer.Typer(no_args_is_help=True, help="Learn and recognise places by sonar.")
 
-Book = Annotated[Path, typer.Option(metavar="FILE", help="The file of the known places.")]
+Book = Annotated[Path, typer.Option(metavar="FILE", help="File of known places.")]
 Log = Annotated[
     Path | None, typer.Option(help="Recording of a turn on the spot: folder or robot-*.mcap.")
 ]
@@ -40,11 +40,11 @@ At = Annotated[
     str,
     typer.Option(
         metavar="X,Y[,HEADING]",
-        help="Where it stands as it begins to turn, m and deg; in a world also a mark's name.",
+        help="Pose at the start of the turn, m and deg; in a world also a mark's name.",
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")]
-Plot = Annotated[Path | None, typer.Option(help="Draw it here: .png, .svg or .pdf.")]
+Plot = Annotated[Path | None, typer.Option(help="Plot to a .png, .svg or .pdf.")]
 
 
 @app.command()
@@ -123,7 +123,7 @@ def recognise(
 
 @app.command("list")
 def list_places(book: Book, plot: Plot = None) -> None:
-    """List the known places, and how well they can be told apart."""
+    """List the known places, and how well they can be distinguished."""
     from robotctl.maps.place_file import load_book  # noqa: PLC0415 - it loads scipy
 
     check_files(plot=plot)

@@ -31,10 +31,10 @@ from robotctl.runtime.storage.log_folder import refusal
 
 
 def place_of(saved: StoredProgress, items: int) -> str:
-    """Say where a run goes on: which of so many mission items, and the pose."""
+    """Return where a run resumes: the mission item, and the pose."""
     item = f"with item {saved.item + 1} of {items}"
     if saved.item == items:
-        item = "behind the last item of its mission" if items else "without a mission"
+        item = "after the last item of its mission" if items else "without a mission"
     heading_deg = math.degrees(saved.theta_rad)
     return f"{item} at x {saved.x_m:.2f} m, y {saved.y_m:.2f} m, {heading_deg:.0f} deg"
 
@@ -50,7 +50,7 @@ def run(
     resume: Annotated[
         bool,
         typer.Option(
-            "--resume", help="Go on with the pose and the mission item of the run before."
+            "--resume", help="Continue with the pose and mission item of the previous run."
         ),
     ] = False,
     overrides: Overrides = None,

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 NOT_COMPLETED = 3
 PATROL = "patrol"
-"""The mission of a run that is told of none, unless it drives in a map."""
+"""The default mission, unless the robot drives in a map."""
 OWN_BUS = "simcan"
-"""The bus of a run that is told of none."""
+"""The default bus."""
 
 
 def sim(
@@ -35,12 +35,12 @@ def sim(
     robot: RobotName = "diff_drive",
     world: Annotated[
         str,
-        typer.Option(help="World file or name, or a ROS map.yaml; default: the mission's own."),
+        typer.Option(help="World file or name, or a ROS map.yaml; default: the mission's."),
     ] = "",
     mission: Annotated[
         str,
         typer.Option(
-            help="Mission file or name; default: patrol, in a ROS map the longest straight way."
+            help="Mission file or name; default: patrol, in a ROS map the longest straight line."
         ),
     ] = "",
     bus: Annotated[
@@ -49,7 +49,7 @@ def sim(
     ] = OWN_BUS,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
     max_seconds: Annotated[
-        float, typer.Option(min=1.0, help="Give up after so many seconds of the robot's time.")
+        float, typer.Option(min=1.0, help="Time limit, in the robot's time.")
     ] = 300.0,
     report: Annotated[Path | None, typer.Option(help="Write the score here as JSON.")] = None,
     record: Annotated[
@@ -64,21 +64,19 @@ def sim(
         ),
     ] = True,
     lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="One process, virtual time, same seed same run.")
+        bool, typer.Option("--lockstep", help="One process in virtual time: same seed, same run.")
     ] = False,
     faults: Annotated[
         str,
-        typer.Option(
-            help="Scenario file or name: faults for the robot; status 3 if one did not begin."
-        ),
+        typer.Option(help="Fault scenario, file or name; status 3 if a fault did not begin."),
     ] = "",
     localiser: Annotated[
         Literal["none", "ekf", "mcl"] | None,
-        typer.Option(help="How the robot finds out where it is; default: as its file says."),
+        typer.Option(help="Localisation method; default: as the robot's file says."),
     ] = None,
     start: Annotated[
         Literal["known", "unknown"],
-        typer.Option(help="Whether the localiser is told where the robot starts."),
+        typer.Option(help="Whether the localiser knows the start."),
     ] = "known",
     world_map: Annotated[
         str,
@@ -91,22 +89,21 @@ def sim(
     ] = False,
     camera: Annotated[
         bool,
-        typer.Option(
-            "--camera", help="The robot looks: ranges and obstacles by its camera, and their score."
-        ),
+        typer.Option("--camera", help="Use the camera: ranges, obstacles, and their score."),
     ] = False,
     sensors: Annotated[
         str,
         typer.Option(
             metavar="NAME,...",
-            help="What the localiser goes by, of lidar, camera, sonar; default: as its file says.",
+            help="Sensors of the localiser: lidar, camera, sonar; default: as the robot's file "
+            "says.",
         ),
     ] = "",
     hard_real_time: Annotated[
         bool,
         typer.Option(
             "--hard-real-time",
-            help="Simulated time goes on while this computer is held up; else it stands still.",
+            help="Simulated time runs on when this computer stalls; default: it pauses.",
         ),
     ] = False,
     overrides: Overrides = None,
@@ -117,7 +114,7 @@ def sim(
     it could not, or the run was over before its time. 2: bad input. 4: the disk did not take all.
     130: interrupted before the robot was ready.
     """
-    # They take a second to load, for which those who ask for help need not wait.
+    # Loading takes a second, which `--help` need not wait for.
     from robotctl.app.simulation.sim_options import SimOptions  # noqa: PLC0415
     from robotctl.app.supervision.signals import StopFlag  # noqa: PLC0415
     from robotctl.cli.live.lockstep_progress import LockstepProgress  # noqa: PLC0415
@@ -179,8 +176,7 @@ def _refuse_what_has_no_effect(
 
     if lockstep and options.bus != OWN_BUS:
         raise ConfigError(
-            f"--bus {options.bus}: found with --lockstep, whose bus is in its one process and "
-            "which allows no other"
+            f"--bus {options.bus}: not allowed with --lockstep, which has its own bus"
         )
     if lockstep and not until_done:
         raise ConfigError("--stay: has no effect with --lockstep: no ground station can reach it")

@@ -48,7 +48,7 @@ class StackOptions(msgspec.Struct, frozen=True):
     clock
         File of a simulator's clock, which all processes of the robot go by; empty: the computer's.
     config
-        What the file and the settings said when they were validated, as JSON; empty: not yet.
+        The validated file and settings, as JSON; empty: not yet.
     """
 
     instance: str
@@ -80,7 +80,7 @@ class StackOptions(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, config=robot_to_json(self.load()))
 
     def load(self) -> RobotConfig:
-        """Return the configuration: the validated one, else what file and overrides say now."""
+        """Return the configuration: the validated one, otherwise that of file and overrides now."""
         if self.config:
             return robot_of_json(self.config)
         return load_robot(Path(self.robot), self.overrides)

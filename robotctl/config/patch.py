@@ -12,7 +12,7 @@ Tables: TypeAlias = Mapping[str, Mapping[str, Value]]
 
 
 def round_figures(value: float, figures: int) -> float:
-    """Return a value rounded to so many significant figures."""
+    """Return a value rounded to some significant figures."""
     if value == 0.0 or not math.isfinite(value):
         return value
     return round(value, figures - 1 - math.floor(math.log10(abs(value))))
@@ -37,7 +37,7 @@ def as_toml(tables: Tables, comments: Iterable[str], words: Callable[[str, str],
     comments
         Lines above.
     words
-        What to say beside the value of a table and key; "" for nothing.
+        Comment beside the value of a table and key; "" for none.
     """
     lines = [f"# {comment}".rstrip() for comment in comments]
     for table, values in tables.items():

@@ -40,7 +40,7 @@ MAX_SUPPLY_V: Final = 65.5
 """More than this no drive can report [V]."""
 
 RING_S: Final = 0.05
-"""So far apart are two readings of one sonar, of which the second stops the robot [s]."""
+"""Period of one sonar's readings, of which the second stops the robot [s]."""
 
 FINEST_RAD: Final = 1e-9
 """No encoder of a wheel resolves less [rad]."""
@@ -51,7 +51,7 @@ FOUND_SHARE: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who the robot is.
+    """Identity of the robot.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def _refuse_other_kind(file: Path, folder: str, suffixes: Sequence[str]) -> None
 
 
 def _kind_of(data: Mapping[str, Any]) -> str | None:
-    """Return the folder where a file of such tables would be; None where they do not tell."""
+    """Return the folder where a file of such tables would be; None if undetermined."""
     if isinstance(data.get("world"), dict):
         return "worlds"
     for folder, tables in (
@@ -240,7 +240,7 @@ def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
 
 
 def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield what no key alone shows: the key to blame and what is wrong."""
+    """Yield conflicts between keys: the key to blame and what is wrong."""
     for name, problem in config.control.wrong_loops(config.drive.wheel_names):
         yield ("control", name), problem
     two_periods_ms = 2 * config.runtime.period_ns / 1e6
@@ -252,7 +252,7 @@ def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]
     names = [mount.name for mount in config.sonar]
     for name in sorted({name for name in names if names.count(name) > 1}):
         second = names.index(name, names.index(name) + 1)
-        rule = f"must be another than those before, found {name!r}"
+        rule = f"must differ from those before, found {name!r}"
         yield ("sonar", second, "name"), f"{rule}, which is given {names.count(name)} times"
     if len(names) > MAX_SONARS:
         problem = f"the bus carries at most {MAX_SONARS} sonars, found {len(names)}"
@@ -305,15 +305,15 @@ def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
 
 
 def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield a nose that a sonar stands out from: what a camera sees would be met too early."""
+    """Yield a nose that a sonar protrudes from: camera obstacles would be reached too early."""
     if config.camera is None or not config.sonar:
         return
     nose_m = config.navigation.guard.nose_m
     foremost = max(config.sonar, key=lambda mount: mount.x_m)
     if nose_m < foremost.x_m:
         problem = (
-            f"{nose_m:g} found, but sonar {foremost.name} sits {foremost.x_m:g} m ahead of base, "
-            "and from nose_m the gap to what the camera sees is counted"
+            f"{nose_m:g} found, but sonar {foremost.name} is {foremost.x_m:g} m ahead of base, "
+            "and the gap to camera obstacles is measured from nose_m"
         )
         yield ("navigation", "guard", "nose_m"), problem
 
@@ -373,16 +373,16 @@ def _unreadable_counts(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
             "to turn backwards"
         )
         yield ("drive", "counts_per_revolution"), problem
-    # A count alone in the window reads as so much. At an acceleration a speed is late by what the
-    # wheel gains in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` either is a fault.
+    # A single count in the window reads as this speed. At an acceleration a speed is late by what
+    # the wheel gains in one count, sqrt(2 a rad_per_count). Beyond `shown_rad_s` either is a fault.
     shown_rad_s = monitor.speed_tolerance_rad_s / (1.0 - monitor.speed_tolerance_share)
     gained_rad = shown_rad_s**2 * min(config.drive.wheel_radii_m) / (2.0 * config.limits.a_max_m_s2)
     rad_per_count = min(WINDOW_S * shown_rad_s, gained_rad)
     least = math.ceil(math.tau / max(rad_per_count, FINEST_RAD))
     if counts < least:
         problem = (
-            f"{counts} found, at least {least} allowed: one count more or less makes a sound wheel "
-            "differ from its motor by more than plausibility.speed_tolerance_rad_s "
+            f"{counts} found, at least {least} allowed: one count makes a healthy wheel differ "
+            "from its motor by more than plausibility.speed_tolerance_rad_s "
             f"({monitor.speed_tolerance_rad_s:g}) lets pass, at rest or at limits.a_max_m_s2 "
             f"({config.limits.a_max_m_s2:g})"
         )

@@ -1,7 +1,7 @@
 """Speed, acceleration and jerk limits on the body velocity: the last layer for every set-point.
 
-Each axis follows its set-point as fast as its limits allow and without overshooting it. With
-step h, jerk limit j and e the way to the set-point, the next acceleration is the largest a with::
+Each axis follows its set-point as fast as its limits allow and without overshooting it. With step
+h, jerk limit j and e the distance to the set-point, the next acceleration is the largest a with::
 
     a h + a^2 / (2 j) <= e        so        a = sqrt((j h)^2 + 2 j e) - j h
 
@@ -26,7 +26,7 @@ from robotctl.errors import InvalidValue
 from robotctl.model.geometry.twist import Twist
 
 _LANDED: Final = 1e-9
-"""A remaining way below this is taken in one step [m/s, rad/s]."""
+"""A remaining distance below this is taken in one step [m/s, rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class LimitsConfig:
 
 
 def scale_to_limits(v_m_s: float, omega_rad_s: float, v_max: float, omega_max: float) -> Twist:
-    """Return the set-point within the speed limits that drives the same arc.
+    """Return the set-point scaled to the speed limits, on the same arc.
 
     Both parts are multiplied by the same factor, so that the curvature omega / v is kept and the
     robot drives the wanted path more slowly. A set-point that is not finite is a stop.
@@ -81,13 +81,13 @@ def scale_to_limits(v_m_s: float, omega_rad_s: float, v_max: float, omega_max: f
 
 
 def next_acceleration(
-    way: float, acceleration: float, acceleration_max: float, jerk_max: float, dt_s: float
+    remaining: float, acceleration: float, acceleration_max: float, jerk_max: float, dt_s: float
 ) -> float:
     """Return the acceleration of the next step towards a set-point, as the module describes.
 
     Parameters
     ----------
-    way
+    remaining
         Set-point minus present value, in any unit U.
     acceleration
         Acceleration of the last step [U/s].
@@ -97,14 +97,14 @@ def next_acceleration(
         Length of the step [s], > 0.
     """
     change = jerk_max * dt_s
-    distance = way if way >= 0.0 else -way
+    distance = remaining if remaining >= 0.0 else -remaining
     # The conjugate form of sqrt(change^2 + 2 j e) - change: no cancellation near the set-point.
     twice = 2.0 * jerk_max * distance
     wanted = twice / (math.sqrt(change * change + twice) + change)
     if distance < _LANDED:
         wanted = distance / dt_s
     wanted = min(wanted, acceleration_max)
-    if way < 0.0:
+    if remaining < 0.0:
         wanted = -wanted
     if wanted > acceleration + change:
         return acceleration + change

@@ -108,7 +108,7 @@ class Pid:
 
     Where set-point, measurement or feed-forward is not finite, `limit` is negative or nan, or
     `dt_s` is not positive and finite, the output is 0 V and integral and slope are held; the slope
-    starts anew with the next good measurement, since its last difference is unknown.
+    restarts with the next good measurement, because the last difference is unknown.
     """
 
     __slots__ = (
@@ -172,6 +172,7 @@ class Pid:
         """
         error = setpoint - measurement
         proportional = self._kp * error
+        # Written so that nan fails it: bad input gives 0 V and never an exception in the loop.
         if not (0.0 < dt_s < math.inf and limit >= 0.0 and math.isfinite(proportional)):
             self._measurement = None
             return 0.0
@@ -196,10 +197,12 @@ class Pid:
 
     def _integrate(self, error: float, dt_s: float, excess: float) -> None:
         """Advance the integral; `excess` is limited minus wanted output [V]."""
+        # A step longer than the tracking time would overshoot the back-calculation.
         share = dt_s / self._tt if self._tt > dt_s else 1.0
         if self._ki > 0.0:
             integral = self._integral + dt_s * self._ki * error + share * excess
         else:
+            # Without ki the state only holds what a bumpless gain change left; let it decay.
             integral = self._integral * (1.0 - share)
         if math.isfinite(integral):
             self._integral = integral

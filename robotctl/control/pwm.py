@@ -1,4 +1,4 @@
-"""From a wanted motor voltage to the duty of the bridge.
+"""From a motor voltage to the duty of the bridge.
 
 The motor sees `bus_voltage * e`, where the bridge with a dead-band b turns a duty d into the
 effective duty ``e = sign(d) max(0, |d| - b) / (1 - b)``. This module applies the inverse,
@@ -112,6 +112,8 @@ class PwmMap:
         ):
             self._effective = 0.0
             return 0.0
+        # Divide by the present supply, so that a flat battery changes no gain; the floor keeps a
+        # sagging one from raising the duty without bound.
         effective = voltage_v / (bus_voltage_v if bus_voltage_v > self._floor_v else self._floor_v)
         top = self._max_effective
         if effective > top:

@@ -8,11 +8,11 @@ The wheel is steered towards that tangent.
 
 Let T = sqrt(D^2 - R^2) be the length of the tangent and beta the angle from the heading to it, so
 that s = kp beta. From the geometry d(beta)/dt = -turn rate + v sin(beta) / T: beta = 0, driving on
-the tangent, is invariant and, with the turn rate v tan(s) / L of a car, attractive where
-kp > L / T. An approach that begins at least a few L / kp before the circle ends on it. The robot
-then goes round it for as long as the law is used, at D = R / cos(s_0 / kp), a little outside R,
-with the steering s_0 = atan(L / D) that a circle needs. The caller lets go of the law when the way
-is clear.
+the tangent, is invariant and, with the turn rate v tan(s) / L of a car, attractive where kp > L /
+T. An approach that begins at least a few L / kp before the circle ends on it. The robot then goes
+round it for as long as the law is used, at D = R / cos(s_0 / kp), a little outside R, with the
+steering s_0 = atan(L / D) that a circle needs. The caller stops using the law once the path is
+clear.
 """
 
 from __future__ import annotations

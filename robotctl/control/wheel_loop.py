@@ -9,11 +9,11 @@ from robotctl.control.pwm import PwmConfig, PwmMap
 from robotctl.control.wheel_velocity import WheelVelocityEstimator
 
 _REST_S = 0.2
-"""So long within its band a wheel is at rest: what it coasts from there stays within it."""
+"""Time within its band after which a wheel is at rest: any coasting from there stays within it."""
 _REST_COUNTS = 1.5
 """The band of a coarse encoder, whose count may flicker between two,"""
 _REST_RAD = 0.02
-"""and of a fine one: play and tyres move a wheel by themselves once the torque is gone."""
+"""and of a fine one: play and tyres move a wheel after the torque is removed."""
 _LOOP_DELAY_PERIODS = 1.5
 """One period from latch to use, and half a period as the mean age of the command it meets."""
 
@@ -80,12 +80,12 @@ class WheelLoop:
             self.duty = 0.0
             return 0.0
         alpha_rad_s2 = (reference_rad_s - before_rad_s) / dt_s
-        # The measurement is old by half the estimator's window and by the way over the bus: the
-        # reference of that time belongs to it, else every ramp would wind up the integral.
+        # The measurement is late by half the estimator's window plus the bus latency. Compare it
+        # with the reference of that time, otherwise every ramp winds up the integral.
         age_s = self.estimator.delay_s + _LOOP_DELAY_PERIODS * dt_s
         feedforward = feedforward_v(self._config, reference_rad_s, alpha_rad_s2)
         if self._coarse and self._holds and self._still_s >= _REST_S:
-            # A count that flickers is a jerk to kp: what stands is held by the integral alone.
+            # A flickering count is a jerk to kp, so at rest the integral alone holds the wheel.
             feedforward += self._config.kp * measured_rad_s
         voltage_v = self._pid.step(
             reference_rad_s - alpha_rad_s2 * age_s,

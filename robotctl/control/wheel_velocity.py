@@ -101,15 +101,15 @@ class WheelVelocityEstimator:
         self._started = False
 
     def reset(self, count_u16: int, timestamp_us_u20: int) -> None:
-        """Start anew at this sample: velocity 0, position 0."""
+        """Restart at this sample: velocity 0, position 0."""
         self._total = 0
         self.velocity_rad_s = 0.0
         self._reference(count_u16, timestamp_us_u20)
 
     def resume(self, count_u16: int, timestamp_us_u20: int) -> None:
-        """Go on behind a gap in which the time stamp may have rolled over.
+        """Continue after a gap in which the time stamp may have rolled over.
 
-        The way counts, up to 32767 counts; the velocity begins anew at 0.
+        The distance counts, up to 32767 counts; the velocity restarts at 0.
         """
         self._total += self._step(count_u16)
         self.velocity_rad_s = 0.0
@@ -174,7 +174,7 @@ class WheelVelocityEstimator:
         while len(times) > 2 and now - times[0] > self._window_us:
             del times[0], counts[0]
         while len(times) > 2 and not self._straight():
-            # An eighth at a time: an abrupt change at a high rate would else cost a long loop.
+            # An eighth at a time, because an abrupt change at a high rate would cost a long loop.
             drop = len(times) >> 3 or 1
             del times[:drop], counts[:drop]
         window_us = now - times[0]

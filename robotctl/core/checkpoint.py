@@ -140,7 +140,7 @@ def _member(kind: object, name: str) -> enum.Enum:
     """Return a member of an enumeration: Python 3.11.0 to 3.11.3 write it as an attribute."""
     if isinstance(kind, type) and issubclass(kind, enum.Enum) and name in kind.__members__:
         return kind.__members__[name]
-    raise pickle.UnpicklingError(f"{name} of {kind!r} has no place in a checkpoint")
+    raise pickle.UnpicklingError(f"{name} of {kind!r} is not allowed in a checkpoint")
 
 
 class _Unpickler(pickle.Unpickler):
@@ -156,4 +156,4 @@ class _Unpickler(pickle.Unpickler):
             found = super().find_class(module_name, global_name)
             if isinstance(found, type) and found.__module__ == module_name:
                 return found
-        raise pickle.UnpicklingError(f"{module_name}.{global_name} has no place in a checkpoint")
+        raise pickle.UnpicklingError(f"{module_name}.{global_name} is not allowed in a checkpoint")

@@ -101,12 +101,12 @@ def _check_localisation(config: RobotConfig, robot: Path) -> Finding:
 
 
 def _check_bus(config: RobotConfig) -> Iterator[Finding]:
-    """Check the link, then who is on it."""
+    """Check the link, then its nodes."""
     if config.can.interface == "socketcan":
         findings = check_link(config.can, read_link(config.can.channel))
         yield from findings
         if findings[0].fix:
-            yield none("CAN nodes", "not asked: the link is not up")
+            yield none("CAN nodes", "not checked: the link is not up")
             return
     else:
         yield no_kernel_link(config.can)
@@ -189,6 +189,9 @@ def _check_mavlink_link(link: LinkConfig, listeners: list[_Listener]) -> Finding
         try:
             listener.bind(address)
         except OSError as error:
-            fix = f"fine if robotctl runs now, else see who has it: sudo ss -lnp | grep {port}"
+            fix = (
+                "fine if robotctl is running, otherwise see which program has it: "
+                f"sudo ss -lnp | grep {port}"
+            )
             return warn("MAVLink", f"{link.url}: {error.strerror}", fix)
     return ok("MAVLink", f"{link.url}: port {port} is free")

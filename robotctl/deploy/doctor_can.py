@@ -18,7 +18,7 @@ _MAX_QUEUE_FRAMES = 128
 
 
 def read_link(channel: str) -> dict[str, Any] | str:
-    """Return what the kernel says of a network device, or why it says nothing."""
+    """Return the kernel's data on a network device, or why there is none."""
     ip = shutil.which("ip") or shutil.which("ip", path="/usr/sbin:/sbin")
     if ip is None:
         return "the program `ip` (iproute2) is missing"

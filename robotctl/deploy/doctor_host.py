@@ -63,7 +63,7 @@ def check_governor(root: Path) -> Finding:
         )
     }
     if not governors:
-        return none(check, "the processors' frequency is not for this kernel to choose")
+        return none(check, "this kernel does not control the processors' frequency")
     others = [
         f"{cpu} {governor}" for cpu, governor in governors.items() if governor != "performance"
     ]
@@ -82,7 +82,7 @@ def check_clock_source(root: Path) -> Finding:
     check = "clock source"
     source = _read(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
     if source is None:
-        return none(check, "this kernel does not say")
+        return none(check, "this kernel does not report it")
     if source in _GOOD_CLOCKS:
         return ok(check, source)
     return warn(
@@ -113,7 +113,7 @@ def check_isolation(root: Path, cpu: int) -> Finding:
     if cpu in isolated:
         return ok(check, words)
     if len(online) < 3:
-        return none(check, f"{words}; {len(online)} processors are too few to give one away")
+        return none(check, f"{words}; {len(online)} processors are too few to isolate one")
     last = max(online)
     wanted = cpu if cpu >= 0 else max(isolated, default=last)
     fixes = []
@@ -125,10 +125,10 @@ def check_isolation(root: Path, cpu: int) -> Finding:
 
 
 def check_time_sync(status: int | None) -> Finding:
-    """Check that the wall clock is set by somebody; `status` as of `clock_status`."""
+    """Check that the wall clock is synchronised; `status` as of `clock_status`."""
     check = "time synchronisation"
     if status is None:
-        return none(check, "this kernel does not say")
+        return none(check, "this kernel does not report it")
     if status & _STA_UNSYNC:
         return warn(
             check,
@@ -192,7 +192,7 @@ def check_disk(folder: Path) -> list[Finding]:
     while not os.path.isdir(folder):  # noqa: PTH112 - where nobody may look, look further up
         if os.path.lexists(folder):
             fix = "move that away, or name another folder with --logs"
-            return [fail("logs", f"{folder} is no folder", fix)]
+            return [fail("logs", f"{folder} is not a folder", fix)]
         folder = folder.parent
     status = os.statvfs(folder)
     findings = [check_space(folder, status.f_bavail * status.f_frsize)]
@@ -226,10 +226,10 @@ def check_camera(camera: CameraConfig | None, root: Path) -> Finding:
     """
     check = "camera"
     if camera is None or not camera.enabled:
-        return none(check, "the robot does not look: camera.enabled is not true")
+        return none(check, "camera disabled: camera.enabled is not true")
     source = camera.source
     if source == SIMULATED or "://" in source:
-        return none(check, f"not tried: camera.source is {source}")
+        return none(check, f"not checked: camera.source is {source}")
     if source.isdecimal():
         source = f"/dev/video{source}"
     path = root / source.lstrip("/") if source.startswith("/") else Path(source)

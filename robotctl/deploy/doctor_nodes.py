@@ -1,4 +1,4 @@
-"""Checks of the nodes: who is on the bus, and whether they are the right ones.
+"""Checks of the nodes: which are on the bus, and whether they are the right ones.
 
 Where another controller drives the nodes, or is about to, doctor only listens. Where none does, it
 commissions them as the control process would, with commands that say "motors off".
@@ -48,7 +48,7 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
     try:
         port = SocketPort(config.can, ids, clock)
     except LinkError as error:
-        fix = "mend the CAN link, or start firmware_sim where the bus is simulated"
+        fix = "fix the CAN link, or start firmware_sim if the bus is simulated"
         return [fail("CAN nodes", str(error), fix)]
     masters = frozenset({codec.sync_id, codec.command_id})
     with ExitStack() as held:
@@ -73,7 +73,7 @@ def _claim(config: RobotConfig, held: ExitStack) -> bool:
 
 
 def listen(port: CanPort, clock: Clock) -> frozenset[int]:
-    """Return the identifiers heard in `LISTEN_NS`."""
+    """Return the identifiers received in `LISTEN_NS`."""
     heard: set[int] = set()
     end_ns = clock.now_ns() + LISTEN_NS
     while (now_ns := clock.now_ns()) < end_ns:
@@ -119,7 +119,7 @@ def check_traffic(bus: BusStatus) -> Finding:
 
 
 def only_listened(heard: frozenset[int], wanted: tuple[CanNode, ...]) -> Finding:
-    """Say who was there, where a running controller forbids to ask."""
+    """Report the nodes present, when a running controller forbids queries."""
     there = [node.name for node in wanted if HEARTBEAT_BASE + node.node_id in heard]
     missing = [node.name for node in wanted if HEARTBEAT_BASE + node.node_id not in heard]
     names = ", ".join(there) or "no node"

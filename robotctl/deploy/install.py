@@ -1,6 +1,6 @@
 """`robotctl install` and `uninstall`: files on the disk, and a manifest of what is ours.
 
-Nothing that somebody else wrote or changed is ever overwritten or removed.
+Files that others wrote or changed are never overwritten or removed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Manifest(msgspec.Struct, frozen=True):
 
 
 def read_manifest(root: Path) -> Manifest:
-    """Return what was installed below `root`; empty where nothing was.
+    """Return what was installed below `root`; empty if nothing.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def installed_mission(root: Path) -> Path | None:
 
 
 def conflicts(files: Sequence[ServiceFile], root: Path) -> list[str]:
-    """Return a sentence for each file that somebody else wrote or changed."""
+    """Return a sentence for each file that others wrote or changed."""
     manifest = read_manifest(root)
     problems = []
     for file in files:
@@ -73,7 +73,9 @@ def conflicts(files: Sequence[ServiceFile], root: Path) -> list[str]:
             continue
         known = str(file.path) in manifest.files
         what = (
-            "was changed since it was installed" if known else "is there already, and is not ours"
+            "was changed since it was installed"
+            if known
+            else "already exists and was not installed by robotctl"
         )
         problems.append(f"{root / file.path} {what}; move it away first")
     return problems
@@ -96,7 +98,7 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
     try:
         paths = [*(file.path for file in files), MANIFEST]
         made = [str(folder.relative_to(root)) for folder in _make_folders(paths, root)]
-        # What somebody has changed stays his, also where it is installed again as it is.
+        # A changed file stays the user's, even when reinstalled unchanged.
         wanted = {
             str(file.path): before.files.get(str(file.path), _digest_of(file.data))
             if _change(file, root).startswith("same")
@@ -120,7 +122,7 @@ def install(files: Sequence[ServiceFile], root: Path) -> list[str]:
 
 
 def uninstall(root: Path, *, dry_run: bool = False) -> tuple[list[str], list[str]]:
-    """Remove what was installed and is unchanged; a dry run only says what that would be.
+    """Remove what was installed and is unchanged; a dry run only lists it.
 
     Returns
     -------
@@ -148,7 +150,7 @@ def uninstall(root: Path, *, dry_run: bool = False) -> tuple[list[str], list[str
                 _remove_if_empty(root / folder)
     except OSError as error:
         raise ConfigError(_refusal(error)) from error
-    return lines, [f"kept, since it was changed: {root / path}" for path in kept]
+    return lines, [f"kept because it was changed: {root / path}" for path in kept]
 
 
 def _change(file: ServiceFile, root: Path) -> str:
@@ -168,7 +170,7 @@ def _remove(
         path = root / name
         found = _digest(path)
         if found is None:
-            lines.append(f"gone already  {path}")
+            lines.append(f"already gone  {path}")
         elif found == digest:
             if not dry_run:
                 path.unlink()

@@ -51,11 +51,11 @@ class ServiceFile:
 
     @property
     def text(self) -> str:
-        """What, for people; an image says its size alone."""
+        """Content as text; for an image only its size."""
         try:
             return self.data.decode()
         except UnicodeDecodeError:
-            return f"({len(self.data)} bytes, no text)"
+            return f"({len(self.data)} bytes, binary)"
 
 
 def service_files(
@@ -86,7 +86,7 @@ def service_files(
     config = load_robot(robot)
     if config.can.interface != "socketcan":
         raise ConfigError(
-            f'{robot}: can.interface is "{config.can.interface}"; a robot to install needs '
+            f'{robot}: can.interface is "{config.can.interface}"; an installed robot needs '
             '"socketcan"'
         )
     if mission is not None:
@@ -162,7 +162,7 @@ def check_executable(path: Path) -> None:
         raise ConfigError(f"{path}: no such program; install the package robotctl there")
     if _NOT_IN_A_UNIT.search(str(path)):
         raise ConfigError(
-            f"{str(path)!r}: systemd starts no program whose path has quotes, backslashes or "
+            f"{str(path)!r}: systemd cannot start a program whose path has quotes, backslashes or "
             "control characters; install robotctl into a folder such as /opt/robotctl"
         )
     target = path.resolve()
@@ -172,7 +172,7 @@ def check_executable(path: Path) -> None:
         if not folder.stat().st_mode & _OTHERS_MAY_ENTER:
             raise ConfigError(
                 f"{path}: the user robotctl cannot enter {folder}; install robotctl into a folder "
-                "open to all, such as /opt/robotctl"
+                "that all users can enter, such as /opt/robotctl"
             )
 
 

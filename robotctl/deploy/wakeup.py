@@ -60,7 +60,7 @@ class _Idle:
 
 
 def measure(config: LoopConfig, seconds: float) -> Wakeups:
-    """Tick idly for so long [s], with the rights that the control loop asks for."""
+    """Tick idly for a time [s], with the rights that the control loop asks for."""
     refused = acquire_realtime(config)
     clock = RealClock()
     loop = Loop(clock, config.period_ns)
@@ -135,7 +135,7 @@ def check_lag(wakeups: Wakeups) -> Finding:
         f"p50 {wakeups.lag_us_p50:.0f}, p99 {wakeups.lag_us_p99:.0f}, max "
         f"{wakeups.lag_us_max:.0f} us in {wakeups.ticks} ticks of {wakeups.period_us:.0f} us"
     )
-    fix = "mend what is said above of kernel, governor and isolation; end other programs"
+    fix = "fix kernel, governor and isolation as described above; stop other programs"
     if wakeups.lag_us_max > _TOO_LATE_SHARE * wakeups.period_us:
         return fail(check, f"{words}: more than half a period late", fix)
     if wakeups.lag_us_p99 > _LATE_SHARE * wakeups.period_us:

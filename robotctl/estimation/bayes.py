@@ -59,7 +59,7 @@ class DiscreteBayes:
         Raises
         ------
         ValueError
-            If it is something else.
+            If it is invalid.
         """
         n = len(self._belief)
         columns = transition.sum(axis=0) if transition.shape == (n, n) else np.zeros(1)
@@ -83,7 +83,7 @@ class DiscreteBayes:
         Raises
         ------
         ValueError
-            If it is something else, or says that no state that is possible can be.
+            If it is invalid, or excludes every possible state.
         """
         values = np.asarray(likelihood, dtype=np.float64)
         if values.shape != self._belief.shape or not np.all(values >= 0.0):
@@ -110,7 +110,7 @@ def shift_transition(n: int, steps: int, moves: ArrayLike, circular: bool = Fals
     moves
         (2 k + 1,): probability of covering k less, ..., as many, ..., k more; sum 1.
     circular
-        Whether the last cell is followed by the first; else the ends are walls that stop.
+        Whether the last cell is followed by the first; otherwise the ends are walls.
 
     Raises
     ------

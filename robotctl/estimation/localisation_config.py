@@ -21,7 +21,7 @@ class LocalisationConfig:
     Parameters
     ----------
     method
-        `none`: odometry alone. `ekf`: odometry corrected by sonar ranges to walls and by poses from
+        `none`: odometry only. `ekf`: odometry corrected by sonar ranges to walls and by poses from
         outside (MAVLink). `mcl`: particles, weighed by sonars and lidar, which also find a robot
         that was carried away.
     map

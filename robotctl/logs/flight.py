@@ -18,13 +18,13 @@ from robotctl.runtime.storage.ring_file import crashed
 from robotctl.safety.state_machine import LATCHED
 
 AFTERMATH_NS: Final = 1_000_000_000
-"""A dump waits so long after the fault, to show what came of it [ns]."""
+"""Delay of a dump after the fault, to record its consequences [ns]."""
 
 MOST_DUMPS: Final = 20
 """Older dumps are removed."""
 
 RETRY_NS: Final = 10_000_000_000
-"""So long after the disk refused a crash it is tried again [ns]."""
+"""Time until a crash dump that the disk refused is retried [ns]."""
 
 _KINDS: Final = ("fault", "crash")
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
@@ -167,7 +167,7 @@ class FlightDumps:
             self._retry_ns = now_ns + RETRY_NS
             return tuple(notes) if is_first else ()
         self._retry_ns = None
-        if _file_number(left) == number:  # else one of another crash came while the disk was slow
+        if _file_number(left) == number:  # else another crash replaced it
             left.unlink(missing_ok=True)
         return tuple(notes)
 
@@ -194,7 +194,7 @@ class FlightDumps:
             for old in self._oldest_first()[:-MOST_DUMPS]:
                 old.unlink(missing_ok=True)
         except OSError as error:
-            notes.append(f"the oldest dumps of the flight recorder stay: {error}")
+            notes.append(f"the oldest dumps of the flight recorder cannot be removed: {error}")
 
     def _write(self, ring: Path, target: Path, notes: list[str], *, make_room: bool) -> None:
         """Write a ring; on a full disk in the place of the oldest dumps, one after the other."""
@@ -210,7 +210,7 @@ class FlightDumps:
                 return
             freed += dumps[0].stat().st_size
             dumps[0].unlink()
-            notes.append(f"the disk is full: {dumps[0]} is removed for a newer one")
+            notes.append(f"the disk is full: {dumps[0]} is removed to make room for a newer one")
 
     def _oldest_first(self) -> list[Path]:
         """Return all dumps that are there."""
@@ -221,7 +221,7 @@ class FlightDumps:
 
 
 def _file_number(path: Path) -> int | None:
-    """Return what tells a file from another one in its place; None where there is none."""
+    """Return a file's identity, to notice a replacement; None if there is no file."""
     try:
         return path.stat().st_ino
     except FileNotFoundError:

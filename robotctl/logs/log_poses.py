@@ -10,7 +10,7 @@ from robotctl.model.trajectory import Trajectory
 
 
 def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str] | None:
-    """Return `base` in `world` by a log, and in words where that comes from; None: nobody knows.
+    """Return `base` in `world` from a log, and a text naming the source; None: unknown.
 
     The log's reference, if it has headings, else that of its scans, else what the robot believed
     while it was localised.
@@ -29,6 +29,6 @@ def best_poses(log: Path, recording: Recording) -> tuple[Trajectory, str] | None
     if recording.believed is not None:
         return (
             recording.believed,
-            "the robot's own localiser, whose errors count as the sensor's here",
+            "the robot's own localiser, whose errors count as the sensor's",
         )
     return None

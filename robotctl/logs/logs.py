@@ -26,7 +26,7 @@ from robotctl.runtime.storage.atomic_file import remove_parts
 from robotctl.runtime.storage.log_folder import LogFolder, close_log, is_gone
 
 FLUSH_NS: Final = 1_000_000_000
-"""So much is lost at most when the recorder is killed [ns]."""
+"""Maximum loss when the recorder is killed [ns]."""
 
 _RETRY_NS: Final = 1_000_000_000
 
@@ -113,7 +113,7 @@ class BusLog:
         self._trouble = ""
 
     def step(self, now_ns: int) -> tuple[str, ...]:
-        """Log what came; return a sentence when the bus cannot be heard any more.
+        """Log received frames; return a message when the bus can no longer be read.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class BusLog:
         except (OSError, can.CanError, ValueError) as error:
             self._leave()
             self._retry_ns = now_ns + _RETRY_NS
-            news = () if self._trouble else (f"the log does not hear the bus: {error}",)
+            news = () if self._trouble else (f"the log cannot read the bus: {error}",)
             self._trouble = str(error)
             return news
         if lines:

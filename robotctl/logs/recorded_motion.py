@@ -18,7 +18,7 @@ from robotctl.model.recording import Recording
 from robotctl.model.trajectory import Trajectory
 
 _ALIGNED_M: Final = 1.0
-"""So long a way from the start tells the heading of a reference that has none [m]."""
+"""Distance from the start used to find the heading of a reference without one [m]."""
 
 _NEAR_NS: Final = 1_000_000_000
 
@@ -41,7 +41,7 @@ def with_noise(own: MotionNoise, sigmas: tuple[float, float]) -> MotionNoise:
 def noisy(
     deltas: Sequence[SE2], sigmas: tuple[float, float], rng: np.random.Generator
 ) -> list[SE2]:
-    """Return motions with noise that is white along the way, so it does not matter how it is cut.
+    """Return motions with white noise along the path, so the step length does not matter.
 
     A heading error early on the way moves the robot sideways: integrated over a way of length d,
     an error of the variance Q has the mean effect d / 2 and another one of the variance d^2 Q / 12
@@ -81,8 +81,8 @@ def with_noisy_motion(
         return recording
     steps_s = 1e-9 * np.diff(recording.twist_stamps_ns)[:, None]
     if len(steps_s):
-        ways = recording.twists[:-1] * steps_s
-        deltas = noisy([arc(SE2(), *way) for way in ways.tolist()], sigmas, rng)
+        motions = recording.twists[:-1] * steps_s
+        deltas = noisy([arc(SE2(), *motion) for motion in motions.tolist()], sigmas, rng)
         twists = recording.twists.copy()
         found = np.array([arc_between(delta) for delta in deltas])
         np.divide(found, steps_s, out=twists[:-1], where=steps_s > 0.0)
@@ -129,7 +129,7 @@ def start_pose(recording: Recording, stamp_ns: int) -> SE2 | None:
 def _aligned_heading(
     odometry: Trajectory | None, reference: Trajectory, begin_ns: int
 ) -> float | None:
-    """Return the heading at a time that turns the way of the odometry onto the reference [rad].
+    """Return the heading at a time that rotates the odometry path onto the reference [rad].
 
     Least squares of the positions (Kabsch 1976, in the plane); None where the robot never moves.
     """
@@ -145,7 +145,7 @@ def _aligned_heading(
     ]
     moved = [((pose.x_m, pose.y_m), row[:2]) for pose, row in pairs if pose is not None]
     away = [math.hypot(x - start.x_m, y - start.y_m) for (x, y), _ in moved]
-    end = next((i for i, way_m in enumerate(away) if way_m > _ALIGNED_M), len(away) - 1)
+    end = next((i for i, distance_m in enumerate(away) if distance_m > _ALIGNED_M), len(away) - 1)
     if end < 1 or max(away[: end + 1]) == 0.0:
         return None
     a = np.array([place for place, _ in moved[: end + 1]])

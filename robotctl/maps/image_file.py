@@ -1,4 +1,4 @@
-"""Images as they lie in their files: pixels in rows, whatever a tag says of how to turn them.
+"""Images as stored: pixels in rows, ignoring orientation tags.
 
 Pillow reads them. It scales PGM and PPM of any greatest value (1 to 65535) to white, as ROS's
 `map_server` has them from GraphicsMagick, reads plain ones without a newline at their end, says
@@ -65,7 +65,7 @@ def orientation(file: Path) -> int:
 
 @contextmanager
 def _opened(file: Path, *, as_tagged: bool = False) -> Iterator[Image.Image]:
-    """Open an image; what goes wrong with it becomes an error in plain words."""
+    """Open an image; failures become plain errors."""
     data = file.read_bytes()
     size = " within its header"
     try:

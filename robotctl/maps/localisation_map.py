@@ -22,7 +22,7 @@ _FEWEST = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationMap:
-    """A map; `walls` is None where it knows cells alone."""
+    """A map; `walls` is None if it has only cells."""
 
     grid: GridMap
     walls: WallMap | None
@@ -82,11 +82,11 @@ def off_map(world_map: LocalisationMap, start: SE2) -> str:
         (low_x, low_y), (high_x, high_y) = np.min(ends, axis=0), np.max(ends, axis=0)
         return (
             f"{place} off the map, which has x {low_x:.2f} to {high_x:.2f} m and "
-            f"y {low_y:.2f} to {high_y:.2f} m: is it the map of this place?"
+            f"y {low_y:.2f} to {high_y:.2f} m: is it the right map?"
         )
     cell = int(grid.cells[row, column])
     if cell == UNKNOWN:
-        return f"{place} where the map knows nothing: is it the map of this place?"
+        return f"{place} in an unknown part of the map: is it the right map?"
     return f"{place} in a wall of the map" if grid.occupied()[row, column] else ""
 
 
@@ -103,7 +103,7 @@ def _check_cells(grid: GridMap, path: Path) -> None:
     if min(rows, columns) < _FEWEST:
         reason = f"has {columns} x {rows} cells, and a robot finds itself in two by two at least"
     elif not grid.free().any():
-        reason = f"the map has no free cell: a robot can be nowhere; {hint}"
+        reason = f"the map has no free cell: there is no place for a robot; {hint}"
     elif not grid.occupied().any():
         reason = f"the map has no obstacle, a cell of 50 % or more: all places look alike; {hint}"
     else:
@@ -117,7 +117,7 @@ def walls_for_ekf(world_map: LocalisationMap, name: str) -> WallMap:
     Raises
     ------
     ConfigError
-        If it has cells alone.
+        If it has only cells.
     """
     if world_map.walls is None:
         raise ConfigError(f"{name}: has cells; the EKF needs walls, a world (.toml)")

@@ -47,7 +47,7 @@ _IMAGES: Final = (".pgm", ".png", ".bmp", ".jpg")
 MODES: Final = ("trinary", "scale", "raw")
 OCCUPIED_THRESH: Final = 0.65
 FREE_THRESH: Final = 0.25
-"""What nav2 takes where a file says nothing."""
+"""nav2's defaults."""
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
@@ -58,7 +58,7 @@ _SAVED_FREE_THRESH: Final = 0.196
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What the yaml file says."""
+    """Content of the yaml file."""
 
     image: Path
     resolution_m: float
@@ -90,7 +90,7 @@ def load_map(path: Path) -> GridMap:
     pixels = read_image(header.image)
     white = np.iinfo(pixels.dtype).max
     if pixels.ndim == 2:
-        # Each shade is looked up: a large map takes a byte for a cell.
+        # Each shade is looked up, so that a large map takes a byte per cell.
         shades = np.arange(white + 1)[:, None] / white
         cells = _cells(shades, header, has_alpha=False)[pixels]
     else:

@@ -36,7 +36,7 @@ _HEAD: Final = """\
 
 @dataclass(frozen=True)
 class VisitEntry:
-    """A `[[place.visit]]`: `base` at its end, and what was heard."""
+    """A `[[place.visit]]`: `base` at its end, and the readings."""
 
     x_m: float
     y_m: float

@@ -180,12 +180,12 @@ def load_walls(world: Path) -> WallMap:
     file = toml_source.load(world, _WorldFile, rules=_misplaced)
     sides = [(*a, *b) for _, outline in file.outlines() for a, b in itertools.pairwise(outline)]
     if not sides:
-        raise ConfigError(f"{world}: has no wall: a robot drives among some")
+        raise ConfigError(f"{world}: no walls found; a robot needs at least one")
     return WallMap(np.array(sides, dtype=np.float64))
 
 
 def _misplaced(file: _WorldFile) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield what stands too far away, and sides without length."""
+    """Yield what is too far away, and sides without length."""
     for key, outline in file.outlines():
         # The comparison is so that a coordinate that is not a number is refused too.
         far = [each for point in outline for each in point if not abs(each) <= FARTHEST_M]

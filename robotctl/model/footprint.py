@@ -68,7 +68,7 @@ class Footprint:
         return max((math.hypot(*corner) for corner in self.corners), default=0.0)
 
     def samples(self, spacing_m: float) -> NDArray[np.float64]:
-        """Return points of the body, its outline among them, at most so far apart, (n, 2) [m]."""
+        """Return points of the body, outline included, at most a spacing apart, (n, 2) [m]."""
         if not self.corners:
             return np.zeros((1, 2))
         points = []

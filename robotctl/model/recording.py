@@ -19,7 +19,7 @@ UNKNOWN_LANDMARK: Final = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedScan:
-    """A scan with what the log says of the robot at its time.
+    """A scan with the log's data on the robot at its time.
 
     Parameters
     ----------
@@ -38,12 +38,12 @@ class RecordedScan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedSonar:
-    """What sonars of a ring heard at one time, with what the log says of the robot then.
+    """Readings of sonars of a ring at one time, with the log's data on the robot.
 
     Parameters
     ----------
     reading
-        Ranges; nan also where the log does not tell what was heard.
+        Ranges; nan also if the log does not have them.
     odometry
         `base` in the frame of the odometry.
     """
@@ -92,7 +92,7 @@ class Recording:
     sonars
         In the order of their times.
     sonar_mounts
-        Where the sonars sit; empty where the log does not say.
+        Mounting of the sonars; empty if the log does not have it.
     notes
         Sentences for people: what the reader left out or had to assume.
     """

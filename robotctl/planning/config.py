@@ -22,7 +22,7 @@ class NavigationConfig:
     guided_speed_m_s
         Largest speed towards positions from the ground station [m/s], > 0.
     return_speed_m_s
-        Largest speed on the way home [m/s], > 0.
+        Maximum speed of RTL [m/s], > 0.
     look_around_speed_m_s
         Largest speed of a robot that does not know where it is [m/s], > 0.
     pursuit, guard, wall

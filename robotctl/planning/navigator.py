@@ -189,11 +189,11 @@ class Navigator:
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty where it can."""
         if not self._attended and mode not in _BY_HAND:
-            return "no ground station is there"
+            return "no ground station is connected"
         if mode is Mode.AUTO and self._runner is None:
             return "no mission is loaded"
         if mode is Mode.RTL and self._crumbs.has_gap:
-            return "the way home is not known: navigation started, or lost its place, on it"
+            return "the path home is not known: navigation started, or lost its place, on it"
         return ""
 
     def step(self, inputs: NavigationInputs, now_ns: int) -> NavigationOutputs:
@@ -224,7 +224,7 @@ class Navigator:
         self._guard.observe(ranges, new, inputs.floor_base)
         if not inputs.enabled:
             self._pause()
-            text = "not armed" if inputs.heard else "nothing is heard of control"
+            text = "not armed" if inputs.heard else "no messages from control"
             return self._outputs(BehaviourOutput(0.0, 0.0, text=text))
         self._last_ns = now_ns
         if self._searches(inputs.localised):
@@ -267,7 +267,7 @@ class Navigator:
             return
         reason = ""
         if not self._attended:
-            reason = "no ground station is there"
+            reason = "no ground station is connected"
         elif stopped:
             reason = _STOPPED
         elif self._last_ns is not None:
@@ -364,7 +364,7 @@ def _interruption(inputs: NavigationInputs, gap_ns: int) -> str:
     """Return what came between this step and the one `gap_ns` ago [ns], empty if nothing did."""
     if gap_ns > _LONGEST_STEP_NS:
         return f"navigation was held up for {gap_ns / 1e9:.1f} s"
-    return "" if inputs.heard else "nothing was heard of control"
+    return "" if inputs.heard else "no messages from control"
 
 
 def _on_earth(x_m: float, y_m: float) -> bool:

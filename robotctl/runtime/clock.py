@@ -46,14 +46,15 @@ class RealClock:
         return time.monotonic_ns()
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Block until `deadline_ns`; a signal's handler runs and the sleep goes on."""
+        """Block until `deadline_ns`; a signal's handler runs and the sleep continues."""
         self._request.tv_sec, self._request.tv_nsec = divmod(deadline_ns, 1_000_000_000)
+        # A signal ends the sleep early. The deadline is absolute, so sleeping again does not drift.
         while self._nanosleep(_CLOCK_MONOTONIC, _TIMER_ABSTIME, self._address, None) == errno.EINTR:
             pass
 
 
 class VirtualClock:
-    """Time that stands still until somebody moves it."""
+    """Virtual time: it moves only by `advance` and `sleep_until`."""
 
     def __init__(self, start_ns: int = 0) -> None:
         self._now_ns = start_ns

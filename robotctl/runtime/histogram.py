@@ -40,7 +40,7 @@ class Histogram:
     def percentiles(self, *shares: float) -> tuple[int, ...]:
         """Return, for each share [0, 1], the upper bound of the bucket that holds that quantile.
 
-        0 where nothing was counted. About 10 us.
+        0 if nothing was counted. About 10 us.
         """
         if not self.total:
             return (0,) * len(shares)

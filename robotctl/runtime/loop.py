@@ -1,8 +1,8 @@
 """The fixed-rate loop: absolute deadlines, statistics, and a stated policy for overruns.
 
-Policy: a tick that ends behind later deadlines skips them all and waits for the next one in the
-original grid. It never catches up in a burst, since two commands in a row would act on one
-measurement. Each skipped deadline counts as one overrun, blamed on the stage that took longest.
+Policy: a tick that ends after later deadlines skips them and waits for the next on the original
+grid. It never catches up in a burst, since two commands in a row would act on one measurement. Each
+skipped deadline counts as one overrun, blamed on the stage that took longest.
 """
 
 from __future__ import annotations
@@ -84,9 +84,11 @@ class Loop:
         sent_ns = now()
         self.lag_ns = lag_ns = woken_ns - deadline_ns
         self.step_ns = step_ns = sent_ns - woken_ns
+        # After the command is sent, so that publishing delays no command.
         ticker.publish(received_ns)
         done_ns = now()
         self.ticks += 1
+        # The histograms count tenths of a microsecond.
         self.lag.add(lag_ns // 100)
         self.step.add(step_ns // 100)
         durations = (
@@ -98,6 +100,7 @@ class Loop:
         for histogram, duration_ns in zip(self.stages.values(), durations, strict=True):
             histogram.add(duration_ns // 100)
         deadline_ns += self.period_ns
+        # Never catch up in a burst: two commands in a row would act on one measurement.
         if done_ns >= deadline_ns:
             deadline_ns = self._skip(deadline_ns, done_ns, lag_ns, durations)
         return deadline_ns

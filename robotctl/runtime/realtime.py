@@ -20,7 +20,7 @@ MAX_CPU: Final = 8191
 """Linux has at most 8192 processors; which of them are there, `robotctl doctor` finds out."""
 
 IDLE_STATES: Final = Path("/dev/cpu_dma_latency")
-"""Linux's PM QoS interface: who holds it open says how long processors may take to wake."""
+"""Linux's PM QoS interface: the process that holds it open limits the wake-up latency."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +104,7 @@ def acquire_realtime(config: LoopConfig) -> list[str]:
         refused.append(f"locking memory refused ({reason}): grant CAP_IPC_LOCK or raise memlock")
     if config.wake_latency_us >= 0:
         refused += limit_wake_latency(config.wake_latency_us)
+    # The default slack of 50 us would delay wake-ups if SCHED_FIFO was refused.
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     return refused
 
@@ -111,6 +112,7 @@ def acquire_realtime(config: LoopConfig) -> list[str]:
 def _schedule_first(priority: int) -> None:
     """Take SCHED_FIFO for this thread, and one priority below it for the others of the process."""
     own = threading.get_native_id()
+    # ZeroMQ's threads carry requests to stop, so they rank above ordinary load, below the loop.
     below = max(os.sched_get_priority_min(os.SCHED_FIFO), priority - 1)
     for thread in (int(task.name) for task in Path("/proc/self/task").iterdir()):
         taken = os.sched_param(priority if thread == own else below)
@@ -120,11 +122,12 @@ def _schedule_first(priority: int) -> None:
 def limit_wake_latency(latency_us: int, device: Path = IDLE_STATES) -> list[str]:
     """Keep processors from idle states that take longer than `latency_us` [us] to leave.
 
-    The wish stands for as long as the device is open: until this process ends. Returns one
-    sentence where it was refused. A machine without the device (a container, a kernel without
-    idle states) is left as it is.
+    The request holds while the device is open: until this process ends. Returns one sentence where
+    it was refused. A machine without the device (a container, a kernel without idle states) is left
+    as it is.
     """
     try:
+        # Never closed on purpose: the kernel holds the request while the descriptor is open.
         descriptor = os.open(device, os.O_WRONLY | os.O_CLOEXEC)
         os.write(descriptor, struct.pack("=i", latency_us))
     except FileNotFoundError:

@@ -1,7 +1,7 @@
-"""The clock of a simulated run: its time stands still while this computer is held up.
+"""The clock of a simulated run: its time pauses while this computer stalls.
 
-The simulator owns it and writes it into a file in memory; `firmware_sim/pace.py` says what stands
-there and when time waits.
+The simulator owns it and writes it into a file in memory; `firmware_sim/pace.py` defines the format
+and when time waits.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class SimulatedClock:
         self._last_ns = 0
 
     def now_ns(self) -> int:
-        """Return simulated time, which is CLOCK_MONOTONIC less what it has stood still [ns]."""
+        """Return simulated time: CLOCK_MONOTONIC less its pauses [ns]."""
         words = self._words
         limit_ns = words[_LIMIT]
         monotonic_ns = time.monotonic_ns()
@@ -73,9 +73,9 @@ class SimulatedClock:
 
     @property
     def longest_ns(self) -> int:
-        """How long time has stood still at most at a time, since that was forgotten [ns]."""
+        """Longest pause since the last reset [ns]."""
         return int(self._words[_LONGEST])
 
     def forget_longest(self) -> None:
-        """Begin to count anew how long time stands still at most."""
+        """Reset the longest pause."""
         self._words[_LONGEST] = 0

@@ -8,18 +8,18 @@ from robotctl.messages.control import Ack, Arm
 from robotctl.messages.faults import Fault
 
 _KEPT: Final = 8
-"""Requests that wait, and answers, at most: so many ask within one period of publishing."""
+"""Maximum of waiting requests and of answers: more than arrive within one publishing period."""
 
 
 class ArmRequests:
-    """Those who asked to arm and have no answer yet, and the answers of the last.
+    """Requests to arm without an answer, and the latest answers.
 
     Attributes
     ----------
     waiting
-        `request_id` of those who wait, in the order in which they asked.
+        `request_id`s that wait, in order of arrival.
     since_ns
-        When the first of them asked [ns]: who asks later does not put off the answer.
+        When the first of them arrived [ns]: later ones do not postpone the answer.
     acks
         The last answers to any `Arm`, the newest last.
     """

@@ -2,7 +2,7 @@
 
 It expects to find nothing: every layer before it keeps its own limits. What it does find is a
 defect, so it does not repair single values but turns the whole command into a stop. One wheel
-that goes on while the other is zeroed would spin the robot.
+turning while the other is zeroed would spin the robot.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ TOLERANCE: Final = 1e-6
 
 
 class GuardedCommand(NamedTuple):
-    """What may go to the drive; `fault` says in a few words what was wrong, empty where nothing."""
+    """What may go to the drive; `fault` says briefly what was wrong; empty if nothing."""
 
     enable: bool
     duty1: float

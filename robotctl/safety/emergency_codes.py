@@ -56,7 +56,7 @@ _CLASSES: Final = {
 
 
 def emergency_words(code: int) -> str:
-    """Return an EMCY code (16 bits) in words, as precisely as the standards tell."""
+    """Return an EMCY code (16 bits) in words, as precisely as the standards allow."""
     return (
         _CODES.get(code)
         or _GROUPS.get(code >> 8)

@@ -24,17 +24,19 @@ BUS_LOAD_MAX: Final = 0.8
 """A fuller bus [1] delays what is least urgent, the node services, without bound."""
 
 _UNHEARD_NS: Final = 100_000_000
-"""So long behind them, lost commands explain what wheels do: monitors look at 50 ms at once."""
+"""For this time after them, lost commands explain the wheels' motion: monitors use windows of 50
+ms."""
 
 _ENABLE_NS: Final = 100_000_000
-"""So soon behind arming the drive says that it is enabled: it takes three commands and a status,
-50 ms at 100 Hz; the rest is for some that are lost."""
+"""Time for the drive to report enabled after arming: three commands and a status take 50 ms at 100
+Hz; the rest allows for lost frames."""
 
 _SILENCE: Final = frozenset({FaultCode.NODE_SILENT, FaultCode.DRIVE_STOPPED})
-"""Faults that a pause of this process brings about, beside those of age."""
+"""Faults that a stall of this process causes, besides those of age."""
 
 _PAUSE_NS: Final = 250_000_000
-"""So long behind a pause it explains them: the motor controller's own words come a status later."""
+"""Time after a stall during which it explains them: the motor controller reports one status
+later."""
 
 _NEVER_NS: Final = -(1 << 62)
 _KEPT: Final = frozenset({"wheels", "motor", "drive", "battery", "sonars"})
@@ -74,7 +76,7 @@ class AgeLimit(NamedTuple):
     words
         Begin the sentence for people, before "older than"; of sonars, before the limit.
     part
-        Node that it is about; empty where it is about none alone.
+        Node concerned; empty if it concerns no single one.
     limit_ns
         Greatest age [ns].
     """
@@ -101,7 +103,7 @@ class Health:
     heartbeat_limit_ns
         How old a node's heartbeat may be [ns].
     sonars
-        Names of the sonars of the ring; empty where nobody uses any.
+        Names of the sonars of the ring; empty if none is used.
     """
 
     def __init__(
@@ -111,7 +113,7 @@ class Health:
         self._silence = _SILENCE | {age.code for age in ages}
         """Faults that a pause of this process brings about."""
         self._others = [age for age in ages if age.field not in _KEPT]
-        """What is judged by its age alone,"""
+        """Inputs judged by age alone,"""
         self._others_ns = dict.fromkeys((age.field for age in self._others), _NEVER_NS)
         """and when the newest of each came [ns]."""
         self.motor: MotorStatus | None = None
@@ -119,9 +121,9 @@ class Health:
         """What `motor` reports."""
         self.drive: DriveStatus | None = None
         self._command_loss: DriveStatus | None = None
-        """The last that said that its newest valid command was old."""
+        """The last status that reported an old newest valid command."""
         self._idle_ns = -_NEVER_NS
-        """When the drive was enabled last, or nobody wanted it to be [ns]."""
+        """When the drive was last enabled, or not commanded to be [ns]."""
         self.battery: BatteryFeedback | None = None
         self._take_nodes(())
         self.bus = BusStatus()
@@ -171,14 +173,14 @@ class Health:
     def step(self, now_ns: int) -> None:
         """Note the time of this step, and whether this process was held up since the last one.
 
-        Whoever is held up sends neither commands nor SYNC: what is missing then is its own doing.
+        A stalled process sends neither commands nor SYNC, so it causes the missing inputs itself.
         """
         before_ns, self._stepped_ns = self._stepped_ns, now_ns
         if before_ns is not None and now_ns - before_ns > self._wheels_limit_ns:
             self._paused_ns, self._pause_over_ns = now_ns - before_ns, now_ns
 
     def _take_others(self, feedback: Feedback) -> None:
-        """Note when what is judged by its age alone came last."""
+        """Note when the inputs judged by age alone last arrived."""
         for age in self._others:
             value = getattr(feedback, age.field)
             if value is not None:
@@ -247,7 +249,7 @@ class Health:
         return battery if fresh else None
 
     def command_loss(self, now_ns: int) -> Fault | None:
-        """Return a fault where no command reached the motor controller, by its own words."""
+        """Return a fault if the motor controller reports that no command reached it."""
         drive = self._command_loss
         if drive is None or now_ns - drive.stamp_ns > _UNHEARD_NS:
             return None
@@ -368,7 +370,7 @@ class Health:
 
 
 def is_fresh(stamp_ns: int, now_ns: int, limit_ns: int) -> bool:
-    """Return whether a stamp lies within `limit_ns` of now, the limit itself included [ns].
+    """Return whether a stamp lies within `limit_ns` of now, inclusive [ns].
 
     A stamp from the future by more than that would never grow old, so it is not fresh either.
     """
@@ -395,7 +397,7 @@ def fault_words(faults: int) -> str:
 def _motor_fault(motor: MotorStatus) -> Fault | None:
     """Return the fault of a motor controller that has stopped or reports one, else None.
 
-    Its code is that of the first fault bit, as in the text, but of a stop it says itself.
+    Its code is that of the first fault bit, as in the text, except for a reported stop.
     """
     latched = motor.state in _LATCHED_DRIVE_STATES
     if not (latched or motor.faults):
@@ -410,7 +412,7 @@ def _motor_fault(motor: MotorStatus) -> Fault | None:
 
 
 def _command_loss_text(drive: DriveStatus) -> str:
-    """Say for how long the motor controller had heard nothing."""
+    """Return the text that says how long the motor controller received nothing."""
     return f"the motor controller had no valid command for {drive.command_age_ms} ms"
 
 

@@ -1,4 +1,4 @@
-"""What a monitor is: it compares inputs of a powered robot and says where they contradict."""
+"""Protocol of a monitor: it compares inputs of a powered robot and reports contradictions."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Monitor(Protocol):
     """One member of `supervision.MONITORS`."""
 
     def reset(self) -> None:
-        """Begin anew: the robot is armed."""
+        """Reset: the robot is armed."""
 
     def update(self, inputs: MonitorInputs) -> Fault | None:
         """Take the inputs of one tick of a powered robot; return a contradiction."""

@@ -1,4 +1,4 @@
-"""What the nodes tell of themselves beside their feedback: restarts and errors."""
+"""What nodes report besides feedback: restarts and errors."""
 
 from __future__ import annotations
 

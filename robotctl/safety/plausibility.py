@@ -4,18 +4,18 @@ An input can be fresh, undamaged and wrong. Each monitor here compares inputs th
 different sensors:
 
 - encoder against duty and current. The voltage at a motor less the drop over its winding is its
-  back-EMF, hence its speed, whatever its load: ``w = (u - R i) / k``. An encoder that says
-  otherwise is stuck, disconnected, reversed, swapped with its neighbour, or loses counts;
-- current against motion. Much current one way for long, and the speed does not follow it: the
-  wheel is blocked, or the robot pushes against something;
+  back-EMF, hence its speed, whatever its load: ``w = (u - R i) / k``. An encoder that disagrees is
+  stuck, disconnected, reversed, swapped with its neighbour, or loses counts;
+- current against motion. High current in one direction without matching speed: the wheel is
+  blocked, or the robot pushes against something;
 - wheel against wheel. Errors of supply, temperature and model are those of both wheels; what
   differs between them is one wheel's own;
 - steering against its command, supply against battery, the drive's clock against the host's;
 - sonar against odometry: `plausibility_sonar.py`; each sensor alone: `plausibility_values.py`.
 
-What cannot be seen: a wheel and its motor both exchanged with the other side's, where no sonar sees
-it; slip on ice with no sonar echo ahead; tilt and being carried, since there is no IMU. No monitor
-leads to a degraded mode: each stops the robot.
+Undetectable: a wheel and its motor both swapped with the other side's, if no sonar sees it; slip on
+ice with no sonar echo ahead; tilt and being carried, since there is no IMU. No monitor leads to a
+degraded mode: each stops the robot.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ REST_RAD_S: Final = 0.5
 """A wheel slower than this counts as at rest [rad/s]."""
 
 GAIN_RAD_S: Final = 3.0
-"""A push that gains more speed its way than this in its time meets inertia, no wall [rad/s]."""
+"""A push that gains more speed than this in its direction meets inertia, not a wall [rad/s]."""
 
 GAIN_SHARE: Final = 1.0 / 3.0
-"""So much of what the robot gains at its greatest acceleration is enough, where that is less."""
+"""Sufficient share of the speed gained at maximum acceleration, if that is less."""
 
 PAIR_RAD_S: Final = 4.0
 """Wheels are compared from this speed on at the latest [rad/s], or from twice the tolerance."""
 
 JUMPS: Final = 3
-"""So many impossible jumps of a count within a second: one glitch makes two."""
+"""Impossible jumps of a count within a second that make a fault: one glitch makes two."""
 
 CLOCK_WINDOW_NS: Final = 2_000_000_000
 _CLOCK_GAP_NS: Final = 500_000_000
@@ -70,17 +70,17 @@ class PlausibilityConfig:
         Voltage at the motor's terminals per speed of the wheel, without load [V s/rad], > 0: from
         the data sheet, times the gear ratio. Not the loop's `kv`, so that tuning cannot blind it.
     speed_tolerance_rad_s, speed_tolerance_share
-        The encoder may differ from the speed that duty and current tell by the sum of the first
+        The encoder may differ from the speed given by duty and current by the sum of the first
         [rad/s] and of the second times the greater of the two, > 0, at most 5 and 0.5. Slow motors
         need less, coarse encoders more: see docs/safety.md.
     speed_ms
         Longer than this it may not [ms], 5 to 500; half as long if it differs twice as much, since
-        a loop whose encoders are exchanged speeds up the more, the faster it is.
+        a loop with swapped encoders accelerates more the faster it is.
     push_v
         Drop `R i` over a winding [V], > 0, at most 10; more than the steepest slope needs.
     push_ms
-        Longer than this it may not be exceeded one way without speed that way [ms], 20 to 2000:
-        without 3 rad/s, or a third of what `limits.a_max_m_s2` gives in this time.
+        Maximum time above it without speed in that direction [ms], 20 to 2000: without 3 rad/s, or
+        a third of what `limits.a_max_m_s2` gives in this time.
     pair_share
         Two wheels may differ by this in the ratio of counted to electrical speed, > 0, at most 0.5.
     pair_ms
@@ -149,7 +149,7 @@ _RANGES: Final = {
 
 
 class PersistenceTimer:
-    """How long a condition has stood without a break."""
+    """How long a condition has held without a break."""
 
     __slots__ = ("_since_ns",)
 
@@ -157,7 +157,7 @@ class PersistenceTimer:
         self._since_ns: int | None = None
 
     def lasts_ns(self, condition: bool, now_ns: int) -> int:
-        """Return how long the condition has stood up to now [ns]; 0 where it does not."""
+        """Return how long the condition has held up to now [ns]; 0 if it does not."""
         if not condition:
             self._since_ns = None
             return 0
@@ -188,11 +188,11 @@ class WheelMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what has stood so far."""
+        """Reset the timers."""
         self.counted_rad_s = 0.0
         self.electrical_rad_s = 0.0
         self.is_off = False
-        """Whether the encoder has said something else than the motor for too long."""
+        """Whether the encoder has disagreed with the motor for too long."""
         self._off = PersistenceTimer()
         self._drop_v = self._current_a = self._before_rad_s = 0.0
         self._push = 0
@@ -235,12 +235,17 @@ class WheelMonitor:
             Time of the sample [ns].
         """
         config = self._config
+        # A hot winding has up to half as much resistance again: compensate, or heat looks like a
+        # fault.
         warm = 1.0 + COPPER_PER_K * (temperature_c - 25.0)
         self._drop_v = config.resistance_ohm * warm * current_a
         self._current_a = current_a
         self.counted_rad_s = counted_rad_s
+        # Back-EMF: w = (u - R i) / k, whatever the load.
         self.electrical_rad_s = (voltage_v - self._drop_v) / config.back_emf_v_s_rad
         excess = abs(self.electrical_rad_s - counted_rad_s) / self.tolerance_rad_s
+        # Duration times excess: twice the error is judged in half the time, because swapped
+        # encoders accelerate a loop more the faster it is.
         self.is_off = self._off.lasts_ns(excess > 1.0, stamp_ns) * excess > self._speed_ns
 
     def encoder_fault(self) -> Fault | None:
@@ -314,7 +319,7 @@ class Plausibility:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: the robot is armed."""
+        """Reset: the robot is armed."""
         self.fault: Fault | None = None
         """What contradicts what; stays until `reset`."""
         for wheel in self._wheels:
@@ -347,6 +352,7 @@ class Plausibility:
         if self._latch_us < 0 or host_ns > _CLOCK_GAP_NS:
             self._drive_us = self._elapsed_ns = 0
         else:
+            # The time stamp has 20 bits of microseconds and rolls over every 1.05 s.
             self._drive_us += (latch_us - self._latch_us) & 0xFFFFF
             self._elapsed_ns += host_ns
             if self._elapsed_ns >= CLOCK_WINDOW_NS:
@@ -405,8 +411,9 @@ class Plausibility:
         return math.copysign(share, duty)
 
     def _check_encoders(self, now_ns: int) -> None:
-        """Name exchanged encoders as such, else each alone; then compare the pair."""
+        """Report swapped encoders as such, otherwise each alone; then compare the pair."""
         wheels = self._wheels
+        # Before the single encoders, both of which would be reported as wrong.
         if len(wheels) == 2 and self._exchanged(*wheels):
             text = "left and right encoders are swapped"
             self._say(Fault(FaultCode.ENCODERS_SWAPPED, text))
@@ -428,6 +435,7 @@ class Plausibility:
         """Return whether each wheel's count fits the other's motor, and not its own."""
         if not (one.is_off and other.is_off):
             return False
+        # Each count matches the other side's motor: plugs swapped, not two faults.
         first = abs(one.electrical_rad_s - other.counted_rad_s) <= other.tolerance_rad_s
         return first and abs(other.electrical_rad_s - one.counted_rad_s) <= one.tolerance_rad_s
 
@@ -442,7 +450,7 @@ class Plausibility:
         self._jumps = jumps
 
     def take_drive(self, drive: DriveStatus, command: WheelCommand) -> None:
-        """Compare the steering with what it was told, `command`."""
+        """Compare the steering with its command."""
         if not command.enable or self._steering_max_rad == 0.0:
             return
         config = self._config

@@ -1,9 +1,9 @@
-"""Sonar against odometry: what a sonar sees along the way must come nearer as the robot drives.
+"""Sonar against odometry: what a sonar sees along the path must come closer as the robot drives.
 
-Only sonars that look along the way can be judged, and only what a passer-by cannot imitate is
-judged: a range that is the same to the millimetre over the whole way (the sensor is stuck), a near
-obstacle that does not come nearer (the wheels slip, or the robot is held), and front and rear both
-changing just as if the robot drove the other way (it does).
+Only sonars that look along the path can be judged, and only by what a passer-by cannot imitate: a
+range that stays the same to the millimetre over the whole distance (the sensor is stuck), a near
+obstacle that does not come closer (the wheels slip, or the robot is held), and front and rear both
+changing as if the robot drove in the opposite direction (it does).
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.safety.monitor import MonitorInputs
 
 ALONG_RAD: Final = math.radians(20.0)
-"""A sonar looks along the way within this angle of it [rad]."""
+"""Angle within which a sonar looks along the path [rad]."""
 
 TURN_RAD: Final = 0.1
-"""After a greater turn a comparison begins anew [rad]."""
+"""A larger turn restarts a comparison [rad]."""
 
 NEAR_M: Final = 0.6
-"""Only what is nearer can tell that the wheels slip [m]: farther off people walk along."""
+"""Only closer obstacles can show wheel slip [m]: farther away, people walk along."""
 
 SPREAD_M: Final = 0.05
 """Ranges within this are the same obstacle at the same place, noise included [m]."""
 
 MATCH_M: Final = 0.08
-"""How well the change of range must fit the way driven backwards [m]."""
+"""How well the change of range must match the distance driven backwards [m]."""
 
 READINGS: Final = 5
-"""A comparison needs so many; a fast robot drives farther than `travel_m` for them."""
+"""Readings a comparison needs; a fast robot drives farther than `travel_m` for them."""
 
 CONTRADICTION_NS: Final = 2_000_000_000
 """Front and rear must contradict within this [ns], or within one comparison of a slow robot."""
@@ -66,14 +66,14 @@ class _Track:
 
 
 class SonarMonitor:
-    """Compares the sonars along the way with odometry.
+    """Compares the sonars along the path with odometry.
 
     Parameters
     ----------
     mounts
         The ring.
     travel_m
-        Way of a comparison [m], > 0.
+        Distance of a comparison [m], > 0.
     """
 
     def __init__(self, mounts: tuple[SonarMount, ...], travel_m: float) -> None:
@@ -87,7 +87,7 @@ class SonarMonitor:
                 self._tracks[index] = _Track(mount.name, -1.0)
 
     def reset(self) -> None:
-        """Begin all comparisons anew."""
+        """Restart all comparisons."""
         for track in self._tracks.values():
             track.readings = 0
             track.contradicted_ns = -CONTRADICTION_NS
@@ -113,7 +113,7 @@ class SonarMonitor:
         return fault
 
     def _compare(self, track: _Track, range_m: float, pose: SE2, stamp_ns: int) -> Fault | None:
-        """Add a reading to a comparison, and judge it once the way is long enough."""
+        """Add a reading to a comparison, and judge it after enough distance."""
         start = track.start
         turned = abs(wrap_angle(pose.theta_rad - start.theta_rad)) > TURN_RAD
         same = track.nearest_m == track.farthest_m == range_m
@@ -134,7 +134,7 @@ class SonarMonitor:
         return fault
 
     def _compare_in_bend(self, track: _Track, pose: SE2) -> Fault | None:
-        """Judge readings that are all the same behind a turn: no wall stays there so exactly."""
+        """Judge readings that are identical after a turn: no wall stays that exactly."""
         way_m = math.hypot(pose.x_m - track.start.x_m, pose.y_m - track.start.y_m)
         if way_m < self._travel_m or track.readings < READINGS:
             return None
@@ -158,7 +158,7 @@ class SonarMonitor:
         return None
 
     def _contradiction(self, began_ns: int, now_ns: int) -> Fault | None:
-        """Return a fault where a sonar ahead and one behind see the way driven backwards."""
+        """Return a fault if a sonar ahead and one behind both see reversed motion."""
         since_ns = min(began_ns, now_ns - CONTRADICTION_NS + 1)
         against = [track for track in self._tracks.values() if track.contradicted_ns >= since_ns]
         if {track.sign for track in against} != {1.0, -1.0}:

@@ -1,4 +1,4 @@
-"""Tells wheel feedback of now from a frame that somebody's controller held back."""
+"""Tells present wheel feedback from a frame that a CAN controller delayed."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Final
 from robotctl.messages.control import WheelFeedback
 
 TOLERANCE_NS: Final = 20_000_000
-"""So much earlier or later than its latch may a frame come [ns]: it waits for the bus, and where
-the drive is simulated, for a processor."""
+"""Tolerance of a frame's arrival against its latch [ns]: it waits for the bus and, in simulation,
+for a CPU."""
 
 GAP_NS: Final = 500_000_000
-"""Half of what the drive's time stamp holds [ns]: behind a longer gap it may have rolled over."""
+"""Half the range of the drive's time stamp [ns]: after a longer gap it may have rolled over."""
 
 _STAMP_US: Final = 1 << 20
 _HALF_US: Final = _STAMP_US >> 1
 
 
 class Latch(enum.Enum):
-    """What a frame is to the one before."""
+    """Relation of a frame to the previous one."""
 
     NEXT = "goes on from it"
     ANEW = "of a later time, but how much later is not known"
@@ -27,27 +27,27 @@ class Latch(enum.Enum):
 
 
 class LatchTimes:
-    """Compares the way of the drive's time, from frame to frame, with that of the host's.
+    """Compares the drive's elapsed time, from frame to frame, with the host's.
 
-    A controller that recovers may send what it still has from long before, and the alive counter,
-    of 15 values, lets one in five of such frames through; their counts are those of then. A frame
-    whose time stamp contradicts the last one is not used. The next that goes on from it is: then
-    the time between drive and host has changed for good.
+    A recovering controller may send old frames, and the alive counter, with 15 values, accepts one
+    in five of them; their counts are out of date. A frame whose time stamp contradicts the last one
+    is not used. A next frame consistent with it is: then the offset between drive and host has
+    changed for good.
 
-    What it cannot see: a frame held back for the 1.048 s in which the time stamp rolls over, give
-    or take `TOLERANCE_NS`.
+    Undetectable: a frame delayed by 1.048 s, the roll-over of the time stamp, give or take
+    `TOLERANCE_NS`.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all, as after a restart of the drive."""
+        """Reset, as after a restart of the drive."""
         self._last: WheelFeedback | None = None
         self._odd: WheelFeedback | None = None
 
     def judge(self, wheels: WheelFeedback) -> Latch:
-        """Return what a frame is, and take it for the last unless it was held back."""
+        """Return the relation of a frame, and remember it unless it was delayed."""
         last, odd = self._last, self._odd
         if last is None or _goes_on(wheels, last):
             latch = Latch.NEXT

@@ -1,7 +1,7 @@
 """The safety state machine: one table of transitions, nothing moves outside it.
 
 `FAULT` and `EMERGENCY_STOP` latch: they end only by a new request to arm, once their causes are
-gone. The wheels turn in `ARMED` and `DRIVING` alone.
+gone. The wheels turn only in `ARMED` and `DRIVING`.
 """
 
 from __future__ import annotations
@@ -68,10 +68,10 @@ class SafetyConfig:
     Parameters
     ----------
     command_timeout_ms
-        The motor controller stops when no valid command came for so long [ms]; written to it
-        and read back before arming. At least two control periods.
+        The motor controller stops after this time without a valid command [ms]; written to it and
+        read back before arming. At least two control periods.
     feedback_timeout_periods
-        The host stops when wheel feedback is older than so many control periods. Feedback whose
+        The host stops when wheel feedback is older than this many control periods. Feedback whose
         encoder latch is that of the feedback before counts as none.
     status_timeout_ms
         As above for the motor controller's slower status frames [ms].
@@ -85,13 +85,13 @@ class SafetyConfig:
     heartbeat_timeout_ms
         A node whose heartbeat is older is lost [ms].
     setpoint_timeout_ms
-        A velocity set-point is void after so long [ms], even where its sender allows more.
+        A velocity set-point expires after this time [ms], even if its sender allows more.
     arm_timeout_ms
-        A request to arm is refused when the robot did not become ready for so long [ms].
+        A request to arm is refused if the robot does not become ready within this time [ms].
     request_max_age_ms
         Requests older than this are not carried out [ms].
     warmup_ticks
-        Arming is refused before the loop has ticked so often: until then code paths are not
+        Arming is refused before this many ticks of the loop: until then code paths are not
         specialised, pages not touched and the windows of the estimators not full.
 
     Raises
@@ -133,7 +133,7 @@ _RANGES: Final = {
     "request_max_age_ms": (1, 10_000),
     "warmup_ticks": (1, 10_000),
 }
-"""What `SafetyConfig` allows: a limit that can be set to for ever is none."""
+"""Allowed ranges of `SafetyConfig`: a limit that can be infinite is none."""
 
 
 class SafetyMachine:
@@ -146,9 +146,9 @@ class SafetyMachine:
     powered
         Whether that is one of `POWERED`.
     reason
-        Why, in words for the operator; empty where nothing needs to be said.
+        Reason, for the operator; empty if there is none.
     fault
-        The same where it is a fault, else None.
+        The same if it is a fault, otherwise None.
     """
 
     def __init__(self) -> None:

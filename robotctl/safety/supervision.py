@@ -1,4 +1,4 @@
-"""Supervision: whether the robot may go on, by what its inputs say of themselves and each other."""
+"""Supervision: whether the robot may continue, judged by its inputs alone and together."""
 
 from __future__ import annotations
 
@@ -88,11 +88,9 @@ class Supervision:
         return fault
 
     def unasked(self) -> Fault | None:
-        """Return a fault where the drive reports power though it has had no command to for long.
-
-        As behind old commands that somebody's controller held back. Its time-out has passed: what
-        it did not hear is no excuse any more.
-        """
+        """Return a fault if the drive reports power long after its last command to."""
+        # Seen after old commands that a CAN controller delayed. Its time-out has passed, so lost
+        # commands are no excuse.
         motor = self.health.motor
         if motor is None or motor.state is not DriveState.ENABLED:
             return None
@@ -106,7 +104,7 @@ class Supervision:
         self._powered_ns = now_ns
 
     def armed(self, now_ns: int) -> None:
-        """Note that the robot is armed: the monitors begin anew."""
+        """Note that the robot is armed: the monitors restart."""
         self.health.armed(now_ns)
         self._contradiction = None
         for monitor in self._monitors:

@@ -1,1 +1,1 @@
-"""What happens offline behind a command."""
+"""Offline work behind the commands."""

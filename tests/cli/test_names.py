@@ -154,7 +154,7 @@ def test_the_simulated_firmware_knows_the_same_names(here: Path) -> None:
         ("sim --sensors sonar --set localisation.method='none'", "--sensors: has no effect"),
         ("sim --lockstep --stay", "--stay: has no effect with --lockstep"),
         ("sim --lockstep --hard-real-time", "--hard-real-time: has no effect with --lockstep"),
-        ("calibrate odometry --log x.log --seed 2", "--seed: has no effect where the drives are"),
+        ("calibrate odometry --log x.log --seed 2", "--seed: has no effect with recorded drives"),
         ("calibrate odometry --mrclam-robot 2", "--mrclam-robot: has no effect without --log"),
         ("calibrate odometry --time-unit ms", "--time-unit: has no effect without --log"),
         ("characterise --log x.log --seed 2", "--seed: has no effect with --log"),

@@ -72,7 +72,7 @@ def test_a_second_name_for_one_place_is_remarked_on(folder, tmp_path):
         (("recognise", "--book", "none.toml", "--log", "LOG"), "none.toml: cannot be read"),
         (("learn", "x", "--book", "/nowhere/b.toml", "--log", "LOG"), "/nowhere does not exist"),
         (("list", "--book", "none.toml", "--plot", "a.txt"), "the suffix must be one of"),
-        (("learn", "x", "--book", "b.toml"), "must say where the robot turns, found none"),
+        (("learn", "x", "--book", "b.toml"), "must give the place of the turn, found none"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_a_sentence(folder, tmp_path, monkeypatch, words, says):

@@ -48,7 +48,7 @@ def test_progress_that_no_robot_can_have_made_is_refused_with_a_sentence_alone(
     [
         (0, 5, "with item 1 of 5"),
         (4, 5, "with item 5 of 5"),
-        (5, 5, "behind the last item of its mission"),
+        (5, 5, "after the last item of its mission"),
         (0, 0, "without a mission"),
     ],
 )

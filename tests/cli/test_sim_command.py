@@ -115,7 +115,7 @@ def test_a_folder_that_cannot_be_made_is_named_without_a_traceback(runtime: Path
     with sim(runtime, "--record", "/proc/no_such_folder") as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
-    assert "robotctl: /proc/no_such_folder: cannot be made: No such file or directory" in output
+    assert "robotctl: /proc/no_such_folder: cannot be created: No such file or directory" in output
     assert "Traceback" not in output
     assert left_behind(runtime) == ([], [])
 
@@ -132,7 +132,7 @@ def test_a_bus_that_a_run_in_lockstep_would_not_use_is_refused(runtime: Path) ->
     with sim(runtime, "--lockstep", "--bus", "vcan0") as process:
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
-    assert output.startswith("robotctl: --bus vcan0: found with --lockstep")
+    assert output.startswith("robotctl: --bus vcan0: not allowed with --lockstep")
 
 
 def test_a_report_on_a_full_disk_does_not_lose_the_score(runtime: Path) -> None:
@@ -179,7 +179,7 @@ def test_who_stops_the_robot_by_key_may_arm_it_again_and_drive_on(runtime: Path)
             for sought, key in (
                 (b" DRIVING ", b" "),
                 (b" EMERGENCY_STOP ", b""),
-                (b"a arms it again, m then goes on with the mission", b"a"),
+                (b"a arms it again, m then resumes the mission", b"a"),
                 (b" ARMED ", b"m"),
                 (b" DRIVING ", b"\x03"),
             ):

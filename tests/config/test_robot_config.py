@@ -71,7 +71,7 @@ def test_a_robot_that_looks_knows_where_its_nose_is(path: Path) -> None:
 
 def test_a_nose_behind_the_foremost_sonar_is_refused_where_a_camera_looks(tmp_path: Path) -> None:
     load_robot(find_file("diff_drive"), ["navigation.guard.nose_m=0.18"])
-    match = r"nose_m: 0\.17 found, but sonar front sits 0\.18 m ahead of base"
+    match = r"nose_m: 0\.17 found, but sonar front is 0\.18 m ahead of base"
     with pytest.raises(ConfigError, match=match):
         load_robot(find_file("diff_drive"), ["navigation.guard.nose_m=0.17"])
     load_robot(find_file("tricycle"), ["navigation.guard.nose_m=0.2"])  # it has no camera
@@ -80,7 +80,7 @@ def test_a_nose_behind_the_foremost_sonar_is_refused_where_a_camera_looks(tmp_pa
     seeing = tmp_path / "seeing.toml"
     seeing.write_text(find_file("tricycle").read_text() + camera)
     load_robot(seeing)
-    with pytest.raises(ConfigError, match=r"nose_m: 0\.2 found, but sonar front sits 0\.42 m"):
+    with pytest.raises(ConfigError, match=r"nose_m: 0\.2 found, but sonar front is 0\.42 m"):
         load_robot(seeing, ["navigation.guard.nose_m=0.2"])
 
 

@@ -126,7 +126,7 @@ def test_what_was_asked_for_while_navigation_hung_does_not_move_the_robot(armed:
 
 @pytest.mark.parametrize(
     ("pause_ns", "reason"),
-    [(0, "nothing was heard of control"), (HANG_NS, "navigation was held up for 4.5 s")],
+    [(0, "no messages from control"), (HANG_NS, "navigation was held up for 4.5 s")],
 )
 def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
     armed: Armed, pause_ns: int, reason: str
@@ -136,7 +136,7 @@ def test_where_nothing_is_heard_of_control_the_robot_holds_and_says_so(
     for _ in range(2):
         command, state = armed.step(pause_ns=pause_ns, age_ns=STATE_MAX_AGE_NS + 1)
         assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
-        assert state.message == "nothing is heard of control"
+        assert state.message == "no messages from control"
     command, state = armed.step()
     assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
     assert state.message == f"hold: {reason}"
@@ -234,7 +234,7 @@ def test_without_the_ground_station_that_it_needs_a_robot_holds(
     attended: Armed, mode: Mode
 ) -> None:
     _, state = attended.step(SetMode(attended.next_ns(), mode))
-    assert (state.mode, state.message) == (Mode.HOLD, "refused: no ground station is there")
+    assert (state.mode, state.message) == (Mode.HOLD, "refused: no ground station is connected")
     last_ns = attended.next_ns()
     wish = SetMode(last_ns, mode)
     _, state = attended.step(wish, GroundStationPresence(last_ns))
@@ -245,7 +245,7 @@ def test_without_the_ground_station_that_it_needs_a_robot_holds(
     for _ in range(3):
         command, state = attended.step()
         assert (command.v_m_s, command.omega_rad_s, state.mode) == (0.0, 0.0, Mode.HOLD)
-    assert state.message == "hold: no ground station is there"
+    assert state.message == "hold: no ground station is connected"
     _, state = attended.step(GroundStationPresence(attended.next_ns()))
     assert state.mode is Mode.HOLD  # nothing goes on by itself
 
@@ -285,7 +285,7 @@ def test_a_reading_that_control_tells_of_twice_counts_once(armed: Armed) -> None
     armed.stamp_ns = None
     command, state = armed.step()
     assert command.v_m_s == 0.0
-    assert "front sees 0.05 m" in state.message
+    assert "front measures 0.05 m" in state.message
 
 
 def test_a_robot_that_looks_around_goes_by_its_odometry_and_not_by_guesses(armed: Armed) -> None:

@@ -123,7 +123,7 @@ def test_where_a_controller_is_running_doctor_only_listens(
             process.communicate(timeout=DEADLINE_S)
     found = by_check(report)
     assert "a controller is running" in found["CAN nodes"]["found"]
-    assert "1, 2, 3" in found["CAN nodes"]["found"]
+    assert "drive, sonar, power" in found["CAN nodes"]["found"]
     assert " 0 sent" in found["CAN traffic"]["found"]
 
 

@@ -170,7 +170,7 @@ def test_logs_go_into_no_file(tmp_path: Path, below: str, what: str) -> None:
     else:
         path.symlink_to(tmp_path / "gone")
     (finding,) = check_disk(path / below)
-    assert_is(finding, FAIL, f"{path} is no folder", "--logs")
+    assert_is(finding, FAIL, f"{path} is not a folder", "--logs")
 
 
 def test_cameras_and_serial_lines_need_read_and_write_rights(

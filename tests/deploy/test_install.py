@@ -264,7 +264,7 @@ def test_nothing_is_written_where_somebody_elses_file_is_in_the_way(
     unit.write_text("[Service]\n")
     before = tree(tmp_path)
     assert len(conflicts(files, tmp_path)) == 1
-    with pytest.raises(ConfigError, match="not ours"):
+    with pytest.raises(ConfigError, match="not installed by robotctl"):
         install(files, tmp_path)
     assert tree(tmp_path) == before
 
@@ -352,7 +352,7 @@ def test_the_documented_update_keeps_the_mission_until_it_is_told_not_to(tmp_pat
     run_install(tmp_path, "--mission", "patrol")
     before = tree(tmp_path)
     update = ("--robot", str(tmp_path / ROBOT))
-    assert f"the mission stays: {tmp_path / MISSION}" in run_install(tmp_path, *update)
+    assert f"mission kept: {tmp_path / MISSION}" in run_install(tmp_path, *update)
     assert tree(tmp_path) == before
     assert f"removed  {tmp_path / MISSION}" in run_install(tmp_path, *update, "--no-mission")
     assert not (tmp_path / MISSION).exists()
@@ -364,7 +364,9 @@ def test_the_documented_update_keeps_the_mission_until_it_is_told_not_to(tmp_pat
 def test_the_links_set_up_takes_effect_at_once_and_starts_no_networkd(tmp_path: Path) -> None:
     robot = robot_file(tmp_path, **{'"can0"': '"can1"'})
     printed = run_install(tmp_path / "root", "--robot", str(robot))
-    commands = [line.split(": ", 1)[1] for line in printed.splitlines() if "to be run" in line]
+    commands = [
+        line.split(": ", 1)[1] for line in printed.splitlines() if "run on the robot" in line
+    ]
     again = "udevadm trigger --action=add --subsystem-match=net --sysname-match=can1"
     networkd = "systemctl try-restart systemd-networkd"
     assert commands.index("udevadm control --reload") < commands.index(again)
@@ -384,7 +386,7 @@ def test_a_dry_run_of_uninstall_shows_all_and_removes_nothing(tmp_path: Path) ->
     assert dry.exit_code == real.exit_code == 1
     assert dry.output.replace("to be removed  ", "removed  ") == real.output
     assert f"to be removed  {tmp_path / MISSION}" in dry.output
-    assert f"kept, since it was changed: {tmp_path / UNIT}" in dry.output
+    assert f"kept because it was changed: {tmp_path / UNIT}" in dry.output
 
 
 @pytest.mark.usefixtures("reachable")
@@ -407,7 +409,7 @@ def test_what_was_changed_on_the_robot_outlives_an_update_and_uninstalling(tmp_p
     refused = CliRunner().invoke(app, ["install", "--root", str(tmp_path), "--no-mission"])
     assert isinstance(refused.exception, ConfigError)
     done = CliRunner().invoke(app, ["uninstall", "--root", str(tmp_path)])
-    assert done.output.count("kept, since it was changed") == 2
+    assert done.output.count("kept because it was changed") == 2
     for file in (robot, mission):
         assert file.read_text().endswith("# changed on the robot\n")
 

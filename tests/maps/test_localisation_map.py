@@ -24,7 +24,7 @@ def saved(folder, cells):
         ([[OCCUPIED]], "has 1 x 1 cells, and a robot finds itself in two by two at least"),
         ([[OCCUPIED, FREE, FREE]], "has 3 x 1 cells"),
         ([[FREE], [OCCUPIED]], "has 1 x 2 cells"),
-        ([[OCCUPIED, UNKNOWN], [OCCUPIED, UNKNOWN]], "no free cell: a robot can be nowhere"),
+        ([[OCCUPIED, UNKNOWN], [OCCUPIED, UNKNOWN]], "no free cell: there is no place for a robot"),
         ([[FREE, UNKNOWN], [FREE, 49]], "no obstacle, a cell of 50 % or more"),
     ],
 )

@@ -122,5 +122,5 @@ def test_what_is_wrong_in_a_world_is_said_and_the_simulator_refuses_it_too(
 
 def test_a_world_without_a_wall_is_refused(tmp_path: Path) -> None:
     (tmp_path / "w.toml").write_text(HEAD)
-    with pytest.raises(ConfigError, match=r"w\.toml: has no wall: a robot drives among some"):
+    with pytest.raises(ConfigError, match=r"w\.toml: no walls found; a robot needs at least one"):
         load_walls(tmp_path / "w.toml")

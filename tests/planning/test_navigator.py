@@ -307,7 +307,7 @@ def test_without_a_known_way_home_rtl_is_refused_with_the_reason(robot, make_run
     run.step()
     out = run.step(RTL)
     assert (out.mode, out.v_m_s) == (Mode.HOLD, 0.0)
-    assert "the way home is not known" in out.message
+    assert "the path home is not known" in out.message
 
 
 def test_a_target_of_before_the_stop_is_forgotten(robot, make_run):
@@ -369,7 +369,7 @@ def test_the_robot_waits_for_an_obstacle_and_goes_on_when_it_is_gone(robot, make
     run.world.obstacle = box(2.8, 0.8, 3.0, 1.2)
     run.step(AUTO)
     out = run.until(lambda out: "waiting" in out.message, 15.0)
-    assert "front sees" in out.message
+    assert "front measures" in out.message
     for _ in range(60):
         out = run.step()
     assert run.world.twist.v_m_s == 0.0
@@ -383,7 +383,7 @@ def test_a_robot_blocked_for_too_long_gives_up_with_the_reason_and_can_go_on_lat
     run.world.obstacle = box(2.8, 0.8, 3.0, 1.2)
     run.step(AUTO)
     out = run.until(lambda out: out.mission_failed, 30.0)
-    assert 'item 1 "ahead" (drive): blocked for 10 s: front sees' in out.message
+    assert 'item 1 "ahead" (drive): blocked for 10 s: front measures' in out.message
     assert not out.mission_completed
     assert run.step().v_m_s == 0.0
     run.world.obstacle = None
@@ -544,7 +544,7 @@ def test_a_point_beside_is_given_up_where_no_sonar_looks_back(steered, make_run)
     for _ in range(40):
         out = run.step(PositionRequest(0.1, 0.25)) if run.now_ns < 1e8 else run.step()
         assert out.v_m_s == 0.0
-    assert out.message == "0.3 m to go, too close beside: no sonar looks back for backing up"
+    assert out.message == "0.3 m to go, too close beside: backing up needs a rear sonar"
 
 
 def test_a_point_beside_is_reached_by_backing_up_where_a_sonar_looks_back(steered, make_run):

@@ -52,10 +52,10 @@ Stamped = TypeVar("Stamped", bound=LidarScan | CameraView | ExternalPose)
 
 _PICTURE_NS: Final = 500_000_000
 _GIVEN_NS: Final = 10_000_000_000
-"""The map that does not change is told so often, for who begins to listen later [ns]."""
+"""Period of repeating the static map, for late subscribers [ns]."""
 _JUMP_M: Final = 0.25
 _JUMP_RAD: Final = 0.25
-"""Who corrects drift moves the robot by less between two steps."""
+"""Drift corrections between two steps are smaller."""
 _SHOWN: Final = 300
 """Particles in a picture."""
 _OLDEST_NS: Final = 2_000_000_000
@@ -64,7 +64,7 @@ _OLDEST_NS: Final = 2_000_000_000
 _WORDS: Final = {
     LocalisationStatus.SEARCHING: "the robot does not know where it is; it looks around",
     LocalisationStatus.LOCALISED: "the robot knows where it is",
-    LocalisationStatus.LOST: "what the robot sees does not fit to where it believed to be",
+    LocalisationStatus.LOST: "what the robot sees does not match its believed place",
 }
 
 
@@ -85,9 +85,9 @@ class Estimators:
     history
         Of the odometry.
     sonar_range_m
-        For so far the sonars listen [m].
+        Listening range of the sonars [m].
     notices
-        What is to be said at once.
+        Notices to publish at once.
     given
         The map that the robot localises itself in; None: there is none.
     """
@@ -164,10 +164,10 @@ class Estimators:
         )
 
     def _timely(self, messages: Sequence[Stamped], now_ns: int) -> list[Stamped]:
-        """Return messages that may be of now; the others are left out, counted, and said once.
+        """Return messages of plausible time; drop and count the others, and report them once.
 
-        Who stamps by another clock than CLOCK_MONOTONIC would move the robot to a time that has
-        not come, where all that comes in time counts as late.
+        A sender that stamps with another clock than CLOCK_MONOTONIC would move the robot into the
+        future, where all timely messages count as late.
         """
         timely = [each for each in messages if 0 <= now_ns - each.stamp_ns <= _OLDEST_NS]
         self.untimely += len(messages) - len(timely)
@@ -183,7 +183,7 @@ class Estimators:
         return timely
 
     def _good(self, scan_of: Callable[[T], RangeScan], messages: Sequence[T]) -> list[RangeScan]:
-        """Return messages as scans; those that are none are left out and counted."""
+        """Return messages as scans; invalid ones are dropped and counted."""
         good = []
         for message in messages:
             try:
@@ -221,7 +221,7 @@ class Estimators:
         return found
 
     def given_map(self, now_ns: int) -> list[GivenMap]:
-        """Return the map that the robot localises itself in, if it is time to tell it again."""
+        """Return the localiser's map, if it is time to publish it again."""
         if self._given is None or now_ns - self._given_ns < _GIVEN_NS:
             return []
         self._given_ns = now_ns

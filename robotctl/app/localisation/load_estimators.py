@@ -15,7 +15,7 @@ from robotctl.model.geometry.se2 import SE2
 
 AGAIN_SIGMA_M: Final = 0.5
 AGAIN_SIGMA_DEG: Final = 10.0
-"""Of a start in the middle of a run: 0.3 s until the pose is saved, and the way of braking."""
+"""Of a start in the middle of a run: 0.3 s until the pose is saved, and the braking distance."""
 
 _STILL_M, _STILL_RAD = 1e-3, 1e-3
 
@@ -29,10 +29,10 @@ def load_estimators(
     last: SE2 | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Estimators | None:
-    """Return localiser and mapper, compiled and ready; None where neither is wanted.
+    """Return localiser and mapper, compiled and ready; None if neither is used.
 
     `last` is where the robot was last in this run, if it has begun before: a known start is there
-    then, and less certain, since nobody looked while the robot came to rest. `say` is given what
+    then, and less certain, because nothing observed the robot coming to rest. `say` is given what
     people should know while it compiles.
 
     Raises
@@ -67,5 +67,5 @@ def load_estimators(
 
 def _moved(start: SE2, last: SE2) -> bool:
     """Return whether the robot has left its start."""
-    way = start.inverse() @ last
-    return math.hypot(way.x_m, way.y_m) > _STILL_M or abs(way.theta_rad) > _STILL_RAD
+    motion = start.inverse() @ last
+    return math.hypot(motion.x_m, motion.y_m) > _STILL_M or abs(motion.theta_rad) > _STILL_RAD

@@ -26,7 +26,8 @@ _EXTERNAL_SIGMA_RAD: Final = 0.1
 _LEAST_VARIANCE: Final = 1e-6
 """Nobody measures better than 1 mm and 1 mrad [m^2, rad^2]."""
 _MOST_VARIANCE: Final = 1e6
-"""A pose within 1 km and 1000 rad says nothing, however much worse it is [m^2, rad^2]."""
+"""An accuracy of 1 km and 1000 rad carries no information; larger variances are clipped [m^2,
+rad^2]."""
 _LEAST_OF_CORRELATION: Final = 1e-9
 _LEAST_OF_COVARIANCE: Final = 1e-12
 """Shares that the smallest eigenvalue has at least of the largest: less is rounding."""
@@ -88,7 +89,7 @@ def localisation_state(
 
 
 def external_covariance(pose: ExternalPose) -> NDArray[np.float64]:
-    """Return the covariance (3, 3) of a pose from outside, its diagonal where it is none.
+    """Return the covariance (3, 3) of an external pose, or its diagonal if invalid.
 
     It can be inverted: variances are kept within 1e-6 and 1e6, and correlations that leave no
     room, or come near it by 1e-9, are not believed.

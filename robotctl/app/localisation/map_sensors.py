@@ -1,4 +1,4 @@
-"""What scans and sonars say of places on one map, live and on recorded logs alike."""
+"""Likelihoods of scans and sonars on one map, for live and recorded data."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class MapSensors:
     world_map
         The map; sonars go by its walls where it has some.
     mounts
-        Where the sonars sit; may be empty.
+        Mounting of the sonars; may be empty.
     settings
         What is known of the sensors.
 
@@ -57,7 +57,7 @@ class MapSensors:
         self._count = len(mounts)
 
     def scan(self, scan: RangeScan) -> LogLikelihood:
-        """Return what a scan of the lidar says of poses."""
+        """Return the log-likelihood of a lidar scan."""
         return self._field.measurement(scan)
 
     def view(self, scan: RangeScan) -> LogLikelihood:
@@ -65,7 +65,7 @@ class MapSensors:
         return self._camera_field.measurement(scan)
 
     def sonar(self, reading: SonarReading) -> LogLikelihood:
-        """Return what a reading of sonars says of poses."""
+        """Return the log-likelihood of a sonar reading."""
         return self._sonars.measurement(np.array(reading.ranges_m))
 
     def rehearsal(self, *, camera: bool) -> list[LogLikelihood]:

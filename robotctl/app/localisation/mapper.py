@@ -22,7 +22,7 @@ from robotctl.model.sensors.sonar import SonarMount, SonarReading
 
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
-"""A robot that stands sees the same again, which is no new evidence."""
+"""A robot at rest sees the same again, which is no new evidence."""
 _VAGUE_M: Final = 0.1
 """A range of the camera that is less sure is not drawn [m]."""
 _OCCUPIED_ABOVE: Final = 0.85
@@ -81,7 +81,7 @@ class Mapper:
         return odometry
 
     def _add_sonars(self, T_world_odom: SE2, reading: SonarReading) -> None:
-        """Add the range of each sonar that heard something from a new place."""
+        """Add the range of each sonar that measured from a new place."""
         odometry = self._history.at(reading.stamp_ns)
         if odometry is None:
             return
@@ -91,7 +91,7 @@ class Mapper:
                 self.grid.update_sonar(T_world_odom @ odometry, mount, range_m)
 
     def live_map(self, now_ns: int) -> LiveMap | None:
-        """Return the map for people and for the score; None where nothing was seen yet."""
+        """Return the map for people and for the score; None if nothing has been seen yet."""
         if all(place is None for place in (self._scanned, self._viewed, *self._heard)):
             return None
         return live_map(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)

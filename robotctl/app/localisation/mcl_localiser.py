@@ -36,9 +36,9 @@ from robotctl.model.sensors.sonar import SonarReading
 _OUTSIDE: Final = "outside"
 _PLACE: Final = "place"
 _BLIND_NS: Final = 500_000_000
-"""So long measurements are waited for [ns]; those of the sensors come within a tenth of that."""
+"""Time to wait for measurements [ns]; those of sensors arrive within a tenth of it."""
 _FITS_NOWHERE: Final = (
-    "what the robot sees fits no place of the map: is it the map of this place, and as it is now?"
+    "what the robot sees matches no place on the map: is it the right map, and up to date?"
 )
 
 
@@ -54,7 +54,7 @@ class MclLocaliser:
     used
         Which sensors are listened to.
     history
-        Of the odometry; whoever steps the localiser keeps it up to date.
+        Of the odometry; kept up to date by the caller.
     places
         Recognises places; None: it knows none.
     """
@@ -87,11 +87,11 @@ class MclLocaliser:
 
     def take_notices(self) -> list[str]:
         """Return which places were recognised since the last call, and whether no place fits."""
-        said = [] if self._places is None else self._places.take_notices()
+        notices = [] if self._places is None else self._places.take_notices()
         if self._mcl.fits_nowhere and not self._fitted_nowhere:
-            said.append(_FITS_NOWHERE)
+            notices.append(_FITS_NOWHERE)
         self._fitted_nowhere = self._mcl.fits_nowhere
-        return said
+        return notices
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
         """Take in all that came since the last step; return what is believed now."""
@@ -100,7 +100,7 @@ class MclLocaliser:
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
             if self._move_to(stamp_ns) and self._mcl.due(sensor):
                 self._mcl.measure(measurement(), sensor)
-        # Without measurements the belief still moves on, and says that it fades.
+        # Without measurements the belief still moves, and reports that it fades.
         self._move_to(control.stamp_ns - _BLIND_NS)
         state = localisation_state("mcl", self._mcl.estimate(self._at[0]), self._at[1], now_ns)
         return msgspec.structs.replace(state, particles=len(self._mcl.poses))
@@ -134,8 +134,8 @@ class MclLocaliser:
         """Move the particles to a time; False where that is too long ago.
 
         What comes a little late counts where they stand: between two steps a robot moves by
-        centimetres. What is newer than the odometry counts at the last pose of that, from which
-        the next way begins.
+        centimetres. What is newer than the odometry counts at the last pose of that, from which the
+        next stretch begins.
         """
         odometry, newest_ns = self._history.at(stamp_ns), self._history.newest_ns
         if odometry is None or newest_ns is None or self._at is None:
@@ -152,7 +152,7 @@ def _given(log_likelihood: LogLikelihood) -> LogLikelihood:
 
 
 def pose_measurement(pose: ExternalPose) -> LogLikelihood:
-    """Return what a pose from outside says of poses: a Gaussian, the heading on the circle."""
+    """Return the log-likelihood of an external pose: a Gaussian, the heading wrapped."""
     # covariance = L L^T: as a sum of squares the log-likelihood is never above 0.
     whitening = np.linalg.inv(np.linalg.cholesky(external_covariance(pose)))
 

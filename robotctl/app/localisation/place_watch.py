@@ -17,7 +17,7 @@ from robotctl.model.sensors.sonar import SonarMount, SonarReading
 
 
 class Fix(NamedTuple):
-    """What a recognised place says of poses, at the time of the turn's last reading."""
+    """Likelihood of a recognised place, at the time of the turn's last reading."""
 
     stamp_ns: int
     log_likelihood: LogLikelihood
@@ -31,7 +31,7 @@ class PlaceWatch:
     book
         The known places.
     mounts
-        Where the sonars sit.
+        Mounting of the sonars.
     area_m2
         Of the floor on which the robot can be [m^2], > 0.
     """
@@ -43,7 +43,7 @@ class PlaceWatch:
         self._notices: list[str] = []
 
     def hear(self, reading: SonarReading, odometry: SE2) -> Fix | None:
-        """Take in a reading and where the odometry was; return what the turn that it ends says."""
+        """Add a reading with its odometry pose; return the result of a turn that it completes."""
         turn = self._turns.add(reading, odometry)
         if turn is None:
             return None
@@ -57,8 +57,8 @@ class PlaceWatch:
 
     def take_notices(self) -> list[str]:
         """Return sentences on what was recognised since the last call."""
-        said, self._notices = self._notices, []
-        return said
+        notices, self._notices = self._notices, []
+        return notices
 
 
 def find_places(name: str, beside: Path) -> Path:

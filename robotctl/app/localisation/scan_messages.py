@@ -9,7 +9,7 @@ from robotctl.model.sensors.range_scan import RangeScan
 
 
 def lidar_scan(message: LidarScan) -> RangeScan:
-    """Return the scan of a lidar's message; raises ValueError where it is none."""
+    """Return the scan of a lidar's message; raises ValueError if invalid."""
     ranges = np.frombuffer(message.ranges, np.dtype("<f4")).astype(np.float64)
     angles = message.first_rad + message.step_rad * np.arange(len(ranges), dtype=np.float64)
     return RangeScan(
@@ -18,7 +18,7 @@ def lidar_scan(message: LidarScan) -> RangeScan:
 
 
 def camera_scan(message: CameraView) -> RangeScan:
-    """Return the scan in a view of the camera; raises ValueError where it is none."""
+    """Return the scan in a view of the camera; raises ValueError if invalid."""
     return RangeScan(
         message.stamp_ns,
         np.array(message.angles_rad, dtype=np.float64),

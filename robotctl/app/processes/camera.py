@@ -26,7 +26,7 @@ from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoi
 _LOOK_NS = 5_000_000
 _SILENT_NS = 2_000_000_000
 _TELL_NS = 5_000_000_000
-_SILENT = "no picture comes"
+_SILENT = "no pictures arrive"
 
 
 class CameraNotices:
@@ -45,7 +45,7 @@ class CameraNotices:
             return None
         self._told, self._told_ns = trouble, now_ns
         if trouble:
-            text = f"the camera does not judge the floor: {trouble}"
+            text = f"the camera cannot judge the floor: {trouble}"
             return Notice(now_ns, Severity.WARNING, text)
         return Notice(now_ns, Severity.INFORMATION, "the camera sees the floor")
 
@@ -63,7 +63,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     stopped = StopFlag()
     clock = options.open_clock()
     if config.camera is None:
-        raise ConfigError("camera: missing; a robot that is to look needs the table [camera]")
+        raise ConfigError(
+            "camera: missing; a robot whose camera is enabled needs the table [camera]"
+        )
     endpoints = Endpoints(endpoint_directory(options.instance))
     camera = open_source(config.camera, endpoints.camera_frames)
     context = zmq.Context()

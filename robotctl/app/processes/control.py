@@ -106,8 +106,8 @@ def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ..
     if pose is None:
         return options, saved.odometer_m, notes
     note = (
-        f"the pose is that of before the restart: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, "
-        f"{math.degrees(pose.theta_rad):.0f} deg; how the robot moved since is not in it"
+        f"the pose is from before the restart: x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, "
+        f"{math.degrees(pose.theta_rad):.0f} deg; motion since then is not included"
     )
     options = msgspec.structs.replace(options, x_m=pose.x_m, y_m=pose.y_m, theta_rad=pose.theta_rad)
     return options, saved.odometer_m, (*notes, note)

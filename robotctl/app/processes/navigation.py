@@ -42,12 +42,12 @@ def resume(
     try:
         navigator.resume(saved.item, saved.item_s_m)
     except ValueError as error:
-        return (f"{options.state}: {error}; mode AUTO begins the mission anew",)
+        return (f"{options.state}: {error}; mode AUTO starts the mission over",)
     if navigator.mission_completed:
         return ("the mission is completed; mode AUTO repeats it",)
     if not saved.item:
         return ()
-    return (f"the mission stands at item {saved.item + 1}; mode AUTO goes on there",)
+    return (f"the mission is at item {saved.item + 1}; mode AUTO resumes there",)
 
 
 def run(config: RobotConfig, options: StackOptions) -> None:

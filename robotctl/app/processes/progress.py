@@ -100,7 +100,7 @@ def progress_file(directory: Path) -> StateFile[StoredProgress]:
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StateError(f"{directory}: cannot be made: {error.strerror}") from error
+        raise StateError(f"{directory}: cannot be created: {error.strerror}") from error
     return StateFile(directory / NAME, StoredProgress)
 
 

@@ -20,14 +20,14 @@ _REACH_M: Final = 2.0
 _WHOLE: Final = 0.95
 """Share of a foot that must be in sight for its thing to be one that should be found."""
 _SAME_M: Final = 0.15
-"""A thing is found where one is reported so near to its foot; nothing stands where a ray goes on
-for so much farther [m]."""
+"""Distance between a reported and the true foot that counts as found; extra range of a ray that
+proves nothing stands there [m]."""
 _NEAR_M, _FAR_M = 0.5, 3.0
 """Ranges are judged between these [m]."""
 
 
 class CameraScore:
-    """Compares each view with what stood before the camera at its time.
+    """Compares each view with the true surroundings at its time.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class CameraScore:
         return math.hypot(thing.near_x_m - self._mount.x_m, thing.near_y_m - self._mount.y_m)
 
     def result(self) -> CameraReport | None:
-        """Return the score so far; None where nothing was seen."""
+        """Return the score so far; None if nothing was seen."""
         if not self._views:
             return None
         errors = np.concatenate(self._errors) if self._errors else np.empty(0)

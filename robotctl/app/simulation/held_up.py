@@ -1,4 +1,4 @@
-"""How long the computer of a simulated run was held up, in words for who looks on."""
+"""How long the computer of a simulated run stalled, as text for the user."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from robotctl.messages.ports import Clock
 from robotctl.runtime.simulated_clock import SimulatedClock
 
 SAY_MS: Final = 20.0
-"""What is shorter is no news [ms]."""
+"""Shorter stalls are not reported [ms]."""
 
 _GROWTH: Final = 2.0
-"""It is said again when it has grown so much."""
+"""Growth after which it is reported again."""
 
 
 class HeldUp:
@@ -21,7 +21,7 @@ class HeldUp:
     Parameters
     ----------
     clock
-        Of the run. Time stands still only on a `SimulatedClock`.
+        Of the run. Only a `SimulatedClock` pauses time.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -32,7 +32,7 @@ class HeldUp:
         self._said_ms = SAY_MS / _GROWTH
 
     def step(self, control: ControlState | None, simulator_ns: int) -> tuple[str, ...]:
-        """Return a sentence where it is news.
+        """Return a message if it is new.
 
         Parameters
         ----------
@@ -59,7 +59,7 @@ class HeldUp:
     def words(self) -> str:
         """Return what it meant for the run."""
         meant = (
-            "simulated time stood still meanwhile"
+            "simulated time paused meanwhile"
             if isinstance(self._clock, SimulatedClock)
             else "`--lockstep` does not depend on it"
         )

@@ -19,7 +19,7 @@ from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_trian
 _RIGHT_M: Final = 0.5
 _RIGHT_RAD: Final = 0.5
 _LONGEST_NS: Final = 200_000_000
-"""A longer gap between two estimates is none of the localiser's [ns]."""
+"""A longer gap between two estimates does not count for the localiser [ns]."""
 
 
 class _Estimate(NamedTuple):
@@ -30,7 +30,7 @@ class _Estimate(NamedTuple):
 
 
 class LocalisationScore:
-    """Compares what the localiser says with the truth of its time."""
+    """Compares the localiser's estimates with the truth of their time."""
 
     def __init__(self) -> None:
         self._matcher: TruthMatcher[_Estimate] = TruthMatcher()

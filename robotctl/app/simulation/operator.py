@@ -36,12 +36,12 @@ class MissionOperator:
             self._was_steered |= message.mode != Mode.HOLD
 
     def arm(self, now_ns: int, *, arm: bool) -> Arm:
-        """Return the request to arm or disarm of somebody at the keys, whose the robot is now."""
+        """Return the request to arm or disarm from the keyboard, which takes over the robot."""
         self._was_armed = True
         return Arm(now_ns, next(self._ids), arm=arm)
 
     def set_mode(self, now_ns: int, mode: Mode) -> SetMode:
-        """Return the request for a mode of somebody at the keys, who steers from now on."""
+        """Return the request for a mode from the keyboard, which takes over the robot."""
         self._was_steered = True
         return SetMode(now_ns, mode)
 

@@ -26,7 +26,7 @@ def load_room(world: Path) -> World:
     except SimulationError as error:
         raise ConfigError(str(error)) from error
     if len(room.segments) == 0:
-        raise ConfigError(f"{world}: has no wall: a robot drives among some")
+        raise ConfigError(f"{world}: no walls found; a robot needs at least one")
     return room
 
 
@@ -36,15 +36,15 @@ def straight_mission(world: Path) -> str:
     Raises
     ------
     ConfigError
-        If the map is wrong, or has no straight way of half a metre from there.
+        If the map is wrong, or has no straight line of half a metre from there.
     """
     cells = load_room(world).cells
     if cells is None:
-        raise ValueError(f"{world} is no map")
+        raise ValueError(f"{world} is not a map")
     x_m, y_m, heading_rad, length_m = cells.clear_way()
     if length_m < _SHORTEST_M:
         raise ConfigError(
-            f"{world}: is too narrow for a robot to drive straight on from x {x_m:.2f} m, "
+            f"{world}: too narrow to drive straight ahead from x {x_m:.2f} m, "
             f"y {y_m:.2f} m, where it has the most room; give it a --mission"
         )
     end = x_m + length_m * math.cos(heading_rad), y_m + length_m * math.sin(heading_rad)

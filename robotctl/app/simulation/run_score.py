@@ -125,14 +125,14 @@ class RunScore:
         return None if self._camera is None else self._camera.result()
 
     def save(self, folder: Path, run: int, epoch_ns: int = 0) -> None:
-        """Write the true way of a run, and its map, where there is one.
+        """Write the true path of a run, and its map, if there is one.
 
         Parameters
         ----------
         folder
             Where its logs are.
         run
-            What `LogFolder.begin_run` says: `truth-0001.tum`, `map-0001.yaml`.
+            Result of `LogFolder.begin_run`: `truth-0001.tum`, `map-0001.yaml`.
         epoch_ns
             Added to the times of the poses to get those of the logs [ns].
 

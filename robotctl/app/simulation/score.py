@@ -19,7 +19,7 @@ from robotctl.safety.state_machine import LATCHED, POWERED
 T = TypeVar("T")
 
 _LATEST_NS: Final = 60_000_000_000
-"""So long after its stamp a pose may come to be compared [ns]."""
+"""Maximum delay of a pose to be compared [ns]."""
 
 
 class PoseError(msgspec.Struct, frozen=True):
@@ -45,7 +45,7 @@ class LocalisationReport(msgspec.Struct, frozen=True):
     localised_share
         Share of the time since then in which it said so.
     wrong_s
-        Time in which it said so and was wrong [s].
+        Time in which it claimed so and was wrong [s].
     error
         While it said so, since it first was right.
     nees_inside_95, nis_inside_95
@@ -55,7 +55,7 @@ class LocalisationReport(msgspec.Struct, frozen=True):
         Share of the estimates above those bounds, which were too sure; the others outside were too
         modest.
     odometry_rmse_m
-        What the odometry alone would have had [m].
+        Error of odometry alone [m].
     step_ms
         Its part of a navigation step, median [ms].
     """
@@ -120,12 +120,12 @@ class Report(msgspec.Struct, frozen=True):
 
     `unsafe_motions` counts what the simulator's monitor holds against the robot: power at the
     wheels that nothing on the bus allowed, or too much speed; `unsafe_reason` is that of the last.
-    `held_up_ms` is how long this computer was held up at most, by an estimate of its own.
-    `faults` are those of the scenario whose time has come, each with the simulator's time, and why
-    where it could not begin; then those that never began, since the run was over before their time.
-    `log_trouble` says what a disk did not take of the logs of the run, its truth or its map.
-    `pose_error` is that of the pose that the robot goes by; `localisation`, `map_quality` and
-    `camera` are None without a localiser, without mapping and without a camera.
+    `held_up_ms` is how long this computer was held up at most, by an estimate of its own. `faults`
+    are those of the scenario whose time has come, each with the simulator's time, and why where it
+    could not begin; then those that never began, since the run was over before their time.
+    `log_trouble` names logs, truth or map that could not be written. `pose_error` is that of the
+    pose that the robot goes by; `localisation`, `map_quality` and `camera` are None without a
+    localiser, without mapping and without a camera.
     """
 
     robot: str
@@ -185,7 +185,7 @@ def is_over(control: ControlState | None, navigation: NavigationState | None) ->
 
 
 def run_message(control: ControlState, navigation: NavigationState | None) -> str:
-    """Return the line that explains how a run stands: why it cannot drive, else what it does."""
+    """Return the line on the state of a run: why it cannot drive, otherwise what it does."""
     if control.state not in POWERED:
         refused = control.acks[-1].reasons if control.acks else ()
         reason = control.reason or "; ".join(map(str, refused))
@@ -281,7 +281,7 @@ class PoseScore:
         self._final_rad = abs(turned_rad)
 
     def result(self) -> PoseError:
-        """Return the errors so far; all 0 where nothing was compared."""
+        """Return the errors so far; all 0 if nothing was compared."""
         count = max(1, self._count)
         return PoseError(
             rmse_m=math.sqrt(self._squares / count),

@@ -78,7 +78,7 @@ PATIENCE = "safety.feedback_timeout_periods=10"
 """A simulated drive is a process of an ordinary computer, whose pauses are no fault of a robot."""
 
 BEST_EFFORT = "runtime.allow_best_effort=true"
-"""A simulated robot harms nobody where the computer gives no real-time rights."""
+"""A simulated robot is harmless without real-time rights."""
 
 _READY_S = 180.0
 _BELOW_CONTROL = 10
@@ -202,7 +202,7 @@ class SimRun:
         self._was_ready = False
         """Whether there has been a run that could be scored."""
         self._attended = False
-        """Whether who stopped the robot sits at the keys, and may arm it again."""
+        """Whether the robot was stopped from the keyboard, which may arm it again."""
         self._score = RunScore(
             self.walls,
             camera_score(self.config, options, room),
@@ -290,7 +290,7 @@ class SimRun:
         self._await_firmware(self._firmware)
 
     def _await_firmware(self, process: subprocess.Popen[str]) -> None:
-        """Wait until firmware_sim says that it is ready; what it says before is heard too."""
+        """Wait until firmware_sim is ready; its earlier output is read too."""
         deadline_s = time.monotonic() + _READY_S
         while not self._is_ready:
             if self._stopped():
@@ -313,7 +313,7 @@ class SimRun:
         """Arm and start the mission, each once, and yield the progress until the run is over.
 
         Without `until_done` the robot stays in service after its mission, for ground stations.
-        Whoever disarms it, holds it or takes it over meanwhile has it from then on.
+        Anyone who disarms, holds or takes over the robot meanwhile keeps it.
         """
         clock = self._clock
         begin_ns, real_begin_ns = clock.now_ns(), time.monotonic_ns()
@@ -366,7 +366,7 @@ class SimRun:
             self._stack.emergency_stop()
 
     def emergency_key(self) -> None:
-        """Stop the robot at once for who sits at the keys: the run goes on, to be armed again."""
+        """Stop the robot at once from the keyboard: the run continues, to be armed again."""
         self._attended = True
         self.emergency_stop()
 
@@ -438,7 +438,7 @@ class SimRun:
         KeyboardInterrupt
             Where the run was stopped before the robot was ready.
         SimulatorError
-            Where somebody was never heard.
+            If a process never sent a message.
         """
         progress = self.progress
         control, navigation, truth = progress.control, progress.navigation, progress.truth
@@ -455,7 +455,7 @@ class SimRun:
                 )
                 if part is None
             ]
-            raise SimulatorError(f"nothing was heard of {', '.join(missing)}")
+            raise SimulatorError(f"no messages received from {', '.join(missing)}")
         log_trouble = ""
         if self._options.record is not None:
             try:

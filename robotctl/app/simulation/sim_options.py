@@ -45,7 +45,7 @@ class SimOptions:
     localisation
         Settings of the localiser, `key=value`; where they name no map it is the world itself.
     hard_real_time
-        Whether simulated time goes on while this computer is held up, as a robot's does.
+        Whether simulated time runs on while this computer stalls, as on a robot.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class SimOptions:
             raise ConfigError(f"--bus {self.bus}: {error}") from error
 
     def find_world(self, mission: Mission) -> Path:
-        """Return the file of the world: the one asked for, else the mission's own.
+        """Return the file of the world: the requested one, otherwise the mission's.
 
         Raises
         ------

@@ -1,1 +1,1 @@
-"""Who starts, watches, restarts and ends the processes."""
+"""Starting, watching, restarting and ending the processes."""

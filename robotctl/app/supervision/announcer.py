@@ -11,8 +11,7 @@ from robotctl.messages.control import Notice, Severity
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, endpoint_directory
 
 _KEPT_NS: Final = 10_000_000_000
-"""For so long words are kept for who begins to listen: most of all for a process that is itself
-what they are about [ns]."""
+"""How long notices are kept for new subscribers, above all for the process they are about [ns]."""
 
 
 class Announcer:
@@ -39,7 +38,7 @@ class Announcer:
             self._greet()
 
     def say(self, text: str, severity: Severity, now_ns: int) -> None:
-        """Tell who listens, and who will within the next seconds."""
+        """Publish to subscribers, present and within the next seconds."""
         notice = Notice(now_ns, severity, text)
         if self._publisher is not None:
             self._publisher.send(notice)
@@ -47,7 +46,7 @@ class Announcer:
         self._greet()
 
     def step(self, now_ns: int) -> None:
-        """Greet who has come; forget what is old."""
+        """Greet new subscribers; drop old notices."""
         if self._publisher is not None:
             self._publisher.attend()
         if self._kept and now_ns - self._kept[0].stamp_ns > _KEPT_NS:
@@ -55,7 +54,7 @@ class Announcer:
             self._greet()
 
     def _greet(self) -> None:
-        """Tell what is kept, as one notice, to each who begins to listen."""
+        """Send what is kept, as one notice, to each new subscriber."""
         if self._publisher is None:
             return
         if not self._kept:

@@ -18,8 +18,8 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
     """Start a process in a session of its own, so that Ctrl-C reaches only its parent.
 
     When the parent ends, however it ends, the kernel sends the child SIGTERM: a robot must not
-    drive on because somebody closed a terminal. SIGUSR1, the emergency stop, is held back until
-    the child is ready to take it, so that it neither kills a process at its start nor is lost.
+    drive on because a terminal was closed. SIGUSR1, the emergency stop, is held back until the
+    child is ready to take it, so that it neither kills a process at its start nor is lost.
 
     Parameters
     ----------
@@ -31,8 +31,10 @@ def start_child(command: list[str], **options: Any) -> subprocess.Popen[Any]:
     parent = os.getpid()
 
     def prepare() -> None:
+        # An emergency stop during the start must be neither fatal nor lost: it waits.
         signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
         _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        # The parent may have ended before prctl: then no signal will come.
         if os.getppid() != parent:
             os.kill(os.getpid(), signal.SIGTERM)
 

@@ -1,4 +1,4 @@
-"""What compiles, told while it does: the first start of the estimators takes up to a minute."""
+"""Progress of compilation: the first start of the estimators takes up to a minute."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robotctl.compiled import COMPILING
 
 _KIND: Final = "numba:compile"
 _OURS: Final = ("robotctl.", "firmware_sim.")
-"""Numba compiles functions of its own besides, which nobody could count before."""
+"""Numba also compiles functions of its own, which cannot be counted beforehand."""
 _EVERY_S: Final = 2.0
 
 
@@ -27,7 +27,7 @@ def _all() -> int:
 
 
 class _Listener(event.Listener):
-    """Counts the functions that numba has compiled, and tells of them."""
+    """Counts and reports the functions that numba has compiled."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say

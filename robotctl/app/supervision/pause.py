@@ -1,4 +1,4 @@
-"""A process that is held up: for how long, by what, and in which words."""
+"""A stalled process: duration, cause and message."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Pause:
     paused_s
         For how long [s].
     cause
-        What it did meanwhile, by the kernel's words; empty where that is not known.
+        What it did meanwhile, according to the kernel; empty if unknown.
     over
-        Whether it goes on.
+        Whether it has continued.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Pause:
 
 
 def state_of(pid: int) -> str:
-    """Return what a process does now, in words; empty where the kernel does not tell."""
+    """Return what a process does now, as text; empty if the kernel does not report it."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text()
     except OSError:

@@ -1,4 +1,4 @@
-"""What a service tells systemd: sd_notify(3), by datagrams to the socket NOTIFY_SOCKET."""
+"""A service's notifications to systemd: sd_notify(3), by datagrams to the socket NOTIFY_SOCKET."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ServiceNotifier:
         process = environment.pop("WATCHDOG_PID", "")
         mine = process in {"", str(os.getpid())}
         self.feed_s = int(timeout_us) / 1e6 / _FEEDS_PER_TIMEOUT if timeout_us and mine else None
-        """How often the watchdog wants to be fed [s]; None: there is none."""
+        """Period of the watchdog [s]; None: there is none."""
         self._status = ""
         self._socket: socket.socket | None = None
         if address.startswith(("/", "@")):
@@ -36,7 +36,7 @@ class ServiceNotifier:
             self._address = "\0" + address[1:] if address.startswith("@") else address
 
     def ready(self) -> bool:
-        """Say that the start is over; return False where this must be said again."""
+        """Report the end of the start; return False if this must be repeated."""
         return self._send("READY=1")
 
     def stopping(self) -> None:
@@ -61,7 +61,7 @@ class ServiceNotifier:
     def _send(self, text: str) -> bool:
         """Send one datagram without waiting; return False where the manager's queue is full.
 
-        A manager that is gone is no reason to stop a robot.
+        A missing manager is no reason to stop a robot.
         """
         if self._socket is None:
             return True

@@ -2,8 +2,8 @@
 
 Control is started first and alone; the others follow when its loop ticks. It never waits for them:
 what becomes of navigation and telemetry changes nothing for it. A control process that ended is
-started again too, since it starts unarmed and the drive has stopped by itself; its odometry goes on
-from the pose that the recorder saved, and navigation begins anew.
+restarted too, because it starts disarmed and the drive has stopped by itself; its odometry
+continues from the saved pose, and navigation restarts.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Stack:
         }
         self._control = self._processes[CONTROL]
         self._stop_beats: int | None = None
-        """Beats of the control process when it was last told of an emergency stop."""
+        """Heartbeats of the control process when it last received an emergency stop."""
         self.exits: list[Exit | Pause] = []
         """Ends and pauses seen by the last `watch`."""
         self._announcer = Announcer(options.instance)
@@ -106,7 +106,7 @@ class Stack:
         return process.pid
 
     def phase(self, module: str) -> ProcessPhase:
-        """Return where `module` stands."""
+        """Return the phase of `module`."""
         return self._processes[module].phase
 
     def starts(self, module: str) -> int:
@@ -129,7 +129,7 @@ class Stack:
     def watch(self) -> list[str]:
         """Start, restart and kill as needed; return a line for each end and each pause.
 
-        Ground stations and logs are told the same. Call ten times a second.
+        Ground stations and logs receive the same. Call ten times a second.
 
         Raises
         ------
@@ -156,12 +156,13 @@ class Stack:
         return [each.words() for each in self.exits]
 
     def tell(self, line: str, severity: Severity = Severity.INFORMATION) -> None:
-        """Tell ground stations and logs what the supervisor says."""
+        """Publish the supervisor's notices to ground stations and logs."""
         self._announcer.say(line, severity, self._clock.now_ns())
 
     def _judge(self, process: Supervised, ended: Exit) -> None:
         """Decide what the end of one process means for the others."""
         name = process.role.name
+        # Bad input stays bad: a restart would only hide it.
         if ended.status == _BAD_INPUT and not process.was_ready:
             self._fail(f"the {name} process did not start ({status_words(ended.status)})")
         if process is not self._control:
@@ -171,19 +172,21 @@ class Stack:
                 f"the {name} process ended {process.role.restart.crashes + 1} times within "
                 f"{process.role.restart.window_s:g} s ({status_words(ended.status)})"
             )
+        # Navigation restarts with control: its poses belong to the odometry that ended.
         self._processes[NAVIGATION].renew()
 
     def _fail(self, problem: str) -> NoReturn:
-        """Give up; those that are still there are told why."""
+        """Give up; tell the remaining processes why."""
         self.tell(f"robotctl ends: {problem}", Severity.CRITICAL)
         raise StackError(problem)
 
     def emergency_stop(self) -> None:
         """Stop the robot by a signal to the control process; needs no socket, waits for nothing.
 
-        Where the control process is just being started again, it is told as soon as it is there.
-        May be called from a signal handler.
+        A control process that is just restarting receives it as soon as it is up. May be called
+        from a signal handler.
         """
+        # A signal only, because this may run in a signal handler.
         self._stop_beats = self._control.beats
         self._control.signal(signal.SIGUSR1)
 

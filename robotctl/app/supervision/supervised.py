@@ -18,19 +18,19 @@ from robotctl.app.supervision.restart import CrashBudget, RestartPolicy
 from robotctl.runtime.ipc.heartbeat import VARIABLE, HeartbeatMonitor
 
 _LONGEST_STEP_S: Final = 0.5
-"""A longer pause of the supervisor itself, which says nothing of the others, counts so much [s]."""
+"""Cap on a pause of the supervisor itself, which says nothing about the others [s]."""
 
 _FIRST_VICTIM: Final = "500"
 """`oom_score_adj` of what the robot can do without for a while."""
 
 
 class ProcessPhase(enum.Enum):
-    """Where a process stands."""
+    """Phase of a process."""
 
     IDLE = "not started"
     STARTING = "starting"
     READY = "running"
-    WAITING = "waiting to be started again"
+    WAITING = "waiting to be restarted"
     GIVEN_UP = "given up"
 
 
@@ -45,11 +45,11 @@ class Role:
     restart
         Back-off and crash budget.
     stall_s
-        A process that shows no progress for so long hangs and is killed [s].
+        Time without progress after which a process hangs and is killed [s].
     start_s
-        A process that shows no progress for so long after its start is killed [s].
+        Time without progress after its start after which a process is killed [s].
     held_s
-        A process that worked and shows no progress for so long is said to be held up [s].
+        Time without progress after which a running process is reported as held up [s].
     vital
         Without it there is no robot: when its budget is spent the whole stack ends.
     """
@@ -82,7 +82,7 @@ class Exit:
     was_ready
         It had been seen to work before.
     asked
-        It was told to end, because what it works with begins anew.
+        It was asked to end, because a process it depends on restarts.
     beats
         Rounds of work it did.
     ran_s
@@ -115,8 +115,8 @@ class Exit:
             how += f": {self.cause}"
         line = f"{self.name} ended after {self.ran_s:.1f} s ({how}); "
         if self.restart_in_s is None:
-            return line + "not started again: it ended too often"
-        return line + f"starting it again in {self.restart_in_s:g} s"
+            return line + "not restarted: it ended too often"
+        return line + f"restarting it in {self.restart_in_s:g} s"
 
 
 def status_words(status: int) -> str:
@@ -155,7 +155,7 @@ class Supervised:
         self._stalled_s = 0.0
         self._hung = self._renewed = False
         self._told_s = 0.0
-        """Of the pause that people were told of, what was known then [s]; 0: there is none."""
+        """Length of the reported pause at the time [s]; 0: none."""
         self._cause = ""
         self._killed_for_memory = 0
 
@@ -185,6 +185,7 @@ class Supervised:
             env=os.environ | {VARIABLE: str(monitor.descriptor)},
         )
         if not self.role.vital:
+            # Losing control costs the most: let the kernel sacrifice the others first.
             _kill_first_when_memory_is_short(self._process.pid)
         self.starts += 1
 
@@ -195,7 +196,7 @@ class Supervised:
     def step(self, now_s: float) -> Exit | Pause | None:
         """Look after the process at `now_s`, monotonic [s].
 
-        Returns its end where it has ended, and where it is held up or goes on, that.
+        Returns its end if it has ended, or a pause that began or ended.
         """
         process = self._process
         if process is None:
@@ -218,6 +219,7 @@ class Supervised:
     def _look_for_progress(self, process: subprocess.Popen[bytes], now_s: float) -> Pause | None:
         """Note progress; kill a process that has made none for too long."""
         beats = self.beats
+        # A pause of the supervisor itself must not count as one of its processes.
         pause_s = min(now_s - self._stepped_s, _LONGEST_STEP_S)
         self._stepped_s = now_s
         if beats != self._beats:
@@ -230,7 +232,7 @@ class Supervised:
         self._stalled_s += pause_s
         patience_s = self.role.stall_s if self.phase is ProcessPhase.READY else self.role.start_s
         if self._stalled_s > patience_s:
-            if not self._hung:  # once it is being killed its state says nothing more
+            if not self._hung:  # once it is being killed its state is meaningless
                 self._cause = state_of(process.pid)
             self._hung = True
             process.kill()
@@ -255,6 +257,7 @@ class Supervised:
         cause = self._cause if self._hung else ""
         if status == -signal.SIGKILL and killed_for_memory() > self._killed_for_memory:
             cause = "the computer was out of memory"
+        # A requested restart is no crash and spends no budget.
         delay_s = 0.0 if self._renewed else self._budget.spend(now_s)
         self.phase = ProcessPhase.GIVEN_UP if delay_s is None else ProcessPhase.WAITING
         self._due_s = now_s + (delay_s or 0.0)
@@ -287,12 +290,12 @@ class Supervised:
         return True
 
     def renew(self) -> None:
-        """Let the process end and start anew; this is no crash."""
+        """Restart the process; this is no crash."""
         if self.signal(signal.SIGTERM):
             self._renewed = True
 
     def end(self, seconds: float) -> None:
-        """Wait for the process to end, kill it after so many seconds [s], and start it no more."""
+        """Wait for the process to end, kill it after a time [s], and do not restart it."""
         self.phase = ProcessPhase.IDLE
         process = self._process
         if process is None:

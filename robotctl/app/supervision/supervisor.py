@@ -1,4 +1,4 @@
-"""The supervisor of a robot: its processes, their exit log, and what systemd is told of them."""
+"""The supervisor of a robot: processes, exit log, and notifications to systemd."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ POLL_S: Final = 0.1
 """Between two steps of the supervisor [s]."""
 
 HELD_S: Final = 1.0
-"""A longer pause of the supervisor is said [s]."""
+"""A longer pause of the supervisor is reported [s]."""
 
 
 class Supervisor:
     """Watches a stack and reports on it; use as a context manager.
 
     The watchdog is fed when the control loop has ticked since it was fed last, and only then: a
-    supervisor that is alive says nothing of a robot.
+    supervisor that is alive proves nothing about the robot.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Supervisor:
         return f"{words}{reason}; {self._processes()}"
 
     def _processes(self) -> str:
-        """Return where each process stands."""
+        """Return the phase of each process."""
         return ", ".join(
             f"{module.rpartition('.')[2]} {self._stack.phase(module).value}"
             for module in self._stack.modules

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 ABORTED = 1
 WORSE = 3
 
-app = typer.Typer(no_args_is_help=True, help="Find out how the robot really is.")
+app = typer.Typer(no_args_is_help=True, help="Calibrate the robot from drives and recordings.")
 
 
 @app.callback()
 def calibrate() -> None:
-    """Find out how the robot really is."""
+    """Calibrate the robot from drives and recordings."""
 
 
 @app.command()
@@ -35,18 +35,16 @@ def odometry(
         Path | None,
         typer.Option(help="Log with reference poses: CARMEN, MRCLAM, LEGO, ROS bag or our own."),
     ] = None,
-    mrclam_robot: Annotated[
-        int | None, typer.Option(help="Which robot of a MRCLAM folder.")
-    ] = None,
+    mrclam_robot: Annotated[int | None, typer.Option(help="Robot of an MRCLAM folder.")] = None,
     runs: Annotated[
         Path | None, typer.Option(help="Drives measured by tape, see docs/calibration.md.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drives.")] = 1,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw before and after here: .png, .svg or .pdf.")
+        Path | None, typer.Option(help="Plot before and after: .png, .svg or .pdf.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
     ] = None,
     overrides: Overrides = None,
     time_unit: TimeUnit = None,
@@ -58,10 +56,10 @@ def odometry(
     no patch. 2: bad input.
     """
     if log is not None or runs is not None:
-        refuse_unused(ctx, "where the drives are recorded ones", "seed")
+        refuse_unused(ctx, "with recorded drives", "seed")
     if log is None:
         refuse_unused(ctx, "without --log", "mrclam_robot", "time_unit")
-    # They take a second to load, for which those who ask for help need not wait.
+    # Loading takes a second, which `--help` need not wait for.
     from robotctl.cli.calibrate.plot import save_plot  # noqa: PLC0415
     from robotctl.cli.calibrate.view import (  # noqa: PLC0415
         check_table,
@@ -103,7 +101,7 @@ def _conclude(result: OdometryCalibrateResult, out: Path | None) -> int:
     for sentence in (*result.notes, *result.hidden):
         print(sentence)
     if result.objections:
-        print("Odometry is worse with the new values than with the present ones, keep those:")
+        print("Odometry is worse with the new values; keep the present ones:")
         for objection in result.objections:
             print(f"  {objection}")
         if out is not None:

@@ -13,7 +13,7 @@ from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResu
 
 
 def save_plot(result: OdometryCalibrateResult, file: Path) -> None:
-    """Draw one panel with the ends of all drives, or the way of a log."""
+    """Draw one panel with the ends of all drives, or the path of a log."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
 
     figure = Figure(figsize=(10.0, 5.0), dpi=120, layout="constrained")

@@ -10,7 +10,7 @@ from rich.table import Table
 from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 from robotctl.workbench.odometry.calibrate_patch import patch_values
 
-_NOT_SHOWN = "not shown by these data"
+_NOT_SHOWN = "not determined by these data"
 
 
 def drive_table(result: OdometryCalibrateResult) -> Table:
@@ -71,7 +71,7 @@ def reference_lines(result: OdometryCalibrateResult) -> list[str]:
             f"{1000 * value:.0f} ± {1000 * width:.0f} mm"
             for value, width in zip(found.lever_m, found.lever_half_width_m, strict=True)
         )
-        lines.append(f"the reference follows a point {x} ahead and {y} to the left of base,")
+        lines.append(f"the reference tracks a point {x} ahead and {y} to the left of base,")
         lines.append(
             f"  {1000 * found.delay_s:.0f} ± {1000 * found.delay_half_width_s:.0f} ms late; "
             f"its own noise: {1000 * found.reference.sigma_m:.1f} mm, "
@@ -80,7 +80,7 @@ def reference_lines(result: OdometryCalibrateResult) -> list[str]:
     probe = np.array([[1.0, 0.0], [1.0, 0.2]])
     straight, bent = found.model.arcs(found.change, found.model.wheels(probe))
     lines.append(
-        f"as factors of an odometry of poses: distance × {straight[0]:.4f}, rotation × "
+        f"as factors for odometry poses: distance × {straight[0]:.4f}, rotation × "
         f"{(bent[1] - straight[1]) / 0.2:.4f}, and {math.degrees(straight[1]):+.3f}° a metre"
     )
     if found.outliers:
@@ -90,7 +90,7 @@ def reference_lines(result: OdometryCalibrateResult) -> list[str]:
 
 def check_table(result: OdometryCalibrateResult) -> Table:
     """Return the errors before and after."""
-    table = Table(title="errors of odometry", title_justify="left")
+    table = Table(title="odometry errors", title_justify="left")
     for heading in ("", "before", "after", "ratio"):
         table.add_column(heading, justify="left" if not heading else "right")
     for check in result.checks:

@@ -24,19 +24,17 @@ Square = Annotated[
     float, typer.Option("--square-mm", metavar="MM", help="Side of its squares, measured.")
 ]
 Family = Annotated[
-    str, typer.Option("--family", help="Of the markers: 4x4_50 and others, apriltag_36h11.")
+    str, typer.Option("--family", help="Marker family: 4x4_50 and others, apriltag_36h11.")
 ]
-SigmaPx = Annotated[
-    float, typer.Option("--sigma-px", help="How well a pixel is known, standard deviation.")
-]
+SigmaPx = Annotated[float, typer.Option("--sigma-px", help="Standard deviation of a pixel.")]
 SigmaMm = Annotated[
     float,
-    typer.Option("--sigma-mm", help="How well a place on the floor is known, in x and in y."),
+    typer.Option("--sigma-mm", help="Standard deviation of a place on the floor, in x and in y."),
 ]
 
 
 def board_of(name: str, square_mm: float) -> Board:
-    """Return the board; raises ConfigError where there is none such."""
+    """Return the board; raises ConfigError if invalid."""
     from robotctl.estimation.camera.calibration.pattern import Board  # noqa: PLC0415 - it loads OpenCV
 
     match = re.fullmatch(r"(\d+)x(\d+)", name.strip().lower())
@@ -49,7 +47,7 @@ def board_of(name: str, square_mm: float) -> Board:
 
 
 def family_of(name: str) -> str:
-    """Return the family of markers; raises ConfigError where there is none such."""
+    """Return the family of markers; raises ConfigError if unknown."""
     from robotctl.estimation.camera.calibration.pattern import MARKERS  # noqa: PLC0415 - it loads OpenCV
 
     if name not in MARKERS:
@@ -82,7 +80,7 @@ def place_of(text: str | None) -> SE2 | None:
 
 
 def pictures_of(names: list[str], option: str = "--lens ") -> tuple[Path, ...]:
-    """Return picture files: of folders all, of names with * those that fit, else the file itself.
+    """Return picture files: all of a folder, those matching a pattern, otherwise the file itself.
 
     `option` is what the user wrote before the name, for messages.
 
@@ -103,6 +101,6 @@ def pictures_of(names: list[str], option: str = "--lens ") -> tuple[Path, ...]:
         else:
             found = [path]
         if not found:
-            raise ConfigError(f"{option}{name}: no pictures there")
+            raise ConfigError(f"{option}{name}: no pictures found")
         files += sorted(found)
     return tuple(dict.fromkeys(files))

@@ -51,7 +51,9 @@ def calibrate(
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,DEG", help="The board's middle in base, and where up is."),
+        typer.Option(
+            metavar="X,Y,DEG", help="Middle of the board in base, and direction of its arrow."
+        ),
     ] = None,
     markers: Annotated[
         Path | None, typer.Option(help="CSV of markers on the floor: id, x, y of their middle.")
@@ -62,18 +64,18 @@ def calibrate(
     ] = None,
     sigma_px: SigmaPx = 0.5,
     sigma_mm: SigmaMm = 1.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the search for wrong points.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search for outliers.")] = 1,
     show: Annotated[
         Path | None, typer.Option(help="Draw points and a grid of the floor into the picture.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
     ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Find lens and mount of a camera, say how good they are, and which markers would help.
 
-    Status 0: found. 1: the pictures or points do not tell it. 2: bad input.
+    Status 0: found. 1: the pictures or points do not determine it. 2: bad input.
     """
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415 - numba
     from robotctl.workbench.camera.calibrate import CameraCalibrateOptions, calibrate_camera  # noqa: PLC0415

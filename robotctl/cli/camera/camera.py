@@ -10,7 +10,9 @@ from robotctl.cli.camera import floor as camera_floor
 from robotctl.cli.camera import pattern as camera_pattern
 from robotctl.cli.camera import seeing as camera_seeing
 
-app = typer.Typer(no_args_is_help=True, help="Measure on the floor with a camera.")
+app = typer.Typer(
+    no_args_is_help=True, help="Calibrate a camera, and measure on the floor with it."
+)
 app.command("calibrate")(camera_calibrate.calibrate)
 app.command("check")(camera_check.check)
 app.command("floor")(camera_floor.floor)
@@ -21,4 +23,4 @@ app.command("ranges")(camera_seeing.ranges)
 
 @app.callback()
 def camera() -> None:
-    """Measure on the floor with a camera."""
+    """Calibrate a camera, and measure on the floor with it."""

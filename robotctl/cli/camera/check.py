@@ -26,7 +26,7 @@ OFF = 3
 
 def check(
     picture: Annotated[
-        Path | None, typer.Argument(help="Of markers on the floor, by the robot's camera.")
+        Path | None, typer.Argument(help="Picture of markers on the floor, by the robot's camera.")
     ] = None,
     robot: RobotName = "diff_drive",
     markers: Annotated[
@@ -38,12 +38,10 @@ def check(
     ] = None,
     sigma_px: SigmaPx = 0.5,
     sigma_mm: SigmaMm = 1.0,
-    plot: Annotated[
-        Path | None, typer.Option(help="Draw the errors here: .png, .svg or .pdf.")
-    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Plot the errors: .png, .svg or .pdf.")] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Compare markers at known places with what the camera says of them.
+    """Compare markers at known places with the camera's estimates.
 
     Use others than those of the calibration. Status 0: as good as the noise allows. 3: it is off.
     1: no marker is seen. 2: bad input.
@@ -75,14 +73,14 @@ def check(
     for doubt in result.doubts:
         print(doubt)
     if result.doubts:
-        print("The camera is off: calibrate it again, or measure the places again.")
+        print("The calibration is off: calibrate again, or measure the places again.")
         sys.exit(OFF)
     print(f"The camera is as good as {sigma_px:g} px and {sigma_mm:g} mm let expect.")
 
 
 def _points_table(result: CheckResult) -> Table:
     """Return the error of each point."""
-    table = Table(title="told less known place", title_justify="left")
+    table = Table(title="estimated minus measured", title_justify="left")
     for heading in ("", "x m", "y m", "distance m", "radial mm", "lateral mm", "σ mm", "chi2"):
         table.add_column(heading, justify="right" if heading else "left")
     errors = result.errors

@@ -31,7 +31,7 @@ def save_plot(result: CheckResult, file: Path) -> None:
     floor.set_aspect("equal", adjustable="datalim")
     floor.set_xlabel("-y (right), m")
     floor.set_ylabel("x (ahead), m")
-    floor.set_title(f"from known to told place, {factor:g} times larger")
+    floor.set_title(f"from measured to estimated place, {factor:g} times larger")
     floor.legend(loc="best")
     for k, (name, color) in enumerate((("radial", "tab:red"), ("lateral", "tab:blue"))):
         sigma_mm = 1e3 * np.sqrt(errors.P[:, k, k])
@@ -41,7 +41,7 @@ def save_plot(result: CheckResult, file: Path) -> None:
         )  # fmt: skip
     graph.axhline(0.0, color="k", linewidth=0.8)
     graph.set_xlabel("distance, m")
-    graph.set_ylabel("told less known, mm")
+    graph.set_ylabel("estimated minus measured, mm")
     graph.grid(visible=True, alpha=0.3)
     graph.legend(loc="best")
     figure.savefig(file)

@@ -19,27 +19,28 @@ from robotctl.errors import ConfigError
 
 
 def floor(
-    picture: Annotated[Path, typer.Argument(help="Taken by the robot's camera.")],
+    picture: Annotated[Path, typer.Argument(help="Picture by the robot's camera.")],
     robot: RobotName = "diff_drive",
     out: Annotated[
         Path | None, typer.Option(help="Write the floor as seen from above here.")
     ] = None,
     pixels: Annotated[
-        Path | None, typer.Option(help="CSV with columns u, v: print where on the floor they lie.")
+        Path | None,
+        typer.Option(help="CSV of pixels, columns u, v: print their places on the floor."),
     ] = None,
     points: Annotated[
         Path | None, typer.Option(help="Write those places here as CSV instead.")
     ] = None,
     near: Annotated[float, typer.Option(metavar="M", help="From which x.")] = 0.0,
     far: Annotated[float, typer.Option(metavar="M", help="To which x.")] = 3.0,
-    side: Annotated[float, typer.Option(metavar="M", help="To which y on either side.")] = 1.5,
-    resolution: Annotated[float, typer.Option(metavar="M", help="Side of a pixel.")] = 0.005,
+    side: Annotated[float, typer.Option(metavar="M", help="Extent to either side.")] = 1.5,
+    resolution: Annotated[float, typer.Option(metavar="M", help="Size of a pixel.")] = 0.005,
     sigma_px: Annotated[
-        float, typer.Option(min=0.0, help="How well a pixel is known, for the intervals.")
+        float, typer.Option(min=0.0, help="Standard deviation of a pixel, for the intervals.")
     ] = 0.5,
     overrides: Overrides = None,
 ) -> None:
-    """Show the floor of a picture from above with a grid in metres, and tell pixels in metres."""
+    """Show the floor of a picture from above in metres, and convert pixels to metres."""
     from robotctl.estimation.camera.calibration.floor import FloorWindow  # noqa: PLC0415
     from robotctl.model.sensors.camera_geometry import CameraGeometry  # noqa: PLC0415
     from robotctl.workbench.camera.floor import floor_picture, floor_table  # noqa: PLC0415
@@ -69,7 +70,7 @@ def floor(
     if out is not None:
         above = floor_picture(image, camera, view, clicked)
         write_file(out, lambda file: write_picture(file, above))
-        print(f"from above: {out}, x up and y left, {1.0 / resolution:g} pixels a metre")
+        print(f"from above: {out}, x up and y left, {1.0 / resolution:g} pixels per metre")
     if clicked is None:
         return
     table = floor_table(camera, clicked, sigma_px)

@@ -13,11 +13,11 @@ from robotctl.errors import ConfigError
 
 
 def pattern(
-    out: Annotated[Path, typer.Option(help="Write it here: .png, which says its size in print.")],
+    out: Annotated[Path, typer.Option(help="Write it here: .png, which states its printed size.")],
     board: BoardName = "9x6",
     square_mm: Square = 25.0,
     marker: Annotated[
-        int | None, typer.Option(min=0, help="A marker of this number instead of a board.")
+        int | None, typer.Option(min=0, help="Print a marker with this number instead of a board.")
     ] = None,
     family: Family = "apriltag_36h11",
     side_mm: Annotated[
@@ -46,5 +46,5 @@ def pattern(
     height_mm, width_mm = (side / PX_PER_MM for side in sheet.shape)
     print(
         f"{out}: {width_mm:g} x {height_mm:g} mm. Print it at 100 %, not fitted to the page, and "
-        "measure it: what you measure counts."
+        "measure it: the measured size counts."
     )

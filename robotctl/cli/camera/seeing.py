@@ -60,22 +60,20 @@ _OBSTACLES = _Kind(
 Pictures = Annotated[
     list[str],
     typer.Argument(
-        help="Pictures of the robot's camera: files, folders, or live:ROBOT, one that runs."
+        help="Pictures of the robot's camera: files, folders, or live:ROBOT for a running robot."
     ),
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        help="Write annotated pictures: a file for one picture, else a folder that exists."
-    ),
+    typer.Option(help="Write annotated pictures: a file for one, otherwise an existing folder."),
 ]
 CsvFile = Annotated[Path | None, typer.Option("--csv", help="Write the table here as CSV.")]
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write all here as JSON.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write all results here as JSON.")]
 Sequence = Annotated[
     bool,
     typer.Option(
         "--sequence",
-        help="The pictures follow each other: the floor is known from the earlier ones.",
+        help="The pictures are consecutive: the floor is known from earlier ones.",
     ),
 ]
 
@@ -106,7 +104,7 @@ def obstacles(
     sequence: Sequence = False,
     overrides: Overrides = None,
 ) -> None:
-    """Find what stands free on the floor: where, how wide, how high.
+    """Find free-standing objects on the floor: position, width, height.
 
     Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be told
     from the rest. 2: bad input.

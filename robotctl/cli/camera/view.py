@@ -53,8 +53,8 @@ def lens_lines(lens: LensFit) -> list[str]:
     if not lens.covered.all():
         rows = ["".join("#" if seen else "." for seen in row) for row in lens.covered]
         lines.append(
-            f"the board was seen in {fields} of 16 fields of the picture; the lens is less sure "
-            f"where it was not:\n  " + "\n  ".join(rows)
+            f"the board was seen in {fields} of 16 fields of the picture; the lens is less certain "
+            "elsewhere:\n  " + "\n  ".join(rows)
         )
     return lines
 
@@ -114,7 +114,7 @@ def fit_lines(result: CameraCalibrateResult) -> list[str]:
     ]
     if wrong:
         lines.append(
-            f"left out, since they contradict the others: {', '.join(wrong)}; measure them again"
+            f"left out because they contradict the others: {', '.join(wrong)}; measure them again"
         )
     H = fit.camera.homography()
     lines.append("homography K R T of the floor, (x, y, 1) m to (u, v, 1) px without distortion:")

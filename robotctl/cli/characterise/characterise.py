@@ -32,18 +32,19 @@ def characterise(
         typer.Option(
             "--map",
             metavar="MAP",
-            help="Room of the log: a world, or a ROS map (.yaml); else made of its even scans.",
+            help="Room of the log: a world, or a ROS map (.yaml); default: made from its even "
+            "scans.",
         ),
     ] = "",
     sensor: Annotated[
-        str, typer.Option(help="sonar or lidar; default: sonar where there are readings of some.")
+        str, typer.Option(help="sonar or lidar; default: sonar if there are readings.")
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated drive.")] = 1,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw errors and echoes here: .png, .svg or .pdf.")
+        Path | None, typer.Option(help="Plot errors and echoes: .png, .svg or .pdf.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
     ] = None,
     overrides: Overrides = None,
     max_range: MaxRange = None,
@@ -94,7 +95,7 @@ def _show(result: Characterisation, plot: Path | None, out: Path | None) -> int:
         write_file(plot, lambda file: save_plot(result, file))
         print(f"plot: {plot}")
     if result.told_after < result.told_before:
-        print("With the new settings readings would say less about the place: keep the present.")
+        print("With the new settings readings say less about the place; keep the present ones.")
         if out is not None:
             print(f"{out} was not written.")
         return WORSE

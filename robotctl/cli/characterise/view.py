@@ -47,7 +47,7 @@ def fit_table(result: Characterisation) -> Table:
 
 
 def _row(table: Table, words: str, found: Fitted) -> None:
-    """Add a value, or that it is not told."""
+    """Add a value, or that it is undetermined."""
     told = found.high < _ANYTHING
     ends = f"{_number(found.low)} to {_number(found.high)}" if told else ""
     table.add_row(words, "not told" if found.why_not else _number(found.value), ends)
@@ -60,7 +60,7 @@ def _number(value: float) -> str:
 
 def patch_table(result: Characterisation) -> Table:
     """Return what changes for the localiser."""
-    table = Table(title="what follows for the robot's file", title_justify="left")
+    table = Table(title="settings for the robot's file", title_justify="left")
     table.add_column("", no_wrap=True)
     for heading in ("before", "after"):
         table.add_column(heading, justify="right")
@@ -72,7 +72,7 @@ def patch_table(result: Characterisation) -> Table:
 
 
 def words(result: Characterisation) -> list[str]:
-    """Return what else is to be said."""
+    """Return further remarks."""
     source, fit = result.source, result.fit
     origin = (
         f"poses by {source.poses_by}; room: {source.map_by}; intervals by "
@@ -80,13 +80,11 @@ def words(result: Characterisation) -> list[str]:
     )
     within = (
         f"{100 * result.within:.1f} % of the ranges away from edges lie within three of the "
-        "present standard deviations, which forgive particles beside the truth too"
+        "present standard deviations, which also allow for particles beside the truth"
     )
     lines = [origin, *source.notes, within, *result.hidden]
     if fit.incidence.fades_rad > 0.0:
-        lines.append(
-            "echoes fade out with the incidence rather than end: at the limit half are left"
-        )
+        lines.append("echoes fade out with the incidence rather than end; half remain at the limit")
     lines.append(
         "a reading tells the true place from others near it by "
         f"{result.told_before:.2f} nat with the present settings, {result.told_after:.2f} with "

@@ -31,7 +31,7 @@ class Canvas:
 
     @classmethod
     def fitting(cls, columns: int, rows: int, bounds: tuple[float, float, float, float]) -> Canvas:
-        """Return the smallest one that shows `bounds` [m] as large as so much room allows."""
+        """Return the smallest one that shows `bounds` [m] as large as the room allows."""
         x_min, y_min, x_max, y_max = bounds
         width_m, height_m = max(x_max - x_min, 1e-6), max(y_max - y_min, 1e-6)
         scale = min((2 * columns - 1) / width_m, (4 * rows - 1) / height_m)
@@ -39,7 +39,7 @@ class Canvas:
         return cls(max(1, min(columns, needed[0])), max(1, min(rows, needed[1])), bounds)
 
     def copy(self) -> Canvas:
-        """Return what is drawn so far, to go on with."""
+        """Return what is drawn so far, to continue with."""
         other = copy.copy(self)
         other._cells = [list(row) for row in self._cells]
         other._marks = dict(self._marks)

@@ -1,4 +1,4 @@
-"""Single keys from the terminal: the emergency stop of who looks on."""
+"""Single keys from the terminal: the user's emergency stop."""
 
 from __future__ import annotations
 

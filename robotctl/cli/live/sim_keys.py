@@ -14,13 +14,13 @@ BRIEF: Final = f"{HINT}  a arm  d disarm  m mission  h hold  r home  ? help"
 HELP: Final = (
     f"{HINT}; the robot stands until it is armed again",
     "a  arm, also after a stop        d  disarm: the motors are off",
-    "m  AUTO: drive the mission, from the item where it stands",
-    "h  HOLD: stand still             r  RTL: go back home the way it came",
+    "m  AUTO: drive the mission, from its present item",
+    "h  HOLD: stand still             r  RTL: return home along its path",
     "?  this help                     Ctrl-C  end the run and show its score",
     "Sticks, velocities and positions come from a ground station, see `connect`.",
 )
 
-AGAIN: Final = "a arms it again, m then goes on with the mission, Ctrl-C ends"
+AGAIN: Final = "a arms it again, m then resumes the mission, Ctrl-C ends"
 """What to do after a stop."""
 
 _SEQUENCE: Final = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]?|O.?|.?)", re.DOTALL)
@@ -64,7 +64,7 @@ def obey(pressed: str, robot: Robot, view: Helpful) -> None:
 
 
 def what_now(control: ControlState, *, keys: bool) -> str:
-    """Return what to do about a robot that stands; empty where it may drive by itself."""
+    """Return what to do about a robot at rest; empty if it may drive by itself."""
     if control.state in (SafetyState.FAULT, SafetyState.EMERGENCY_STOP):
         return AGAIN if keys else "a ground station can arm it again"
     if control.state is SafetyState.STANDBY:

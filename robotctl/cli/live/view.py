@@ -34,7 +34,7 @@ _FRAME = 2
 _MAP_COLUMNS, _FIGURES_COLUMNS = 60, 68
 """The map may always have the first; what is more than both is for the map."""
 _FEWEST_COLUMNS = 30
-"""What figures need beside the map to tell something."""
+"""Width that figures need beside the map."""
 _NOTICES, _NOTICES_LOW = 5, 3
 _LOW = 30
 """A terminal of fewer lines is low."""
@@ -68,7 +68,7 @@ class View(Protocol):
 
 
 def make_view(run: SimRun, *, headless: bool, keys: bool) -> View:
-    """Return the live screen on a terminal, else plain lines; `keys`: whether they are heard."""
+    """Return the live screen on a terminal, else plain lines; `keys`: whether keys are read."""
     console = plain_console()
     if headless or not console.is_terminal:
         return LineView(console, run.config, run.connections, keys=keys)
@@ -87,7 +87,7 @@ class LineView:
     connections
         Where others can connect.
     keys
-        Whether there are keys to tell of.
+        Whether to show the keys.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class LiveView:
     connections
         Where others can connect.
     keys
-        Whether there are keys to tell of.
+        Whether to show the keys.
     """
 
     def __init__(
@@ -318,7 +318,7 @@ class LiveView:
         return drawn.copy()
 
     def _motion(self, control: ControlState) -> Iterator[tuple[str, str]]:
-        """Yield velocity, each wheel and the way."""
+        """Yield velocity, each wheel and the distance."""
         yield (
             "velocity",
             (
@@ -393,7 +393,7 @@ def _place(pose: SE2 | None, gap: str) -> str:
 
 
 def _measured(value: float) -> str:
-    """Write a measured value, which is nan where nobody measures it now."""
+    """Write a measured value; nan: not measured now."""
     return "-" if math.isnan(value) else f"{value:.2f}"
 
 

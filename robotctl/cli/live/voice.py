@@ -11,7 +11,7 @@ from typing import Final
 
 _MOST_LINES: Final = 1000
 _LAST_WORDS_S: Final = 1.0
-"""So long the lines that wait at the end may take."""
+"""Maximum time for the waiting lines at the end."""
 
 
 class Voice:
@@ -31,7 +31,7 @@ class Voice:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        """Print what waits, unless nobody takes it."""
+        """Print what waits, unless it is not read."""
         with suppress(queue.Full):
             self._lines.put_nowait(None)
         self._thread.join(_LAST_WORDS_S)

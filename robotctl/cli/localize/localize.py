@@ -37,7 +37,7 @@ def localize(
         bool, typer.Option("--global", help="Start anywhere on the map, not near the reference.")
     ] = False,
     start: Annotated[
-        str, typer.Option(metavar="X,Y,DEG", help="Where the drive begins on the map: m, m, deg.")
+        str, typer.Option(metavar="X,Y,DEG", help="Start pose on the map: m, m, deg.")
     ] = "",
     reference: Annotated[
         Path | None,
@@ -47,25 +47,26 @@ def localize(
         int | None,
         typer.Option(
             min=1,
-            help="Most particles: else 2000, for a search as the area takes.",
+            help="Maximum number of particles; default: 2000, for a search by area.",
         ),
     ] = None,
     beams: Annotated[
-        int | None, typer.Option(min=1, help="Beams weighed of each scan, else 60 or as --robot.")
+        int | None,
+        typer.Option(min=1, help="Beams used of each scan; default: 60, or as --robot says."),
     ] = None,
     scans: Annotated[
-        str, typer.Option(help="all, even or odd: by their place in the log, from 0.")
+        str, typer.Option(help="all, even or odd: by position in the log, from 0.")
     ] = "all",
     odometry_noise: Annotated[
         str,
         typer.Option(
             metavar="SIGMA_TRANS,SIGMA_ROT",
-            help="Noise put on the odometry: m after 1 m, rad after 1 m or 1 rad.",
+            help="Noise added to the odometry: m after 1 m, rad after 1 m or 1 rad.",
         ),
     ] = "0,0",
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 1,
     seeds: Annotated[
-        int, typer.Option(min=1, help="Run so often, with the seeds from --seed on; one table.")
+        int, typer.Option(min=1, help="Number of runs, with seeds from --seed on; one table.")
     ] = 1,
     csv: Annotated[
         Path | None,
@@ -74,18 +75,19 @@ def localize(
     report: Annotated[
         Path | None, typer.Option(help="Write errors against the log's reference here, as JSON.")
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw it here: .png, .svg or .pdf.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Plot to a .png, .svg or .pdf.")] = None,
     mrclam_robot: Annotated[
-        int | None, typer.Option(min=1, help="Robot of a MRCLAM folder, else 1.")
+        int | None, typer.Option(min=1, help="Robot of an MRCLAM folder; default: 1.")
     ] = None,
     robot: Annotated[
-        str, typer.Option(help="Robot whose file describes lidar and sonars, else the defaults.")
+        str,
+        typer.Option(help="Robot whose file describes lidar and sonars; default: built-in values."),
     ] = "",
     overrides: Overrides = None,
     max_range: MaxRange = None,
     time_unit: TimeUnit = None,
 ) -> None:
-    """Run a filter of the live robot on a recorded log, and compare with the log's reference.
+    """Localise on a recorded log, and compare with its reference.
 
     Status 0: done, be the robot lost or not. 2: bad input. With --seeds the files but the report
     are those of the first seed.

@@ -1,4 +1,4 @@
-"""`robotctl plot`: fields of a recording over time, as a picture or in words."""
+"""`robotctl plot`: fields of a recording over time, as a picture or as text."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def plot(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(help="Draw it here: .png, .svg or .pdf; default: a window, else a summary."),
+        typer.Option(help="Plot to a .png, .svg or .pdf; default: a window, or a summary."),
     ] = None,
 ) -> None:
-    """Show fields of a recording over time, with the robot's states, restarts and gaps.
+    """Plot fields of a recording over time, with the robot's states, restarts and gaps.
 
     Topics and fields are those of docs/logs.md; a wrong name is answered by the nearest.
     """
@@ -59,7 +59,7 @@ def plot(
     if not _shown(selection, run.name):
         for line in summary(selection):
             print(line)
-        console.print("there is no window here; `--out FILE.png` draws it", soft_wrap=True)
+        console.print("no display found; use `--out FILE.png`", soft_wrap=True)
 
 
 def _shown(selection: Selection, title: str) -> bool:
@@ -85,11 +85,11 @@ def summary(selection: Selection) -> Iterator[str]:
         )
         yield f"state: {', '.join(states)}"
     for restart_s in selection.restarts_s:
-        yield f"control began anew at {restart_s:.2f} s"
+        yield f"control restarted at {restart_s:.2f} s"
 
 
 def _figures(series: Series) -> str:
-    """Return the figures of a series in words."""
+    """Return the figures of a series as text."""
     import numpy as np  # noqa: PLC0415 - heavy
 
     finite = series.values[np.isfinite(series.values)]

@@ -26,13 +26,13 @@ app = typer.Typer(help="The flight recorder and the logs.", no_args_is_help=True
 @app.command()
 def dump(
     file: Annotated[
-        Path | None, typer.Argument(help="Where to; default: flight-TIME.rec here.")
+        Path | None, typer.Argument(help="Output file; default: flight-TIME.rec in this folder.")
     ] = None,
     instance: Annotated[
         str,
         typer.Option(
-            help="Which robot, by its name or that of its ring; default: the only one that runs, "
-            "else the only one there is."
+            help="Robot, by its name or that of its ring; default: the only one running, or the "
+            "only one."
         ),
     ] = "",
 ) -> None:
@@ -56,7 +56,7 @@ def dump(
 
 @app.command()
 def recover(
-    file: Annotated[Path, typer.Argument(help="robot-*.mcap that was cut by a kill.")],
+    file: Annotated[Path, typer.Argument(help="robot-*.mcap that was cut short.")],
 ) -> None:
     """Complete an MCAP log that was not closed, in place; the recorder does so when it starts.
 
@@ -83,7 +83,7 @@ def export(
             help="Folder of --record, a robot-*.mcap of it, or a record: fault-*.rec, a dump."
         ),
     ],
-    csv: Annotated[Path, typer.Option(help="Folder for the files, one for each topic.")],
+    csv: Annotated[Path, typer.Option(help="Output folder, one file per topic.")],
 ) -> None:
     """Write a recording as tables: CSV for spreadsheets and pandas, the units in the headings."""
     if csv.exists() and not csv.is_dir():
@@ -110,7 +110,7 @@ def _check_target(file: Path) -> None:
     if not file.exists():
         return
     if not file.is_file():
-        raise RecordError(f"{file}: is no ordinary file: give one, and pass it on from there")
+        raise RecordError(f"{file}: is not a regular file: write to one, and copy it from there")
     try:
         with file.open("rb") as present:
             read_record(present, str(file))
@@ -135,7 +135,7 @@ def find_ring(instance: str) -> Path:
     folder = ring_folder()
     rings = sorted((*folder.glob("*.ring"), *folder.glob("*.ring.crashed")))
     if not rings:
-        raise RecordError(f"{folder}: no flight recorder is there: no robot runs, nor has crashed")
+        raise RecordError(f"{folder}: no flight recorder found: no robot is running or has crashed")
     if not instance:
         for choice in ([ring for ring in rings if is_written(ring)], rings):
             if len(choice) == 1:
@@ -190,7 +190,7 @@ def _choice(rings: Sequence[Path], names: Mapping[str, Path]) -> str:
 
 
 def _stem(path: Path) -> str:
-    """Return the name of a ring without what says that its process crashed."""
+    """Return the name of a ring without its crash mark."""
     return path.name.removesuffix(".crashed").removesuffix(".ring")
 
 

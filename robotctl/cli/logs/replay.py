@@ -18,7 +18,7 @@ def replay(
         Path, typer.Argument(help="A record: control-*.rec, fault-*.rec, crash-*.rec, or a dump.")
     ],
 ) -> None:
-    """Compute every output of a record anew; status 1 and the first tick where they differ."""
+    """Recompute every output of a record; status 1 and the first tick that differs."""
     from robotctl.workbench.replay.replay import differences, replay_file  # noqa: PLC0415 - the control core
 
     replayed = replay_file(file)

@@ -20,7 +20,7 @@ _SHADES: Final = {
 }
 _WITHOUT_WINDOWS: Final = frozenset({"agg", "cairo", "pdf", "pgf", "ps", "svg", "template"})
 _MANY: Final = 12
-"""So many names a legend takes."""
+"""Maximum names in a legend."""
 
 
 def save_plot(selection: Selection, title: str, file: Path) -> None:

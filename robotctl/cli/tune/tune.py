@@ -27,13 +27,13 @@ def tune(
         str,
         typer.Option(help="step: steps of the duty, SIMC gains. relay: oscillation, Ku and Tu."),
     ] = "step",
-    wheel: Annotated[str, typer.Option(help="left, right, drive or all.")] = "all",
+    wheel: Annotated[str, typer.Option(help="Wheels to tune: left, right, drive or all.")] = "all",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated world.")] = 1,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw the responses here: .png, .svg or .pdf.")
+        Path | None, typer.Option(help="Plot the responses: .png, .svg or .pdf.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Write the configuration patch here; else it is shown.")
+        Path | None, typer.Option(help="Write the configuration patch here; default: print it.")
     ] = None,
     overrides: Overrides = None,
 ) -> None:
@@ -42,7 +42,7 @@ def tune(
     Status 0: measured, and the new gains are no worse. 1: an experiment was stopped. 3: the new
     gains are worse, no patch. 2: bad input.
     """
-    # They take a second to load, for which those who ask for help need not wait.
+    # Loading takes a second, which `--help` need not wait for.
     from robotctl.cli.tune.plot import save_plot  # noqa: PLC0415
     from robotctl.cli.tune.view import response_table, wheel_table  # noqa: PLC0415
     from robotctl.config.robot_file import find_file  # noqa: PLC0415
@@ -72,14 +72,14 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
     from robotctl.workbench.tuning.patch import patch_values  # noqa: PLC0415
 
     if result.objections:
-        print("The new gains are worse than the present ones, keep those:")
+        print("The new gains are worse; keep the present ones:")
         for objection in result.objections:
             print(f"  {objection}")
         if out is not None:
             print(f"{out} was not written.")
         return WORSE
     for shortcoming in result.shortcomings:
-        print(f"beware: with the new gains, too, the robot {shortcoming}")
+        print(f"beware: even with the new gains the robot {shortcoming}")
     options = result.options
     give_patch(result.patch(), out)
     tables = ", ".join(f"[control.{wheel}]" for wheel in result.gains)
@@ -87,7 +87,7 @@ def _conclude(result: TuneResult, out: Path | None) -> int:
     command = ["robotctl", "sim", "--lockstep", "--robot", str(options.robot)]
     command += [word for setting in settings for word in ("--set", setting)]
     print(
-        f"To keep it, put its keys in place of those of {tables} in {options.robot}, and run\n"
+        f"To use it, replace the keys of {tables} in {options.robot}, and run\n"
         f"  robotctl config check {shlex.quote(str(options.robot))}\n"
         f"To try it first:\n  {shlex.join(command)}"
     )

@@ -165,7 +165,7 @@ def local_slope(values: ArrayLike, dt_s: float, half_window: int) -> NDArray[np.
     dt_s
         Sampling period [s], > 0.
     half_window
-        Samples to either side, >= 1. The first and last so many results are nan.
+        Samples to either side, >= 1. The first and last `half_window` results are nan.
 
     Raises
     ------

@@ -27,7 +27,7 @@ class PidGains(NamedTuple):
     kd: float = 0.0
 
     def apply_to(self, config: PidConfig) -> PidConfig:
-        """Return a configuration with these gains, everything else as it was."""
+        """Return the configuration with these gains and everything else unchanged."""
         return dataclasses.replace(config, kp=self.kp, ki=self.ki, kd=self.kd)
 
 
@@ -126,7 +126,7 @@ class Relay:
         self._high = True
 
     def step(self, setpoint: float, measurement: float) -> float:
-        """Return the output [V]; the bias alone where an argument is not finite."""
+        """Return the output [V]; only the bias if an argument is not finite."""
         error = setpoint - measurement
         if not math.isfinite(error):
             return self.bias
@@ -189,7 +189,7 @@ def _rises(
 ) -> list[float]:
     """Return when y rises through the middle, interpolated.
 
-    It must come from below `middle - noise` and go on above `middle + noise`.
+    It must come from below `middle - noise` and continue above `middle + noise`.
     """
     rises: list[float] = []
     armed = False

@@ -72,7 +72,7 @@ class VideoFile:
         count = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
         try:
             if count == 0:
-                raise LinkError(f"camera: {source}: no picture in it")
+                raise LinkError(f"camera: {source}: no pictures in it")
             _check_size(source, _told_size(self._capture), size)
         except LinkError:
             self._capture.release()
@@ -142,8 +142,8 @@ class LiveCamera:
             frame, self._newest = self._newest, None
         if frame is None and self._lost:
             raise LinkError(
-                f"camera {self._source}: gives no more pictures{self._why}; look whether it is "
-                "still plugged in or its stream still there, then start again"
+                f"camera {self._source}: gives no more pictures{self._why}; check that it is still "
+                "plugged in or its stream is up, then restart"
             )
         return frame
 
@@ -195,7 +195,7 @@ def _opened(source: str) -> cv2.VideoCapture:
     device = f"/dev/video{source}" if source.isdecimal() else source
     there = ", ".join(sorted(str(path) for path in Path("/dev").glob("video*"))) or "none"
     raise LinkError(
-        f"camera: {device}: cannot be opened: look whether it is plugged in, not in use "
+        f"camera: {device}: cannot be opened: check that it is plugged in, not in use "
         f"(`fuser {device}`) and open to this user (group video); devices: {there}"
     )
 
@@ -218,8 +218,8 @@ def _check_size(source: str, found: Size, wanted: Size) -> None:
     if found != wanted:
         raise LinkError(
             f"camera {source}: gives {found[0]} x {found[1]} px, camera.intrinsics has "
-            f"{wanted[0]} x {wanted[1]}; calibrate for the size that it gives, or set one that it "
-            "can give"
+            f"{wanted[0]} x {wanted[1]}; calibrate for that size, or set one that the camera "
+            "supports"
         )
 
 

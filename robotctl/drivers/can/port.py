@@ -64,7 +64,7 @@ class Descriptor:
         return self.socket.family == socket.AF_CAN
 
     def close(self) -> None:
-        """Release both; a bus that is gone already is no error."""
+        """Release both; a bus that is already gone is no error."""
         self.socket.close()
         try:
             self.bus.shutdown()

@@ -150,7 +150,7 @@ class Rplidar:
         elif now_ns - self._heard_ns > _SILENT_NS:
             raise LinkError(
                 f"lidar: {self._device}: no samples for {_SILENT_NS / 1e9:g} s, and "
-                f"{self._reader.skipped} bytes that are none; is baud right, and does it turn?"
+                f"{self._reader.skipped} invalid bytes; is baud right, and does it spin?"
             )
         return self._collect(samples, now_ns)
 

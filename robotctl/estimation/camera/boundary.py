@@ -18,33 +18,33 @@ FREE: Final = 0
 FOUND: Final = 1
 """A boundary."""
 BLOCKED: Final = 2
-"""No floor from the first row on: what stands there begins nearer than the picture."""
+"""No floor from the first row on: the object begins nearer than the picture."""
 UNSEEN: Final = 3
 """The picture ends before anything is found."""
 UNCLEAR: Final = 4
-"""No boundary, but floor and wall are not told from each other there."""
+"""No boundary, but floor and wall cannot be distinguished there."""
 
 _ENOUGH: Final = 0.7
 """Mean evidence over two coarse rows and three columns that makes an obstacle."""
 _ABOVE_ROWS: Final = 3
 _WALL_ENOUGH: Final = 2.0
-"""Evidence for a wall, summed from so many coarse rows above the horizon down to its foot."""
+"""Coarse rows above the horizon from which evidence for a wall is summed, down to its foot."""
 _FOOT_COLUMNS: Final = 21
 _FOOT_LEAP: Final = 1.0
 _WALL_DOUBT: Final = 0.15
-"""Less evidence than this in a row speaks against the wall going on."""
+"""Evidence in a row below which the wall does not continue."""
 _NOT_FLOOR: Final = 0.6
-"""A column is free only if so much of it above the horizon would have been told from floor."""
+"""Share of a column above the horizon that must differ from floor for the column to be free."""
 _OBSTACLE_CELL: Final = 0.5
 _SHARP_BINS: Final = 5.0
-"""A thing differs from the floor right beside it by so many bins of brightness, 1.4 : 1."""
+"""Bins of brightness by which an object differs from the floor beside it, 1.4 : 1."""
 _THING: Final = 1.5
 _CASTER_SHARE: Final = 0.5
 """What casts a shadow touches it and covers at least this share of it."""
 _EDGE_ROWS: Final = 3
-"""A step in brightness is spread over so many rows to either side at most."""
+"""Maximum rows to either side over which a step in brightness is spread."""
 _FLAT_ROWS: Final = 4
-"""So many rows beyond that say the colours before and behind the step."""
+"""Rows beyond that which give the colours before and behind the step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +155,7 @@ def judge_lights(
 
     A shadow lies beside what casts it. A small dark blob that stands alone may be the shadow of
     something out of the picture, or a dark thing of the floor's colour; a small bright blob may be
-    a patch of sun, or a bright thing: the robot is told the thing, if its edge is sharp.
+    a patch of sun, or a bright thing: it counts as an object if its edge is sharp.
 
     Parameters
     ----------

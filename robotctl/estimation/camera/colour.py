@@ -1,11 +1,11 @@
 """How the floor looks: densities of colour, learned from the free patch.
 
-A colour is log brightness and two log ratios of its channels. A lamp that is nearer, a shadow or
-another exposure moves all channels alike, also behind the camera's gamma, so it moves the
-brightness and leaves the ratios. Densities are histograms, so tiles of two colours are no special
-case (Ulrich and Nourbakhsh 2000, "Appearance-based obstacle detection with monocular color vision",
-learn them from the area before the robot). What is seen above the horizon cannot be floor: its
-colours speak for an obstacle.
+A colour is log brightness and two log ratios of its channels. A nearer lamp, a shadow or another
+exposure changes all channels equally, also behind the camera's gamma, so it moves the brightness
+and leaves the ratios. Densities are histograms, so tiles of two colours are no special case (Ulrich
+and Nourbakhsh 2000, "Appearance-based obstacle detection with monocular color vision", learn them
+from the area before the robot). What is seen above the horizon cannot be floor: its colours speak
+for an obstacle.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ _PER_LEVEL: Final = 4
 """Logarithms are looked up in steps of this fraction of a level of 255."""
 
 SHADOWED: Final = -0.25
-"""Evidence of what is floor if it lies in a shadow."""
+"""Evidence of floor if it lies in a shadow."""
 LIT: Final = -0.125
-"""Evidence of what is floor if it lies in more light."""
+"""Evidence of floor if it lies in more light."""
 _SURE: Final = 3.0
 """Evidence stays within this and its negative, natural logarithms of odds."""
 _LIGHT_BINS: Final = 12
-"""Light on the floor differs by so much at most: by 2.3 in what is stored, 6 in what it was."""
+"""Maximum ratio of light on the floor: 2.3 in stored values, 6 in linear ones."""
 _SHADE_WEIGHT: Final = 0.1
 _SUN_WEIGHT: Final = 0.03
 """Share of floor in a sharp shadow, and in the sun, against that in the light of the patch."""
 _BRIGHTER_BINS: Final = 2
-"""Floor in the same light may be so much brighter than any of the patch."""
+"""Brightness margin of floor in the same light above any of the patch."""
 _LOG_RARE: Final = math.log(1e-3)
 """Floor of a colour that it was never seen in, against an obstacle of that colour."""
 _LOG_HALF: Final = math.log(0.5)
 _DRIFT_HALF: Final = 10
-"""The light of a place is judged with so many columns to either side."""
+"""Columns to either side used to judge the light of a place."""
 _DRIFT_GAIN: Final = 0.15
-"""The light of a row changes where that makes its cells so much more likely, in the mean."""
+"""Gain in mean likelihood of its cells that changes the light of a row."""
 
 
 def _logarithms() -> NDArray[np.float32]:
@@ -80,7 +80,7 @@ def colour_bins(
     edges
         Rows at which the coarse rows begin and, last, end, (n + 1,).
     halves
-        So many columns to either side are averaged as well, (n,).
+        Columns to either side that are averaged as well, (n,).
 
     Returns
     -------
@@ -101,7 +101,7 @@ def count(bins: NDArray[np.int32]) -> NDArray[np.float32]:
 
 
 def shifted(shares: NDArray[np.float32], steps: int) -> NDArray[np.float32]:
-    """Return the shares of the same colours, brighter by so many bins."""
+    """Return the shares of the same colours, brighter by some bins."""
     cube = shares.reshape(_SHAPE)
     moved = np.zeros_like(cube)
     if steps >= 0:

@@ -10,7 +10,7 @@ from robotctl.errors import InvalidValue
 
 @dataclass(frozen=True, slots=True)
 class GroundCameraConfig:
-    """How the floor is told from what stands on it, and how far that is trusted.
+    """How floor is distinguished from objects, and how far to trust it.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ class GroundCameraConfig:
     height_sigma
         Standard deviation of the camera's calibrated height, as a share of it.
     obstacle_range_m
-        Single obstacles are told from walls up to here [m].
+        Maximum range for single obstacles [m].
     obstacle_gap_m
-        A boundary that leaps farther away by more than this ends an obstacle [m].
+        Step in range that ends an obstacle [m].
     obstacle_width_m
         What is wider is no single obstacle but a wall [m].
 

@@ -21,8 +21,8 @@ from robotctl.model.sensors.range_scan import RangeScan
 _FAMILIAR: Final = 0.3
 """A patch that has less in common with the known floor is another floor, or none."""
 _SAME_ABOVE: Final = 0.6
-"""Above the horizon there is no floor: if so much there looks like it, the two are not told
-apart."""
+"""Share above the horizon, where there is no floor, that may look like it before nothing is
+judged."""
 _LEARN_EVERY: Final = 4
 """Once the floor is known, it is learned from each fourth picture."""
 _MOST_SHIFT: Final = 10
@@ -40,8 +40,8 @@ class GroundView:
     obstacles
         What stands free on the floor; none where not trusted.
     why
-        Why the floor was not told from the rest; empty: it was. If not, the scan is all nan
-        (nothing judged), or what the floor known from earlier pictures says, which errs to the
+        Why floor could not be distinguished from the rest; empty: it could. If not, the scan is all
+        nan (nothing judged), or what the floor known from earlier pictures says, which errs to the
         near side.
     """
 
@@ -51,7 +51,7 @@ class GroundView:
 
     @property
     def trusted(self) -> bool:
-        """Whether the floor was told from the rest."""
+        """Whether floor could be distinguished from the rest."""
         return not self.why
 
 
@@ -93,7 +93,7 @@ class GroundCamera:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the floor; it is learned anew from the next picture."""
+        """Forget the floor; it is learnt again from the next picture."""
         self._floor: NDArray[np.float32] | None = None
         self._light: NDArray[np.int32] | None = None
         self._number = 0

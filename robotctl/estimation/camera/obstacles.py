@@ -1,4 +1,4 @@
-"""What stands free on the floor: where its foot is, how wide and how high it is."""
+"""Free-standing objects on the floor: position of the foot, width and height."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from robotctl.estimation.camera.strip import GroundStrip
 _GAP_SHARE: Final = 0.03
 """Ranges of one thing may differ by this share of them more than the gap, from column to column."""
 _BRIDGED: Final = 2
-"""So many columns without a fitting range do not part one thing."""
+"""Columns without a matching range that do not split one object."""
 _BESIDE: Final = 8
 _BEHIND: Final = 3
-"""So many of that many columns beside a thing must show floor behind it."""
+"""How many of how many columns beside an object must show floor behind it."""
 _YES: Final = 1
 _NO: Final = 0
 _CUT: Final = -1
@@ -75,7 +75,7 @@ def find_obstacles(
     walls: NDArray[np.float32],
     config: GroundCameraConfig,
 ) -> tuple[GroundObstacle, ...]:
-    """Return what stands free: the floor goes on behind it on both sides.
+    """Return free-standing objects: with floor behind on both sides.
 
     What the picture cuts at one side is told from a wall by its upper edge, below the horizon.
 
@@ -143,7 +143,7 @@ def _extent(strip: GroundStrip, columns: ColumnRanges, mine: NDArray[np.intp]) -
 def _certain(
     evidence: NDArray[np.float32], cells: NDArray[np.intp], mine: NDArray[np.intp]
 ) -> bool:
-    """Tell whether what stands on a boundary is an obstacle by itself, not with its neighbours."""
+    """Return whether an object on a boundary is an obstacle of its own."""
     second = np.minimum(cells + 1, len(evidence) - 1)
     body = np.maximum(evidence[cells, mine], evidence[second, mine])
     return bool(body.mean() >= _CERTAIN)
@@ -152,7 +152,7 @@ def _certain(
 def _runs(
     ranges: NDArray[np.float64], found: NDArray[np.bool_], gap_m: float
 ) -> list[tuple[int, int]]:
-    """Return first and last column of what hangs together."""
+    """Return first and last column of each connected part."""
     columns = np.flatnonzero(found & np.isfinite(ranges))
     if columns.size == 0:
         return []

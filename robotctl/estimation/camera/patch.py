@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robotctl.estimation.camera.colour import C_BINS, L_BINS
 
 PARTS: Final = 3
-"""The patch is compared part by part: so many in depth, and across."""
+"""Parts of the patch that are compared, in depth and across."""
 _COARSER_RATIO: Final = 2
 _COARSER_LIGHT: Final = 4
 _MISFIT: Final = 0.5
@@ -64,7 +64,7 @@ def judge_patch(
     if np.mean(colours.min(axis=1) > _SATURATED) > _BLIND:
         return PatchVerdict(mine[:0], "the floor in front is overexposed")
     if np.mean(colours.max(axis=1) < _BLACK) > _BLIND:
-        return PatchVerdict(mine[:0], "the floor in front is too dark to be told from anything")
+        return PatchVerdict(mine[:0], "the floor in front is too dark to be distinguished")
     place, cubes = _small_histograms(mine, which)
     kept = np.zeros(len(mine), np.bool_)
     alike = np.ones(PARTS * PARTS, np.bool_)
@@ -76,7 +76,7 @@ def judge_patch(
         common = _seen_in(total - cubes[part])
         if part >= PARTS:
             common &= _seen_in(nearer)
-        # Only what is kept speaks for what is farther.
+        # Only kept parts support farther ones.
         row += np.where(common, cubes[part], np.float32(0.0))
         here = which == part
         kept[here] = common.reshape(-1)[place[here]]
@@ -84,7 +84,7 @@ def judge_patch(
     if np.sum(~alike) >= _MOST_MISFITS:
         return PatchVerdict(
             mine[:0],
-            "the floor in front does not look alike everywhere: something may stand there",
+            "the floor in front is not uniform: something may stand there",
         )
     return PatchVerdict(mine[kept])
 

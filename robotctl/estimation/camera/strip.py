@@ -20,7 +20,7 @@ from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 ABOVE_HORIZON_ROWS: Final = 32
-"""So many rows above the horizon are looked at: floor cannot be there."""
+"""Rows above the horizon that are used: floor cannot be there."""
 _CELL_SHARE: Final = 0.375
 """Of the least obstacle: a coarse cell, so that two lie within it wherever it begins."""
 _DENSE: Final = 4000
@@ -65,7 +65,7 @@ class GroundStrip:
         Rows at which the coarse rows begin and, last, end, (n + 1,): the least obstacle is more
         than two of them high.
     halves
-        So many columns to either side belong to a cell of about that width, (n,).
+        Columns to either side of a cell of about that width, (n,).
 
     Raises
     ------
@@ -169,7 +169,7 @@ class GroundStrip:
         """Return the error of a camera that looks elsewhere."""
         mount = self.camera.mount
         return ValueError(
-            f"the camera sees no floor before it: height {mount.z_m} m, pitch "
+            f"the camera sees no floor ahead: height {mount.z_m} m, pitch "
             f"{mount.pitch_deg} deg down"
         )
 

@@ -17,16 +17,16 @@ class OccupancyGridConfig:
     resolution_m
         Side of a cell [m].
     limit
-        Log odds stay within this and its negative, so that a changed room is learnt anew.
+        Log odds stay within this and its negative, so that a changed room is learnt again.
     hit
         Evidence of a lidar's echo from a cell, probability 0.7.
     miss
         Evidence of a lidar's beam that passes a cell, probability 0.45; counted negative. Less than
         a hit: poses and ranges err, and what grazes a wall would wipe it out.
     range_limit_m
-        A lidar's echo from farther says only that the beam is free up to here [m].
+        An echo beyond this only clears the beam up to here [m].
     no_echo_m
-        How far a lidar's beam without an echo says free [m]: dark or shining things return none.
+        Distance that a lidar beam without an echo clears [m]: dark or shiny things return none.
     fan_deg
         Lidar beams no farther apart are filled between [deg].
     sonar_hit
@@ -36,12 +36,12 @@ class OccupancyGridConfig:
     sonar_width_deg
         Full width of a sonar's cone [deg].
     sonar_band_m
-        Cells so much nearer or farther than the range count as at it [m].
+        Distance from the range within which cells count as at it [m].
     sonar_range_m
         A sonar's echo from farther says only that the cone is free up to here [m]: its arc is too
         wide to say where.
     sonar_no_echo_m
-        How far a sonar without an echo says free [m]: smooth walls at an angle return none.
+        Distance that a sonar without an echo clears [m]: smooth walls at an angle return none.
 
     Raises
     ------
@@ -106,4 +106,4 @@ class OccupancyGridConfig:
 
 
 STEPS = 127
-"""Log odds are stored in so many steps up to the limit, as int8."""
+"""Steps of stored log odds up to the limit, as int8."""

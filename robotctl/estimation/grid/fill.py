@@ -20,7 +20,7 @@ COS, SIN, FREE, ECHO = range(4)
 """Columns of `beams`: direction, how far it is free, and where its echo is [cells]."""
 GRAZING = 5.67
 """Neighbouring beams end on one surface that is met at up to atan(5.67) = 80 degrees from square:
-the longer one is longer by at most so many times the distance between them."""
+their lengths differ by at most this multiple of the distance between them."""
 
 MIRROR = (1 << 31) - 1
 """Odd, and greater than twice any column."""

@@ -18,12 +18,12 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
 _LATER_M: Final = 20.0
-"""So long a way lies between two visits [m]."""
+"""Minimum distance travelled between two visits [m]."""
 _NEAR_M, _NEAR_RAD = 1.0, 0.6
-"""So near are two poses that see the same [m], [rad]."""
+"""Maximum difference of two poses that see the same [m], [rad]."""
 _AGREES_M: Final = 0.2
 _SEEN_M: Final = 15.0
-"""Echoes from so far move much with a small turn [m]."""
+"""Range beyond which echoes move too much with a small turn [m]."""
 _TRIED, _PAIRS, _LEAST_PAIRS, _LEAST_ECHOES = 400, 60, 3, 20
 
 

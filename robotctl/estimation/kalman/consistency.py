@@ -1,4 +1,4 @@
-"""Does a filter's covariance tell the truth: NIS and NEES against chi-squared bounds.
+"""Is a filter's covariance right: NIS and NEES against chi-squared bounds.
 
 Source: Bar-Shalom, Li, Kirubarajan: Estimation with Applications to Tracking and Navigation,
 section 5.4.
@@ -28,7 +28,7 @@ def chi2_quantile(probability: float, dof: float) -> float:
 
 
 def chi2_bounds(dof: float, probability: float = 0.95) -> tuple[float, float]:
-    """Return between which values a chi-squared variable lies with a probability, two-sided."""
+    """Return the two-sided bounds of a chi-squared variable for a probability."""
     tail = 0.5 * (1.0 - probability)
     return chi2_quantile(tail, dof), chi2_quantile(1.0 - tail, dof)
 
@@ -61,7 +61,7 @@ def share_inside(values: NDArray[np.float64], dof: float, probability: float = 0
 
 
 class InnovationWindow:
-    """The last innovations, which tell whether the belief is contradicted.
+    """The last innovations, which show whether the belief is contradicted.
 
     One outlier says nothing, and sensors that fail now and then make some; a belief that is wrong
     makes nearly all of them too large. So it is the share that counts.

@@ -46,7 +46,7 @@ _Expectation: TypeAlias = Callable[[Array], tuple[Array, Array] | None]
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """Motion from one time to another; `distance_m` None: nobody counted."""
+    """Motion from one time to another; `distance_m` None: no encoder counts."""
 
     begin_ns: int
     end_ns: int
@@ -113,7 +113,7 @@ class PoseEkf:
         self.reset(start)
 
     def reset(self, start: PoseEstimate) -> None:
-        """Start anew at rest at a pose, with its covariance and time.
+        """Restart at rest at a pose, with its covariance and time.
 
         Raises
         ------
@@ -364,7 +364,7 @@ def checked_covariance(covariance: Array) -> Array:
     Raises
     ------
     ValueError
-        If it is something else.
+        If it is invalid.
     """
     if covariance.shape != (3, 3) or not np.all(np.isfinite(covariance)):
         raise ValueError(f"covariance must be (3, 3) and finite, found {covariance.tolist()}")

@@ -5,11 +5,11 @@ Predict and update, the gain, the covariance in Joseph form, are those of
 
 - Huber weighting. An innovation beyond `huber_sigma` standard deviations is taken with its
   covariance S enlarged by the factor |innovation| / huber_sigma: its pull stays constant instead of
-  growing, and it is never thrown away for being unlikely. A hard 99 % gate throws it away, and a
-  filter that was once too sure of itself then never hears of its error.
-  (Huber 1964; Karlgaard & Schaub 2007, doi 10.2514/1.27499.)
+  growing, and it is never thrown away for being unlikely. A hard 99 % gate discards it, and an
+  overconfident filter then never learns of its error. (Huber 1964; Karlgaard & Schaub 2007, doi
+  10.2514/1.27499.)
 - A gate for gross outliers alone, far out, that opens by itself: each one that is kept out enlarges
-  the covariance by `opening`, so a run of them is believed in the end.
+  the covariance by `opening`, so a run of them is accepted in the end.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Innovation:
 
 
 class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]
-    """filterpy's filter, told the moved state by whoever knows the motion."""
+    """filterpy's filter, given the predicted state by the caller that knows the motion."""
 
     def predict_x(self, u: Any = 0) -> None:
         """Take `u` as the state after the motion: filterpy's hook for a non-linear model."""

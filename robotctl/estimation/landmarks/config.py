@@ -31,7 +31,7 @@ class LandmarkConfig:
     delay_sigma_s
         Of the time that odometry is ahead [s], > 0.
     range_offset_sigma_m, range_scale_sigma, arm_sigma_m
-        Of the camera's constant range error [m], its scale, and where it sits [m], > 0.
+        Of the camera's constant range error [m], its scale, and its position [m], > 0.
     bearing_sigma_rad
         Of bearing offset, bearing scale, and optical axis [rad], > 0.
     wander_sigma_rad, wander_time_s

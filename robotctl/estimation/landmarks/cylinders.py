@@ -17,15 +17,15 @@ from robotctl.model.sensors.range_scan import RangeScan
 
 @dataclass(frozen=True, slots=True)
 class CylinderConfig:
-    """What is taken for a cylinder.
+    """What counts as a cylinder.
 
     Parameters
     ----------
     diameter_m
         Of the cylinders [m], > 0.
     behind_m
-        So far behind the mean of the ranges the landmark counts [m], >= 0; pi/8 diameters where it
-        is the axis of a round cylinder.
+        Distance of the landmark behind the mean of the ranges [m], >= 0; pi/8 diameters where it is
+        the axis of a round cylinder.
     jump_m
         It stands before its background by at least this [m], > 0.
     beams
@@ -71,7 +71,7 @@ def cylinders(scan: RangeScan, config: CylinderConfig) -> NDArray[np.float64]:
     scan
         Beams without a valid reading are passed over; they must be in the order of their angles.
     config
-        What is taken for a cylinder.
+        What counts as a cylinder.
     """
     valid = ~np.isnan(scan.ranges_m)
     ranges = np.minimum(scan.ranges_m[valid], scan.max_range_m)

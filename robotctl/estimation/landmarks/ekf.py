@@ -1,4 +1,4 @@
-"""Where a robot is by ranges and bearings of known landmarks, its sensors calibrated on the way."""
+"""Localisation by ranges and bearings of known landmarks, calibrating the sensors meanwhile."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LandmarkEkf:
         self._trusted = deque([(mean, P)], maxlen=config.window)
         self._stamp_ns = start.stamp_ns
         self.restarts = 0
-        """How often the pose was found anew."""
+        """How often the pose was found again."""
 
     @property
     def x(self) -> Array:
@@ -75,7 +75,7 @@ class LandmarkEkf:
 
     @property
     def delay_s(self) -> float:
-        """How far back a time's motion stands in the odometry [s]."""
+        """How long before a time its motion is in the odometry [s]."""
         return float(self._kalman.x[S.DELAY])
 
     @property
@@ -206,7 +206,7 @@ class LandmarkEkf:
         self._since = np.zeros_like(self._since)
 
     def _restart(self) -> None:
-        """Start anew from what was just seen, if it tells a pose.
+        """Restart from the last sightings, if they determine a pose.
 
         The calibration is that of before the contradiction, which the wrong pose has not spoilt.
         """

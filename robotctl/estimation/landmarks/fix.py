@@ -14,7 +14,7 @@ from robotctl.model.geometry.se2 import SE2
 Array: TypeAlias = NDArray[np.float64]
 
 _APART_M = 1.0
-"""Landmarks must be this far from each other to tell a heading."""
+"""Minimum distance between landmarks that determine a heading."""
 _SIGMA_M = 0.2
 """Of one sighting, with motion in between and a camera not yet calibrated."""
 

@@ -162,7 +162,9 @@ def _fitted(points: Array, weights: Array) -> tuple[float, float, Array]:
     square = numerator**2 + denominator**2
     spread = float(np.sum(weights * (u * u + v * v)))
     if square <= (1e-9 * spread) ** 2:
-        raise ValueError("points spread alike in all directions: no line is better than another")
+        raise ValueError(
+            "points spread equally in all directions: no line fits better than another"
+        )
     alpha = 0.5 * math.atan2(numerator, denominator)
     c, s = math.cos(alpha), math.sin(alpha)
     by_alpha = weights[:, np.newaxis] * np.stack(

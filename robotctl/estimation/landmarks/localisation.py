@@ -5,7 +5,7 @@
 
 gives the estimate at the end of each step of the prediction, `step_s` apart or less, and at each
 time at which landmarks were seen, with what was seen until then and no more. The work is done
-between one step and the next, so who calls can take the time.
+between steps, so the caller can measure the time.
 """
 
 from __future__ import annotations

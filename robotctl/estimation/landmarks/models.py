@@ -1,11 +1,11 @@
 """Models of an odometry and a camera that are not calibrated, with their calibration as state.
 
-What a data sheet or a log says of a robot is seldom quite right, and an EKF that believes it is too
-sure of a pose that is off. So the errors that do not average out are states, estimated along with
-the pose (self-calibration by an augmented filter: Martinelli, Tomatis, Siegwart: Simultaneous
-localization and odometry self calibration for mobile robot, Autonomous Robots 22, 2007; the terms
-of the odometry are those of Roy and Thrun: Online self-calibration for mobile robots, ICRA 1999,
-the lag that of Qin and Shen: Online temporal calibration, IROS 2018).
+Data sheets and logs of a robot are seldom quite right, and an EKF that trusts them is too sure of a
+wrong pose. So the errors that do not average out are states, estimated along with the pose
+(self-calibration by an augmented filter: Martinelli, Tomatis, Siegwart: Simultaneous localization
+and odometry self calibration for mobile robot, Autonomous Robots 22, 2007; the terms of the
+odometry are those of Roy and Thrun: Online self-calibration for mobile robots, ICRA 1999, the lag
+that of Qin and Shen: Online temporal calibration, IROS 2018).
 
 Odometry reports a distance d and a turn a; the robot moved
 
@@ -41,7 +41,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class S(enum.IntEnum):
-    """Where each state stands; lengths [m], angles [rad], delay [s]."""
+    """Index of each state; lengths [m], angles [rad], delay [s]."""
 
     X = 0
     Y = 1

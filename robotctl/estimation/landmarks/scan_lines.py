@@ -33,9 +33,9 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.sensors.range_scan import RangeScan
 
 _FITS: Final = 3.0
-"""So many standard deviations beside a line, or nearer, a point is rather on it than not."""
+"""Standard deviations from a line within which a point rather belongs to it."""
 _ROUND: Final = 1.5
-"""A scan is closed if its ends lie at most so many steps between beams apart."""
+"""Maximum gap between the ends of a closed scan, in steps between beams."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class ScanLinesConfig:
     noise
         Of the beams.
     sigmas
-        A point so many standard deviations beside a line is not on it, > 0.
+        Standard deviations from a line beyond which a point is not on it, > 0.
     grazing_deg
         Beams that meet a surface at a smaller angle do not join its points, in (0, 90) [deg].
     least_points

@@ -1,10 +1,10 @@
 """Annealed weighing: a sharp likelihood applied in steps, for a belief that is spread wide.
 
 A sequential Monte Carlo sampler (Del Moral, Doucet, Jasra 2006): the likelihood is raised to a
-power that grows from 0 to 1. Each step raises it as far as the particles bear, draws them anew and
-lets each try a random place nearby, which it takes by the rule of Metropolis. So thousands of
-particles find a peak that is a thousand times smaller than their spacing. The belief before the
-measurement counts as flat over the length of a trial, which holds while the robot is searched for.
+power that grows from 0 to 1. Each step raises it as far as the particles allow, resamples them and
+lets each try a random place nearby, accepted by the Metropolis rule. So thousands of particles find
+a peak that is a thousand times smaller than their spacing. The belief before the measurement counts
+as flat over the length of a trial, which holds while the robot is searched for.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robotctl.estimation.mcl.tempering import bearable_exponent
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood, evaluated
 
 _STEPS = 10
-"""If the exponent is not 1 by then it stays where it is: the next measurement goes on."""
+"""If the exponent is not 1 by then it is kept; the next measurement continues."""
 _TRIALS = 2
 """Trials of each particle in each step: they make copies of one particle differ again."""
 _FINEST = 0.2
@@ -58,6 +58,7 @@ def anneal(
         return None
     reached = 0.0
     for _ in range(_STEPS):
+        # Apply only as much of the measurement as keeps enough particles alive.
         least = n_eff_floor * effective_size(weights)
         exponent = min(bearable_exponent(weights, logs, least), 1.0 - reached)
         weights, _ = posterior(weights, exponent * logs)
@@ -83,9 +84,11 @@ def _tried(
     n = len(poses)
     off = rng.standard_normal((n, 3))
     off *= (trials.side_m, trials.side_m, math.tau / trials.headings)
+    # Trial sizes from a whole bin down to a fraction: coarse ones explore, fine ones polish.
     off *= _FINEST ** rng.random((n, 1))
     others = poses + off
     others[:, 2] -= math.tau * np.round(others[:, 2] / math.tau)
     their_logs = evaluated(log_likelihood, others)
+    # Metropolis rule; log1p(-u) of a uniform u in [0, 1) is never log(0).
     better = np.log1p(-rng.random(n)) < exponent * (their_logs - logs)
     return np.where(better[:, np.newaxis], others, poses), np.where(better, their_logs, logs)

@@ -1,4 +1,4 @@
-"""What a set of particles says: its heaviest cluster, where that lies and how sure it is."""
+"""The estimate of a set of particles: its heaviest cluster, with mean and covariance."""
 
 from __future__ import annotations
 

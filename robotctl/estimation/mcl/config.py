@@ -33,11 +33,11 @@ class MclConfig:
     min_particles, max_particles
         Bounds of the number of particles; equal: it is fixed.
     search_particles
-        A search begins with so many and has at most so many, >= `max_particles`; None: as many.
+        Initial and maximum number in a search, >= `max_particles`; None: as many.
     motion
         Noise of the odometry.
     update_min_m, update_min_rad
-        Measurements are due after this way [m] or turn [rad], >= 0: others say little new.
+        Measurements are used after this distance [m] or turn [rad], >= 0: others add little.
     bins
         For the number of particles, for clusters, and for how far a search tries around.
     kld_error, kld_quantile
@@ -63,7 +63,7 @@ class MclConfig:
     localised_weight
         Least share of the belief in its cluster, (0, 1).
     localised_updates
-        For so many measurements in a row, >= 1.
+        Consecutive measurements needed, >= 1.
 
     Raises
     ------

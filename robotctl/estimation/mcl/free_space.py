@@ -46,7 +46,7 @@ def _region(grid: GridMap, inside: tuple[float, float] | None) -> NDArray[np.int
     """Return (row, column) of the cells of one region, (n, 2)."""
     regions, count = ndimage.label(grid.free())
     if count == 0:
-        raise ValueError("the map has no free cell: a robot can be nowhere")
+        raise ValueError("the map has no free cell: there is no place for a robot")
     if inside is None:
         region = 1 + int(np.argmax(np.bincount(regions.ravel())[1:]))
     else:

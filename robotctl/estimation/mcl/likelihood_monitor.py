@@ -21,15 +21,15 @@ from typing import Final
 _MEMORY: Final = 100
 """Measurements over which level and scatter are averaged."""
 _WORTH: Final = 20
-"""What is assumed of them at first is worth so many measurements."""
+"""Weight of the initial assumption about them, in measurements."""
 _LEAST_SCATTER: Final = 0.5
 """[nat]."""
 _SLACK: Final = 1.0
 """Standard deviations below the level that are still nothing."""
 _GREATEST: Final = 4.0
-"""One measurement counts for at most so many."""
+"""Maximum weight of one measurement."""
 _LEARNT_FROM: Final = 2.0
-"""Level and scatter are moved by at most so many, lest a bad fit be learnt before it is noticed."""
+"""Maximum change of level and scatter, so that a bad fit is noticed before it is learnt."""
 _ALARM: Final = 8.0
 """Sum of standard deviations, less the slack, at which the fit is called bad if both fell."""
 _ALARM_ALONE: Final = 40.0
@@ -59,6 +59,8 @@ class LikelihoodMonitor:
             Log-evidence of the belief, and of poses anywhere; not both -inf.
         """
         fallen = self._evidence.fallen(evidence)
+        # Carried away, both fall. A crowd lowers only the first, an ambiguous empty place only the
+        # second.
         both = min(fallen, self._advantage.fallen(evidence - elsewhere))
         return both > _ALARM or fallen > _ALARM_ALONE
 
@@ -90,6 +92,7 @@ class _Watched:
         scatter = self._scatter
         off = (figure - self._level) / scatter
         self.sum = max(0.0, self.sum - min(max(off, -_GREATEST), _GREATEST) - _SLACK)
+        # Learnt from clipped figures, so that a bad fit raises the alarm before it becomes normal.
         self._learn(min(max(off, -_LEARNT_FROM), _LEARNT_FROM) * scatter)
         return self.sum
 

@@ -7,9 +7,9 @@ Notes, section 4; Dellaert, Fox, Burgard, Thrun 1999. Beyond the textbook:
   "kidnapped, and anywhere now"; it is accumulated, and `likelihood_monitor.py` compares the
   evidence with what it used to be. Beams that something hides from the map say little
   (`log_likelihood.py`).
-- If one of them speaks against the belief, a search begins beside it, as from an unknown start
-  (`particle_belief.py`). The belief is kept until what was found has explained the measurements
-  better over a piece of way (`rival.py`).
+- If one of them contradicts the belief, a search starts in parallel, as from an unknown start
+  (`particle_belief.py`). The belief is kept until the search result has explained the measurements
+  better over some distance (`rival.py`).
 - The estimate is the mean of the heaviest cluster, from the weights before they are resampled.
 
 All randomness comes from one generator, so the same seed and inputs give the same bits.
@@ -40,7 +40,7 @@ from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
 
 _FORGIVEN = 4
-"""So many poses, the best ones, show what is hidden from the map."""
+"""Number of best poses that show what is hidden from the map."""
 
 
 class MonteCarloLocaliser:
@@ -110,7 +110,7 @@ class MonteCarloLocaliser:
         """Measurements since a search began."""
         self._misfit = Misfit()
         self._heard: set[str] = set()
-        """Sensors that have weighed the belief on this piece of way."""
+        """Sensors that have weighted the belief on this stretch."""
         self._way.reset()
         self._lost = False
         self._elsewhere = -math.inf
@@ -127,15 +127,15 @@ class MonteCarloLocaliser:
         return self._belief.weights
 
     def due(self, sensor: str = "") -> bool:
-        """Whether a measurement of a sensor says something new.
+        """Whether a measurement of a sensor adds information.
 
-        It does once on each piece of way: what a robot that stands still sees again is nothing new.
+        It does once per stretch: a robot that stands still sees the same again.
         """
         return self._has_moved or sensor not in self._heard
 
     @property
     def _has_moved(self) -> bool:
-        """Whether a new piece of way has begun since the last measurement."""
+        """Whether a new stretch has begun since the last measurement."""
         return (
             self._way.distance_m >= self.config.update_min_m
             or self._way.angle_rad >= self.config.update_min_rad
@@ -199,7 +199,7 @@ class MonteCarloLocaliser:
             self._track(log_likelihood, sensor, distance_m, angle_rad)
 
     def _settle(self) -> None:
-        """Take what a search has found for the place to track, beside others that resemble it."""
+        """Track the place that a search has found, with the others that resemble it."""
         self._belief.searching = False
         others = look_alikes(
             self._belief,
@@ -212,6 +212,7 @@ class MonteCarloLocaliser:
         if others is None:
             self._end_search()
         else:
+            # A place with look-alikes stays unproven until motion separates them.
             self._rival = Rival(ParticleBelief(self.config, others, searching=True))
 
     def _end_search(self) -> None:
@@ -224,12 +225,13 @@ class MonteCarloLocaliser:
         """Take in how well a measurement fits where it fits best."""
         if isinstance(log_likelihood, Forgiving):
             best = np.concatenate([belief.poses[_heaviest(belief)] for belief in beliefs])
+            # Judged at the best pose: a scan that fits nowhere means the wrong map.
             self._misfit.add(float(log_likelihood.forgiven(best).max()))
 
     def estimate(self, stamp_ns: int) -> PoseEstimate:
         """Return what is believed now, moved on by the odometry since the last measurement.
 
-        A robot that was localised is no more where the odometry alone has made it uncertain.
+        A localised robot becomes unlocalised when odometry alone has made it uncertain.
         """
         best, status = self._belief.best, self.status
         faded = Cluster(best.weight, *self._way.end(best.mean, best.covariance))

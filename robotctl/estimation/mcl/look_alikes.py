@@ -1,10 +1,10 @@
 """Other places that explain what a robot has seen nearly as well as the one where a search ended.
 
 Where a map resembles itself, a search may end in the wrong one of two places: the few particles of
-the right one were drawn away while a scan fitted both. So before such a place is believed, the map
-is searched once more, without it: many random poses are weighed by the last measurement, the best
-of them, and those that the map's symmetries name, by all that are remembered, and these are led to
-the peaks of that sum (`annealing.py`).
+the right one were drawn away while a scan fitted both. So before such a place is accepted, the map
+is searched again, without it: many random poses are weighed by the last measurement, the best of
+them, and those that the map's symmetries name, by all that are remembered, and these are led to the
+peaks of that sum (`annealing.py`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ _LED: Final = 1000
 _OF_BELIEF: Final = 200
 """Particles of the belief that are led to its own peak, for comparison."""
 _BEHIND: Final = 1.0
-"""A place so much less likely by each measurement is no other place [nat]; odometry blurs both."""
+"""Log-likelihood per measurement below the best at which a place is no alternative [nat]; odometry
+blurs both."""
 _APART_M: Final = 0.5
 _APART_RAD: Final = 0.3
 """Poses that are nearer are the same place."""

@@ -25,7 +25,7 @@ _PEAKS: Final = 6
 _ALIKE: Final = 0.35
 """Share of the walls that fall on walls at a peak, at least."""
 _APART_M: Final = 1.0
-"""Peaks are so far apart, and a shift without a turn is so long, at least."""
+"""Minimum distance between peaks, and minimum shift without a turn."""
 
 
 def symmetries(grid: GridMap) -> list[SE2]:

@@ -13,7 +13,7 @@ from typing import Final
 _MEMORY: Final = 20
 """Measurements over which the fit is averaged."""
 _ENOUGH: Final = 10
-"""With fewer nothing is said."""
+"""With fewer there is no verdict."""
 _LEAST: Final = -11.0
 """Mean log-likelihood of a map that may be right [nat]."""
 
@@ -30,7 +30,7 @@ class Misfit:
         self._mean = 0.0
 
     def add(self, log_likelihood: float) -> None:
-        """Take in what a forgiving sensor says of the best place [nat]."""
+        """Add a tolerant sensor's log-likelihood of the best place [nat]."""
         self._count += 1
         self._mean += (log_likelihood - self._mean) / min(self._count, _MEMORY)
 

@@ -1,4 +1,4 @@
-"""A set of weighted particles: moved by odometry, weighed by measurements, drawn anew.
+"""A set of weighted particles: moved by odometry, weighted by measurements, resampled.
 
 A belief that is spread over the map is searched: random poses are injected, and each
 measurement is applied in steps (`annealing.py`), so that particles are found where its likelihood
@@ -49,7 +49,7 @@ class ParticleBelief:
     clusters
         The heaviest parts at the time of the last measurement, heaviest first.
     agreed
-        So many measurements in a row left the belief compact.
+        Consecutive measurements that left the belief compact.
     """
 
     def __init__(self, config: MclConfig, poses: NDArray[np.float64], *, searching: bool) -> None:

@@ -1,8 +1,8 @@
 """Motion of particles by odometry with noise: the notes' e, f, g (section 3) for many poses.
 
-Odometry says by which motion in `base` the robot moved; each particle makes it with a noise of its
-own. The noise has exactly the covariance that `motion_noise.py` gives for the way, so it does
-not depend on how the way is cut into steps, plus a small floor for what odometry knows nothing of.
+Odometry gives the motion in `base`; each particle makes it with its own noise. The noise has
+exactly the covariance that `motion_noise.py` gives for the path, so it does not depend on how the
+path is cut into steps, plus a small floor for motion that odometry misses.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class ParticleMotionConfig:
     noise
         Grows with distance and angle.
     floor_m, floor_rad
-        Standard deviations that each moved way adds to x and y [m] and to the heading [rad], > 0.
-        They keep copies of one particle apart.
+        Standard deviations that each motion adds to x and y [m] and to the heading [rad], > 0. They
+        keep copies of one particle apart.
 
     Raises
     ------
@@ -61,9 +61,9 @@ class OdometrySegment:
         self.reset()
 
     def reset(self) -> None:
-        """Begin a new way."""
+        """Start a new path."""
         self.motion = SE2()
-        """From the start of the way to its end, in `base` at the start."""
+        """From the start of the path to its end, in `base` at the start."""
         self.distance_m = 0.0
         self.angle_rad = 0.0
         """Sum of the turns' amounts [rad]."""
@@ -93,7 +93,7 @@ class OdometrySegment:
         self.angle_rad += abs(turned)
 
     def end(self, pose: SE2, covariance: NDArray[np.float64]) -> tuple[SE2, NDArray[np.float64]]:
-        """Return pose and covariance (3, 3) in `world` after the way, from those before it."""
+        """Return pose and covariance (3, 3) in `world` after the path, from those before it."""
         after = pose @ self.motion
         F = np.eye(3)
         F[0, 2] = -(after.y_m - pose.y_m)
@@ -103,12 +103,12 @@ class OdometrySegment:
         return after, F @ covariance @ F.T + R @ self.covariance @ R.T
 
     def moved(self, poses: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return the poses at the end of the way, each with noise of its own.
+        """Return the poses at the end of the path, each with its own noise.
 
         Parameters
         ----------
         poses
-            At the start of the way, (n, 3) [m, m, rad].
+            At the start of the path, (n, 3) [m, m, rad].
         rng
             Draws the noise.
 

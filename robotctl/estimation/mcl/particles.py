@@ -141,7 +141,7 @@ def _sums(
 def weighted_covariance(
     poses: NDArray[np.float64], weights: NDArray[np.float64], mean: SE2
 ) -> NDArray[np.float64]:
-    """Return the covariance of (x, y, theta) about a mean, (3, 3), headings by the shorter way."""
+    """Return the covariance of (x, y, theta) about a mean, (3, 3), headings by the shorter arc."""
     covariance = np.empty((3, 3))
     _spread(poses, weights, mean.x_m, mean.y_m, mean.theta_rad, covariance)
     return covariance

@@ -16,7 +16,7 @@ from robotctl.compiled import compiled
 
 _EMPTY = -1
 _HALF = 1 << 23
-"""Half the bins of an axis that a key can tell apart."""
+"""Half the number of bins per axis that a key can hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ def kld_bound(bins: int, error: float, quantile: float) -> int:
     Parameters
     ----------
     bins
-        Occupied bins k; with one there is nothing to tell apart, and the bound is 1.
+        Occupied bins k; with one the bound is 1.
     error
         Greatest divergence [nat], > 0.
     quantile

@@ -1,6 +1,6 @@
-"""The last measurements and the way since each: what they say together of where the robot is now.
+"""The last measurements and the motion since each: their joint evidence on the present pose.
 
-The way is that of the odometry, without its noise: good for some metres, and for comparing places.
+The motion is that of odometry, without noise: good for some metres, and for comparing places.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Remembered:
 
     def __init__(self) -> None:
         self._all: deque[tuple[LogLikelihood, SE2]] = deque(maxlen=_MOST)
-        """What each says, and the pose of `base` then in `base` now."""
+        """Each with the pose of `base` at its time in the present `base`."""
 
     def __len__(self) -> int:
         return len(self._all)

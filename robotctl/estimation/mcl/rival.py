@@ -1,11 +1,11 @@
-"""A rival of the tracked place: a search beside it, which has to prove itself over motion.
+"""A rival of the tracked place: a parallel search that must prove itself over motion.
 
 What a robot sees from a wrong place may fit better than what it sees from the right one: people
 hide the walls, a door stands open, a corner looks like another. Such a place fits one scan, or
 some; it does not go along with the robot. So the tracked belief is kept while a second one searches
 the map for a better place, both are moved and weighed by the same odometry and measurements, and
-each says beforehand how likely the next measurement is. The difference of these log-evidences,
-summed over a piece of way, is Bayes' factor between the two.
+each predicts how likely the next measurement is. The difference of these log-evidences, summed over
+some distance, is the Bayes factor between the two.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from robotctl.estimation.mcl.look_alikes import are_apart
 from robotctl.estimation.mcl.particle_belief import ParticleBelief
 
 _MARGIN: Final = 10.0
-"""The better place leads by so much [nat]."""
+"""Lead of the better place [nat]."""
 _LEAST_M: Final = 0.5
 _LEAST_RAD: Final = 0.5
-"""It has led over so long a way [m] or so great turns [rad], and"""
+"""Distance [m] or turns [rad] over which it must lead, and"""
 _LEAST_MEASUREMENTS: Final = 4
 """so many measurements."""
 _GREATEST: Final = 10.0
-"""One measurement counts for at most so much [nat]."""
+"""Maximum weight of one measurement [nat]."""
 
 
 class RivalVerdict(enum.Enum):
@@ -64,16 +64,16 @@ class Rival:
     def compare(
         self, lead: float, distance_m: float, angle_rad: float, tracked: Cluster
     ) -> RivalVerdict:
-        """Take in how much better the rival foretold a measurement, after a piece of way.
+        """Add how much better the rival predicted a measurement, after some motion.
 
-        Once the rival is compact its lead counts anew: to what a search saw it has fitted itself.
+        Once the rival is compact its lead restarts, because it was fitted to what the search saw.
 
         Parameters
         ----------
         lead
             Log-evidence of the rival less that of the tracked belief [nat].
         distance_m, angle_rad
-            The way since the last measurement [m], and the turns on it [rad].
+            Distance since the last measurement [m], and the turns on it [rad].
         tracked
             The heaviest cluster of the tracked belief.
         """
@@ -82,17 +82,21 @@ class Rival:
             self._was_compact = is_compact
             self._begin()
             return RivalVerdict.OPEN
+        # Clipped, so that one wild measurement decides nothing.
         self.lead += min(max(lead, -_GREATEST), _GREATEST)
         self._distance_m += distance_m
         self._angle_rad += angle_rad
         self._measurements += 1
         moved = self._distance_m >= _LEAST_M or self._angle_rad >= _LEAST_RAD
+        # A wrong place may fit better while the robot stands: people hide walls, a corner resembles
+        # another.
         if not moved or self._measurements < _LEAST_MEASUREMENTS:
             return RivalVerdict.OPEN
         if self.lead < -_MARGIN:
             return RivalVerdict.REFUTED
         if not self.belief.is_sure:
             return RivalVerdict.OPEN
+        # The search ended in the tracked place, so the alarm was false.
         if not are_apart(self._place(), tracked)[0]:
             return RivalVerdict.REFUTED
         return RivalVerdict.PROVEN if self.lead > _MARGIN else RivalVerdict.OPEN

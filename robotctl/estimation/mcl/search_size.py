@@ -22,5 +22,5 @@ def too_large(area_m2: float) -> str | None:
         return None
     return (
         f"the map has {area_m2:.0f} m2 where the robot can be, a search with {_MOST} particles is "
-        f"meant for {_MOST / _FOR_A_M2:.0f} m2 at most: it may overlook the right place"
+        f"meant for {_MOST / _FOR_A_M2:.0f} m2 at most: it may miss the right place"
     )

@@ -16,7 +16,7 @@ from robotctl.compiled import compiled
 
 _HALVINGS = 12
 _NEAR = 1.05
-"""An effective size so little greater than wanted is good enough."""
+"""Tolerance of the effective size above the target."""
 
 
 def bearable_exponent(
@@ -34,8 +34,8 @@ def bearable_exponent(
     log_likelihoods
         (n,), the greatest finite.
     n_eff_min
-        Effective size that the weights w L^exponent shall have; where the weights alone have less,
-        the exponent is the least.
+        Target effective size of the weights w L^exponent; if the weights alone have less, the
+        exponent is the least.
     """
     return float(_exponent(weights, log_likelihoods - log_likelihoods.max(), n_eff_min))
 

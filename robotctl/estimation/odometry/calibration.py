@@ -1,14 +1,13 @@
 """Calibration of odometry: generalised least squares against references, with honest intervals.
 
-What is fitted are the white innovations of `innovations.py`, so that errors which add up
-along the way are weighed as they are correlated. Two steps take turns: least squares over what the
-drive is (Huber's loss), and maximum likelihood over the noises e, f, g of odometry and those of the
-reference, which set the weights. A change of the drive that the data do not show is said so and
-left at 0.
+What is fitted are the white innovations of `innovations.py`, so that errors that accumulate are
+weighted by their correlation. Two steps take turns: least squares over what the drive is (Huber's
+loss), and maximum likelihood over the noises e, f, g of odometry and those of the reference, which
+set the weights. A change of the drive that the data do not determine is reported and left at 0.
 
-Squares driven both ways and a straight way follow Borenstein and Feng, "Measurement and correction
-of systematic odometry errors in mobile robots", IEEE T-RA 12(6), 1996 (UMBmark); here all runs are
-fitted at once instead of by their closed forms.
+Squares driven in both directions and a straight line follow Borenstein and Feng, "Measurement and
+correction of systematic odometry errors in mobile robots", IEEE T-RA 12(6), 1996 (UMBmark); here
+all runs are fitted at once instead of by their closed forms.
 """
 
 from __future__ import annotations
@@ -132,7 +131,7 @@ class Calibration:
 
 
 def widened(found: Calibration, parts: Sequence[Calibration]) -> Calibration:
-    """Return a calibration whose intervals hold what parts of the data alone say.
+    """Return a calibration whose intervals contain the results of parts of the data.
 
     Where parts differ by more than chance, something is not as modelled: a camera whose scale is
     another in another place, a floor that is another. Intervals from one fit do not know it.
@@ -158,7 +157,7 @@ def calibrate(
     Parameters
     ----------
     nominal
-        The drive with which the wheels' turns are understood so far.
+        The drive with which the wheel angles are interpreted so far.
     runs
         At least one; those of unknown start each add three numbers to be found.
     reference
@@ -176,8 +175,7 @@ def calibrate(
     known = 3 if any(np.isfinite(run.reference[:, 2]).any() for run in runs) else 2
     if known * fit.references <= fit.size:
         raise ValueError(
-            f"{fit.references} references are too few for {fit.size} numbers to be found; drive "
-            "more"
+            f"{fit.references} references are too few to find {fit.size} numbers; drive more"
         )
     while True:
         found, noises = _alternate(fit, noise)
@@ -196,15 +194,16 @@ def _check(fit: OdometryFit, values: Array) -> None:
     keys, reach = fit.model.keys, fit.model.reach
     if not np.any(fit.free[:3]):
         raise ValueError(
-            f"these data show none of {', '.join(keys)}: the robot drives too little, or [drive] "
+            f"these data determine none of {', '.join(keys)}: the robot drives too little, or "
+            "[drive] "
             "is far from the robot that made them"
         )
     for key, change, most in zip(keys, values[:3], reach, strict=True):
         if abs(change) > 0.99 * most:
             present = getattr(fit.model.nominal, key)
             raise ValueError(
-                f"{key}: the true value is beyond what is looked for around {present:g}; set it in "
-                "[drive] to about what it is"
+                f"{key}: the true value is outside the search range around {present:g}; set it in "
+                "[drive] approximately"
             )
 
 
@@ -218,7 +217,7 @@ def _alternate(fit: OdometryFit, noise: MotionNoise) -> tuple[Array, Array]:
 
 
 def _result(fit: OdometryFit, values: Array, noises: Array, prior: MotionNoise) -> Calibration:
-    """Return what was found in words of the drive."""
+    """Return the result as parameters of the drive."""
     covariance, quantile = fit.covariance(values, noises)
     width = np.where(fit.free, quantile * np.sqrt(np.diag(covariance)), np.nan)
     fold = fit.noise_fold(values, noises)

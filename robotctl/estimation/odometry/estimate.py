@@ -1,7 +1,7 @@
 """Odometry as an estimate of its own: a pose by dead reckoning, with a covariance that grows.
 
-For the navigation process. It takes what odometry says and adds how far it may be trusted; the
-control process's own `odometry.py` knows the pose alone.
+For the navigation process. It adds a covariance to odometry; the control process's own
+`odometry.py` knows the pose alone.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from robotctl.model.geometry.se2 import SE2
 class OdometryEstimate:
     """Pose of `base` in `world` by dead reckoning, with the covariance of notes, section 3.
 
-    Each motion is an arc with the errors e, f and g all along it (`motion_noise.py`), so
-    neither pose nor covariance depends on how the way is cut. The errors are taken as white: a
-    track width that is wrong makes an error of another kind, which no covariance here covers;
-    calibrate first. The status is always LOCALISED: odometry never doubts itself.
+    Each motion is an arc with the errors e, f and g all along it (`motion_noise.py`), so neither
+    pose nor covariance depends on how the path is cut. The errors are taken as white: a track width
+    that is wrong makes an error of another kind, which no covariance here covers; calibrate first.
+    The status is always LOCALISED: odometry never doubts itself.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class OdometryEstimate:
         turns_rad
             Turn of wheel 1 and wheel 2 since the last call [rad]; 0 for a wheel that is not there.
         steering_rad
-            What the steering servo said meanwhile [rad].
+            Angle reported by the steering servo meanwhile [rad].
         stamp_ns
             Time at the end [ns].
         """

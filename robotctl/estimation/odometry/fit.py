@@ -25,7 +25,7 @@ _BEFORE = np.array([0.15, 0.15, 0.15, 0.3, 0.3, 0.3])
 """How little is known before of the changes, the lever arm [m] and the delay [s]: deviations."""
 
 _NOISE_FOLD = 300.0
-"""Noises are looked for up to so many times above and below where the search begins."""
+"""Factor above and below the initial noises within which they are searched."""
 
 _NOISE_SIGMA = 2.0
 """How little is known of a noise before: the deviation of its logarithm."""

@@ -1,9 +1,9 @@
 """How a reference contradicts dead reckoning: the innovations of a Kalman filter.
 
-Errors of odometry add up along the way, so the gaps between dead reckoning and a reference are
-correlated through and through, and least squares over them would state intervals far too narrow.
-The innovations of the filter that knows the growth law of notes, section 3, are independent of each
-other with unit variance, if parameters and noises are right: what least squares needs.
+Odometry errors accumulate, so the gaps between dead reckoning and a reference are correlated
+throughout, and least squares over them would state intervals far too narrow. The innovations of the
+filter that knows the growth law of notes, section 3, are independent of each other with unit
+variance, if parameters and noises are right: what least squares needs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from robotctl.compiled import compiled
 
 OUTLIER = 3.0
-"""Innovations beyond so many deviations count as outliers and are trusted less (Huber)."""
+"""Standard deviations beyond which innovations count as outliers and are trusted less (Huber)."""
 
 
 @compiled
@@ -55,9 +55,9 @@ def whitened_innovations(
     lever_m
         Point of `base` that the reference follows, (2,) [m].
     delay_s
-        The reference says where the robot was so long ago [s].
+        Delay of the reference [s].
     outlier
-        Beyond so many deviations an innovation is trusted less; 0: never.
+        Standard deviations beyond which an innovation is trusted less; 0: never.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def _correct(
         G[i, 2] = P[i, 2]
     log_det = _whiten(G, at_x, at_y, u, variance, r, L, white[:n])
     size = math.sqrt((white[0] ** 2 + white[1] ** 2 + white[2] ** 2) / n)
-    # Huber's weight on the whole: as if all were so much less certain
+    # Huber's weight on the whole: as if all were less certain by that factor
     trust = outlier / size if outlier > 0.0 and size > outlier else 1.0
     for i in range(3):
         for j in range(n):

@@ -35,7 +35,7 @@ class OdometryModel:
     Parameters
     ----------
     nominal
-        The drive as its file says.
+        The drive of the robot's file.
     """
 
     nominal: Drive

@@ -1,4 +1,4 @@
-"""What calibration works on: drives of which a reference says where the robot was."""
+"""Input of calibration: drives with a reference of the robot's pose."""
 
 from __future__ import annotations
 
@@ -65,9 +65,9 @@ class OdometryRun:
 
     def speed_m_s(self, arcs: Array) -> Array:
         """Return how fast the robot drove at each reference, over half a second, (m,) [m/s]."""
-        way_m = np.concatenate([[0.0], np.cumsum(arcs[:, 0])])
-        ahead = np.interp(self.reference_s + _SPEED_S, self.stamps_s, way_m)
-        behind = np.interp(self.reference_s - _SPEED_S, self.stamps_s, way_m)
+        distance_m = np.concatenate([[0.0], np.cumsum(arcs[:, 0])])
+        ahead = np.interp(self.reference_s + _SPEED_S, self.stamps_s, distance_m)
+        behind = np.interp(self.reference_s - _SPEED_S, self.stamps_s, distance_m)
         return np.asarray((ahead - behind) / (2.0 * _SPEED_S))
 
     def part(self, begin_s: float, end_s: float) -> OdometryRun | None:
@@ -90,7 +90,7 @@ class OdometryRun:
 
 
 def thinned(run: OdometryRun, travel_m: Array, spacing_m: float) -> OdometryRun:
-    """Return a run with one reference for each piece of way, as its wheels travel.
+    """Return a run with one reference per distance travelled by its wheels.
 
     Over short ways much errs that does not add up: the clock of a camera, the play of a gearbox,
     a lens. What adds up, and is calibrated, shows over longer ones.
@@ -102,8 +102,10 @@ def thinned(run: OdometryRun, travel_m: Array, spacing_m: float) -> OdometryRun:
     spacing_m
         > 0 [m].
     """
-    way_m = np.interp(run.reference_s, run.stamps_s, np.concatenate([[0.0], np.cumsum(travel_m)]))
-    kept = np.unique(np.floor(way_m / spacing_m), return_index=True)[1]
+    distance_m = np.interp(
+        run.reference_s, run.stamps_s, np.concatenate([[0.0], np.cumsum(travel_m)])
+    )
+    kept = np.unique(np.floor(distance_m / spacing_m), return_index=True)[1]
     return dataclasses.replace(
         run, reference_s=run.reference_s[kept], reference=run.reference[kept]
     )
@@ -112,7 +114,7 @@ def thinned(run: OdometryRun, travel_m: Array, spacing_m: float) -> OdometryRun:
 def poses_at(run: OdometryRun, arcs: Array, start: SE2, times_s: Array) -> Array:
     """Return dead reckoning along `arcs` from `start` at given times, (k, 3), heading unwrapped.
 
-    Between two stamps the robot has made its share of the arc; outside of them it stands.
+    Between two stamps the robot has made its share of the arc; outside of them it stands still.
     """
     d, alpha = arcs.T
     theta = start.theta_rad + np.concatenate([[0.0], np.cumsum(alpha)])
@@ -160,8 +162,8 @@ def guess_start(run: OdometryRun, arcs: Array) -> SE2:
         back = poses_at(run, arcs, SE2(), run.reference_s[:1])[0].tolist()
         return seen @ SE2(*back).inverse()
     poses = poses_at(run, arcs, SE2(), run.reference_s)
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-    first = max(3, int(np.searchsorted(way, _ALIGNED_WAY_M)))
+    distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    first = max(3, int(np.searchsorted(distance, _ALIGNED_WAY_M)))
     return align(poses[:first, :2], run.reference[:first, :2])
 
 

@@ -100,7 +100,7 @@ class PlaceBook:
         return own, other
 
     def apart(self, name: str) -> tuple[float, float, str]:
-        """Return how well a place can be told.
+        """Return how well a place can be recognised.
 
         Returns
         -------
@@ -119,8 +119,8 @@ class PlaceBook:
         """Return why no place can be learnt from a signature, a sentence; "" if one can."""
         if signature.echoes < self.config.least_echoes:
             return (
-                f"the sonars heard an echo in {signature.echoes:.0%} of their readings, "
-                f"{self.config.least_echoes:.0%} are needed to tell a place"
+                f"the sonars received an echo in {signature.echoes:.0%} of their readings, "
+                f"{self.config.least_echoes:.0%} are needed to recognise a place"
             )
         return self._too_narrow(signature)
 
@@ -199,7 +199,7 @@ class PlaceBook:
     def _candidates(
         self, which: NDArray[np.int64], differences: NDArray[np.float64]
     ) -> tuple[Candidate, ...]:
-        """Return what is alike enough, of headings that are apart, best first, weighed."""
+        """Return similar enough candidates with distinct headings, best first, weighted."""
         low = (differences <= np.roll(differences, 1, axis=1)) & (
             differences <= np.roll(differences, -1, axis=1)
         )
@@ -247,8 +247,8 @@ class PlaceBook:
         signature
             Of the visit.
         pose
-            `base` in `world`; None where nobody knows. A place is either in `world` with all of its
-            visits, or with none.
+            `base` in `world`; None if unknown. A place is either in `world` with all of its visits,
+            or with none.
 
         Raises
         ------
@@ -273,28 +273,29 @@ class PlaceBook:
         places = [added if place is known else place for place in self.places]
         return PlaceBook(places, self.signatures, self.config)
 
-    def _pose_at(self, place: Place, signature: Signature, told: SE2 | None) -> SE2:
+    def _pose_at(self, place: Place, signature: Signature, given: SE2 | None) -> SE2:
         """Return the pose of another visit to a place: as it was told, if that can be."""
         found = PlaceBook([place], self.signatures, self.config).recognise(signature)
         if found.place is None:
             raise ValueError(f"this is not {place.name} ({found.refusal})")
-        if told is None:
+        if given is None:
             return found.place.pose
         at = place.visits[0].pose
-        away_m = math.hypot(told.x_m - at.x_m, told.y_m - at.y_m)
+        away_m = math.hypot(given.x_m - at.x_m, given.y_m - at.y_m)
         if away_m > _ONE_PLACE_M:
             raise ValueError(
                 f"{place.name} is {away_m:.2f} m away from there, "
                 f"{_ONE_PLACE_M:g} m at most are allowed"
             )
-        turns = [wrap_angle(told.theta_rad - each.pose.theta_rad) for each in found.candidates]
+        turns = [wrap_angle(given.theta_rad - each.pose.theta_rad) for each in found.candidates]
         off = min(turns, key=abs)
         if abs(off) > _APART_RAD:
             raise ValueError(
-                f"by its sonars the robot is turned by {math.degrees(-off):.0f} deg against that "
+                f"according to its sonars the robot is turned by {math.degrees(-off):.0f} deg "
+                "against that "
                 "pose"
             )
-        return told
+        return given
 
 
 def _finite(differences: NDArray[np.float64]) -> NDArray[np.float64]:

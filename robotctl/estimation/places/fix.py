@@ -1,4 +1,4 @@
-"""What a recognised place says of poses: a measurement for Monte Carlo localisation.
+"""A recognised place as a measurement for Monte Carlo localisation.
 
 Each candidate is a Gaussian about its pose, weighed by how alike it is; a recognition may also be
 wrong, and then the robot may be anywhere, which is the K of notes, section 4.1::
@@ -58,7 +58,7 @@ def place_fix(
     Parameters
     ----------
     recognition
-        Made where the robot stands now.
+        Measured at the robot's present place.
     area_m2
         Of the floor on which it can be [m^2], > 0.
     config

@@ -1,4 +1,4 @@
-"""Places that a robot knows by sonar, and what a new signature says of them."""
+"""Places known by sonar, and the comparison of a new signature with them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class RecognitionConfig:
         What is expected of the differences of visits to one place, and of the most like other
         place, before any were measured.
     prior_visits
-        So many measured differences weigh as much as what is expected, > 0.
+        Number of measured differences that weigh as much as the assumed ones, > 0.
     ratio
         The best place's difference is at most this share of that of the next place, (0, 1].
     least_echoes
@@ -153,7 +153,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recognition:
-    """What a signature says of the known places.
+    """Result of comparing a signature with the known places.
 
     Parameters
     ----------

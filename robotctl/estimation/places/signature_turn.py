@@ -1,4 +1,4 @@
-"""A signature from what a robot hears while it turns on the spot, by its odometry."""
+"""A signature from sonar readings during a turn on the spot, by odometry."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Turn:
 
 
 class TurnCollector:
-    """Collects readings of sonars; tells when a turn on the spot is complete.
+    """Collects sonar readings; reports when a turn on the spot is complete.
 
     A robot that drives never completes one. Each turn begins where the one before has ended.
 
@@ -94,7 +94,7 @@ class TurnCollector:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was heard."""
+        """Forget the readings."""
         self._heard: deque[tuple[SE2, float, tuple[float, ...]]] = deque(maxlen=_MOST_READINGS)
         """Odometry, its heading without jumps [rad], and ranges."""
 
@@ -135,7 +135,7 @@ class TurnCollector:
         return math.hypot(a.x_m - b.x_m, a.y_m - b.y_m)
 
     def _signature(self, end: SE2) -> Signature:
-        """Return what was heard, seen from `base` at the end of the turn."""
+        """Return the readings, seen from `base` at the end of the turn."""
         rows = [(end.inverse() @ pose, ranges) for pose, _, ranges in self._heard]
         poses = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose, _ in rows])
         ranges = np.array([each for _, each in rows])

@@ -1,8 +1,8 @@
 """What a place sounds like all around: depth against bearing, and how much two places differ.
 
 Notes, section 5. A signature has a value for each bearing: the median depth of the echoes, and the
-share of readings that heard none, for silence tells places apart too. A bearing at which no sonar
-looked is missing, and is left out of a comparison.
+share of readings without an echo, because silence distinguishes places too. A bearing at which no
+sonar looked is missing, and is left out of a comparison.
 
 A bearing becomes a histogram H(z) over depth, with silence as a class of its own: an echo weighs
 in the classes near its depth, by a Gaussian that stands for its error and for a robot that does not
@@ -101,8 +101,8 @@ class Signature:
             raise ValueError(
                 f"depth_m {self.depth_m.shape} and silence {self.silence.shape} must both be (n,)"
             )
-        heard = ~np.isnan(self.depth_m)
-        if not np.all((self.depth_m[heard] > 0.0) & np.isfinite(self.depth_m[heard])):
+        has_echo = ~np.isnan(self.depth_m)
+        if not np.all((self.depth_m[has_echo] > 0.0) & np.isfinite(self.depth_m[has_echo])):
             raise InvalidValue(
                 "depth_m",
                 "must be finite and > 0, or nan where there was no echo",
@@ -115,7 +115,7 @@ class Signature:
                 "must be in [0, 1], or nan where no sonar looked",
                 self.silence,
             )
-        contradicting = np.flatnonzero(heard != (self.silence < 1.0))
+        contradicting = np.flatnonzero(has_echo != (self.silence < 1.0))
         if len(contradicting):
             i = int(contradicting[0])
             raise ValueError(
@@ -130,7 +130,7 @@ class Signature:
 
     @property
     def echoes(self) -> float:
-        """Share of echoes among what was heard, on average of the bearings, 0 to 1."""
+        """Mean share of echoes over the bearings, 0 to 1."""
         seen = self.silence[self.seen]
         return float(1.0 - seen.mean()) if len(seen) else 0.0
 
@@ -161,8 +161,8 @@ def signature_of(
     first = np.cumsum(readings) - readings
     middle = first + np.maximum(echoes - 1, 0) // 2
     depth = np.full(n, np.nan)
-    heard = echoes > 0
-    depth[heard] = depths[order][middle[heard]]
+    has_echo = echoes > 0
+    depth[has_echo] = depths[order][middle[has_echo]]
     return Signature(depth, silence)
 
 

@@ -1,4 +1,4 @@
-"""How well a signature tells where the robot stands and how it is turned.
+"""How well a signature determines the robot's position and heading.
 
 A recognised place has the position of the visit that it is like. A robot that stands off by delta
 hears an echo v . delta nearer (`_nearer`), so D grows by delta^T J delta / 2, with J the mean of

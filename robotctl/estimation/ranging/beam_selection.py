@@ -8,13 +8,13 @@ tempered. On three lidar logs, at the reference poses, rho is 0.02 to 0.05, for 
 beams alike (`python -m benchmarks sensors`), so n beams are never worth more than about 25.
 
 People around the robot shorten beams of neighbouring directions, for many scans. Where the robot's
-place is known well, such beams stand out: they contradict nearly all poses alike, so they say
-nothing of which pose is right, and are left out (as nav2's AMCL does in its likelihood field).
-This is a heuristic: which beams count is decided by the poses, so it must not hide from the
-localiser that it is wrong. It therefore stays off while the poses are spread, and where it would
-leave out most beams: then not the beams are wrong, but the poses. It is not on by default: beams
-that few poses agree with are often those that say most, and the models forgive a share of wrong
-beams by themselves (benchmarks/RESULTS.md).
+place is known well, such beams stand out: they contradict nearly all poses equally, so they do not
+distinguish poses, and are left out (as nav2's AMCL does in its likelihood field). This is a
+heuristic: which beams count is decided by the poses, so it must not hide from the localiser that it
+is wrong. It therefore stays off while the poses are spread, and where it would leave out most
+beams: then not the beams are wrong, but the poses. It is not on by default: beams that few poses
+agree with are often those that say most, and the models forgive a share of wrong beams by
+themselves (benchmarks/RESULTS.md).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def evenly_chosen(valid: NDArray[np.bool_], count: int) -> NDArray[np.intp]:
 
 
 def tempering(beams: int, correlation: float) -> float:
-    """Return the power alpha of the product of so many beams, (0, 1]."""
+    """Return the power alpha of the product of this many beams, (0, 1]."""
     return 1.0 / (1.0 + max(beams - 1, 0) * correlation)
 
 

@@ -1,4 +1,4 @@
-"""How much of a scan a map explains at a pose: what can be said of a pose that has no reference."""
+"""How much of a scan a map explains at a pose: a check for poses without a reference."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 
 OCCUPIED_FROM: Final = 50
-"""Cells of so many percent are obstacles."""
+"""Occupancy from which cells are obstacles [%]."""
 NEAR_M: Final = 0.2
-"""An echo so near to an obstacle of the map is from it [m]."""
+"""Maximum distance of an echo from its obstacle on the map [m]."""
 
 
 class EchoShare:

@@ -36,7 +36,7 @@ class GridEchoes:
     Parameters
     ----------
     grid
-        The map; unknown cells are taken for free.
+        The map; unknown cells count as free.
     mounts
         The sonars in `base`, (k, 3): x, y, direction of the axis [m, m, rad].
     beam_rad
@@ -44,7 +44,7 @@ class GridEchoes:
     max_incidence_rad
         Greatest angle between sound and a surface's normal, in (0, pi/2) [rad].
     max_range_m
-        Obstacles farther away are not heard [m].
+        Maximum range of an echo [m].
     """
 
     def __init__(

@@ -22,7 +22,7 @@ class BeamSkipping:
     enabled
         Whether any are.
     sigmas
-        A beam agrees with a pose if it is off by at most so many standard deviations, (0, 4].
+        Standard deviations within which a beam agrees with a pose, (0, 4].
     below
         A beam is left out if it agrees with less than this share of the poses, (0, 1).
     at_most

@@ -11,7 +11,7 @@ added. The sum is then scaled by a power below 1, since beams are not independen
 near the truth die out, and a wrong place that fits by chance takes over.
 
 - A beam without a valid reading, or with nothing in range, is left out: the field does not know how
-  far a beam should have gone.
+  far a beam should reach.
 - Outside of the map, and where nothing is near, a beam has the least likelihood, K / (1 + K).
 - Unknown cells are no obstacles. A beam that ends a little behind a wall, where no beam ever
   reached, keeps its likelihood by the distance to the wall.
@@ -39,7 +39,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 
 _LEVELS = 9
-"""So many standard deviations are told apart, each sqrt(2) of the one before: up to 16 times."""
+"""Number of distinct standard deviations, each sqrt(2) times the previous: up to 16 times."""
 _NEAR = 3.0
 """A beam is hidden if it ends by more standard deviations before the map's first obstacle."""
 _HIDDEN = math.log(0.5)
@@ -165,7 +165,7 @@ class LikelihoodField:
     ) -> NDArray[np.float64]:
         """Return the same, where beams that are `hidden`, (k, n), have no less than `_HIDDEN`.
 
-        Who hides the map stands in a free place of it: off the map nothing is forgiven.
+        Whatever hides the map stands in its free space: off the map nothing is tolerated.
         """
         total = np.zeros(len(poses))
         cos, sin = self._heading(poses)

@@ -1,4 +1,4 @@
-"""What a measurement says of poses: the one function by which sensors plug into the localiser."""
+"""Log-likelihoods of poses: the one function by which sensors plug into the localiser."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 LogLikelihood: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From poses of `base` in `world`, (n, 3) [m, m, rad], to the log-likelihood of one measurement at
 each, (n,), up to a constant that is the same for all poses. The constant makes a perfect fit about
-0, so that the localiser can tell from the first measurement on whether one fits badly."""
+0, so that the localiser can detect a bad fit from the first measurement on."""
 
 
 @runtime_checkable

@@ -182,7 +182,7 @@ def _enter(
 
 @compiled
 def _jump(n: int, real: NDArray[np.float64], whole: NDArray[np.int32]) -> None:
-    """Move each ray to the cell behind the free square of its cell; not if that has no side.
+    """Move each ray to the cell beyond the free square of its cell, if that has a side.
 
     Without branches, so that the compiler makes vector code of it.
     """
@@ -223,7 +223,7 @@ def _retire(
     max_range: float,
     ranges: NDArray[np.float64],
 ) -> int:
-    """Write down the rays that have arrived once they are half of the block; return who is left."""
+    """Store the rays that have arrived once they are half of the block; return the rest."""
     left = 0
     for i in range(n):
         left += whole[_SIDE, i] > 0 and real[_T, i] < max_range

@@ -47,7 +47,7 @@ class BeamMixture:
     short_per_m
         Rate of the exponential [1/m], > 0.
     sigma_per_m
-        The standard deviation grows by so much for each metre of the expected range, >= 0.
+        Growth of the standard deviation per metre of expected range, >= 0.
 
     Raises
     ------

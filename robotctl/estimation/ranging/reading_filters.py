@@ -78,8 +78,8 @@ class RunningMedian:
 class Smoothing:
     """The exponentially weighted mean of the ranges of each sensor.
 
-    A missing echo has no range to average: it passes at once, and the next range begins anew. Put a
-    `RunningMedian` before it where single echoes go missing or wrong.
+    A missing echo has no range to average: it passes at once, and the next range restarts the
+    average. Put a `RunningMedian` before it where single echoes go missing or wrong.
 
     Parameters
     ----------

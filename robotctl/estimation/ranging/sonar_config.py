@@ -10,7 +10,7 @@ from robotctl.errors import InvalidValue
 
 @dataclass(frozen=True, slots=True)
 class SonarModelConfig:
-    """What a sonar hears, and how well.
+    """Echo limits and noise of a sonar.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ class SonarModelConfig:
     max_incidence_deg
         Greatest angle between sound and a wall's normal that gives an echo [deg], in (0, 90).
     max_range_m
-        Walls farther away are not heard [m], > 0.
+        Maximum range of an echo [m], > 0.
     sigma_m, sigma_per_m
         Standard deviation of a range: sigma_m + sigma_per_m * range, of sensor and map
         together [m], [1], > 0 and >= 0.

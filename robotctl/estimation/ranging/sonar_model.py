@@ -41,7 +41,7 @@ class SonarModel:
     room
         Walls, or an occupancy grid.
     mounts
-        Where the sonars sit, in the order of their readings.
+        Mounting of the sonars, in the order of their readings.
     config
         What they hear.
     """

@@ -13,7 +13,7 @@ the least abs(q). No angle is computed, and a wall parallel to the cone's axis i
 
 Concave corners of about 90 degrees send sound back where it came from, at any incidence. Of all
 these points the nearest counts that no other wall hides. If the nearest point of a wall is hidden,
-the rest of that wall does not count either, which errs where something narrow stands before it.
+the rest of that wall does not count either, which errs if something narrow stands in front of it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _INSET_M: Final = 1e-3
 """The last millimetre of a wall does not count: at an outer corner it would stand for the side of
 a box that cannot be seen."""
 _BEFORE: Final = 1.0 - 1e-6
-"""What stands at more than this share of the way is the reflecting wall itself."""
+"""An obstacle beyond this share of the distance is the reflecting wall itself."""
 
 
 class WallEchoes:
@@ -58,7 +58,7 @@ class WallEchoes:
     max_incidence_rad
         Greatest angle between sound and the wall's normal, in (0, pi/2) [rad].
     max_range_m
-        Walls farther away are not heard [m].
+        Maximum range of an echo [m].
     """
 
     def __init__(

@@ -108,12 +108,12 @@ def sorted_lines(text: LogText) -> CarmenLines:
             lines.notes.append(f"{text.path}:{number}: the last line is cut short, left out")
     _go_on(lines)
     for word, count in strangers.items():
-        lines.notes.append(f"{text.path}: {count} lines of unknown kind {word} passed over")
+        lines.notes.append(f"{text.path}: {count} lines of unknown kind {word} skipped")
     return lines
 
 
 def _go_on(lines: CarmenLines) -> None:
-    """Let a clock of 32 bits go on where it wraps, that of all lines together.
+    """Unwrap a 32-bit clock, over all lines together.
 
     Programs that correct logs put in ODOM lines at the time 0; those have none.
     """

@@ -2,10 +2,10 @@
 
 Whose pose: in FLASER lines `x y theta` is the pose of the *laser* in `world`, the reference, and
 `odom_x odom_y odom_theta` that of the *robot* by odometry (CARMEN's messages). The data agree: a
-map of Freiburg 079, whose laser stands 0.04 m behind the centre, is crispest when the beams start
-in `x y theta` itself. Where both are the same in every line, both are the laser's: in a log that
-was corrected in place the reference, in one as it was recorded odometry. Where the robot comes by
-again, scans tell which: at right poses they agree. Else the program that corrects leaves its
+map of Freiburg 079, whose laser is 0.04 m behind the centre, is sharpest when the beams start in
+`x y theta` itself. Where both are the same in every line, both are the laser's: in a log that was
+corrected in place the reference, in one as it was recorded odometry. Where the robot revisits a
+place, scans decide: at the right poses they agree. Else the program that corrects leaves its
 traces, NEFF lines or ODOM lines at the time 0, or ODOM lines that lie elsewhere; where they lie
 where the scans are, there is no reference, nor where the laser never moves while the robot does.
 ROBOTLASER lines hold the pose of the laser, then of the robot.
@@ -20,8 +20,8 @@ numbers are spread over -90 ... 90 deg. The first reading is the rightmost.
 
 Reach: readings at or above the maximum are inf, those of 0 or less no readings (nan). The maximum
 is the shortest length that stands for no echo (`no_echo`), or less where PARAM
-`robot_front_laser_max` or the field of ROBOTLASER says so and hardly an echo lies beyond it: the
-readings are believed more than what is written above them. Where nothing is known it is 81.83 m.
+`robot_front_laser_max` or the field of ROBOTLASER says so and hardly an echo lies beyond it:
+readings are trusted more than the header. The fallback is 81.83 m.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def _lacks_reference(
     robot: Sequence[SE2],
     reference: Sequence[SE2],
 ) -> bool:
-    """Return whether what stands for a reference is none, and note it."""
+    """Return whether the apparent reference is none, and note it."""
     if len(scans) > 1 and not np.any(np.ptp([scan.laser for scan in scans], axis=0)) and (
         np.any(np.ptp([scan.robot for scan in scans], axis=0))
     ):  # fmt: skip
@@ -229,7 +229,7 @@ def _mount(lines: CarmenLines, word: str, rear: bool, between: Sequence[SE2]) ->
 
 
 def _fan(lines: CarmenLines, rear: bool, count: int) -> tuple[float, float, float]:
-    """Return direction of the first of so many beams, step [rad], and reach by PARAM [m]."""
+    """Return direction of the first beam, step [rad], and maximum range by PARAM [m]."""
     reach_m = lines.parameter(f"robot_{'rear' if rear else 'front'}_laser_max") or math.inf
     for beams, view_deg in ((180, 180.0), (360, 180.0), (100, 100.0), (200, 100.0), (400, 100.0)):
         if count in {beams, beams + 1}:

@@ -55,7 +55,7 @@ _PARTS: Final = ("motors", "scan", "reference")
 
 
 class _Line(NamedTuple):
-    """The numbers of a line, and where it stands."""
+    """The numbers of a line, and its position."""
 
     text: LogText
     number: int

@@ -1,4 +1,4 @@
-"""What each format of recorded logs says of itself; `recorded_log.LOG_FORMATS` lists them."""
+"""What each format of recorded logs declares; `recorded_log.LOG_FORMATS` lists them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ReadOptions:
     mrclam_robot
         Which robot of a MRCLAM folder; None: the one whose file is read, else robot 1.
     with_sonars
-        Whether sonar readings are wanted; reading those of our own recordings takes a while.
+        Whether to read sonar ranges; in our own recordings this takes a while.
     time_unit
         Of the times in the log, one of `times.TIME_UNITS`; None: that of the format.
     max_range_m
@@ -47,7 +47,7 @@ class LogFormat:
     has_time_unit
         Whether times are numbers whose unit the user can give; False where the format fixes it.
     in_folder
-        Which files tell a folder of this format, for messages; "" where it has no folders.
+        Files that identify a folder of this format, for messages; "" if it has no folders.
     """
 
     name: str

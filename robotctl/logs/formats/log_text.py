@@ -1,8 +1,8 @@
 """Text of recorded logs: lines with their numbers, from plain or gzip files, whole or cut short.
 
-A log is cut when a disk was full or a computer lost its power. What stands before the cut is good,
-so a cut is a note and not an error: a last line without its end that cannot be read is left out.
-Damage anywhere else is an error that names file and line.
+A log is cut when a disk was full or a computer lost its power. Everything before the cut is good,
+so a cut is a note and not an error: an incomplete last line that cannot be read is dropped. Damage
+anywhere else is an error that names file and line.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def read_text(path: Path) -> LogText:
 
 
 def first_words(path: Path) -> str:
-    """Return the beginning of the text of a file, to tell its kind; "" where it is no text.
+    """Return the beginning of a text file, to detect its format; "" if it is not text.
 
     Raises
     ------
@@ -315,7 +315,7 @@ def hint(word: str) -> str:
     if ";" in word:
         return "; the columns are separated by ';', needed are spaces"
     if _DECIMAL_COMMA.fullmatch(word):
-        return "; its decimals stand behind a comma, needed is a point"
+        return "; it has decimal commas, needed are points"
     return "; the columns are separated by commas, needed are spaces" if "," in word else ""
 
 

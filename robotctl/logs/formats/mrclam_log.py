@@ -46,8 +46,8 @@ def robot_of(file: Path) -> int | None:
 def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
     """Read what one robot recorded, with times of a unit (`log_times`).
 
-    Sightings of other robots are left out and counted in the notes, so are those of bar codes
-    that belong to nobody. Without a ground truth of the robot there is no reference.
+    Sightings of other robots are left out and counted in the notes, so are those of bar codes that
+    belong to none. Without a ground truth of the robot there is no reference.
 
     Raises
     ------

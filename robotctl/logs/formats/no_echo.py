@@ -1,8 +1,8 @@
 """Which readings of a lidar are no echoes, by the readings themselves.
 
-Lasers and the programs that log them write a length for a beam that came back from nowhere: 81.91 m
-(SICK LMS, 13 bits of a centimetre), 8.191 m (of a millimetre), 51.15 m, 32.767 m, 50.00 m, the
-reach that somebody set. Taken for echoes they become walls and free rays where nothing was seen.
+Lasers and logging programs write some length for a beam without an echo: 81.91 m (SICK LMS, 13 bits
+of a centimetre), 8.191 m (of a millimetre), 51.15 m, 32.767 m, 50.00 m, the configured range.
+Treated as echoes they would become walls and free rays where nothing was seen.
 
 Such a length shows in the log: readings pile up there wherever the robot stands, and hardly any
 echo is longer. A wall gives many readings of one length too, but from few places only, so scans of
@@ -25,27 +25,27 @@ log is one, a single reading is enough."""
 
 _UNKNOWN_REACH_M: Final = 81.83
 _DENIED, _FEW = 0.01, 5
-"""A reach that is told is wrong where a larger share, and more, of the echoes lie beyond it."""
+"""A stated maximum range is wrong if more than this share of the echoes lie beyond it."""
 _TOLERANCE_M: Final = 1e-6
 _BIN_M: Final = 0.001
 _WIDTH: Final = 120
-"""Lengths of one meaning lie no farther apart [bins]; so do the known codes."""
+"""Maximum spread of lengths with one meaning [bins]; also of the known codes."""
 _LINK: Final = 60
-"""Nor is there a gap so long between them [bins]."""
+"""Maximum gap between them [bins]."""
 _BEFORE: Final = 2000
-"""Echoes that are so much shorter tell what is usual there [bins]."""
+"""Range of shorter echoes that give the usual count [bins]."""
 _FACTOR: Final = 10.0
-"""A pile is so many times higher than what is usual."""
+"""Height of a pile relative to the usual count."""
 _LEAST, _LEAST_SHARE = 5, 0.0005
 _STRAY, _STRAY_SHARE = 1, 0.0002
-"""So few readings beside a pile are echoes."""
+"""Readings beside a pile up to which they are echoes."""
 _SOME: Final = 3.0
-"""And so are so many times more of one length than are usual."""
+"""Multiple of the usual count up to which one length is still echoes."""
 _OF_A_SCAN, _OF_A_SCAN_WIDE = 0.1, 0.3
 """More than these shares of a scan's readings, of one length and of a pile's width, one wall seen
 from one place does not give."""
 _ECHOES_BEYOND: Final = 0.005
-"""So large a share of the readings may be echoes from farther than the least code."""
+"""Share of the readings that may be echoes beyond the smallest code."""
 _BEAMS, _OF_FEW = 4, 0.9
 """In so few directions a corridor along which the robot drives gives one length too, more or less;
 they have this share of the readings then."""
@@ -93,9 +93,9 @@ def reaches(
     scans, places
         See `no_echo_codes`.
     told_m
-        What the log says of each scan's reach [m]; inf where nothing.
+        Maximum range of each scan according to the log [m]; inf if not stated.
     max_range_m
-        What the user says [m]; None: nothing.
+        The user's value [m]; None: nothing.
     notes
         Sentences for people, to be added to.
     """
@@ -128,7 +128,7 @@ def reaches(
 
 
 def valid_ranges(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.float64]:
-    """Return ranges with inf from the reach on and nan for what is none."""
+    """Return ranges with inf from the maximum range on and nan for invalid readings."""
     ranges = np.where(ranges >= reach_m - _TOLERANCE_M, math.inf, ranges)
     return np.where(ranges > 0.0, ranges, math.nan)
 

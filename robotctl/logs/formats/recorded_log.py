@@ -1,4 +1,4 @@
-"""Recorded logs of every format that is read, told apart by their content."""
+"""Recorded logs of all formats, recognised by content."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read_recording(
     mrclam_robot
         Which robot of a MRCLAM folder; by default the one whose file `path` is, else robot 1.
     with_sonars
-        Whether what the sonars heard is wanted, which in a recording of ours takes a while to read.
+        Whether to read sonar ranges; in our own recordings this takes a while.
     time_unit
         Of the times in the log, one of `times.TIME_UNITS`; None: that of its format, if the
         times can have it.
@@ -149,7 +149,7 @@ def _found(path: Path, word: str) -> str:
 
 
 def _limited(recording: Recording, max_range_m: float) -> Recording:
-    """Return a recording whose lidar reaches so far."""
+    """Return a recording with another maximum lidar range."""
     scans = []
     for entry in recording.scans:
         ranges = entry.scan.ranges_m

@@ -1,13 +1,13 @@
 """Our own recordings as drives: the folder of `--record DIR`, or one `robot-0001.mcap` of it.
 
 Odometry comes from the topic `control`, scans from the topic `lidar`, what the robot believed of
-its place from `localisation`. Where the sonars sit and what they heard is in `control-0001.rec`
-beside it; without that their ranges come from `control` too (`own_sonars`). The reference is
-`truth-0001.tum` in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is
-one (its times are those of the log); older versions called it `truth.tum`. All of a folder is taken
-for one robot. Logs of older versions do not tell a missing echo from a sonar that failed: there one
-without a range has heard no echo if its time is new, since the time of one that failed or is not
-there stays. See docs/logs.md.
+its place from `localisation`. Sonar mounting and readings are in `control-0001.rec` beside it;
+without that their ranges come from `control` too (`own_sonars`). The reference is `truth-0001.tum`
+in the folder, of the run whose logs begin with `robot-0001.mcap`, where there is one (its times are
+those of the log); older versions called it `truth.tum`. A folder is assumed to hold one robot. Logs
+of older versions do not distinguish a missing echo from a failed sonar: there a reading without a
+range is a missing echo if its time is new, since the time of one that failed or is not there stays.
+See docs/logs.md.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def truth_files(path: Path) -> list[Path]:
     """Return where the truth of a log of ours is: of all runs of a folder, or of that of one file.
 
     A run's truth has the number of its first log. It is empty where the run did not come to its
-    end: then nobody knows where the robot was.
+    end: then the robot's place is unknown.
     """
     folder = _folder(path)
     truths = sorted([*folder.glob(TRUTH), *folder.glob("truth-[0-9]*.tum")], key=_number)
@@ -108,7 +108,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
     path
         Folder or file.
     with_sonars
-        Whether what the sonars heard is wanted; to read the records for it takes a while.
+        Whether to read sonar ranges; reading the records for them takes a while.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]
         for record in log_records(source):
             if isinstance(record, Gap):
                 notes.append(
-                    f"{file}: was cut, read up to the cut"
+                    f"{file}: was cut short, read up to there"
                     if record.is_cut
                     else f"{file}: damaged at byte {record.begin}, {record.length} bytes left out"
                 )

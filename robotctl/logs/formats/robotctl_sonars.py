@@ -1,4 +1,4 @@
-"""What the sonars heard in a recording of ours, by its states and the record of the control loop.
+"""Sonar readings of our own recording, from its states and the record of the control loop.
 
 States repeat the last range of each sonar and may miss one that was soon followed by another, a
 missing echo most of all, which comes late. The records `control-0001.rec` beside the log have every
@@ -29,7 +29,7 @@ from robotctl.model.sensors.sonar import SonarMount, SonarReading, listening_ns
 from robotctl.runtime.flight.recorder import RecordError, Tick, read_record
 
 _REACH_M: Final = 4.0
-"""So far sonars listen that hear nothing [m]; their readings count when the sound was sent."""
+"""Listening range of sonars without an echo [m]; readings are dated when the sound was sent."""
 
 _IN_FRAME: Final = 4
 """Sonars of one frame."""
@@ -46,7 +46,7 @@ class _Robot(msgspec.Struct):
 
 @dataclass(slots=True)
 class OwnSonars:
-    """What the sonars heard, and where they sit.
+    """Sonar readings and mounting.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class OwnSonars:
 
 
 def own_sonars(states: Sequence[tuple[int, LoggedState]], folder: Path) -> OwnSonars:
-    """Return what the sonars heard while the states were logged.
+    """Return the sonar readings while the states were logged.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def _epochs(states: Sequence[tuple[int, LoggedState]]) -> list[list[tuple[int, L
 def _record(
     path: Path, notes: list[str], *, with_frames: bool
 ) -> tuple[tuple[SonarMount, ...], _Frames] | None:
-    """Return where the sonars sit by a record, and its frames up to its end or damage."""
+    """Return the sonar mounting from a record, and its frames up to its end or damage."""
     frames: _Frames = {}
     with path.open("rb") as file:
         try:
@@ -132,8 +132,8 @@ def _record(
             mounts = msgspec.convert(json.loads(header.robot_json), _Robot).sonar
         except (RecordError, msgspec.ValidationError, json.JSONDecodeError) as error:
             notes.append(
-                f"the record of the control loop is not read: {error}; sonar ranges are those of "
-                "the states"
+                f"the record of the control loop cannot be read: {error}; sonar ranges are those "
+                "of the states"
             )
             return None
         try:
@@ -147,7 +147,7 @@ def _record(
 
 
 def _contradicts(frames: _Frames, states: Sequence[tuple[int, LoggedState]]) -> bool:
-    """Whether a record lacks most of what the states of its time tell: it is of another run."""
+    """Whether a record lacks most of the states' readings: it is of another run."""
     if not frames:
         return False
     begin_ns, end_ns = min(frames)[0], max(frames)[0]

@@ -1,10 +1,10 @@
 """ROS 1 bags, ROS 2 bags (SQLite and MCAP) and MCAP files of ROS 2 as drives; needs rosbags.
 
-Read are LaserScan, Odometry and tf messages, whatever their topics are called. `base` is the frame
-whose motion the odometry tells. Where the laser sits, tf says: it may be off the centre, turned or
-upside down, but must be level. Without Odometry messages the motion of a frame in one called odom
-counts. The reference is the pose of `base` in the frame above odom, such as map, which the robot's
-own localiser published; better is an Odometry topic whose name says that it is the truth.
+Read are LaserScan, Odometry and tf messages, whatever their topics are called. `base` is the child
+frame of the odometry. tf gives the laser's mounting: it may be off centre, rotated or upside down,
+but must be level. Without Odometry messages the motion of a frame in one called odom counts. The
+reference is the pose of `base` in the frame above odom, such as map, which the robot's own
+localiser published; better is an Odometry topic whose name says that it is the truth.
 
 A reading at or above `range_max` or one of the lengths that `no_echo` finds is inf, one below
 `range_min` is none (nan). Times are those of the message headers.

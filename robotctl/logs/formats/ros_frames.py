@@ -53,7 +53,7 @@ class Frames:
         self._edges: dict[str, _Edge] = {}
 
     def add(self, parent: str, child: str, stamp_ns: int, pose: SE3, *, is_static: bool) -> None:
-        """Take in what one message says; a child that comes in another parent moves there."""
+        """Add a message; a child with a new parent moves there."""
         edge = self._edges.get(child)
         if edge is None or edge.parent != parent:
             edge = self._edges[child] = _Edge(parent)

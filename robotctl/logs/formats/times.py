@@ -1,8 +1,8 @@
 """Times of recorded logs: their unit, their range, clocks that wrap, stand still or go back.
 
 A log is text that other programs wrote; whether its times are seconds, it does not say. Times that
-cannot be seconds are refused, since all that is made of them would be wrong without a word: those
-out of range by themselves, and those that let the robot creep or fly (`check_pace`).
+cannot be seconds are refused, because all results would be silently wrong: those out of range by
+themselves, and those that let the robot creep or fly (`check_pace`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _FINE_BELOW_S: Final = 4e6
 """Below it a float resolves a nanosecond [s]."""
 _WRAP: Final = 2.0**32
 _NEAR_WRAP: Final = 2.0**24
-"""A clock of 32 bits steps by 2^32 where it wraps, give or take so much."""
+"""Tolerance of the step of 2^32 at which a 32-bit clock wraps."""
 
 _STEP_M: Final = 0.1
 _STEPS: Final = 10
@@ -109,12 +109,12 @@ def _hint(time: float, *, can_tell: bool) -> str:
 
 
 def is_timeless(stamps_ns: NDArray[np.int64]) -> bool:
-    """Return whether several times are all the same, so that they tell no order."""
+    """Return whether several times are all equal, so that they give no order."""
     return len(stamps_ns) > 1 and bool(stamps_ns[0] == stamps_ns[-1])
 
 
 def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return times of which a clock of 32 bits that wraps goes on; none becomes negative by it."""
+    """Return times with a 32-bit clock unwrapped; none becomes negative."""
     if len(times) == 0:
         return times
     steps = np.diff(times)
@@ -126,7 +126,7 @@ def unwrapped(times: NDArray[np.float64]) -> NDArray[np.float64]:
 def ordered_stamps(
     times: NDArray[np.float64], unit: str, what: str, notes: list[str], error_at: ErrorAt
 ) -> NDArray[np.int64]:
-    """Return `checked_stamps` that never go back, of a clock that goes on where it wraps.
+    """Return `checked_stamps` that never decrease, with a wrapping clock unwrapped.
 
     Parameters
     ----------
@@ -153,14 +153,14 @@ def ordered_stamps(
 
 def wraps(what: str, unit: str) -> str:
     """Return what to say of a clock that wraps."""
-    return f"{what}: their clock wraps after 2^32 {unit}, it is taken to go on"
+    return f"{what}: their clock wraps after 2^32 {unit} and was unwrapped"
 
 
 def note_pairs(times: NDArray[np.float64], what: str, notes: list[str]) -> None:
     """Note how many of some times are those of the one before, where it is not all of them."""
     same = int(np.count_nonzero(np.diff(times) == 0.0))
     if 0 < same < len(times) - 1:
-        notes.append(f"{same} of {len(times)} {what} have the time of the one before")
+        notes.append(f"{same} of {len(times)} {what} have the time of the previous one")
 
 
 def check_pace(recording: Recording, can_tell: bool) -> None:

@@ -56,10 +56,10 @@ Entry: TypeAlias = tuple[str, int, object]
 """Topic, wall time [ns], and what is encoded as JSON."""
 
 MAP_NS: Final = 5_000_000_000
-"""A map that grows is logged so often [ns]: a large one is much to encode."""
+"""Period of logging a growing map [ns]: encoding a large one is expensive."""
 
 FRAMES_NS: Final = 30_000_000
-"""So far apart are two entries of frames [ns]: each second state of the control process has one."""
+"""Period of frame entries [ns]: one for every second state of the control process."""
 
 
 def _well_known(kind: type[msgspec.Struct]) -> tuple[str, JsonSchema]:
@@ -165,7 +165,7 @@ class LogEntries:
         yield "lidar", wall_ns, scan
 
     def _sensor_frames(self, wall_ns: int) -> Iterator[Entry]:
-        """Yield where the sensors sit."""
+        """Yield the sensor mounting."""
         frames = self._scene.sensor_frames(wall_ns)
         if frames is not None:
             yield "sensor_frames", wall_ns, frames

@@ -1,7 +1,7 @@
 """How the states of the processes stand in the log: poses with their frames, ranges one by one.
 
-A range that was measured is `range_m`; `out_of_range` says that nothing was there from here to as
-far as the sensor sees. Without `range_m` and out of range there is no valid reading.
+A range that was measured is `range_m`; `out_of_range`: nothing within the sensor's range. Without
+`range_m` and out of range there is no valid reading.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def camera_content(view: CameraView) -> dict[str, Any]:
 
 
 def _sonar(name: str, stamp_ns: int, range_m: float) -> dict[str, object]:
-    """Return what one sonar heard [m]; inf: out of range, nan: no valid reading."""
+    """Return one sonar's range [m]; inf: out of range, nan: no valid reading."""
     sonar: dict[str, object] = {
         "name": name,
         "stamp_ns": stamp_ns,

@@ -1,4 +1,4 @@
-"""Messages in the schemas that Foxglove and viewers like it draw without being told how.
+"""Messages in the schemas that Foxglove and similar viewers draw without configuration.
 
 Names and fields are those of https://docs.foxglove.dev/docs/sdk/schemas; `data` of bytes is base64
 in JSON. Frames are `world`, `odom`, `base`, `lidar`, `camera` and `sonar_NAME`, as in
@@ -26,7 +26,7 @@ LIDAR: Final = "lidar"
 CAMERA: Final = "camera"
 
 OUT_OF_RANGE_M: Final = 1e6
-"""In a scan: nothing came back from within `max_range`; so far that no viewer shows it [m]."""
+"""In a scan: no echo within `max_range`; too far for viewers to show [m]."""
 
 _UINT8, _INT8, _FLOAT32 = 1, 2, 7
 """`foxglove.NumericType`."""
@@ -170,7 +170,7 @@ _CELL: Final = (
     PackedElementField("occupancy", 4, _INT8),
 )
 _UNKNOWN: Final = 205
-"""Grey of a cell that nobody has seen, that of ROS maps."""
+"""Grey of an unknown cell, as in ROS maps."""
 
 _GREYS: Final = bytes(254 - 254 * cell // 100 if cell <= 100 else _UNKNOWN for cell in range(256))
 """By the cell as an unsigned byte."""
@@ -188,7 +188,7 @@ def turned(theta_rad: float) -> Quaternion:
 
 
 def planar_transform(wall_ns: int, parent: str, child: str, T_parent_child: SE2) -> FrameTransform:
-    """Return where one frame lies in another, both in the plane."""
+    """Return the transform between two frames in the plane."""
     return FrameTransform(
         time_of(wall_ns),
         parent,

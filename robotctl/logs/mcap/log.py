@@ -121,9 +121,9 @@ class RecoveredLog:
     unknown
         Messages left out since the definition of their topic was in a gap.
     kept_aside
-        Where the log lies as it was, if anything was left out.
+        Path of the original log, if anything was left out.
     was_intact
-        Whether it was whole, and is as it was.
+        Whether it was complete, and is unchanged.
     """
 
     messages: int
@@ -161,7 +161,7 @@ def recover(path: Path) -> RecoveredLog:
     """
     with path.open("rb") as source:
         if not hold(source):
-            raise LogInUseError(f"{path}: is still being written; whoever writes it completes it")
+            raise LogInUseError(f"{path}: is still being written; its writer completes it")
         if source.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise McapLogError(f"{path}: not an MCAP file")
         if is_complete(path) and (whole := _messages_of_intact(source)) is not None:
@@ -173,7 +173,7 @@ def recover(path: Path) -> RecoveredLog:
             if not gaps and not unknown:
                 return RecoveredLog(messages, (), 0, None)
             file.flush()
-            os.fsync(file.fileno())  # before the log gives way
+            os.fsync(file.fileno())  # before the log is replaced
             return RecoveredLog(messages, gaps, unknown, _set_aside(path))
 
 
@@ -227,7 +227,7 @@ def _definitions() -> Iterator[Schema | Channel]:
 def _take_owner_and_mode(source: BinaryIO, target: BinaryIO) -> None:
     """Give a file the owner and the mode of another."""
     status = os.fstat(source.fileno())
-    with suppress(PermissionError):  # nobody but root gives files away
+    with suppress(PermissionError):  # only root can change the owner of files
         os.fchown(target.fileno(), status.st_uid, status.st_gid)
     os.fchmod(target.fileno(), stat.S_IMODE(status.st_mode))
 

@@ -1,6 +1,6 @@
 """The whole records of an MCAP file, and where it was cut or damaged.
 
-Behind a damaged place reading goes on at the next chunk that proves itself: its lengths agree, it
+After damage, reading continues at the next chunk that proves valid: its lengths agree, it
 decompresses, and its CRC-32 is right. Records between chunks carry no checksum; they count as
 damaged where their kind is unknown, or not one that stands there, or their length does not fit
 their content. Any content is that of a message: where there are chunks, one outside of them is
@@ -73,7 +73,7 @@ class Gap:
     length
         How many bytes; 0 where a log was cut between two records.
     is_cut
-        Whether it is the end of a log that was cut: nothing was there that is lost now.
+        Whether it is the end of a log that was cut short: nothing is lost.
     """
 
     begin: int

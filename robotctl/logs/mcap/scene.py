@@ -43,7 +43,7 @@ class Scene:
     camera
         Where it sits; None: there is none, or it is off.
     has_localiser
-        Whether one says where `odom` lies in `world`. Without one the two are the same.
+        Whether there is a transform from `odom` to `world`. Without one the two are the same.
     """
 
     def __init__(
@@ -61,11 +61,11 @@ class Scene:
         self._world = WorldPose(has_localiser=has_localiser)
 
     def localise(self, state: LocalisationState) -> None:
-        """Take in where `odom` lies."""
+        """Update the pose of `odom`."""
         self._world.localise(state)
 
     def place_lidar(self, scan: LidarScan) -> bool:
-        """Take in where the lidar sits, which only its scans say; return whether that is new."""
+        """Update the lidar's mounting, known only from its scans; return whether it is new."""
         place = SE2(scan.x_m, scan.y_m)
         is_new, self._lidar = place != self._lidar, place
         return is_new
@@ -83,7 +83,7 @@ class Scene:
         return FrameTransforms((world, odom)), pose
 
     def sensor_frames(self, wall_ns: int) -> FrameTransforms | None:
-        """Return where the sensors sit in `base`; None where there are none."""
+        """Return the sensor mounting in `base`; None where there are none."""
         found = _sonar_transforms(wall_ns, self._sonars)
         if self._camera is not None:
             found.append(camera_transform(wall_ns, self._camera))

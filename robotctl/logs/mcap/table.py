@@ -67,7 +67,7 @@ def unit_of(column: str) -> str:
 
 
 def header_of(column: str) -> str:
-    """Return what stands above a column: its name, with the unit where that is not in it."""
+    """Return the header of a column: its name, with the unit unless the name has it."""
     unit = unit_of(column)
     is_told = _own_unit(_INDEX.sub("", column).rpartition(".")[2])
     return column if is_told or not unit else f"{column} [{unit}]"

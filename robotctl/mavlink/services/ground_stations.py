@@ -42,7 +42,9 @@ class GroundStations(Microservice):
                 return
             station = GroundStation(*address, {})
             stations[address] = station
-            self._context.say(now_ns, f"Ground station {address[0]} is here", Severity.INFORMATION)
+            self._context.say(
+                now_ns, f"Ground station {address[0]} connected", Severity.INFORMATION
+            )
         station.heard_ns[peer.link] = now_ns
 
     def step(self, now_ns: int) -> None:

@@ -50,5 +50,5 @@ class LinkWatch(Microservice):
                 seen.failing_ns = now_ns
         elif not seen.told and now_ns - seen.failing_ns >= PATIENCE_NS:
             seen.told = True
-            text = f"MAVLink {status.url} is closed and tried again: {status.last_error}"
+            text = f"MAVLink {status.url} is closed, retrying: {status.last_error}"
             self._context.say(now_ns, text)

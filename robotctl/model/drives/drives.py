@@ -25,4 +25,4 @@ __all__ = [
 ]
 
 Drive: TypeAlias = DifferentialDrive | TricycleDrive | AckermannDrive
-"""Any drive model; `kind` tells them apart."""
+"""Any drive model; `kind` identifies them."""

@@ -61,9 +61,9 @@ def integrate(pose: SE2, v_m_s: float, omega_rad_s: float, dt_s: float) -> SE2:
 
 
 def between(before: SE2, after: SE2, share: float) -> SE2:
-    """Return the pose at a share [0, 1] of the way between two that are near each other.
+    """Return the pose at a fraction [0, 1] between two that are near each other.
 
-    Position and heading are interpolated linearly, the heading the shorter way round.
+    Position and heading are interpolated linearly, the heading along the shorter arc.
     """
     return SE2(
         before.x_m + share * (after.x_m - before.x_m),

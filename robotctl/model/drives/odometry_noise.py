@@ -1,7 +1,7 @@
-"""How fast dead reckoning loses its way: the noises e, f, g of notes, section 3, as plain numbers.
+"""How fast dead reckoning drifts: the noises e, f, g of notes, section 3, as plain numbers.
 
-Without numpy, since the robot's file holds them and the control process reads it. What they do to
-a covariance stands in `motion_noise.py`.
+Without numpy, since the robot's file holds them and the control process reads it. `motion_noise.py`
+has their effect on a covariance.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class TricycleDrive:
     counts_per_revolution
         Quadrature counts per turn of the driven wheel, > 0.
     steering_offset_rad
-        Angle of the wheel where the steering servo says 0 [rad, positive left], smaller than
+        Angle of the wheel at steering servo angle 0 [rad, positive left], smaller than
         steering_max_rad; from calibration.
 
     Raises

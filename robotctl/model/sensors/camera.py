@@ -1,7 +1,7 @@
 """A camera that looks at the floor: its lens, its mount, and where its pictures come from.
 
 Plain numbers without numpy, since the robot's file holds them as the table `[camera]` and every
-process reads that. What they do to points and pixels stands in `camera_geometry.py`.
+process reads that. `camera_geometry.py` has their effect on points and pixels.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class CameraIntrinsics:
 
 @dataclass(frozen=True, slots=True)
 class CameraMount:
-    """Where the camera sits in `base` and where it looks.
+    """Position and orientation of the camera in `base`.
 
     With all angles 0 it looks forward along x of `base`, its picture upright. It is turned by
     `yaw_deg` about z, then by `pitch_deg` about its own y, then by `roll_deg` about its own
@@ -93,7 +93,7 @@ class CameraMount:
     pitch_deg
         How far the optical axis looks down, -90 to 90, 90 straight down [deg].
     roll_deg
-        How far the camera leans to its right, as seen from behind it [deg].
+        Roll of the camera to its right, seen from behind [deg].
 
     Raises
     ------

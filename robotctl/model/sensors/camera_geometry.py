@@ -1,4 +1,4 @@
-"""What a camera sees of the robot's surroundings, and where on the floor a pixel lies.
+"""Projection of the surroundings into a camera, and of pixels onto the floor.
 
 Notes, sections 6 and 6.1: c_C = R_CR (r_R - t_R), (u, v, 1) ~ K c_C, and for points of the floor
 (u, v, 1) ~ K R_CR T (x, y, 1) = H (x, y, 1). The lens bends the straight lines of that picture;

@@ -1,4 +1,4 @@
-"""A planar lidar: what reads it, and where it sits."""
+"""A planar lidar: driver and mounting."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 from robotctl.errors import InvalidValue
 
 SOCKET = "socket"
-"""As the driver: somebody else publishes the scans on the robot's local socket `lidar`."""
+"""As the driver: another program publishes the scans on the robot's local socket `lidar`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +30,9 @@ class LidarConfig:
     yaw_deg
         Direction of its zero in `base`, 0 forward, 90 left [deg].
     upside_down
-        Whether it hangs head down.
+        Whether it is mounted upside down.
     min_range_m, max_range_m
-        Nearer echoes are left out, as are farther ones [m].
+        Nearer and farther echoes are dropped [m].
     beams
         Beams of a scan: the full circle in equal steps, 8 to 3600.
     hidden_deg

@@ -62,7 +62,7 @@ class RangeMeasurement:
         Standard deviation of each, (k,) [m]; they err independently, so that the covariance is
         diagonal.
     max_range_m
-        Beyond it nothing is measured [m]; None: not known.
+        Maximum range [m]; None: not known.
 
     Raises
     ------

@@ -17,7 +17,7 @@ class NewSonarReadings:
     Parameters
     ----------
     max_range_m
-        For so far the sonars listen [m].
+        Listening range of the sonars [m].
     """
 
     def __init__(self, max_range_m: float) -> None:
@@ -34,7 +34,7 @@ class NewSonarReadings:
         now_ns
             Time of the state.
         stamps_ns, ranges_m
-            When each sonar's range came, and the range [m]; nan says nothing.
+            Arrival time and value of each sonar's range [m]; nan: no reading.
         """
         oldest_ns = max(self._last_ns, now_ns - _MAX_AGE_NS)
         readings = []

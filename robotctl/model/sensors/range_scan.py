@@ -22,7 +22,7 @@ class RangeScan:
     ranges_m
         Ranges, (n,) [m]; inf: nothing within `max_range_m`; nan: no valid reading.
     max_range_m
-        Beyond it nothing is seen [m], > 0.
+        Maximum range [m], > 0.
     x_m, y_m
         The sensor in `base` [m].
     sigmas_m

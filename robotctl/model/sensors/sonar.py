@@ -1,4 +1,4 @@
-"""Where a sonar sits on the robot, what it hears, and how long sound takes."""
+"""Mounting of a sonar, its readings, and the travel time of sound."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SPEED_OF_SOUND_M_S: Final = 343.0
 """In air at 20 degC."""
 
 FARTHEST_M: Final = 10.0
-"""No sonar sits farther from `base` than this, along either axis [m]."""
+"""Maximum distance of a sonar from `base` along either axis [m]."""
 
 
 def listening_ns(ranges_m: Iterable[float], max_range_m: float) -> int:
@@ -71,7 +71,7 @@ class SonarMount:
 
 
 class SonarReading(NamedTuple):
-    """What sonars that fired together heard.
+    """Readings of sonars that fired together.
 
     `stamp_ns` is when the sound was sent. `ranges_m` has one range for each sonar of the robot:
     inf without echo, nan for those that did not fire then.
@@ -82,5 +82,5 @@ class SonarReading(NamedTuple):
 
     @property
     def first(self) -> int:
-        """Index of the first sonar that fired, which tells the groups of a ring apart."""
+        """Index of the first sonar that fired, which identifies the group."""
         return next(i for i, range_m in enumerate(self.ranges_m) if not math.isnan(range_m))

@@ -1,4 +1,4 @@
-"""The way back: where the robot has been, without its loops."""
+"""The path home: where the robot has been, without loops."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from robotctl.planning.local.path import Point
 _SAME_HEADING_RAD = math.radians(20.0)
 _RECENT = 5
 _JOINED_M = 1.0
-"""How the robot came to a place farther than this from the last one is not known [m]."""
+"""A jump larger than this leaves a gap in the known path [m]."""
 
 
 class Crumb(NamedTuple):
-    """One place on the way."""
+    """One place on the path."""
 
     x_m: float
     y_m: float
@@ -29,7 +29,7 @@ class Crumb(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A piece of the way back that is driven in one gear."""
+    """A part of the path home driven in one gear."""
 
     points: tuple[Point, ...]
     """At least two, from the robot towards home."""
@@ -39,16 +39,16 @@ class Leg(NamedTuple):
 
 
 class Breadcrumbs:
-    """Remembers the way from home as points `spacing_m` apart.
+    """Remembers the path from home as points `spacing_m` apart.
 
     Where the robot comes to a place again, the loop in between is forgotten. A drive-and-steer
-    robot drives its way back in reverse gear along its own tracks, since it cannot turn on the
-    spot and may not have room for a U-turn; there a place counts as the same only with the same
-    heading and gear. Beyond `count_max` crumbs every second one is dropped.
+    robot returns in reverse gear along its own tracks, since it cannot turn on the spot and may not
+    have room for a U-turn; there a place counts as the same only with the same heading and gear.
+    Beyond `count_max` crumbs every second one is dropped.
 
     Where a pose is far from the one before (the localiser has found the robot elsewhere, or this
     process began in the middle of a run) there is a gap: the straight line between them may lead
-    through walls. It is gone when the robot comes to a place from before the gap.
+    through walls. It disappears when the robot reaches a place from before the gap.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Breadcrumbs:
 
     @property
     def has_gap(self) -> bool:
-        """Whether a part of the way home is not known."""
+        """Whether a part of the path home is unknown."""
         return any(crumb.gap for crumb in self._crumbs)
 
     def record(self, pose: SE2) -> None:
@@ -100,7 +100,7 @@ class Breadcrumbs:
             self._thin()
 
     def nearest(self, pose: SE2) -> Crumb:
-        """Forget the way behind the crumb nearest to a pose, and return that."""
+        """Forget the path beyond the crumb nearest to a pose, and return that crumb."""
         distances = [math.hypot(each.x_m - pose.x_m, each.y_m - pose.y_m) for each in self._crumbs]
         self.truncate(distances.index(min(distances)) + 1)
         return self._crumbs[-1]
@@ -113,7 +113,7 @@ class Breadcrumbs:
         del self._crumbs[count:]
 
     def legs(self) -> list[Leg]:
-        """Return the way back, one leg for each change of gear; none when the robot is home.
+        """Return the path home, one leg per gear; none when the robot is home.
 
         A differential drive always drives forwards: it turns round on the spot.
         """

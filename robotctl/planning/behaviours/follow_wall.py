@@ -39,7 +39,7 @@ from robotctl.planning.local.path import Point
 Side: TypeAlias = Literal["left", "right"]
 
 _TURNED_MAX_RAD = math.radians(30.0)
-"""Turned by more while somebody else steered, the robot would follow another wall."""
+"""Turned by more in another mode, the robot would follow a different wall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class WallConfig:
     approach_max_deg
         Steepest approach to the wall [deg], in (0, 90).
     lost_max_m
-        Without a wall the robot drives straight on for this way, then gives up [m], > 0.
+        Distance driven straight on without a wall before giving up [m], > 0.
 
     Raises
     ------
@@ -146,7 +146,8 @@ class FollowWallItem:
 class FollowWall(Behaviour):
     """Drives along a wall until one of the item's conditions is met.
 
-    After an interruption it goes on if the robot still is where it was left, and faces there.
+    After an interruption it continues if the robot is still where it stopped, with the same
+    heading.
 
     Parameters
     ----------
@@ -157,7 +158,7 @@ class FollowWall(Behaviour):
     mounts
         The sonars, in the order of the ranges.
     off_max_m
-        Farther from where it was left the robot does not go on [m].
+        Farther from where it stopped the robot does not continue [m].
 
     Raises
     ------
@@ -194,7 +195,7 @@ class FollowWall(Behaviour):
 
     @property
     def s_m(self) -> float:
-        """The way along the wall so far [m]."""
+        """Distance along the wall so far [m]."""
         return self._travelled
 
     def anchor(self, pose: SE2) -> Anchor | None:  # noqa: ARG002 - as all behaviours
@@ -203,12 +204,12 @@ class FollowWall(Behaviour):
         return None if left is None else Anchor(left.x_m, left.y_m, left.theta_rad)
 
     def resume(self, s_m: float) -> None:
-        """Go on from wherever the robot is, with the way `s_m` behind it [m]."""
+        """Continue from the robot's present place, having driven `s_m` [m]."""
         self.reset()
         self._travelled = self._lost_since = s_m
 
     def reset(self) -> None:
-        """Start anew: nothing travelled, no wall known."""
+        """Start over: nothing travelled, no wall known."""
         self._follower.reset()
         self._last: tuple[SE2, int] | None = None
         self._left: SE2 | None = None
@@ -217,7 +218,7 @@ class FollowWall(Behaviour):
         self._near = 0
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Return the next velocity; fails when there has been no wall for too long a way.
+        """Return the next velocity; fails without a wall for too long a distance.
 
         It fails, too, where the robot is not any more where it was left.
         """
@@ -243,7 +244,7 @@ class FollowWall(Behaviour):
         return BehaviourOutput(speed, omega, text=f"{self._travelled:.1f} m along the wall")
 
     def pause(self) -> None:
-        """Forget the wall, which changes while somebody else drives, but not where that was."""
+        """Forget the wall, which may change in another mode, but not its place."""
         if self._last is not None:
             self._left, self._last = self._last[0], None
         self._lost_since = self._travelled

@@ -15,11 +15,11 @@ from robotctl.planning.guard.behaviour import (
 from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
 
 _STANDSTILL_M_S = 0.03
-"""Where the guard allows less, the robot stands."""
+"""Below this allowed speed the robot stands still."""
 
 
 def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutput, GuardStep]:
-    """Return `step` slowed to what the guard allows, on the same arc, and what the guard said."""
+    """Return `step` slowed to what the guard allows, on the same arc, and the guard's verdict."""
     allowed = guard.step(step.v_m_s, step.omega_rad_s)
     speed = abs(step.v_m_s)
     if speed <= allowed.v_max_m_s:
@@ -32,7 +32,7 @@ def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutpu
 class Guarded(Behaviour):
     """Runs a behaviour with the obstacle guard and a time-out.
 
-    The robot slows down and stops ahead of an obstacle and goes on when it is gone; after
+    The robot slows down, stops ahead of an obstacle and continues when it is gone; after
     `GuardConfig.blocked_max_s` in one place the behaviour fails.
 
     Parameters
@@ -71,34 +71,34 @@ class Guarded(Behaviour):
         return self._behaviour.anchor(pose)
 
     def join(self) -> None:
-        """Go on from about its anchor, with all the time anew."""
+        """Continue near its anchor, with the full time again."""
         self.retry()
         self._behaviour.join()
 
     def resume(self, s_m: float) -> None:
-        """Go on at the way `s_m` along the path or wall [m]; without one it begins anew."""
+        """Continue at distance `s_m` along the path or wall [m]; without one, start over."""
         self.reset()
         self._behaviour.resume(s_m)
 
     def reset(self) -> None:
-        """Start anew."""
+        """Start over."""
         self._behaviour.reset()
         self._watch = Stopwatch()
         self._blocked_ns = None
 
     def pause(self) -> None:
-        """Somebody else steers for a while, which takes none of the behaviour's time."""
+        """Another mode steers for a while; the behaviour's time stands still."""
         self._behaviour.pause()
         self._watch.pause()
         self._blocked_ns = None
 
     def retry(self) -> None:
-        """Go on after a failure from wherever the robot is, with all the time anew."""
+        """Continue after a failure from the robot's present place, with the full time again."""
         self.pause()
         self._watch = Stopwatch()
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Return what the behaviour wants, as far as obstacles and time allow it."""
+        """Return the behaviour's output, as far as obstacles and time allow."""
         spent_ns = self._watch.step(now_ns)
         step = self._behaviour.step(situation, now_ns)
         if step.status is not Status.RUNNING:

@@ -21,7 +21,7 @@ else:
 
 @dataclass(frozen=True, slots=True)
 class StartPose:
-    """Where the robot stands at the start, in `world`."""
+    """Pose of the robot at the start, in `world`."""
 
     x_m: float
     y_m: float
@@ -38,7 +38,7 @@ class StartPose:
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """What a mission file says.
+    """Content of a mission file.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Mission:
     world
         Name of the world's file in `configs/worlds` that it is made for.
     start
-        Where the robot stands at the beginning.
+        Pose at the start.
     item
         The steps, at least one, written as `[[item]]`.
     """

@@ -15,7 +15,7 @@ from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 
 _BLOCKED_M_S: Final = 0.1
-"""Where the guard allows less, another way is looked for."""
+"""Below this allowed speed another direction is tried."""
 _TURN_RAD_S: Final = 0.6
 _LEAST_TURN_RAD: Final = math.radians(50.0)
 _MOST_TURN_RAD: Final = math.radians(200.0)
@@ -73,7 +73,7 @@ class LookAround:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew."""
+        """Start over."""
         self._doing = _Doing.FORWARD if self._drive.steered else _Doing.ROUND
         self._last: SE2 | None = None
         self._turned_rad = 0.0
@@ -81,7 +81,7 @@ class LookAround:
         self._direction = 1.0
 
     def pause(self) -> None:
-        """Somebody else steers for a while."""
+        """Another mode steers for a while."""
         self._last = None
 
     def step(self, situation: BehaviourInput) -> BehaviourOutput:
@@ -101,13 +101,13 @@ class LookAround:
             self._begin(_Doing.FORWARD)
         if self._doing in {_Doing.ROUND, _Doing.TURN}:
             return BehaviourOutput(0.0, self._direction * _TURN_RAD_S, text=self._doing.value)
-        sign, way = (1.0, ahead) if self._doing is _Doing.FORWARD else (-1.0, behind)
-        speed = min(self._speed, way.v_max_m_s)
+        sign, room = (1.0, ahead) if self._doing is _Doing.FORWARD else (-1.0, behind)
+        speed = min(self._speed, room.v_max_m_s)
         text = self._blind(blocked=blocked) or self._doing.value
-        return BehaviourOutput(sign * speed, speed * way.turn_rad_m, text=text)
+        return BehaviourOutput(sign * speed, speed * room.turn_rad_m, text=text)
 
     def _begin(self, doing: _Doing) -> None:
-        """Go over to something else."""
+        """Switch to another phase."""
         self._doing = doing
         self._turned_rad = self._moved_m = 0.0
 
@@ -119,12 +119,12 @@ class LookAround:
         self._last = pose
 
     def _has_turned(self, ahead_m_s: float) -> bool:
-        """Say whether the way is free after a real turn; in a niche any turn must do at last."""
+        """Return whether the path is free after a real turn, or in a niche after any."""
         turned = abs(self._turned_rad)
         return turned >= _MOST_TURN_RAD or (turned >= _LEAST_TURN_RAD and ahead_m_s >= self._speed)
 
     def _has_backed(self, behind_m_s: float) -> bool:
-        """Say whether there is room ahead now, or none behind."""
+        """Return whether there is room ahead now, or none behind."""
         return self._moved_m >= _BACK_M or behind_m_s < _BLOCKED_M_S
 
     def _way(self, direction: float) -> _Way:
@@ -146,11 +146,11 @@ class LookAround:
         if not self._guard.looks(1.0):
             return "no sonar looks ahead"
         if self._drive.steered and blocked and not self._guard.looks(-1.0):
-            return "the way is blocked, and no sonar looks back"
+            return "the path is blocked, and there is no rear sonar"
         return ""
 
     def _freer_side(self, ranges_m: Sequence[float]) -> float:
-        """Return 1 where there is more room to the left, else -1."""
+        """Return 1 if there is more room to the left, else -1."""
         room = 0.0
         for side, range_m in zip(self._sides, ranges_m, strict=True):
             if not math.isnan(range_m):
@@ -159,6 +159,6 @@ class LookAround:
 
 
 def _side(mount: SonarMount) -> float:
-    """Return how much a sonar looks to the left of the way ahead, -1 to 1."""
+    """Return how far left of the direction of travel a sonar looks, -1 to 1."""
     heading = wrap_angle(mount.heading_rad)
     return math.sin(heading) if abs(heading) <= math.radians(100.0) else 0.0

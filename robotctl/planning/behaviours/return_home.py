@@ -29,7 +29,7 @@ class ReturnHome(Behaviour):
     Parameters
     ----------
     crumbs
-        The way from home; shortened as the robot returns.
+        The path from home; shortened as the robot returns.
     config, drive, speed_m_s
         As for `Pursuit`.
     """
@@ -53,12 +53,12 @@ class ReturnHome(Behaviour):
         return Anchor(crumb.x_m, crumb.y_m)
 
     def reset(self) -> None:
-        """Plan the way back from the present crumbs."""
+        """Plan the path home from the present crumbs."""
         self._legs = self._crumbs.legs()
         self._begin_leg()
 
     def pause(self) -> None:
-        """Plan anew when going on."""
+        """Replan when continuing."""
         self._legs, self._path = [], None
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:

@@ -44,7 +44,7 @@ class CostMapConfig:
     robot_radius_m: float = 0.25
     """Radius of the circle around `base` that holds the robot [m]."""
     inflation_radius_m: float = 0.55
-    """Cells farther from all obstacles cost nothing [m]; at least the robot's radius."""
+    """Distance from obstacles beyond which cells cost nothing [m]; at least the robot's radius."""
     scaling_per_m: float = 10.0
     """How fast costs fall [1/m]; the greater, the closer paths pass obstacles."""
     occupied_percent: int = 65

@@ -1,1 +1,1 @@
-"""The way through a known map: planners that take a cost map and give a path, or a reason."""
+"""Paths through a known map: planners from a cost map to a path, or a reason why there is none."""

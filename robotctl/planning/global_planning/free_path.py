@@ -14,13 +14,13 @@ from robotctl.planning.global_planning.grid_search import search_cells
 from robotctl.planning.local.path import Point
 
 MARGIN_M: Final = 0.1
-"""Kept from walls beside the robot's half width [m]."""
+"""Clearance to walls besides the robot's half width [m]."""
 
 _COMFORT_M: Final = 0.4
-"""Nearer to a wall than this a way counts longer [m]."""
+"""Distance to a wall below which a path costs more [m]."""
 
 _TIGHT: Final = 2.0
-"""By so much, as a multiple, right beside the wall."""
+"""Cost factor right beside the wall."""
 
 
 class FreePaths:
@@ -51,7 +51,7 @@ class FreePaths:
             search_cells(self._costs, self._factors, (cell[0], cell[1]), (cell[0], cell[1]))
 
     def way(self, start: Point, goal: Point) -> list[Point]:
-        """Return the corners of a way after `start`, `goal` the last; none where there is none.
+        """Return the corners of a path after `start`, `goal` the last; none if there is no path.
 
         A robot or goal that is too near to a wall counts as in the nearest cell that is not.
         """
@@ -71,7 +71,7 @@ class FreePaths:
         return row, column
 
     def _straightened(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the corners of a way: between them it goes straight, as far from walls."""
+        """Return the corners of a path: between them it is straight, at the same clearance."""
         corners, here = [0], 0
         while here < len(cells) - 1:
             there = len(cells) - 1
@@ -82,7 +82,7 @@ class FreePaths:
         return cells[corners]
 
     def _sees(self, cells: NDArray[np.int64], here: int, there: int) -> bool:
-        """Say whether the straight way between two cells is as far from walls as that between."""
+        """Return whether the straight line between two cells keeps the path's clearance."""
         most = self._costs[tuple(cells[here : there + 1].T)].max()
         ends = cells[[here, there]].astype(np.float64)
         count = 2 * int(np.abs(ends[1] - ends[0]).max()) + 1

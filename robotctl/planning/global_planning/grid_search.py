@@ -5,7 +5,7 @@ factor of the cell it leads to. A* (Hart, Nilsson, Raphael 1968) is led by the o
 length of the shortest path without obstacles, which never overestimates since no factor is below 1.
 
 The open list is of buckets (Dial 1969): entries whose estimates differ by less than a bucket's
-width come in no order, so a cell may be expanded again by a shorter way; the search ends when no
+width come in no order, so a cell may be expanded again by a shorter path; the search ends when no
 bucket can hold a shorter one to the goal, and is exact. It works in pieces, so that its caller can
 watch the time.
 """
@@ -87,14 +87,14 @@ def search_cells(
     corners
         How many of the two cells beside a diagonal step must be free.
     guided
-        A*; else Dijkstra's algorithm, which looks in all directions alike.
+        A*; otherwise Dijkstra's algorithm, which searches equally in all directions.
     goes_on
         Asked now and then whether there is time left.
 
     Raises
     ------
     ValueError
-        If a cell lies outside of the map, or the factors are none.
+        If a cell lies outside the map, or the factors are invalid.
     """
     rows, columns = costs.shape
     for name, (row, column) in (("start", start), ("goal", goal)):
@@ -192,7 +192,7 @@ def _expand(
     guided: bool,
     piece: int,
 ) -> int:
-    """Expand up to `piece` cells; return whether the search goes on, wants room, or has ended.
+    """Expand up to `piece` cells; return whether the search continues, needs room, or has ended.
 
     `links` holds the cell of each entry and the next entry of its bucket; entries that were taken
     out are chained from `state[_SPARE]` and used again, which keeps the list in the cache.
@@ -219,7 +219,7 @@ def _expand(
         state[_SPARE] = entry
         state[_LIVE] -= 1
         if cost > reached[cell]:
-            continue  # a shorter way there was found since
+            continue  # a shorter path to it has been found since
         state[_EXPANDED] += 1
         for direction in range(8):
             down, right = _ROW_STEPS[direction] * width, _COLUMN_STEPS[direction]

@@ -34,7 +34,7 @@ class Status(enum.Enum):
 
 
 class BehaviourOutput(NamedTuple):
-    """What a behaviour wants now: a velocity [m/s, rad/s], its status and a reason or remark."""
+    """A behaviour's output: a velocity [m/s, rad/s], its status and a reason or remark."""
 
     v_m_s: float
     omega_rad_s: float
@@ -70,11 +70,11 @@ class Behaviour(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Start anew."""
+        """Start over."""
 
     @abstractmethod
     def pause(self) -> None:
-        """Somebody else steers for a while; the next step goes on from wherever the robot is."""
+        """Another mode steers for a while; the next step continues from the robot's new place."""
 
     @abstractmethod
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
@@ -94,7 +94,7 @@ class Behaviour(ABC):
 
 
 class Stopwatch:
-    """Time spent in steps: it stands still from a pause to the next step."""
+    """Time spent in steps: it stops between a pause and the next step."""
 
     def __init__(self) -> None:
         self._spent_ns = 0

@@ -2,8 +2,8 @@
 
 A camera that looks ahead loses what is close: a thing that the robot stops for is often just below
 the picture. So points are kept in the frame of the odometry until the camera sees floor there, or
-the robot is far away. One picture may err: a point counts when two in a row have it. Where the
-points are lost, what lies below the picture is not known, and is doubted until it is seen.
+the robot is far away. One picture may err: a point counts when two in a row have it. If the points
+are lost, the floor below the picture is unknown and counts as blocked until it is seen.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class FloorView(NamedTuple):
     angles_rad: NDArray[np.float64]
     """Beams, (n,), counter-clockwise from forward."""
     ranges_m: NDArray[np.float64]
-    """(n,) [m]; inf: the floor goes on; nan: not judged."""
+    """(n,) [m]; inf: floor up to the maximum range; nan: not judged."""
     sigmas_m: NDArray[np.float64]
     """Their standard deviations, (n,) [m]."""
     nearest_m: NDArray[np.float64]

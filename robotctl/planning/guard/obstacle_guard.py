@@ -16,7 +16,7 @@ Point: TypeAlias = tuple[float, float]
 MOST_BLOCKED_S: Final = 1e6
 
 _LEAST_CLOSING: Final = 1e-9
-"""A corner that comes no nearer to a wall than this, per way of `base`, moves along it."""
+"""A corner that approaches a wall by less than this, per distance of `base`, moves along it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class GuardConfig:
         How far the robot reaches ahead of `base` [m], > 0: from there the gap to what the camera
         sees is counted; as far behind `base`, driving backwards.
     half_width_m
-        Half of the robot's width with a little room [m], > 0: so far aside are its corners.
+        Half the robot's width plus a little room [m], > 0: lateral position of its corners.
     cone_deg
         Sonars within this angle of the direction of travel look ahead [deg], > 0: without their
         readings the robot stands.
@@ -73,7 +73,7 @@ class GuardStep(NamedTuple):
     """What the guard allows."""
 
     v_max_m_s: float
-    """Fastest speed in the direction asked for [m/s], >= 0; inf where nothing is near."""
+    """Maximum speed in the requested direction [m/s], >= 0; inf with nothing near."""
     obstacle: str
     """What limits it, for people; empty where nothing does."""
 
@@ -92,11 +92,11 @@ class _View(NamedTuple):
 class ObstacleGuard:
     """Limits the speed so that braking ends `margin_m` before the obstacle.
 
-    An echo is taken for a wall square to the axis of the sonar that heard it, and each corner of
-    the body is asked for its way up to there: gap / closing rate, on the straight line or the arc
-    that is asked for. So a wall beside the robot leaves it the more way the less it is approached,
-    in a bend or backwards with the wheels turned it is the outer corners that come near, and a
-    motion away from a wall is free.
+    An echo counts as a wall perpendicular to the axis of its sonar, and each corner of the body is
+    asked for its way up to there: gap / closing rate, on the straight line or the arc that is asked
+    for. So a wall beside the robot leaves it the more way the less it is approached, in a bend or
+    backwards with the wheels turned it is the outer corners that come near, and a motion away from
+    a wall is free.
 
     A wall that is not square to the axis is heard more by the neighbour, on whose axis it is more
     nearly so: with a sonar every 45 degrees it is off by 22.5 degrees at most from one of them,
@@ -136,7 +136,7 @@ class ObstacleGuard:
     def observe(
         self, ranges_m: Sequence[float], new: Sequence[bool], floor_base: Sequence[Point] = ()
     ) -> None:
-        """Take what was heard and seen; once a step.
+        """Take sonar ranges and floor points; once per step.
 
         Parameters
         ----------
@@ -174,55 +174,55 @@ class ObstacleGuard:
         direction = math.copysign(1.0, v_m_s)
         turn = omega_rad_s / abs(v_m_s)
         moves = [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
-        way, obstacle = math.inf, ""
+        distance_m, obstacle = math.inf, ""
         for view in self._views:
             reading = _median(self._history[view.slot])
             if math.isnan(reading):
                 if self._is_ahead(view, direction):
                     return GuardStep(0.0, f"sonar {view.name} gives no reading")
                 continue
-            free = self._free_way(view, reading, moves)
-            if free < way:
-                way, obstacle = free, f"{view.name} sees {reading:.2f} m"
+            free = self._free_distance(view, reading, moves)
+            if free < distance_m:
+                distance_m, obstacle = free, f"{view.name} measures {reading:.2f} m"
         on_floor = self._free_floor(direction)
-        if on_floor - self._config.margin_m < way:
-            way = on_floor - self._config.margin_m
+        if on_floor - self._config.margin_m < distance_m:
+            distance_m = on_floor - self._config.margin_m
             obstacle = f"something lies on the floor {on_floor:.2f} m away"
-        return GuardStep(self._speed_for(way), obstacle)
+        return GuardStep(self._speed_for(distance_m), obstacle)
 
     def _is_ahead(self, view: _View, direction: float) -> bool:
         """Say whether a sonar looks in the direction of travel, 1 or -1."""
         return direction * view.normal[0] >= self._cosine
 
-    def _free_way(self, view: _View, reading: float, moves: Sequence[Point]) -> float:
-        """Return the way of `base` until the first corner is `margin_m` before a wall [m].
+    def _free_distance(self, view: _View, reading: float, moves: Sequence[Point]) -> float:
+        """Return the distance of `base` until the first corner is `margin_m` from a wall [m].
 
-        `moves` is how far each corner goes per way of `base`.
+        `moves` is the motion of each corner per distance of `base`.
         """
-        way = math.inf
+        distance_m = math.inf
         for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
             closing = view.normal[0] * x + view.normal[1] * y
             if closing > _LEAST_CLOSING:
                 margin = self._config.margin_m / math.hypot(x, y)
-                way = min(way, (reading - reach_m) / closing - margin)
-        return way
+                distance_m = min(distance_m, (reading - reach_m) / closing - margin)
+        return distance_m
 
     def _free_floor(self, sign: float) -> float:
-        """Return the way from the robot's nose up to the nearest point on the floor [m]."""
+        """Return the distance from the robot's nose to the nearest point on the floor [m]."""
         half_m = self._config.half_width_m
         met = (sign * x_m for x_m, y_m in self._floor if sign * x_m > 0.0 and abs(y_m) < half_m)
         return min(met, default=math.inf) - self._config.nose_m
 
-    def _speed_for(self, way_m: float) -> float:
-        """Return the speed v with v reaction + v^2 / (2 a) = way [m/s]."""
-        if way_m <= 0.0:
+    def _speed_for(self, distance_m: float) -> float:
+        """Return the speed v with v reaction + v^2 / (2 a) = distance [m/s]."""
+        if distance_m <= 0.0:
             return 0.0
         delay = self._config.deceleration_m_s2 * self._config.reaction_s
-        return math.sqrt(delay * delay + 2.0 * self._config.deceleration_m_s2 * way_m) - delay
+        return math.sqrt(delay * delay + 2.0 * self._config.deceleration_m_s2 * distance_m) - delay
 
 
 def _corners(mounts: Sequence[SonarMount], half_width_m: float) -> list[Point]:
-    """Return the corners of the body, as far as its sonars tell how long that is."""
+    """Return the corners of the body, whose length is taken from the sonars."""
     ends = {min((m.x_m for m in mounts), default=0.0), max((m.x_m for m in mounts), default=0.0)}
     half_m = max(half_width_m, *(abs(m.y_m) for m in mounts)) if mounts else half_width_m
     return [(x_m, side * half_m) for x_m in sorted(ends) for side in (1.0, -1.0)]
@@ -236,7 +236,7 @@ def _view(index: int, mount: SonarMount, corners: Sequence[Point]) -> _View:
 
 
 def _median(readings: list[float]) -> float:
-    """Return the median of at most three readings; nan where most are nan or there is none."""
+    """Return the median of at most three readings; nan if most are nan or there is none."""
     valid = sorted([reading for reading in readings if not math.isnan(reading)])
     if 2 * len(valid) <= len(readings):
         return math.nan

@@ -15,7 +15,7 @@ _WITHIN_RAD = math.radians(20.0)
 def sonar_towards(mounts: Sequence[SonarMount], direction: str) -> int | None:
     """Return the index of the sonar that looks to the front, left, right or rear.
 
-    The one nearest to that direction, and None where none lies within 20 degrees of it.
+    The one nearest to that direction; None if none lies within 20 degrees of it.
     """
     wanted = DIRECTIONS_RAD[direction]
     best, best_off = None, _WITHIN_RAD

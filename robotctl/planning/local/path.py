@@ -70,7 +70,7 @@ class Path:
         return min(max(bisect_right(self._starts, s_m) - 1, 0), len(self._lengths) - 1)
 
     def point_at(self, s_m: float) -> Point:
-        """Return the point at length `s_m`; beyond either end the path goes on straight [m]."""
+        """Return the point at length `s_m`; beyond either end the path continues straight [m]."""
         index = self.segment_at(s_m)
         x, y = self.points[index]
         dx, dy = self._directions[index]

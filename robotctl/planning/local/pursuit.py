@@ -1,10 +1,10 @@
 """Pure pursuit: steer along the arc to a point of the path a little ahead.
 
 R. C. Coulter, *Implementation of the Pure Pursuit Path Tracking Algorithm*, CMU-RI-TR-92-01: the
-arc through `base`, along its heading, to the point (x, y) in `base` has the curvature
-2 y / (x^2 + y^2). The same holds in reverse for a point behind. A differential drive that looks
-far away from the path turns on the spot first (notes, section 1.5); drive-and-steer robots only
-get arcs within their reach.
+arc through `base`, along its heading, to the point (x, y) in `base` has the curvature 2 y / (x^2 +
+y^2). The same holds in reverse for a point behind. A differential drive that looks far away from
+the path turns on the spot first (notes, section 1.5); drive-and-steer robots only get arcs within
+their reach.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class PursuitConfig:
     Parameters
     ----------
     lookahead_s
-        The point to steer to lies as far ahead as the robot comes in this time [s], > 0,
+        The target point lies as far ahead as the robot drives in this time [s], > 0,
     lookahead_min_m, lookahead_max_m
         but within these lengths [m], > 0.
     acceleration_m_s2
@@ -46,8 +46,8 @@ class PursuitConfig:
     off_path_max_m
         A robot further from its path gives up [m], > 0.
     turn_on_spot_deg, turned_deg
-        A robot that can turns on the spot when the point lies further aside than the first [deg],
-        until it lies within the second.
+        A robot that can turn on the spot does so when the point lies further aside than the first
+        [deg], until it lies within the second.
 
     Raises
     ------

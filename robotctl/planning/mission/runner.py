@@ -54,18 +54,18 @@ class MissionRunner:
 
     @property
     def item_s_m(self) -> float:
-        """The way along the present item [m]; 0 where it is neither path nor wall."""
+        """Distance along the present item [m]; 0 if it is neither path nor wall."""
         return 0.0 if self.completed else self._behaviours[self.index].s_m
 
     def resume(self, item: int, s_m: float) -> None:
-        """Stand where an earlier run was interrupted, for `begin` to go on from there.
+        """Set the place where an earlier run was interrupted; `begin` continues from there.
 
         Parameters
         ----------
         item
             Its item, 0 to the number of items.
         s_m
-            The way along it [m].
+            Distance along it [m].
         """
         if not 0 <= item <= len(self._behaviours):
             raise ValueError(f"item must be 0 to {len(self._behaviours)}, not {item}")
@@ -79,7 +79,7 @@ class MissionRunner:
             self._behaviours[self.index].relocate()
 
     def begin(self) -> None:
-        """Start, go on where it was left, go on with a failed item or repeat what is completed."""
+        """Start, resume where it stopped, retry a failed item, or repeat a completed mission."""
         if self.completed:
             self._restart()
         elif self.failure:

@@ -1,9 +1,9 @@
 """Record of the control core's inputs and outputs, and their replay bit for bit.
 
 A record is a sequence of length-prefixed msgpack messages: one `RecordHeader`, then a `Checkpoint`
-followed by the `Tick` of each step, then perhaps more of both. A record that was cut short (a
-kill, a full disk) reads up to its last whole tick. Each checkpoint stands for the core between two
-steps, so a record may begin anywhere in a run and may have gaps.
+followed by the `Tick` of each step, then perhaps more of both. A record that was cut short (a kill,
+a full disk) reads up to its last whole tick. Each checkpoint holds the core between two steps, so a
+record may begin anywhere in a run and may have gaps.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ class ReplayedStep:
     outputs
         As computed.
     gaps
-        Places so far where ticks are missing and the replay went on from a checkpoint.
+        Places so far where ticks are missing and the replay continued from a checkpoint.
     """
 
     number: int
@@ -232,7 +232,7 @@ def replay_steps(
     Parameters
     ----------
     make_core
-        Makes the core as it was before the first step.
+        Builds the core in its state before the first step.
     entries
         Of a record.
     name

@@ -92,7 +92,7 @@ class FlightRing:
             self._lock = new_locked(path)
             self._memory = self._map(_HEAD_SIZE + segments * segment_size)
         except OSError as error:
-            raise LinkError(f"{path}: cannot be made: {error.strerror}") from error
+            raise LinkError(f"{path}: cannot be created: {error.strerror}") from error
         start = framed(self._encode(header))
         if len(start) > _HEAD_SIZE - _HEAD.size:
             raise LinkError(f"{path}: the configuration has {len(start)} bytes, too many")
@@ -104,12 +104,15 @@ class FlightRing:
     def _map(self, size: int) -> mmap.mmap:
         """Return the ring's memory, all of it present."""
         try:
+            # Reserve the pages now: on a full tmpfs a later write would end the process with
+            # SIGBUS.
             os.posix_fallocate(self._lock, 0, size)
             memory = mmap.mmap(self._lock, size)
         except OSError:
             self._path.unlink(missing_ok=True)
             os.close(self._lock)
             raise
+        # Touch every page, so that the loop takes no page fault.
         memory[:] = bytes(size)
         self._words = memoryview(memory).cast("Q")
         return memory
@@ -124,6 +127,7 @@ class FlightRing:
         start = at + LENGTH.size
         end = start + len(payload)
         if end <= self._end:
+            # The mark moves last, so a reader never sees half a tick.
             LENGTH.pack_into(memory, at, len(payload))
             memory[start:end] = payload
             self._at = end
@@ -153,7 +157,7 @@ class FlightRing:
         self._words[self._mark - 1] = self._sequence
 
     def close(self) -> None:
-        """Remove the ring: its process ends in order. Who has it open can still read it."""
+        """Remove the ring of a process that ends in order; open readers keep it."""
         self._path.unlink(missing_ok=True)
         self._let_go()
 
@@ -204,11 +208,11 @@ class RingReader:
         )
         if magic.rstrip(b"\0") != _MAGIC:
             os.close(self._descriptor)
-            raise RecordError(f"{path}: not a flight ring, or one that is just being made")
+            raise RecordError(f"{path}: not a flight ring, or one being created")
         self.header: bytes = os.pread(self._descriptor, length, _HEAD.size)
 
     def replaced(self) -> bool:
-        """Return whether the path leads elsewhere by now: the process ended or started anew."""
+        """Return whether the path leads elsewhere by now: the process ended or restarted."""
         return not leads_to(self.path, self._descriptor)
 
     def read(self, after: Part | None = None) -> list[Part]:

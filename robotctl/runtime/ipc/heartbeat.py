@@ -19,7 +19,7 @@ _COUNT = struct.Struct("=Q")
 
 
 class ProcessHeartbeat:
-    """The beating side. Without a supervisor it beats for nobody.
+    """The beating side. Without a supervisor nothing reads it.
 
     Parameters
     ----------

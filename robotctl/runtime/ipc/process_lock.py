@@ -1,7 +1,7 @@
 """Claims: what only one process of this computer may have, such as the commands on a bus.
 
 A claim is an abstract Unix socket (unix(7)). Its name belongs to the network namespace, as CAN
-interfaces do, whoever the user is; the kernel gives it back when the process ends, however it ends.
+interfaces do, whoever the user is; the kernel frees it when the process ends, however it ends.
 """
 
 from __future__ import annotations

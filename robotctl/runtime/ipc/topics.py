@@ -1,8 +1,8 @@
 """Messages between the processes of one robot: ZeroMQ over Unix sockets, msgpack by msgspec.
 
-States are published (PUB/SUB): who listens late misses the past, which is what a state wants.
-Requests are pushed (PUSH/PULL) and never kept for a process that is not there: a request to move
-or to arm that waited for a restart would come as a surprise.
+States are published (PUB/SUB): late subscribers miss the past, as they should for states. Requests
+are pushed (PUSH/PULL) and never kept for a process that is not there: a request to move or to arm
+that waited for a restart would come as a surprise.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def _private(directory: Path) -> Path:
         directory.mkdir(mode=0o700, exist_ok=True)
         _refuse_others(directory)
     except OSError as error:
-        raise LinkError(f"{directory}: cannot be made: {error.strerror}") from error
+        raise LinkError(f"{directory}: cannot be created: {error.strerror}") from error
     return directory
 
 
@@ -147,7 +147,7 @@ class Endpoints:
         self.telemetry_notices = f"ipc://{directory}/telemetry.notices"
         self.recorder_notices = f"ipc://{directory}/recorder.notices"
         self.supervisor_notices = f"ipc://{directory}/supervisor.notices"
-        """Not among `published`: who supervises has said it."""
+        """Not among `published`: the supervisor has reported it."""
         self.truth = f"ipc://{directory}/truth"
         self.lidar = f"ipc://{directory}/lidar"
         self.camera = f"ipc://{directory}/camera"
@@ -167,14 +167,14 @@ class Endpoints:
 
 
 class Publisher:
-    """Publishes messages, or ready-made bytes, to whoever listens.
+    """Publishes messages, or ready-made bytes, to subscribers.
 
     Parameters
     ----------
     context, address
         Where.
     queue
-        So many messages are kept for a listener that is too slow; newer ones are dropped.
+        Messages kept for a slow subscriber; newer ones are dropped.
     """
 
     def __init__(self, context: zmq.Context[Any], address: str, queue: int = _QUEUE) -> None:
@@ -187,18 +187,19 @@ class Publisher:
         self._socket.send(self._encoder.encode(message), zmq.NOBLOCK)
 
     def greet(self, message: msgspec.Struct | None) -> None:
-        """Tell `message` to each who begins to listen from now on, instead of the one before.
+        """Send `message` to each new subscriber from now on, instead of the previous one.
 
         None: nothing.
 
-        What a process has to say at its start, when nobody listens yet, is heard in this way. It
-        goes out with the next `send` or `attend` after somebody has come.
+        Messages of a process at its start, when nobody listens yet, arrive this way. It goes out
+        with the next `send` or `attend` after a subscriber connects.
         """
         words = b"" if message is None else self._encoder.encode(message)
+        # Documented for XPUB; it works for PUB, which libzmq derives from it.
         self._socket.setsockopt(zmq.XPUB_WELCOME_MSG, words)
 
     def attend(self) -> None:
-        """Greet who has come; for a process that seldom sends anything."""
+        """Greet new subscribers; for a process that seldom sends anything."""
         self._socket.getsockopt(zmq.EVENTS)  # asking lets the socket look at what it was told
 
     def send_bytes(self, data: bytes) -> None:
@@ -224,7 +225,7 @@ class _Receiver(Generic[T]):
         """Return all waiting messages, oldest first, without waiting.
 
         Asking the descriptor first costs a fifth of asking the socket, which a control tick feels.
-        It tells of news only, not of messages that wait: hence everything is read, always.
+        It signals changes only, not waiting messages, so always read everything.
         """
         messages: list[T] = []
         if not self._signal.poll(0):
@@ -272,6 +273,8 @@ class RequestSender:
 
     def __init__(self, context: zmq.Context[Any], address: str) -> None:
         self._socket = _socket(context, zmq.PUSH)
+        # Otherwise ZeroMQ queues requests for an absent process, and an old request to move would
+        # wait for its restart.
         self._socket.setsockopt(zmq.IMMEDIATE, 1)
         self._socket.connect(address)
         self._encoder = msgspec.msgpack.Encoder()
@@ -297,6 +300,7 @@ def _readable(socket: zmq.Socket[bytes]) -> bool:
 def _socket(context: zmq.Context[Any], kind: int, queue: int = _QUEUE) -> zmq.Socket[bytes]:
     """Make a socket with bounded queues that does not delay the end of its process."""
     socket: zmq.Socket[bytes] = context.socket(kind)
+    # Unsent messages must not delay the end of the process.
     socket.setsockopt(zmq.LINGER, 0)
     socket.setsockopt(zmq.SNDHWM, queue)
     socket.setsockopt(zmq.RCVHWM, queue)

@@ -1,6 +1,6 @@
 """A folder of logs, bounded in size: files of one kind are numbered, the oldest go first.
 
-A log is locked while it is written, and whoever makes room or cleans up leaves it alone.
+A log is locked while it is written, and clean-up leaves it alone.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ def make_folder(directory: Path) -> None:
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise LogError(f"{directory}: is no folder") from error
+        raise LogError(f"{directory}: is not a folder") from error
     except OSError as error:
-        raise LogError(f"{directory}: cannot be made: {error.strerror}") from error
+        raise LogError(f"{directory}: cannot be created: {error.strerror}") from error
 
 
 def age_rank(status: os.stat_result) -> tuple[bool, int]:
@@ -146,7 +146,7 @@ class LogFolder:
         """Return the number of a simulated run, that of its first log of states, its truth and map.
 
         An empty truth takes it, and stays where the run does not come to its end: so its logs are
-        not taken for those of the run before.
+        not mistaken for those of the previous run.
 
         Raises
         ------
@@ -188,7 +188,7 @@ class LogFolder:
 
 
 def is_gone(file: IO[Any]) -> bool:
-    """Return whether somebody has removed a log that is being written: nobody would read it."""
+    """Return whether a log being written was deleted: nobody would read it."""
     return not leads_to(Path(file.name), file.fileno())
 
 
@@ -207,7 +207,7 @@ def close_log(file: IO[Any]) -> None:
 
 
 def _remove_if_empty(path: Path) -> None:
-    """Remove a file of no bytes that nobody writes; where that is refused it stays."""
+    """Remove an empty file that is not being written; keep it if that is refused."""
     with suppress(OSError):
         if path.stat().st_size == 0:
             _removed(path)

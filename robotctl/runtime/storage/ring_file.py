@@ -1,8 +1,8 @@
 """Whose a flight ring or a log is: the lock of its writer; where the ring of a dead process goes.
 
-A ring is locked by its writer as long as that lives. Who renames or removes one locks it first and
-then looks whether the path still leads to what is locked: between the two, somebody else may have
-put another file there. So the ring of a live process is never taken away.
+A ring is locked by its writer as long as that lives. Before renaming or removing one, lock it, then
+check that the path still leads to the locked file: another process may have replaced it in between.
+So the ring of a live process is never taken away.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST_DEAD: Final = 4
 
 _PROBES: Final = 50
 _PROBE_S: Final = 0.002
-"""Who asks whether a ring is written locks it for some microseconds; a writer waits that out."""
+"""A probe locks a ring for some microseconds; a writer waits for it."""
 
 
 def crashed(path: Path) -> Path:
@@ -46,7 +46,7 @@ def is_written(path: Path) -> bool:
 
 
 def hold(file: IO[Any]) -> bool:
-    """Lock a file for as long as it is open; return whether nobody else has locked it.
+    """Lock a file while it is open; return whether no other process has locked it.
 
     On a disk that knows no locks, as some in a network, it stays without one.
     """
@@ -66,7 +66,7 @@ def leads_to(path: Path, descriptor: int) -> bool:
 
 
 def new_locked(path: Path) -> int:
-    """Return the descriptor of an empty file at a path, locked; a dead process's ring gives way.
+    """Return the descriptor of a locked, empty file at a path, replacing a dead process's ring.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def remove_dead(path: Path) -> None:
 
 
 def remove_old(folder: Path) -> None:
-    """Remove rings of dead processes but the newest: nobody else gives their memory back."""
+    """Remove all but the newest ring of dead processes: nothing else frees their memory."""
     dead = []
     for path in folder.glob("*.ring*"):
         with suppress(FileNotFoundError):  # others do the same
@@ -130,7 +130,7 @@ def remove_old(folder: Path) -> None:
 
 
 def _locked(descriptor: int) -> bool:
-    """Lock a file that nobody but a probe may have locked; return whether that went."""
+    """Lock a file that only a probe may have locked; return whether that succeeded."""
     for _ in range(_PROBES):
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

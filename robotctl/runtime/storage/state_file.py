@@ -57,7 +57,7 @@ class FileSystem(Protocol):
 
 
 def damaged_name(name: str, taken: Collection[str]) -> str:
-    """Return under which name a damaged file is set aside, beside others: one not `taken`."""
+    """Return a name not in `taken` under which a damaged file is set aside."""
     number = 1
     while (free := f"{name}.damaged-{number}") in taken:
         number += 1
@@ -126,6 +126,8 @@ class StateFile(Generic[T]):
         content = _HEADING + f"{len(body)} {zlib.crc32(body):08x}\n".encode() + body
         system = self._system
         try:
+            # At every moment one complete value exists under one of the names; a rename lasts only
+            # once the folder is synced.
             self._write(self._new, content)
             with suppress(FileNotFoundError):  # the first save, or one that was cut here before
                 system.rename(self.path, self._previous)
@@ -184,7 +186,7 @@ class StateFile(Generic[T]):
             raise ValueError("it does not begin as a state file")
         words = heading[len(_HEADING) :].split()
         if len(words) != 2 or words[0] != b"%d" % len(body):
-            raise ValueError(f"its length is {len(body)} bytes, against its heading")
+            raise ValueError(f"its length is {len(body)} bytes, unlike its header")
         if words[1] != b"%08x" % zlib.crc32(body):
             raise ValueError("its checksum is wrong")
         return self._decoder.decode(body)  # a DecodeError is a ValueError

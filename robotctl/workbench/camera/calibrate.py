@@ -1,7 +1,7 @@
 """`robotctl camera calibrate`: the lens from a board, the mount from places on the floor.
 
-What lies on the floor may be a board at a measured place, markers at measured places, points
-clicked in a picture, or several of these: all points go into one fit.
+Targets on the floor may be a board or markers at measured places, points clicked in a picture, or
+several of these: all points go into one fit.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class CameraCalibrateOptions:
     noise
         How well places and pixels are known.
     seed
-        Of the search for wrong points.
+        Seed of the search for outliers.
     """
 
     robot: Path
@@ -108,7 +108,7 @@ class CameraCalibrateResult:
     Parameters
     ----------
     options, config
-        What was asked for, and the robot as it was.
+        The options, and the robot before.
     picture
         Of the floor; None: there is none.
     lens
@@ -144,7 +144,7 @@ def calibrate_camera(options: CameraCalibrateOptions, progress: Progress) -> Cam
     ConfigError
         If a file is wrong.
     CalibrationError
-        If the data do not tell what is asked for; says why.
+        If the data do not determine the result; says why.
     OSError
         If a file cannot be read.
     """
@@ -157,12 +157,12 @@ def calibrate_camera(options: CameraCalibrateOptions, progress: Progress) -> Cam
         lens, notes = lens_of_pictures(options.lens, options.board, progress)
     points, fit = FloorPoints.none(), None
     if options.floor is not None or options.points is not None:
-        intrinsics, known, said = _intrinsics(options, config, lens, picture)
+        intrinsics, known, remarks = _intrinsics(options, config, lens, picture)
         progress("finding the points on the floor")
         fixed, boards = _floor_points(options, intrinsics, picture)
         progress("fitting the mount")
         points, fit = _fitted(options, config, intrinsics, fixed, boards, known=known)
-        notes += said + _about(options, fit, points, picture)
+        notes += remarks + _about(options, fit, points, picture)
     expected = () if fit is None else expected_errors(fit, options.noise.sigma_px)
     advice = None if fit is None else recommend(fit, options.noise)
     return CameraCalibrateResult(
@@ -182,8 +182,8 @@ def _intrinsics(
     if config.camera is not None and not options.lens_unknown:
         return config.camera.intrinsics, True, [f"the lens is that of {options.robot.name}"]
     assumed = (
-        "without a calibrated lens: pixels are taken to be square, the optical axis to meet the "
-        "middle of the picture, and the lens to bend nothing; --lens finds what is true"
+        "without a calibrated lens: pixels are assumed square, the optical axis centred, and the "
+        "lens free of distortion; --lens finds the true values"
     )
     if picture is not None:
         height, width = picture.shape[:2]
@@ -224,9 +224,9 @@ def _fitted(
     known: bool,
 ) -> tuple[FloorPoints, MountFit]:
     """Fit the mount; of the ways a board could lie, that which agrees with the rest."""
-    ways = [fixed.joined(board) for board in boards] or [fixed]
+    variants = [fixed.joined(board) for board in boards] or [fixed]
     fits, reasons = [], []
-    for points in ways:
+    for points in variants:
         rng = np.random.default_rng(options.seed)
         try:
             fit = fit_mount(
@@ -240,9 +240,9 @@ def _fitted(
         raise CalibrationError(reasons[0])
     nominal_deg = 0.0 if config.camera is None else config.camera.mount.yaw_deg
 
-    def doubt(way: tuple[FloorPoints, MountFit]) -> tuple[int, float]:
+    def doubt(variant: tuple[FloorPoints, MountFit]) -> tuple[int, float]:
         """Count points that disagree, then the angle to where the camera should look."""
-        fit = way[1]
+        fit = variant[1]
         turned = math.remainder(fit.mount.yaw_deg - nominal_deg, 360.0)
         return int(np.sum(~fit.agree)), abs(turned)
 
@@ -270,13 +270,13 @@ def _about(
         notes.append(
             f"the points fit {factor:.1f} times worse than {noise.sigma_px:g} px and "
             f"{1e3 * noise.sigma_m:g} mm allow: are places, board and lens right? The intervals "
-            "are as much wider"
+            "are wider by that factor"
         )
     if fit.degrees >= _MANY and fit.chi2 < 0.25 * fit.degrees:
         notes.append(
             f"the points fit {math.sqrt(fit.degrees / fit.chi2):.1f} times better than "
-            f"{noise.sigma_px:g} px and {1e3 * noise.sigma_m:g} mm allow; where --sigma-px and "
-            "--sigma-mm are given smaller, the intervals are narrower"
+            f"{noise.sigma_px:g} px and {1e3 * noise.sigma_m:g} mm allow; smaller --sigma-px and "
+            "--sigma-mm would give narrower intervals"
         )
     if fit.degrees <= _FEW:
         notes.append("so few points hardly check each other: measure some more")
@@ -285,10 +285,8 @@ def _about(
         larger = larger_board(picture, board)
         if larger is not None:
             notes.append(
-                f"the board looks as if it had {larger.columns} x {larger.rows} inner corners, not "
-                f"{board.columns} x {board.rows}: count them, its middle would be another"
+                f"the board seems to have {larger.columns} x {larger.rows} inner corners, not "
+                f"{board.columns} x {board.rows}: count them, or its middle is wrong"
             )
-        notes.append(
-            "the place of the board counts in full: what --at is off, all places on the floor are"
-        )
+        notes.append("an error of --at shifts all places on the floor")
     return notes

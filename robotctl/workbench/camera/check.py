@@ -1,4 +1,4 @@
-"""`robotctl camera check`: markers at known places against what the calibration says of them."""
+"""`robotctl camera check`: markers at known places against the calibration's estimates."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class CheckResult:
             for name, told in zip(self.points.names, self.errors.told, strict=True)
             if math.isnan(told[0])
         ]
-        doubts = [f"{', '.join(above)}: not on the floor, says the camera"] if above else []
+        doubts = [f"{', '.join(above)}: not on the floor, according to the camera"] if above else []
         doubts += [
             f"{band.low_m:g} to {band.high_m:g} m: errors of {1e3 * band.rmse_m:.0f} mm, "
             f"{1e3 * band.expected_m:.0f} mm expected"
@@ -94,7 +94,7 @@ class CheckResult:
 
 
 def check_camera(options: CheckOptions) -> CheckResult:
-    """Compare known places with what the camera says.
+    """Compare known places with the camera's estimates.
 
     Raises
     ------

@@ -107,8 +107,8 @@ def board_seen(picture: NDArray[np.uint8], file: Path, board: Board, at: SE2) ->
     corners = find_corners(picture, board)
     if corners is None:
         raise CalibrationError(
-            f"{file}: no chessboard of {board.columns} x {board.rows} inner corners is seen "
-            "whole; is --board right, is there white around it, does it lie flat?"
+            f"{file}: no chessboard of {board.columns} x {board.rows} inner corners is fully "
+            "visible; is --board right, is there white around it, does it lie flat?"
         )
     cos, sin = math.cos(at.theta_rad), math.sin(at.theta_rad)
     ground = board.corners() @ np.array([[cos, sin], [-sin, cos]]) + [at.x_m, at.y_m]

@@ -29,7 +29,7 @@ def lens_of_pictures(
     ConfigError
         If a file is no picture, or one has another size.
     CalibrationError
-        If the pictures do not tell the lens.
+        If the pictures do not determine the lens.
     OSError
         If a file cannot be read.
     """
@@ -57,8 +57,8 @@ def lens_of_pictures(
         )
     if tagged := tagged_to_turn(paths):
         notes.append(
-            f"the EXIF orientation of {', '.join(path.name for path in tagged)} is not followed: "
-            "pictures count as the sensor took them, not as a viewer turns them"
+            f"the EXIF orientation of {', '.join(path.name for path in tagged)} is ignored: "
+            "pictures are used as the sensor took them"
         )
     progress("fitting the lens")
     ((height, width),) = sizes
@@ -68,12 +68,12 @@ def lens_of_pictures(
         raise CalibrationError("; ".join([str(error), *notes])) from error
     if not _invertible(lens.intrinsics):
         notes.append(
-            "the distortion found bends back within the picture: what lies there has no place on "
-            "the floor. Take pictures with the board in the corners too"
+            "the distortion found folds back within the picture: pixels there have no place on the "
+            "floor. Take pictures with the board in the corners too"
         )
     out = [path.name for path, rms in zip(seen, lens.rms_px, strict=True) if math.isnan(rms)]
     if out:
-        notes.append(f"left out, since they fit much worse than the others: {', '.join(out)}")
+        notes.append(f"left out because they fit much worse than the others: {', '.join(out)}")
     return lens, notes
 
 

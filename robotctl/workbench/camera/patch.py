@@ -59,7 +59,7 @@ def patch_text(result: CameraCalibrateResult) -> str:
             f"Camera of {result.config.robot.name}, by robotctl camera calibrate from "
             f"{', '.join(sources)}"
         ),
-        "Put these keys in place of those in the robot's file.",
+        "Replace the keys in the robot's file with these.",
     ]
     comments += [
         f"at {each.range_m:g} m: {1e3 * each.calibration_m:.0f} mm from the calibration, "
@@ -85,5 +85,5 @@ def _lens_values(lens: CameraIntrinsics) -> dict[str, Value]:
 
 
 def _rounded(key: str, value: float) -> float:
-    """Return a value to a hundredth of what any calibration tells, by the unit in its key."""
+    """Return a value rounded to a hundredth of the achievable accuracy, by the unit in its key."""
     return round(value, _DIGITS["_" + key.rpartition("_")[2]]) + 0.0

@@ -88,18 +88,18 @@ def check_size(picture: NDArray[np.uint8], path: Path, intrinsics: CameraIntrins
         wanted = intrinsics.height_px, intrinsics.width_px
         raise ConfigError(
             f"{path}: {width} x {height} pixels, but the lens is for "
-            f"{intrinsics.width_px} x {intrinsics.height_px}; take pictures of that size: one "
-            f"that is cut or scaled has another lens{turned_hint((height, width), wanted)}"
+            f"{intrinsics.width_px} x {intrinsics.height_px}; take pictures of that size: a "
+            f"cropped or scaled one has another lens{turned_hint((height, width), wanted)}"
         )
 
 
 def turned_hint(one: tuple[int, ...], other: tuple[int, ...]) -> str:
-    """Return what to do where of two sizes (height, width) one is the other turned; else ""."""
+    """Return a hint if one of two sizes (height, width) is the other rotated, otherwise ""."""
     if one != other[::-1]:
         return ""
     return (
-        "; one has been turned: give pictures as the camera saved them, whose tag of orientation "
-        "is not followed"
+        "; one has been rotated: give pictures as the camera saved them; orientation tags are "
+        "ignored"
     )
 
 
@@ -133,8 +133,8 @@ def live_picture(instance: str, clock: Clock) -> NDArray[np.uint8]:
     finally:
         camera.close()
     raise LinkError(
-        f"{LIVE}{instance}: no picture within {_PATIENCE_NS / 1e9:g} s; does the robot look? It "
-        "does with camera.enabled = true, a simulated one with --camera"
+        f"{LIVE}{instance}: no picture within {_PATIENCE_NS / 1e9:g} s; is its camera on? Set "
+        "camera.enabled = true, in simulation use --camera"
     )
 
 
@@ -166,7 +166,7 @@ def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
 
 
 def write_print(path: Path, picture: NDArray[np.uint8], px_per_mm: int) -> None:
-    """Write a grey picture, (height, width), as PNG that says how large it is in print.
+    """Write a grey picture, (height, width), as PNG with its print size.
 
     Raises
     ------

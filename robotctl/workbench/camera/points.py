@@ -82,7 +82,7 @@ def write_columns(path: Path, keys: Sequence[str], rows: NDArray[np.float64]) ->
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Return the cells of each line that says something, with its number."""
+    """Return the cells of each non-empty line, with its number."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:

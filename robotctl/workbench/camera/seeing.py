@@ -43,7 +43,7 @@ _NOT_TRUSTED: Final = (0, 165, 255)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenPicture:
-    """One picture and what it says."""
+    """One picture and its result."""
 
     name: str
     picture: NDArray[np.uint8]
@@ -99,7 +99,7 @@ class Seeing:
             raise ConfigError(f"{options.robot}: camera: {error}") from error
 
     def look(self) -> Iterator[SeenPicture]:
-        """Yield each picture with what it says.
+        """Yield each picture with its result.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class Seeing:
 def _write(
     image: NDArray[np.uint8], words: str, place: tuple[int, int], colour: tuple[int, int, int]
 ) -> None:
-    """Write words that can be read on any ground."""
+    """Write text that is readable on any background."""
     (width, height), below = cv2.getTextSize(words, cv2.FONT_HERSHEY_SIMPLEX, 0.45, 1)
     u, v = place
     cv2.rectangle(image, (u - 2, v - height - 2), (u + width + 2, v + below), (0, 0, 0), -1)

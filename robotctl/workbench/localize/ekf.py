@@ -28,7 +28,7 @@ from robotctl.workbench.localize.report import Run
 _TOLD = 1000
 _ARM_SIGMA_M = 0.01
 _BEARING_SIGMA_RAD = 0.01
-"""How well it is known where a lidar sits and looks: better than a camera."""
+"""Uncertainty of a lidar's mounting: better than a camera's."""
 
 
 def run_ekf(
@@ -48,7 +48,7 @@ def run_ekf(
     if not recording.sightings:
         raise LocalizeError(
             f"{options.log}: no sightings of landmarks in it, and no sonars with a map of walls, "
-            "which --method ekf needs; a log with scans is for --method mcl"
+            "which --method ekf needs; for a log with scans use --method mcl"
         )
     start_rng, odometry_rng = rng.spawn(2)
     recording = with_noisy_motion(recording, options.odometry_noise, odometry_rng)

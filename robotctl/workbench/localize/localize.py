@@ -64,7 +64,7 @@ def localize(options: LocalizeOptions, progress: Progress) -> Localized:
 
 
 def localize_seeds(options: LocalizeOptions, seeds: int, progress: Progress) -> list[Localized]:
-    """Run a filter on a log so many times, with the seed of the options and those that follow.
+    """Run a filter on a log several times, with consecutive seeds from that of the options.
 
     Raises
     ------
@@ -136,7 +136,8 @@ def _with_reference(recording: Recording, file: Path) -> Recording:
     if spans[1] < spans[2] or spans[3] < spans[0]:
         raise LocalizeError(
             f"--reference {file}: has times from {spans[0]:.3f} to {spans[1]:.3f} s, and "
-            f"{recording.name} from {spans[2]:.3f} to {spans[3]:.3f} s: of another drive or clock"
+            f"{recording.name} from {spans[2]:.3f} to {spans[3]:.3f} s: of a different drive or "
+            "clock"
         )
     scans = tuple(
         replace(entry, reference=reference.at(entry.scan.stamp_ns)) for entry in recording.scans

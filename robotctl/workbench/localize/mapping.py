@@ -102,8 +102,8 @@ def choose_scans(recording: Recording, which: str) -> Sequence[RecordedScan]:
     scans = recording.scans[_TAKEN[which]]
     if not scans:
         raise ConfigError(
-            f"{recording.name}: {len(recording.scans)} lidar scans in it, of which --scans {which} "
-            "takes none"
+            f"{recording.name}: {len(recording.scans)} lidar scans in it, none of them in --scans "
+            f"{which}"
         )
     return scans
 

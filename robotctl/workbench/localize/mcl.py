@@ -37,7 +37,7 @@ from robotctl.workbench.localize.options import (
 from robotctl.workbench.localize.report import Run
 
 FITS_NOWHERE: Final = (
-    "what was seen fits no place of this map; is it the map of this place, and as it is now?"
+    "what was seen matches no place on this map; is it the right map, and up to date?"
 )
 
 
@@ -62,9 +62,9 @@ def run_mcl(
 ) -> Run:
     """Follow the particles through all that was measured.
 
-    As in the navigation process, each sensor weighs them once for each piece of way. The first
-    measurements are tried on a throw-away localiser before: that compiles the kernels, so that the
-    times of the updates are theirs alone.
+    As in the navigation process, each sensor weights them once per stretch. The first measurements
+    are tried on a throw-away localiser before: that compiles the kernels, so that the times of the
+    updates are theirs alone.
 
     Raises
     ------
@@ -83,8 +83,8 @@ def run_mcl(
     echo_share = EchoShare(world_map.grid)
     deltas = increments([moment.odometry for moment in moments])
     run = Run(has_heading=recording.reference_has_heading, starts_known=not options.search)
-    if not options.search and (said := off_map(world_map, start.pose)):
-        run.notes.append(said)
+    if not options.search and (warning := off_map(world_map, start.pose)):
+        run.notes.append(warning)
     if options.search and options.particles is None:
         run.notes += filter(None, [too_large(free_area_m2(world_map.grid))])
     for done, (moment, delta) in enumerate(
@@ -120,8 +120,8 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
         moments.append(_Moment(stamp_ns, sonar_name(reading), heard.odometry, reference, sonar))
     if not moments:
         raise LocalizeError(
-            f"{options.log}: no scans in it, which --method mcl weighs; a log with sightings of "
-            "landmarks is for --method ekf"
+            f"{options.log}: no scans in it, which --method mcl needs; for a log with sightings of "
+            "landmarks use --method ekf"
         )
     return sorted(moments, key=attrgetter("stamp_ns"))
 

@@ -1,4 +1,4 @@
-"""What `robotctl localize` is told, and what every method of it needs."""
+"""Options of `robotctl localize`, and the inputs of all its methods."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ class LocalizeOptions:
         Noise put on the odometry: of the distance after 1 m [m], and of the heading after 1 m and
         after 1 rad [rad], standard deviations.
     seed
-        Of everything random.
+        Seed of everything random.
     mrclam_robot
-        Which robot of a MRCLAM folder.
+        Robot of an MRCLAM folder.
     sensors
         What particles know of lidar and sonars; None: the defaults.
     odometry
@@ -159,8 +159,8 @@ def known_start(
     pose = pose or start_pose(recording, stamp_ns)
     if pose is None:
         raise LocalizeError(
-            f"{recording.name}: no reference says where the drive begins; tell it by --start "
-            "x,y,deg or --reference FILE; --method mcl can start anywhere: --global"
+            f"{recording.name}: no reference gives the start of the drive; give --start x,y,deg or "
+            "--reference FILE; --method mcl can start anywhere: --global"
         )
     x, y, theta = rng.standard_normal(3).tolist()
     wrong = SE2(

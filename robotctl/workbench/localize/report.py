@@ -17,7 +17,7 @@ from robotctl.model.geometry.se2 import SE2
 
 LOST_M: Final = 1.0
 WRONG_RAD: Final = math.radians(30.0)
-"""Who is further from the reference [m], or turned more against it, does not know the place."""
+"""Error against the reference [m], and in heading, beyond which the place is unknown."""
 
 _END_SHARE: Final = 0.1
 

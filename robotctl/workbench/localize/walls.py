@@ -65,14 +65,14 @@ def run_wall_ekf(
     steps = list(zip(stamps_ns[1:], pairwise(poses), strict=True))
     for done, (stamp_ns, (before, after)) in enumerate(steps, 1):
         began_ns = time.process_time_ns()
-        heard = 0
+        used = 0
         while sonars and sonars[0].reading.stamp_ns <= stamp_ns:
-            heard += _hear(ekf, sonars.popleft().reading, recording, walls)
+            used += _hear(ekf, sonars.popleft().reading, recording, walls)
         if stamp_ns > ekf.stamp_ns:
             ekf.predict(stamp_ns, *arc_between(before.inverse() @ after))
-        if heard:
+        if used:
             spent_ms = 1e-6 * (time.process_time_ns() - began_ns)
-            run.update_ms += [spent_ms / heard] * heard
+            run.update_ms += [spent_ms / used] * used
         run.add(ekf.estimate(), reference_at(recording, stamp_ns))
         progress(done, len(steps))
     return run

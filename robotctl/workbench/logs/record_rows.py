@@ -66,7 +66,7 @@ def record_rows(file: Path, notes: list[str], topics: Collection[str] | None) ->
                     if topics is None or topic in topics:
                         yield topic, stamp_ns + header.epoch_ns, row
         if is_cut(source):
-            notes.append(f"{file}: was cut, read up to the cut")
+            notes.append(f"{file}: was cut short, read up to there")
     if topics is None or "control" in topics:
         yield from _computed(file, notes)
 
@@ -147,12 +147,12 @@ def _computed(file: Path, notes: list[str]) -> Iterator[TopicRow]:
                 if is_same and encode(step.outputs) != encode(step.tick.outputs):
                     is_same = False
                     notes.append(
-                        f"{file}: topic control is computed anew, and from tick {step.number} on "
-                        "it is not what it was: the record is of another robotctl"
+                        f"{file}: topic control is recomputed and differs from tick {step.number} "
+                        "on: the record is of another robotctl"
                     )
                 yield from _state_of(step, names, header.epoch_ns)
     except RecordError as error:
-        notes.append(f"topic control, which is computed anew, ends: {error}")
+        notes.append(f"topic control, which is recomputed, ends: {error}")
 
 
 def _state_of(step: ReplayedStep, names: list[str], epoch_ns: int) -> Iterator[TopicRow]:

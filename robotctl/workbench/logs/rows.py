@@ -28,7 +28,7 @@ KINDS: Final = (
 
 
 TOLD: Final = 5_000
-"""After so many entries progress is told."""
+"""Entries between progress reports."""
 
 
 class RecordingError(RobotctlError):
@@ -45,7 +45,7 @@ class Topic:
     _known: set[str] = field(default_factory=set)
 
     def add(self, row: Row) -> None:
-        """Learn the columns of a row; one that is new comes behind the one before it there."""
+        """Add the columns of a row; a new one follows its predecessor in that row."""
         self.rows += 1
         if self._known.issuperset(row):
             return
@@ -102,7 +102,7 @@ class Survey:
     def rows_again(
         self, files: Sequence[Path], topics: Collection[str] | None = None
     ) -> Iterator[TopicRow]:
-        """Yield the same rows once more; what came meanwhile of a run that goes on is left out."""
+        """Yield the same rows again; rows added meanwhile by a live run are left out."""
         rows = chain.from_iterable(log_rows(file, [], topics) for file in files)
         return islice(rows, self.count)
 

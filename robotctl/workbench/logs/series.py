@@ -26,7 +26,7 @@ _STATE, _TICKS, _DISTANCE = "state", "loop.ticks", "distance_m"
 _GAP_PERIODS: Final = 5.0
 _STATES: Final = frozenset(each.value for each in SafetyState)
 _LEAST_GAP_S: Final = 0.5
-"""A topic that was silent for so long, and for so many of its usual periods, has a gap."""
+"""Silence that counts as a gap, in time and in usual periods of the topic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What is wanted of a recording.
+    """Requested parts of a recording.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Selection:
     stretches
         States of the robot; empty where no topic tells them.
     restarts_s
-        When the control process had begun anew [s].
+        When the control process had restarted [s].
     notes
         Sentences on what could not be read.
     """
@@ -203,7 +203,7 @@ def _near(name: str, names: Sequence[str]) -> str:
 
 
 def _begins(control: _Columns) -> list[int]:
-    """Return the rows at which a control process began anew, or another run."""
+    """Return the rows at which a control process restarted, or another run began."""
     times_ns, cells = control.times_ns, control.cells
     return [
         index
@@ -233,7 +233,7 @@ def _breaks(time_s: NDArray[np.float64], begins: Sequence[int]) -> list[int]:
 def _stretches(
     states: Sequence[Cell | None], time_s: NDArray[np.float64], begins: Sequence[int]
 ) -> list[Stretch]:
-    """Return how long the robot was in each state; nothing is said of its gaps."""
+    """Return how long the robot was in each state; gaps are left out."""
     found: list[Stretch] = []
     breaks = set(_breaks(time_s, begins))
     for index, state in enumerate(states):

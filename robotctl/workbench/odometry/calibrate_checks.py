@@ -35,16 +35,17 @@ class Check:
 
 
 def check_way(run: OdometryRun, model: OdometryModel) -> None:
-    """Refuse a nominal drive that is so far off that nothing could be fitted."""
-    said = poses_at(run, model.arcs(np.zeros(3), run.wheels), SE2(), run.reference_s)
+    """Refuse a nominal drive too far off for a fit."""
+    estimated = poses_at(run, model.arcs(np.zeros(3), run.wheels), SE2(), run.reference_s)
     said_m, seen_m = (
-        float(np.sum(np.hypot(*np.diff(poses[:, :2], axis=0).T))) for poses in (said, run.reference)
+        float(np.sum(np.hypot(*np.diff(poses[:, :2], axis=0).T)))
+        for poses in (estimated, run.reference)
     )
     if not math.exp(-REACH) < seen_m / max(said_m, 1e-9) < math.exp(REACH):
         raise CalibrationError(
             f"{run.name}: the reference moves {seen_m:.1f} m where odometry says {said_m:.1f} m; a "
             f"factor from {math.exp(-REACH):.2f} to {math.exp(REACH):.2f} is allowed: set [drive] "
-            "to about what the robot is, wheel_radius_m and counts_per_revolution first"
+            "approximately, wheel_radius_m and counts_per_revolution first"
         )
 
 
@@ -59,8 +60,8 @@ def mean_gap_m(
 
 def _gap_m(model: OdometryModel, change: Array, run: OdometryRun) -> Array:
     """Return end by reference less end by odometry, (2,) [m]."""
-    said = end_of(run, model.arcs(change, run.wheels))
-    return np.asarray(run.reference[-1, :2] - [said.x_m, said.y_m])
+    estimated = end_of(run, model.arcs(change, run.wheels))
+    return np.asarray(run.reference[-1, :2] - [estimated.x_m, estimated.y_m])
 
 
 def tape_check(found: Calibration, runs: Sequence[OdometryRun]) -> Check:
@@ -69,7 +70,7 @@ def tape_check(found: Calibration, runs: Sequence[OdometryRun]) -> Check:
         math.sqrt(np.mean([np.sum(_gap_m(found.model, change, run) ** 2) for run in runs]))
         for change in (np.zeros(3), found.change)
     ]
-    return Check("these drives: gap at the end, rms", *rms_m)
+    return Check("these drives: final gap, rms", *rms_m)
 
 
 def held_out_checks(half: Calibration, held_out: OdometryRun) -> tuple[Check, ...]:
@@ -89,9 +90,9 @@ def _piecewise_rms_m(
     model: OdometryModel, change: Array, run: OdometryRun, lever_m: Array, delay_s: float
 ) -> float:
     """Return the error of dead reckoning in pieces, each laid onto its reference, rms [m]."""
-    way_m = np.cumsum(model.travel_m(run.wheels))
-    pieces = max(1, round(float(way_m[-1]) / PIECE_M))
-    cuts = np.searchsorted(way_m, np.linspace(0.0, way_m[-1], pieces + 1)[1:-1])
+    distance_m = np.cumsum(model.travel_m(run.wheels))
+    pieces = max(1, round(float(distance_m[-1]) / PIECE_M))
+    cuts = np.searchsorted(distance_m, np.linspace(0.0, distance_m[-1], pieces + 1)[1:-1])
     times_s = [run.stamps_s[0], *run.stamps_s[1:][cuts], run.stamps_s[-1]]
     errors = []
     for begin_s, end_s in itertools.pairwise(times_s):

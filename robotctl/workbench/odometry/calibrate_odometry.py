@@ -54,7 +54,7 @@ class OdometryCalibrateOptions:
     log
         A log with reference poses.
     mrclam_robot
-        Which robot of a MRCLAM folder.
+        Robot of an MRCLAM folder.
     runs
         A file of runs measured by tape. Without this and `log` the simulated robot drives.
     time_unit
@@ -77,13 +77,13 @@ class OdometryCalibrateResult:
     Parameters
     ----------
     options, config
-        What was asked for, and the robot as it was.
+        The options, and the robot before.
     runs
         What was fitted.
     found
         What the fit says.
     halves
-        What the halves of a log say alone; empty for squares and short logs.
+        Results of the halves of a log alone; empty for squares and short logs.
     checks
         Errors before and after, the first one decides whether the patch is worth having.
     notes
@@ -109,10 +109,11 @@ class OdometryCalibrateResult:
 
     @property
     def hidden(self) -> list[str]:
-        """What the data do not show, in words; empty: they show all."""
+        """What the data do not determine, as text; empty: nothing."""
         found = self.found
         words = [
-            f"{key} cannot be told from these data and stays {getattr(found.model.nominal, key):g}"
+            f"{key} cannot be determined from these data and stays "
+            f"{getattr(found.model.nominal, key):g}"
             for key in found.model.keys
             if not found.identified(key)
         ]
@@ -122,7 +123,7 @@ class OdometryCalibrateResult:
             if not math.isfinite(fold)
         ]
         if noises:
-            words.append(f"[odometry] {', '.join(noises)} cannot be told from these data")
+            words.append(f"[odometry] {', '.join(noises)} cannot be determined from these data")
         return words
 
 
@@ -170,7 +171,7 @@ def _from_simulation(
         ),
         systematic_error_m(again.gaps_m(progress)),
     )
-    notes = ("E_max,syst after: driven again with the new values, on other floors.",)
+    notes = ("E_max,syst after: driven again with the new values on other floors.",)
     checks = (check, tape_check(found, runs))
     return OdometryCalibrateResult(options, config, runs, found, (), checks, notes)
 
@@ -181,7 +182,7 @@ def _from_tape(
     """Fit runs that a user measured."""
     _, runs = runs_of_file(file, OdometryModel(config.drive))
     found = _fit(config, runs, _tape(runs), progress)
-    notes = ("Before and after are computed for the same runs; drive again to prove it.",)
+    notes = ("Before and after are computed on the same runs; drive again to prove it.",)
     return OdometryCalibrateResult(
         options, config, runs, found, (), (tape_check(found, runs),), notes
     )
@@ -190,7 +191,7 @@ def _from_tape(
 def _from_log(
     options: OdometryCalibrateOptions, config: RobotConfig, log: Path, progress: Progress
 ) -> OdometryCalibrateResult:
-    """Fit a log; prove on its second half what its first half says."""
+    """Fit a log; test the result of its first half on its second."""
     progress(f"reading {log}")
     model = OdometryModel(config.drive)
     recording = read_recording(
@@ -213,14 +214,17 @@ def _from_log(
     if len(halves) == 2 and held_out is not None:
         found = widened(found, halves)
         checks = held_out_checks(halves[0], held_out)
-    notes = (*recording.notes, "Errors after: of the second half, with what the first half says.")
+    notes = (
+        *recording.notes,
+        "Errors after: on the second half, with the values of the first half.",
+    )
     return OdometryCalibrateResult(options, config, (run,), found, halves, checks, notes)
 
 
 def _fit(
     config: RobotConfig, runs: Sequence[OdometryRun], reference: Reference, progress: Progress
 ) -> Calibration:
-    """Fit, and say in words of the user where it cannot be done."""
+    """Fit, or raise an error in the user's terms."""
     progress(f"fitting {sum(len(run.reference_s) for run in runs)} references")
     try:
         return calibrate(config.drive, runs, reference, config.odometry)
@@ -235,6 +239,6 @@ def _tape(runs: Sequence[OdometryRun]) -> Reference:
 
 
 def _middle_s(run: OdometryRun, model: OdometryModel) -> float:
-    """Return when half of the way was driven [s]."""
+    """Return when half of the distance was driven [s]."""
     way_m = np.cumsum(model.travel_m(run.wheels))
     return float(run.stamps_s[1:][np.searchsorted(way_m, 0.5 * way_m[-1])])

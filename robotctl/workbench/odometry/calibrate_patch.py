@@ -11,9 +11,9 @@ from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResu
 _WORDS = {
     "wheel_radius_m": "mean of both wheels, or of the driven one",
     "wheel_radius_ratio": "right over left",
-    "track_width_m": "as it acts while turning",
-    "wheelbase_m": "as it acts while turning",
-    "steering_offset_rad": "of the wheel where the servo says 0",
+    "track_width_m": "effective while turning",
+    "wheelbase_m": "effective while turning",
+    "steering_offset_rad": "of the wheel at servo angle 0",
     "e_m_per_sqrt_m": "of the distance, after 1 m",
     "f_rad_per_sqrt_m": "of the heading, after 1 m",
     "g_rad_per_sqrt_rad": "of the heading, after a turn by 1 rad",
@@ -51,7 +51,7 @@ def patch_text(result: OdometryCalibrateResult) -> str:
     ]
     comments = [
         f"Odometry of {result.config.robot.name}, from: {command}",
-        "Put these keys in place of those in the robot's file.",
+        "Replace the keys in the robot's file with these.",
         "",
         *errors,
         *result.hidden,
@@ -80,5 +80,5 @@ def _ends(interval: Interval | None) -> tuple[float, float]:
 
 
 def _rounded(key: str, value: float) -> float:
-    """Return a value of `[drive]` to a hundredth of what any calibration tells."""
+    """Return a value of `[drive]` rounded to a hundredth of the achievable accuracy."""
     return round(value, 6) if key.endswith("_rad") else round_figures(value, 6)

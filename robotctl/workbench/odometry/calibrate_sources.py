@@ -36,7 +36,7 @@ class MeasuredRun:
     log
         The record of it, beside this file or with its whole path.
     x_m, y_m
-        Where the middle of the axle stands at the end, ahead and to the left of its start [m].
+        Final position of the middle of the axle, ahead and to the left of its start [m].
     heading_deg
         How far it is turned to the left against the start [deg]; may be left out.
     name
@@ -65,7 +65,7 @@ class MeasuredRuns:
     run
         At least one, written as `[[run]]`.
     tape_sigma_m
-        Standard deviation of what the tape says, and of placing the robot at its start [m], > 0.
+        Standard deviation of the tape measure, and of placing the robot at its start [m], > 0.
     heading_sigma_deg
         Standard deviation of the heading in which the robot is placed [deg], > 0.
     """
@@ -116,7 +116,7 @@ def measured_run(
     end: MeasuredRun,
     measured: MeasuredRuns,
 ) -> OdometryRun:
-    """Return the run that ended where the tape says."""
+    """Return the run that ended at the measured place."""
     stamps_s = _seconds(stamps_ns - stamps_ns[0])
     heading = math.nan if end.heading_deg is None else math.radians(end.heading_deg)
     return OdometryRun(
@@ -146,8 +146,8 @@ def run_of_recording(recording: Recording, model: OdometryModel) -> tuple[Odomet
     stamps_ns, wheels = wheels_of(recording, model)
     if is_timeless(stamps_ns) or is_timeless(recording.reference.stamps_ns):
         raise CalibrationError(
-            f"{recording.name}: all its odometry or reference has one time, so nobody knows which "
-            "belong together"
+            f"{recording.name}: all its odometry or reference has one time, so they cannot be "
+            "matched"
         )
     # from the first stamp on: a float64 of the wall time is too coarse for a search in time
     stamps_s = _seconds(stamps_ns - stamps_ns[0])

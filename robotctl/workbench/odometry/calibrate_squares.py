@@ -122,7 +122,7 @@ class Campaign:
 
 
 def _by_tape(end: SE2, rng: np.random.Generator) -> MeasuredRun:
-    """Return what a tape says of the end of a robot that was placed by hand."""
+    """Return the tape-measured end of a robot that was placed by hand."""
     sigma = np.array(_TOLD.start_sigma)
     placed = SE2(*(sigma * rng.standard_normal(3)).tolist())
     seen = placed @ end

@@ -20,7 +20,7 @@ from robotctl.runtime.ipc.topics import Subscriber
 from robotctl.workbench.places.turns import Progress, StateTurns, Visited
 
 _SILENT_NS: Final = 5_000_000_000
-"""A running robot says something within this time."""
+"""Time within which a running robot publishes something."""
 _PATIENCE_NS: Final = 300_000_000_000
 _POLL_NS: Final = 20_000_000
 
@@ -33,9 +33,9 @@ def live_turn(
     progress: Progress,
     clock: Clock,
 ) -> Visited:
-    """Listen to a running robot until it has turned on the spot once, whoever turns it.
+    """Listen to a running robot until it has turned on the spot once.
 
-    Its localiser says where it ended, if it knows and `began` is None.
+    Its localiser gives the end pose, if known and `began` is None.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def live_turn(
                     return Visited(turn, known if began is None else _ended(turn, began))
             if clock.now_ns() - heard_ns > _SILENT_NS:
                 raise PlaceError(
-                    f"{instance}: nothing heard of the robot for {_SILENT_NS / 1e9:g} s"
+                    f"{instance}: no messages from the robot for {_SILENT_NS / 1e9:g} s"
                 )
             progress(turns.turned_rad)
             clock.sleep_until(clock.now_ns() + _POLL_NS)

@@ -25,7 +25,7 @@ from robotctl.workbench.places.sim import simulated_turn
 from robotctl.workbench.places.turns import Progress, Visited, recorded_turns
 
 _ONE_PLACE_M: Final = 0.3
-"""Turns of a recording that are farther apart are of several places."""
+"""Distance beyond which turns of a recording are at different places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,8 @@ class PlaceSource:
     live
         Name of a running robot.
     at
-        Where it stands as it begins to turn, in `world`: `X,Y` or `X,Y,HEADING` [m, m, deg], or a
-        mark of the simulated world; "": not known.
+        Pose at the start of the turn, in `world`: `X,Y` or `X,Y,HEADING` [m, m, deg], or a mark of
+        the simulated world; "": not known.
     robot
         File of the robot, or its name.
     overrides
@@ -69,7 +69,7 @@ class PlaceSource:
         found = [option for option, value in given.items() if value]
         if len(found) != 1:
             raise ConfigError(
-                f"one of {', '.join(given)} must say where the robot turns, found "
+                f"one of {', '.join(given)} must give the place of the turn, found "
                 f"{' and '.join(found) or 'none'}"
             )
 
@@ -93,7 +93,7 @@ class Marks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recognised:
-    """A turn, where it ended, and what the book says of it."""
+    """A turn, its end pose, and the recognition."""
 
     visited: Visited
     recognition: Recognition
@@ -119,7 +119,7 @@ def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> Lea
     SimulatorError
         If the robot cannot be simulated.
     PlaceError
-        If there is no turn on the spot, or it says nothing that fits to the place.
+        If there is no turn on the spot, or it says nothing that matches the place.
     """
     robot = load_robot(find_file(source.robot), source.overrides)
     if book.exists():
@@ -187,8 +187,8 @@ def _at_one_place(found: Sequence[Visited]) -> Sequence[Visited]:
         if math.hypot(apart.x_m, apart.y_m) > _ONE_PLACE_M:
             seconds = ", ".join(f"{1e-9 * one.turn.stamp_ns:.1f} s" for one in found)
             raise PlaceError(
-                f"the robot turns at several places (turns end at {seconds}): a place is learnt "
-                "from a recording of one"
+                f"the robot turns at several places (turns end at {seconds}): learn a place from a "
+                "recording of one turn"
             )
     return found
 

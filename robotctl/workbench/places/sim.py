@@ -43,7 +43,7 @@ def simulated_turn(
         If it has no sonars, cannot turn on the spot, or is stopped.
     """
     if robot.drive.steered:
-        raise PlaceError(f"{robot.robot.name} steers: it cannot turn on the spot")
+        raise PlaceError(f"{robot.robot.name} has steering: it cannot turn on the spot")
     if not robot.sonar:
         raise PlaceError(f"{path}: the robot has no sonars")
     at = (start.x_m, start.y_m, start.theta_rad)
@@ -62,7 +62,7 @@ def simulated_turn(
         progress(turns.turned_rad)
         truth = simulation.truth()
         if truth.collisions:
-            raise PlaceError(f"the robot met something while it turned at {_place(start)}")
+            raise PlaceError(f"the robot hit something while turning at {_place(start)}")
         if control.state in LATCHED:
             raise PlaceError(f"the robot stopped by itself: {control.reason}")
         if turn is not None:

@@ -26,7 +26,7 @@ Progress: TypeAlias = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visited:
-    """A turn, and where `base` stood at its end in `world`; None where nobody knows."""
+    """A turn, and where `base` stood at its end in `world`; None if unknown."""
 
     turn: Turn
     pose: SE2 | None
@@ -82,7 +82,7 @@ def recorded_turns(
     signatures
         How signatures are made.
     began
-        `base` in `world` as the first turn began; None: nobody knows.
+        `base` in `world` as the first turn began; None: unknown.
 
     Raises
     ------

@@ -34,10 +34,10 @@ from robotctl.workbench.sensors.sources import (
 )
 
 PARTICLE_SPREAD_M: Final = 0.05
-"""Particles stand about so far from the truth, so that even the best of them is off by it."""
+"""Typical distance of particles from the truth: even the best is off by this."""
 
 _CHECKED: Final = 400
-"""So many readings judge the new settings, at most."""
+"""Maximum number of readings that judge the new settings."""
 _PLACES: Final = ((64, (0.05, 0.05, 0.03)), (256, (0.5, 0.5, 0.3)))
 """Number and standard deviations of poses beside the true one: near and far [m, m, rad]."""
 _LEAST: Final = 0.01
@@ -95,15 +95,15 @@ class Characterisation:
     source
         Where the readings come from.
     fit
-        What they tell.
+        Their results.
     patched
         The settings of the localiser with what was found.
     within
         Share of ranges away from edges that lie within three standard deviations, by the present
         settings, of what they should be; 0.997 would be right for a sensor without outliers.
     told_before, told_after
-        How well a reading tells the true place from others near it, with the present settings and
-        with those found: see `told` [nat].
+        How well a reading distinguishes the true place from others nearby, with the present
+        settings and with those found: see `told` [nat].
     """
 
     options: CharacteriseOptions
@@ -117,7 +117,7 @@ class Characterisation:
 
     @property
     def hidden(self) -> list[str]:
-        """What the data do not tell, in words."""
+        """What the data do not determine, as text."""
         named = [(_NAMES.get(key, key), value) for key, value in self.fit.ranges.values.items()]
         named.append(("max_incidence_deg", self.fit.incidence.limit))
         if self.source.sensor == SONAR:
@@ -191,9 +191,9 @@ def patched_settings(
 ) -> LocalisationConfig:
     """Return the settings of the localiser that follow from a fit.
 
-    What is not told stays. Deviations are widened by the spread of particles. A filter that trusts
-    too much loses the robot, so probabilities are the upper ends of their intervals, and outliers
-    at least the share of all readings, edges included, that is off by far.
+    Undetermined values are kept. Deviations are widened by the spread of particles. A filter that
+    trusts too much loses the robot, so probabilities are the upper ends of their intervals, and
+    outliers at least the share of all readings, edges included, that is off by far.
     """
     values, mixture = fit.ranges.values, fit.ranges.mixture
     typical_m = fit.ranges.typical_m
@@ -228,7 +228,7 @@ def patched_settings(
 
 
 def told(source: Source, sensors: MapSensors, noise: MotionNoise) -> float:
-    """Return how well a reading tells the true place from others, on the average [nat].
+    """Return how well a reading distinguishes the true place from others, on average [nat].
 
     The log of how many times likelier a reading is within centimetres of the true pose, where
     particles are, than at places within decimetres of it.
@@ -251,8 +251,8 @@ def told(source: Source, sensors: MapSensors, noise: MotionNoise) -> float:
         logs.append(_log_mean(likelihoods[: len(near)]) - _log_mean(likelihoods[len(near) :]))
     if not logs:
         raise CalibrationError(
-            f"{source.recording.name}: the pose is known by {source.poses_by} at none of the "
-            "readings that are to judge the new settings"
+            f"{source.recording.name}: {source.poses_by} gives no pose for any reading that would "
+            "judge the new settings"
         )
     return float(np.mean(logs))
 

@@ -38,7 +38,7 @@ def patch_text(result: Characterisation) -> str:
     )
     comments = [
         f"The {result.source.sensor} of {result.config.robot.name}, from: {_command(result)}",
-        "Put these keys in place of those in the robot's file.",
+        "Replace the keys in the robot's file with these.",
         "",
         f"poses: {result.source.poses_by}; room: {result.source.map_by}",
         told,

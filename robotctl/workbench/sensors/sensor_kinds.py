@@ -27,7 +27,7 @@ from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.trajectory import Trajectory
 
 _BEAMS: Final = 24
-"""Beams taken of each scan, evenly: neighbours see and err alike."""
+"""Beams used of each scan, evenly spaced: neighbours see and err alike."""
 _LIDAR_BEAM_RAD: Final = math.radians(0.1)
 
 Mounts = Sequence[SonarMount]

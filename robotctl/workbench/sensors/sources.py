@@ -60,7 +60,7 @@ class Source:
     mounts
         The sonars.
     poses_by, map_by
-        In words: where poses and map come from.
+        As text: the source of poses and map.
     notes
         Sentences for people.
     """
@@ -77,7 +77,7 @@ class Source:
     def pose_at(self, stamp_ns: int, noise: MotionNoise) -> SE2 | None:
         """Return `base` in `world` at a time; None where it is not known well enough.
 
-        Between poses that lie far apart in time the robot's odometry says how it moved on.
+        Between poses far apart in time, odometry gives the motion.
         """
         stamps_ns, odometry = self.poses.stamps_ns, self.recording.odometry
         after = int(np.searchsorted(stamps_ns, stamp_ns))
@@ -118,9 +118,7 @@ def source_of_log(
     """
     recording = read_recording(log, max_range_m=max_range_m, time_unit=time_unit)
     if is_timeless(np.array([entry.scan.stamp_ns for entry in recording.scans])):
-        raise CalibrationError(
-            f"{log}: all scans in it have one time, so nobody knows where each was taken"
-        )
+        raise CalibrationError(f"{log}: all scans in it have one time, so their poses are unknown")
     sensor = sensor or (SONAR if recording.sonars else LIDAR)
     if sensor == SONAR and not recording.sonars:
         raise CalibrationError(f"{log}: no sonar readings in it{_has(recording)}")
@@ -129,8 +127,8 @@ def source_of_log(
     found = best_poses(log, recording)
     if found is None:
         raise CalibrationError(
-            f"{log}: neither reference poses nor those of a localiser in it, so nobody knows where "
-            "the readings were taken; record with a localiser: robotctl run --record, or in "
+            f"{log}: neither reference poses nor those of a localiser in it, so the poses of the "
+            "readings are unknown; record with a localiser: robotctl run --record, or in "
             "simulation"
         )
     poses, poses_by = found
@@ -138,7 +136,9 @@ def source_of_log(
     mounts = recording.sonar_mounts
     if sensor == SONAR and not mounts:
         mounts = config.sonar
-        notes.append("where the sonars sit is taken from the robot's file, the log does not say it")
+        notes.append(
+            "sonar mounting is taken from the robot's file, because the log does not have it"
+        )
         count = len(recording.sonars[0].reading.ranges_m)
         if count != len(mounts):
             raise CalibrationError(
@@ -153,7 +153,7 @@ def source_of_log(
         recording = replace(recording, scans=tuple(choose_scans(recording, "odd")))
     else:
         raise ConfigError(
-            f"--log {log}: no scans in it to make a map of; name its room by --map, a world "
+            f"--log {log}: no scans in it to make a map from; give the room with --map, a world "
             "(.toml) or a ROS map (.yaml)"
         )
     return Source(sensor, recording, poses, world_map, mounts, poses_by, map_by, tuple(notes))
@@ -198,7 +198,7 @@ def simulated_drive(
 ) -> str:
     """Let the simulated robot drive its round in lockstep and record it; return its world.
 
-    Scans are taken and recorded where somebody wants them: a mapper does.
+    Scans are taken and recorded if something uses them, as a mapper does.
 
     Raises
     ------
@@ -270,8 +270,7 @@ def taken(source: Source, config: RobotConfig) -> Taken:
         sigmas.append(measurement.sigmas_m[fired])
     if not any(len(each) for each in ranges):
         raise CalibrationError(
-            f"{source.recording.name}: no reading was taken while the pose is known by "
-            f"{source.poses_by}"
+            f"{source.recording.name}: no reading has a pose from {source.poses_by}"
         )
     lines = Sightlines(np.concatenate(poses), np.concatenate(sensors))
     readings = Readings(lines, np.concatenate(ranges), max_range_m)

@@ -74,13 +74,13 @@ def wheel_feedforward(record: OpenLoopRecord, wheel: int, deadband: float) -> Fe
     slope of such a line is a weighted mean of the true speed in the window; voltage and speed are
     weighted likewise, so that all three passed one filter and none of the gains is biased by it.
 
-    Braking phases are left out: there the losses of the gearbox help, where else they hinder, and
-    one ka cannot fit both.
+    Braking phases are left out: there gearbox losses help instead of hinder, and one ka cannot fit
+    both.
 
     Raises
     ------
     ValueError
-        If the record does not tell the gains.
+        If the record does not determine the gains.
     """
     dt_s = period_s(record)
     n = max(1, round(_HALF_WINDOW_S / dt_s))

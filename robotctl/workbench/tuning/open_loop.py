@@ -43,7 +43,7 @@ class OpenLoopRecord:
     bus_voltage_v
         As the drive reported it last, shape (n,) [V].
     velocity_rad_s
-        What the loop's own estimator said in that tick, before the duty was sent [rad/s].
+        Speed by the loop's own estimator in that tick, before the duty was sent [rad/s].
     position_rad
         Angle of the wheel at that tick: it came one period later, and is moved back here [rad].
     """
@@ -60,7 +60,7 @@ Law: TypeAlias = Callable[[float, float], float]
 
 
 class OpenLoop:
-    """Drives the wheels past the control core, all alike and straight ahead, and records.
+    """Drives all wheels equally and straight ahead, bypassing the control core, and records.
 
     The drive is watched as the control core would watch it.
 
@@ -123,7 +123,7 @@ class OpenLoop:
             self.hold(begin + (to_duty - begin) * i / n, self.dt_s)
 
     def tick(self, law: Law) -> None:
-        """Let one period pass and send the duty that `law` says.
+        """Let one period pass and send the duty given by `law`.
 
         Raises
         ------
@@ -203,7 +203,7 @@ def find_duty(open_loop: OpenLoop, speed_rad_s: float, max_duty: float) -> float
 def staircase(open_loop: OpenLoop, top_duty: float, hold_s: float) -> None:
     """Step between duties forwards, then backwards, each held for a time [s], and stop.
 
-    The several steady speeds tell friction from back-EMF, the steps between them inertia. From
+    Several steady speeds separate friction from back-EMF; the steps between them give inertia. From
     forwards to backwards it goes slowly, so that the current limit is not met.
     """
     for level in _STEPS_FORWARDS:

@@ -1,6 +1,6 @@
 """The simulated robot on a straight track, in lockstep, and a step of its closed loop.
 
-The robot stands at the west end of the corridor of `configs/worlds/office.toml`, and each
+The robot starts at the west end of the corridor of `configs/worlds/office.toml`, and each
 experiment has a simulation of its own, so all start from the same state.
 """
 
@@ -80,8 +80,8 @@ def check_room(stack: LockstepStack) -> None:
     ahead_m, aside_m = truth.x_m - START[0], truth.y_m - START[1]
     if truth.collisions:
         raise ExperimentError(
-            f"not enough room: the robot met a wall {ahead_m:.1f} m ahead and {aside_m:+.2f} m "
-            f"aside of its start in {WORLD}; do the wheels turn alike?"
+            f"not enough room: the robot hit a wall {ahead_m:.1f} m ahead and {aside_m:+.2f} m "
+            f"aside of its start in {WORLD}; do the wheels turn equally?"
         )
     if ahead_m > ROOM_M:
         raise ExperimentError(
@@ -92,7 +92,7 @@ def check_room(stack: LockstepStack) -> None:
 
 @dataclass(frozen=True, slots=True)
 class SpeedStep:
-    """A step of the wanted speed from rest, as the loop met it.
+    """A step of the commanded speed from rest, and the loop's response.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class SpeedStep:
 
 
 def speed_step(stack: LockstepStack, wanted_m_s: float, duration_s: float) -> SpeedStep:
-    """Arm, command a speed from rest and record so long [s], through limiter and loop as in use.
+    """Arm, command a speed from rest and record for a time [s], through limiter and loop as in use.
 
     Raises
     ------

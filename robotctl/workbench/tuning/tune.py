@@ -94,7 +94,7 @@ class TuneResult:
     Parameters
     ----------
     options, config
-        What was asked for, and the robot as it was.
+        The options, and the robot before.
     fits
         What the experiments say, for each tuned wheel.
     gains
@@ -129,7 +129,7 @@ class TuneResult:
         ]
 
     def patch(self) -> str:
-        """Return the configuration patch, which says where it comes from."""
+        """Return the configuration patch, with its origin in comments."""
         options = self.options
         settings = "".join(f" --set {override}" for override in options.overrides)
         command = (
@@ -138,7 +138,7 @@ class TuneResult:
         )
         comments = [
             f"Gains of {self.config.robot.name}, from: {command}",
-            "Put these keys in place of those in the robot's file.",
+            "Replace the keys in the robot's file with these.",
             "",
             *(f"{name}: {_fit_words(fit)}" for name, fit in self.fits.items()),
             *(_response_words("before", response) for response in self.before),
@@ -151,7 +151,7 @@ Progress: TypeAlias = Callable[[str], None]
 
 
 def tune(options: TuneOptions, progress: Progress = lambda _line: None) -> TuneResult:
-    """Measure, identify, compute and measure again; `progress` is told what begins.
+    """Measure, identify, compute and measure again; `progress` is called with what begins.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def tune(options: TuneOptions, progress: Progress = lambda _line: None) -> TuneR
     SimulatorError
         If the robot cannot be simulated.
     ExperimentError
-        If an experiment was stopped or says nothing.
+        If an experiment was stopped or gives no result.
     """
     config = load_robot(options.robot, options.overrides)
     wheels = wheels_to_tune(config, options.wheel)
@@ -217,14 +217,14 @@ def identify(
     Raises
     ------
     ExperimentError
-        If an experiment was stopped or its record says nothing.
+        If an experiment was stopped or its record gives no result.
     """
     for hold_s in _HOLDS_S:
         progress(f"{options.method} experiment, {hold_s:g} s for each speed")
         try:
             fits = _experiment(options, config, wheels, hold_s)
         except ValueError as error:
-            raise ExperimentError(f"the experiment says nothing: {error}") from error
+            raise ExperimentError(f"the experiment gives no result: {error}") from error
         if all(_TIME_CONSTANTS * fit.model.time_constant_s < hold_s for fit in fits.values()):
             break
     return fits
@@ -259,7 +259,7 @@ def _experiment(
 def new_gains(config: RobotConfig, wheel: str, fit: WheelFit) -> PidConfig:
     """Return a wheel's configuration with the new gains, rounded: feedback to 2, rest to 3 figures.
 
-    What else the wheel's table holds stays.
+    The other keys of the wheel's table are kept.
     """
     kp, ki, kd = (round_figures(gain, 2) for gain in fit.gains)
     kv, ks, ka = (
@@ -280,7 +280,7 @@ def with_gains(config: RobotConfig, gains: Mapping[str, PidConfig]) -> RobotConf
 
 
 def _worse(before: StepMetrics, after: StepMetrics) -> list[str]:
-    """Return in words where a response is worse than the one before."""
+    """Return as text where a response is worse than before."""
     words = []
     if before.settling_s is not None:
         if after.settling_s is None:
@@ -295,7 +295,7 @@ def _worse(before: StepMetrics, after: StepMetrics) -> list[str]:
 
 
 def _bad(metrics: StepMetrics) -> list[str]:
-    """Return in words what no gains should leave."""
+    """Return as text what no gains should leave."""
     words = []
     if metrics.settling_s is None:
         words.append("does not settle")

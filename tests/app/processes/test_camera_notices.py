@@ -17,7 +17,7 @@ def told(troubles: list[str], rate_hz: int = 20) -> list[tuple[float, int, str]]
 def test_what_holds_at_the_start_and_each_change_is_said_once() -> None:
     assert told([""] * 200 + [DARK] * 200 + [""] * 200) == [
         (0.0, 6, "the camera sees the floor"),
-        (10.0, 4, f"the camera does not judge the floor: {DARK}"),
+        (10.0, 4, f"the camera cannot judge the floor: {DARK}"),
         (20.0, 6, "the camera sees the floor"),
     ]
 
@@ -30,5 +30,5 @@ def test_a_camera_that_cannot_make_up_its_mind_is_heard_every_five_seconds_at_mo
 
 def test_the_last_word_is_what_lasts() -> None:
     said = told([""] * 20 + [DARK] * 10 + [""] * 10 + [DARK] * 200)
-    assert said[-1] == (5.0, 4, f"the camera does not judge the floor: {DARK}")
+    assert said[-1] == (5.0, 4, f"the camera cannot judge the floor: {DARK}")
     assert len(said) == 2

@@ -408,7 +408,7 @@ def test_an_item_beyond_the_mission_resumes_nothing_and_navigation_begins_anew(
         resumed(options, 3)
     adapter = make_navigation(CONFIG, options)
     (note,) = resume(adapter.navigator, options, load_progress(options)[0])
-    assert note == f"{options.state}: item must be 0 to 3, not 4; mode AUTO begins the mission anew"
+    assert note == f"{options.state}: item must be 0 to 3, not 4; mode AUTO starts the mission over"
     assert adapter.step(None, None, [], 0)[1].item == 0
 
 

@@ -135,5 +135,5 @@ def test_what_is_in_a_folder_of_an_older_version_stays(tmp_path: Path) -> None:
 @pytest.mark.parametrize("below", ["", "sub"])
 def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path, below: str) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(LogError, match=r"is no folder$"):
+    with pytest.raises(LogError, match=r"is not a folder$"):
         LogFolder(tmp_path / "file" / below, LogConfig())

@@ -193,7 +193,7 @@ def test_so_is_a_start_where_the_map_knows_nothing_but_no_unknown_start(room: Pa
     settings = (f'localisation.map="{room}"', 'localisation.method="mcl"')
     start = SE2(-0.88, 2.1)
     (said,) = make_estimators(load_robot(ROBOT, settings), start, Path()).take_notices()
-    assert "lies where the map knows nothing: is it the map of this place?" in said
+    assert "lies in an unknown part of the map: is it the right map?" in said
     unknown = (*settings, 'localisation.start="unknown"')
     assert make_estimators(load_robot(ROBOT, unknown), start, Path()).take_notices() == []
 

@@ -267,4 +267,4 @@ def test_being_held_up_before_the_robot_is_there_does_not_count(tmp_path: Path) 
     assert held_up.step(state(0.0), 0) == ()
     owner._words[6] = 61 * MS
     (said,) = held_up.step(state(0.0), 0)
-    assert said == "this computer was held up for 61 ms; simulated time stood still meanwhile"
+    assert said == "this computer was held up for 61 ms; simulated time paused meanwhile"

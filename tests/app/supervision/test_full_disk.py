@@ -257,8 +257,13 @@ def test_on_a_full_disk_the_oldest_dumps_make_room_for_a_new_one(
     dumps = FlightDumps(tmp_path / "a.ring", flights)
     dumps.step([fault_of(loop)], 0)
     first, second, written = dumps.close()
-    assert first == f"the disk is full: {flights}/fault-00.rec is removed for a newer one"
-    assert second == f"the disk is full: {flights}/fault-01.rec is removed for a newer one"
+    assert (
+        first == f"the disk is full: {flights}/fault-00.rec is removed to make room for a newer one"
+    )
+    assert (
+        second
+        == f"the disk is full: {flights}/fault-01.rec is removed to make room for a newer one"
+    )
     (new,) = flights.glob("fault-2*.rec")
     assert written == f"flight recorder written to {new}"
     assert replay_file(new).result.agreed == 2000
@@ -363,7 +368,10 @@ def test_old_dumps_that_cannot_be_removed_do_not_make_a_new_one_unwritten(tmp_pa
     dumps.step([fault_of(loop)], 0)
     written, stays = dumps.close()
     assert written.startswith("flight recorder written to ")
-    assert "the oldest dumps of the flight recorder stay: [Errno 21] Is a directory" in stays
+    assert (
+        "the oldest dumps of the flight recorder cannot be removed: [Errno 21] Is a directory"
+        in stays
+    )
     loop.ring.close()
 
 

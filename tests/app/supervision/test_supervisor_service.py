@@ -182,7 +182,7 @@ def test_a_file_in_place_of_the_folder_of_logs_is_said_to_be_none(tmp_path: Path
     file = tmp_path / "logs"
     file.write_text("notes")
     for folder in (file, file / "below"):
-        with pytest.raises(LogError, match=f"^{folder}: is no folder$"):
+        with pytest.raises(LogError, match=f"^{folder}: is not a folder$"):
             ExitLog(folder)
 
 

@@ -78,7 +78,7 @@ def test_a_wrong_point_is_named(capsys, points):
     lines[4] = f"{u},{v},{x},{float(y) + 0.1}"
     points.write_text("\n".join(lines))
     assert run("calibrate", "--points", points) == 0
-    assert "left out, since they contradict the others: point 4" in capsys.readouterr().out
+    assert "left out because they contradict the others: point 4" in capsys.readouterr().out
 
 
 def test_of_a_running_robot_one_picture_is_taken_for_all_that_needs_it(
@@ -111,7 +111,7 @@ def test_what_the_points_do_not_tell_ends_with_1_and_bad_input_with_2(capsys, tm
         (("--points", points, "--at", "1;2"), "--at 1;2: not of the form"),
         (("--points", points, "--sigma-px", 0), "sigma_px must be > 0"),
         (("--points", points, "--family", "apriltag_36h10"), 'mean "apriltag_36h11"'),
-        (("--lens", tmp_path / "no*.png"), "no pictures there"),
+        (("--lens", tmp_path / "no*.png"), "no pictures found"),
         (("--points", points, "--show", tmp_path / "x.png"), "--show needs --floor"),
         (("--points", tmp_path / "none.csv"), "No such file"),
         (("--points", points, "--out", tmp_path / "no" / "patch.toml"), "does not exist"),
@@ -129,7 +129,7 @@ def test_check_says_how_far_the_camera_is_off(capsys, tmp_path, points):
     tilted = ("--set", "camera.mount.pitch_deg=23")
     assert run("check", "--points", points, *tilted) == 3
     printed = capsys.readouterr().out
-    assert "The camera is off" in printed
+    assert "The calibration is off" in printed
     # Seen as pitched further down than it is, all is told too near.
     row = next(line for line in printed.splitlines() if "2 to 3" in line and "│" in line)
     assert float(row.split("│")[3]) < -100.0

@@ -122,7 +122,7 @@ def test_pictures_of_a_sequence_are_seen_on_the_floor_of_the_first(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["nothing*.png"], "nothing*.png: no pictures there"),
+        (["nothing*.png"], "nothing*.png: no pictures found"),
         (
             ["{pictures}", "--out", "one.png"],
             "--out one.png: not a folder; for 2 pictures make one first",

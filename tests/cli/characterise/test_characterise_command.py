@@ -68,7 +68,7 @@ def test_settings_that_tell_places_less_well_are_not_written(monkeypatch, capsys
     words = ("--log", log, "--map", "flat", "--out", patch)
     assert run(*words) == command.WORSE
     printed = capsys.readouterr().out
-    assert "readings would say less about the place" in printed
+    assert "readings say less about the place" in printed
     assert f"{patch} was not written" in printed
     assert not patch.exists()
 
@@ -78,7 +78,7 @@ def test_a_recording_without_poses_ends_with_a_sentence(capsys, tmp_path, log):
     (tmp_path / "log" / "truth-0001.tum").unlink()
     words = ("--log", tmp_path / "log", "--map", "flat")
     assert run(*words) == command.ABORTED
-    assert "nobody knows where the readings were taken" in capsys.readouterr().err
+    assert "the poses of the readings are unknown" in capsys.readouterr().err
 
 
 def test_a_room_that_is_another_ends_with_a_sentence(capsys, log):
@@ -105,4 +105,4 @@ def test_bad_input_is_refused_with_status_2(capsys, arguments, what):
 
 def test_a_recording_without_scans_needs_a_map(capsys, log):
     assert run("--log", log) == command_line.BAD_INPUT
-    assert "name its room by --map" in capsys.readouterr().err
+    assert "give the room with --map" in capsys.readouterr().err

@@ -198,8 +198,8 @@ def test_at_80_by_24_there_are_a_map_the_names_of_the_keys_and_the_last_notices(
     ("state", "what"),
     [
         (SafetyState.STANDBY, "a arms it"),
-        (SafetyState.FAULT, "a arms it again, m then goes on with the mission, Ctrl-C ends"),
-        (SafetyState.EMERGENCY_STOP, "a arms it again, m then goes on with the mission"),
+        (SafetyState.FAULT, "a arms it again, m then resumes the mission, Ctrl-C ends"),
+        (SafetyState.EMERGENCY_STOP, "a arms it again, m then resumes the mission"),
         (SafetyState.ARMED, ""),
     ],
 )

@@ -298,13 +298,13 @@ def test_without_a_reference_only_a_global_start_is_possible(tmp_path):
     write_mrclam(tmp_path)
     (tmp_path / "Robot3_Groundtruth.dat").unlink()
     result, _, _ = run(tmp_path, "--method", "ekf", "--mrclam-robot", "3", log="")
-    assert "no reference says where the drive begins" in str(result.exception)
+    assert "no reference gives the start of the drive" in str(result.exception)
 
 
 def test_a_log_without_scans_is_none_for_particles(tmp_path):
     (tmp_path / "a.log").write_text("ODOM 1 2 3 0 0 0 1.5 host 1.5\n")
     result, _, _ = run(tmp_path, "--map", str(write_map(tmp_path)), log="a.log")
-    assert "no scans in it, which --method mcl weighs" in str(result.exception)
+    assert "no scans in it, which --method mcl needs" in str(result.exception)
 
 
 def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys):
@@ -372,7 +372,7 @@ def test_a_log_without_a_reference_has_null_for_errors_and_says_what_can_be_said
     folder, truth = room
     without_reference(folder, tmp_path / "raw.log")
     result, _, _ = run(tmp_path, *on_map(folder), log="raw.log")
-    assert "no reference says where the drive begins; tell it by --start" in str(result.exception)
+    assert "no reference gives the start of the drive; give --start" in str(result.exception)
     start = ("--start", "3.0,1.0,0")
     result, report, rows = run(tmp_path, *on_map(folder), *start, log="raw.log")
     assert report["ape"] == {"rmse_m": None, "mean_m": None, "max_m": None}

@@ -64,7 +64,7 @@ def test_without_a_display_figures_gaps_states_and_restarts_are_printed(
         "control.v_m_s: 150 values from 0.00 to 5.98 s; 0 to 0.598 m/s, mean 0.249 m/s",
         "  no messages from 1.98 to 5.00 s",
         "state: standby 0.00 to 1.98 s, standby 5.00 to 5.98 s",
-        "control began anew at 5.00 s",
+        "control restarted at 5.00 s",
     ]
     assert "--out FILE.png" in said.err
 

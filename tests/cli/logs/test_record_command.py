@@ -124,7 +124,7 @@ def test_a_typo_gets_the_nearest_name_and_the_list_and_makes_nothing(
 @pytest.mark.parametrize("instance", ["", "robot"])
 def test_where_no_robot_ever_ran_a_look_makes_nothing(instance: str, place: Path) -> None:
     before = set(place.rglob("*"))
-    with pytest.raises(RecordError, match="no robot runs, nor has crashed"):
+    with pytest.raises(RecordError, match="no robot is running or has crashed"):
         find_ring(instance)
     assert set(place.rglob("*")) == before
 

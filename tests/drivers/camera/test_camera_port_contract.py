@@ -232,8 +232,8 @@ def test_a_stream_that_ends_is_an_error_that_says_so(tmp_path):
     ("source", "said"),
     [
         ("none.avi", "no such file; allowed are the number or path of a device, a URL"),
-        ("77", "/dev/video77: cannot be opened: look whether it is plugged in"),
-        ("/dev/null", "/dev/null: cannot be opened: look whether it is plugged in"),
+        ("77", "/dev/video77: cannot be opened: check that it is plugged in"),
+        ("/dev/null", "/dev/null: cannot be opened: check that it is plugged in"),
         ("http://127.0.0.1:9/nobody", "cannot be opened as a video or stream"),
         ("none%02d.png", "cannot be opened"),
     ],
@@ -343,7 +343,7 @@ def test_a_device_is_asked_for_its_size_and_its_own_stamp_is_taken(monkeypatch, 
     [
         (cv2.error("decoder: corrupt"), r"camera 3: gives no more pictures \(decoder: corrupt\)"),
         (np.zeros((48, 64), dtype=np.uint8), r"gives no more pictures \(image must be"),
-        (None, "gives no more pictures; look"),
+        (None, "gives no more pictures; check"),
     ],
 )
 def test_a_device_that_fails_is_told_and_let_go(monkeypatch, given, said):

@@ -88,7 +88,7 @@ def test_the_last_frames_before_the_bus_goes_are_logged(tmp_path: Path) -> None:
         process.wait()
     assert log.step(1) == ()
     (note,) = log.step(2)
-    assert note == "the log does not hear the bus: the bus has hung up"
+    assert note == "the log cannot read the bus: the bus has hung up"
     log.close()
     with can.io.CanutilsLogReader(tmp_path / "can-0001.log") as reader:
         assert [each.arbitration_id for each in reader] == list(range(20))

@@ -59,7 +59,7 @@ def test_a_patch_of_many_looks_is_refused() -> None:
     cells[8:, :] = BOX
     cells[16:, :] = [150.0, 80.0, 90.0]
     verdict, _ = judged(cells)
-    assert "does not look alike" in verdict.why
+    assert "is not uniform" in verdict.why
     assert len(verdict.bins) == 0
 
 

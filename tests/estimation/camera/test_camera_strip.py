@@ -127,7 +127,7 @@ def test_a_camera_without_a_horizon_in_sight_looks_at_the_floor_alone() -> None:
     ],
 )
 def test_a_camera_that_sees_too_little_floor_is_refused(mount: CameraMount, message: str) -> None:
-    with pytest.raises(ValueError, match=f"the camera sees no floor before it: {message}"):
+    with pytest.raises(ValueError, match=f"the camera sees no floor ahead: {message}"):
         strip_of(mount)
 
 

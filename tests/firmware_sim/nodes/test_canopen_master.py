@@ -344,7 +344,7 @@ def signals_kept():
         (["--log-mb", "0"], "no positive number of megabytes"),
         (["--state", __file__], "not a directory"),
         (["--state", f"{__file__}/below"], "not a directory"),
-        (["--state", "/proc/nowhere"], "cannot be made"),
+        (["--state", "/proc/nowhere"], "cannot be created"),
         (["--set", "battery.charge=0.5"], 'did you mean "simulation.battery.charge"?'),
         (["--start", "-1,2,0"], "needs `=`, as --start=-1,2,90"),
         (

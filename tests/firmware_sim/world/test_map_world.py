@@ -317,7 +317,7 @@ def test_maps_of_nav2_are_the_same_for_simulator_and_robot(recordings: Path, nam
         ({"negate": "2"}, "negate 0 or 1; found trinary, 2"),
         ({"image": "other.png"}, "other.png: .*No such file"),
         ({"image": "room.yaml"}, "room.yaml: cannot identify image file"),
-        ({"negate": 1, "free_thresh": 0.0}, "no cell is free, so a robot can be nowhere"),
+        ({"negate": 1, "free_thresh": 0.0}, "no cell is free, so there is no place for a robot"),
     ],
 )
 def test_what_is_wrong_with_a_map_is_said(

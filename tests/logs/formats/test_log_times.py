@@ -157,7 +157,7 @@ def test_equal_times_are_said(tmp_path):
     every = read_recording(carmen(tmp_path, np.zeros(12))).notes
     assert any("all 12 scans have one time, 0 s" in note for note in every)
     some = read_recording(carmen(tmp_path, np.array([1.0, 2.0, 2.0, 3.0]))).notes
-    assert any("1 of 4 FLASER scans have the time of the one before" in note for note in some)
+    assert any("1 of 4 FLASER scans have the time of the previous one" in note for note in some)
     none = read_recording(carmen(tmp_path, np.arange(4.0))).notes
     assert not any("time" in note for note in none)
 
@@ -178,5 +178,5 @@ def test_nothing_is_calibrated_by_a_log_without_times(tmp_path):
     path = carmen(tmp_path, np.zeros(40), np.zeros(40))
     with pytest.raises(CalibrationError, match="all scans in it have one time"):
         source_of_log(path, "", "", load_robot(find_file("diff_drive")))
-    with pytest.raises(CalibrationError, match="one time, so nobody knows which belong together"):
+    with pytest.raises(CalibrationError, match="one time, so they cannot be matched"):
         calibrate_odometry(OdometryCalibrateOptions(find_file("diff_drive"), log=path))

@@ -110,7 +110,7 @@ def test_what_is_no_log_is_called_by_its_name(tmp_path, content, found):
     [
         ("1;0;0;0;0;0;0;1", r"a\.tum:2: found 1 words, .*; the columns are separated by ';'"),
         ("1,0,0,0,0,0,0,1", r"a\.tum:2: found 1 words, .*; the columns are separated by commas"),
-        ("1,5 0 0 0 0 0 0 1", r"a\.tum:2: t: found '1,5', .*; its decimals stand behind a comma"),
+        ("1,5 0 0 0 0 0 0 1", r"a\.tum:2: t: found '1,5', .*; it has decimal commas"),
     ],
 )
 def test_separators_and_decimals_of_other_tables_are_named(tmp_path, line, message):
@@ -123,7 +123,7 @@ def test_separators_and_decimals_of_other_tables_are_named(tmp_path, line, messa
 def test_decimal_commas_in_a_log_are_named(tmp_path):
     path = tmp_path / "a.log"
     path.write_text(LINE + "ODOM 1,5 2 3 0 0 0 1.5 host 1.5\n")
-    with pytest.raises(LogFormatError, match=r"a\.log:2: found '1,5', .* behind a comma"):
+    with pytest.raises(LogFormatError, match=r"a\.log:2: found '1,5', .* decimal commas"):
         read_recording(path)
 
 

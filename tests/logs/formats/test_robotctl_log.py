@@ -103,7 +103,7 @@ def test_a_record_that_cannot_be_read_is_noted(folder):
     (folder / "control-0001.rec").write_bytes(b"")
     recording = read_recording(folder)
     assert recording.sonar_mounts == ()
-    assert "the record of the control loop is not read" in recording.notes[0]
+    assert "the record of the control loop cannot be read" in recording.notes[0]
 
 
 def test_a_scan_of_the_lidar_comes_back_with_the_odometry_of_its_time(folder):

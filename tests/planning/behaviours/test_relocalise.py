@@ -214,7 +214,7 @@ def test_from_a_place_with_no_known_way_home_none_is_driven_behind_a_search(make
     for _ in range(3):
         out = run.step()
         assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.HOLD)
-    assert out.message.startswith("hold: the way home is not known")
+    assert out.message.startswith("hold: the path home is not known")
 
 
 def test_who_does_not_know_the_place_does_not_say_that_it_is_home(make_run, differential):
@@ -223,7 +223,7 @@ def test_who_does_not_know_the_place_does_not_say_that_it_is_home(make_run, diff
     lost_step(run)
     out = run.step(ModeRequest(Mode.RTL))
     assert (out.v_m_s, out.mode) == (0.0, Mode.HOLD)
-    assert out.message.startswith("refused: the way home is not known")
+    assert out.message.startswith("refused: the path home is not known")
 
 
 def test_blind_sonars_make_it_stand_once_it_has_turned(make_run, differential, mission):
@@ -272,7 +272,7 @@ def test_without_a_sonar_that_looks_back_it_does_not_back_up_and_says_so(
         out = lost_step(run)
         assert out.v_m_s >= 0.0
     assert run.world.twist.v_m_s == pytest.approx(0.0, abs=0.01)
-    assert out.message == "the way is blocked, and no sonar looks back"
+    assert out.message == "the path is blocked, and there is no rear sonar"
     assert run.world.touched == 0
 
 

@@ -48,7 +48,7 @@ def test_braking_from_the_speed_allowed_ends_before_the_margin(reading):
 def test_within_the_margin_the_robot_stands(reading):
     step = limit(front=reading)
     assert step.v_max_m_s == pytest.approx(0.0, abs=1e-9)
-    assert "front sees" in step.obstacle
+    assert "front measures" in step.obstacle
 
 
 def test_a_robot_that_does_not_drive_is_not_limited():
@@ -72,7 +72,7 @@ def test_a_slanting_sonar_sees_a_wall_square_to_its_axis_that_the_corner_comes_t
     gap = 0.50 - 0.11 / math.sqrt(2)
     step = limit(front_left=0.50)
     assert way_for(step.v_max_m_s) == pytest.approx(gap * math.sqrt(2) - CONFIG.margin_m)
-    assert step.obstacle == "front_left sees 0.50 m"
+    assert step.obstacle == "front_left measures 0.50 m"
     assert limit(front_left=0.16).v_max_m_s == 0.0
     assert limit(front_left=0.17).v_max_m_s > 0.0
 
@@ -83,7 +83,7 @@ def test_a_wall_beside_counts_where_a_bend_brings_a_corner_near_and_not_straight
     step = turning(1.0, left=0.1)
     way = 0.07 / 0.18 - CONFIG.margin_m / math.hypot(0.82, 0.18)
     assert way_for(step.v_max_m_s) == pytest.approx(way)
-    assert step.obstacle == "left sees 0.10 m"
+    assert step.obstacle == "left measures 0.10 m"
     # To the right the rear corner swings out, which reaches less far.
     assert step.v_max_m_s < turning(-1.0, left=0.1).v_max_m_s < math.inf
 
@@ -274,6 +274,6 @@ def test_the_nearer_of_sonar_and_camera_counts_and_is_named():
         guard.observe((0.5, math.inf, math.inf, math.inf), NEW, [(0.6, 0.0)])
     assert guard.step(1.0).obstacle == "something lies on the floor 0.40 m away"
     guard.observe((0.5, math.inf, math.inf, math.inf), NEW, [(0.8, 0.0)])
-    assert guard.step(1.0).obstacle == "front sees 0.50 m"
+    assert guard.step(1.0).obstacle == "front measures 0.50 m"
     guard.observe((0.5, math.inf, math.inf, math.inf), NEW)
-    assert guard.step(1.0).obstacle == "front sees 0.50 m"
+    assert guard.step(1.0).obstacle == "front measures 0.50 m"

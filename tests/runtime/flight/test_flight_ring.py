@@ -314,7 +314,7 @@ def test_what_is_no_ring_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_ring_that_cannot_be_made_says_where(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match=r"none/a\.ring: cannot be made: No such file"):
+    with pytest.raises(LinkError, match=r"none/a\.ring: cannot be created: No such file"):
         make_ring(tmp_path / "none" / "a.ring", make_core())
 
 

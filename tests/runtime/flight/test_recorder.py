@@ -269,7 +269,7 @@ class Evil:
     ],
 )
 def test_a_checkpoint_can_call_nothing(evil: Evil) -> None:
-    with pytest.raises(CheckpointError, match="has no place in a checkpoint"):
+    with pytest.raises(CheckpointError, match="is not allowed in a checkpoint"):
         restored(pickle.dumps(evil))
 
 

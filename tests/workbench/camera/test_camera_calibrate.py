@@ -86,7 +86,7 @@ def test_a_board_on_the_floor_gives_the_mount(folder: Path) -> None:
     )
     assert_true(result)
     assert len(result.points.names) == 54
-    assert any("place of the board counts in full" in note for note in result.notes)
+    assert any("an error of --at shifts all places" in note for note in result.notes)
 
 
 def test_a_board_that_lies_the_other_way_round_is_told_by_where_the_camera_looks(
@@ -113,7 +113,7 @@ def test_clicked_points_give_the_mount_with_the_lens_and_without(folder: Path) -
     # The lens bends by some pixels; without it the mount is roughly right.
     assert result.fit.mount.pitch_deg == pytest.approx(TRUE.pitch_deg, abs=1.0)
     assert result.fit.intrinsics.fx_px == pytest.approx(457.0, rel=0.05)
-    assert any("pixels are taken to be square" in note for note in result.notes)
+    assert any("pixels are assumed square" in note for note in result.notes)
 
 
 def test_all_sources_go_into_one_fit(folder: Path) -> None:
@@ -190,7 +190,7 @@ def test_without_a_camera_in_the_file_a_picture_without_lens_still_gives_all(
         ({"floor": "board.png", "markers": "markers.csv"}, CalibrationError, "none of the markers"),
         ({"points": "few.csv"}, CalibrationError, "^3 points; a homography needs 4"),
         ({"points": "line.csv"}, CalibrationError, "lie on a line"),
-        ({"points": "swapped.csv"}, CalibrationError, "left and right exchanged"),
+        ({"points": "swapped.csv"}, CalibrationError, "left and right swapped"),
         ({"points": "words.csv"}, ConfigError, "words.csv:3: y: found 'left', a finite number"),
         ({"points": "heads.csv"}, ConfigError, 'no column x; did you mean "x_m"'),
         ({"lens": ("board.png",) * 3}, CalibrationError, "3 pictures with the board; 4 are needed"),

@@ -67,7 +67,7 @@ def test_even_and_odd_scans_are_different_scans(tmp_path):
     ("change", "message"),
     [
         ({"scans": "evn"}, '--scans evn: unknown; did you mean "even"'),
-        ({"scans": "odd"}, "1 lidar scans in it, of which --scans odd takes none"),
+        ({"scans": "odd"}, "1 lidar scans in it, none of them in --scans odd"),
         ({"resolution_m": 0.0}, r"--resolution 0: .*found 0.0"),
         ({"prefix": "nowhere/map"}, "the folder .*nowhere does not exist"),
         ({"resolution_m": 2e-4}, r"scans 0 to 0: a grid of .* at most"),

@@ -232,7 +232,7 @@ def test_a_record_that_was_cut_is_read_up_to_the_cut(run: Path, tmp_path: Path) 
     content = (run / "control-0001.rec").read_bytes()
     path.write_bytes(content[: len(content) // 2])
     result = exported(path, tmp_path)
-    assert any("was cut, read up to the cut" in note for note in result.notes)
+    assert any("was cut short, read up to there" in note for note in result.notes)
     assert len(pd.read_csv(tmp_path / "tick.csv")) > 20
 
 

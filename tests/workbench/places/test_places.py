@@ -120,7 +120,7 @@ def test_less_than_a_turn_is_refused_with_how_far_it_went(tmp_path):
 def test_what_is_not_learnt_leaves_the_file_as_it_was(book, tmp_path):
     before = book.read_bytes()
     log = write_log(tmp_path / "silent", turning(lambda _bearing: math.inf))
-    with pytest.raises(PlaceError, match="desert is not learnt: the sonars heard an echo in 0%"):
+    with pytest.raises(PlaceError, match="desert is not learnt: the sonars received an echo in 0%"):
         learn("desert", book, PlaceSource(log=log), quiet)
     assert book.read_bytes() == before
 
@@ -216,7 +216,7 @@ def test_a_robot_that_falls_silent_is_not_waited_for():
     robot = Published("rover", ())
     clock = VirtualClock()
     try:
-        with pytest.raises(PlaceError, match="nothing heard of the robot for 5 s"):
+        with pytest.raises(PlaceError, match="no messages from the robot for 5 s"):
             live_turn("rover", ROBOT, SignatureConfig(), None, quiet, clock)
     finally:
         robot.context.destroy(linger=0)
@@ -299,5 +299,5 @@ def test_a_pose_that_is_none_is_refused(book, tmp_path, at):
 
 def test_a_robot_that_cannot_turn_on_the_spot_says_so(tmp_path):
     source = PlaceSource(world="office", robot="tricycle")
-    with pytest.raises(PlaceError, match="tricycle steers"):
+    with pytest.raises(PlaceError, match="tricycle has steering"):
         learn("kitchen", tmp_path / "b.toml", source, quiet)

@@ -103,13 +103,13 @@ def test_a_recording_of_ours_is_read_with_its_truth_and_each_frame_of_its_sonars
 
 def test_what_a_recording_cannot_tell_is_said(recorded):
     config = load_robot(ROBOT)
-    with pytest.raises(ConfigError, match="name its room by --map"):
+    with pytest.raises(ConfigError, match="give the room with --map"):
         source_of_log(recorded, "", "", config)
     with pytest.raises(CalibrationError, match="no lidar scans"):
         source_of_log(recorded, "flat", "lidar", config)
     (recorded / TRUTH).rename(recorded / "away.tum")
     try:
-        with pytest.raises(CalibrationError, match="nobody knows where"):
+        with pytest.raises(CalibrationError, match="the poses of the readings are unknown"):
             source_of_log(recorded, "flat", "", config)
     finally:
         (recorded / "away.tum").rename(recorded / TRUTH)
@@ -138,7 +138,7 @@ def test_readings_at_poses_that_nobody_knows_judge_no_settings():
     recording = Recording("log", sonars=(reading,))
     source = Source("sonar", recording, poses, chart, config.sonar, "the reference", "")
     sensors = MapSensors(chart, config.sonar, config.localisation)
-    with pytest.raises(CalibrationError, match="known by the reference at none of the readings"):
+    with pytest.raises(CalibrationError, match="the reference gives no pose for any reading"):
         told(source, sensors, config.odometry)
 
 

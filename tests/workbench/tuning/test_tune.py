@@ -335,7 +335,7 @@ def test_bad_input_ends_with_status_2_and_the_nearest_name(capsys, arguments, wo
     [
         ("simulation.motor.air_c=119.95", "over temperature"),
         ("simulation.battery.voltage_scale=0.8", "battery is low"),
-        ("simulation.errors.wheel_radius=[0.0, 0.2]", "not enough room: the robot met a wall"),
+        ("simulation.errors.wheel_radius=[0.0, 0.2]", "not enough room: the robot hit a wall"),
         ("simulation.motor.coulomb_n_m=1.0", "wheel is blocked"),
         ("drive.wheel_radius_m=0.01", "at a duty of 1.00 the wheels turn at"),
     ],
@@ -366,7 +366,7 @@ def test_a_robot_that_no_gains_make_good_is_named(monkeypatch, capsys, tuned):
     monkeypatch.setattr(tuning, "identify", lambda *_: tuned.fits)
     assert run("--set", "drive.wheel_radius_m=0.5") == 0
     printed = capsys.readouterr().out
-    assert "beware: with the new gains, too, the robot does not settle at 100% battery" in printed
+    assert "beware: even with the new gains the robot does not settle at 100% battery" in printed
 
 
 def test_without_matplotlib_the_command_says_what_to_install(monkeypatch, capsys, tmp_path):

@@ -103,6 +103,6 @@ def _check_data_ids(dbc: Dbc) -> None:
         if other is not message and other.protection is not None:
             raise ConfigError(
                 f"{dbc.path}: {message.name}: its E2E_DataId 0x{message.protection.data_id:04X} "
-                f"has the CRC of {other.name}'s 0x{other.protection.data_id:04X}, so that each "
-                "passes for the other"
+                f"has the CRC of {other.name}'s 0x{other.protection.data_id:04X}, so each would be "
+                "accepted as the other"
             )

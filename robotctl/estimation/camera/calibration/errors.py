@@ -1,8 +1,8 @@
 """What a calibrated camera errs at places that are known: the error analysis of notes, section 6.2.
 
-Errors are told along the direction from the camera (radial, positive: told too far) and across it
-(lateral, positive: told too far left), since a wrong pitch or height shows in the one and a wrong
-yaw in the other.
+Errors are split along the direction from the camera (radial, positive: estimated too far) and
+across it (lateral, positive: too far left), because a wrong pitch or height shows in the first and
+a wrong yaw in the second.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class FloorErrors:
     off_m
         Radial and lateral error, (n, 2) [m].
     P
-        Covariance that noise of pixels and places lets expect of these, (n, 2, 2) [m^2].
+        Covariance expected of these from the noise of pixels and places, (n, 2, 2) [m^2].
     """
 
     told: NDArray[np.float64]
@@ -45,7 +45,7 @@ class FloorErrors:
 
     @property
     def chi2(self) -> NDArray[np.float64]:
-        """Squared errors in standard deviations, (n,), two degrees of freedom each; nan as told."""
+        """Squared errors in standard deviations, (n,), two degrees of freedom each; nan stays."""
         result: NDArray[np.float64] = np.full(len(self.off_m), np.nan)
         known = np.isfinite(self.off_m).all(axis=1)
         off, P = self.off_m[known], self.P[known]
@@ -66,9 +66,9 @@ class Band:
     bias_m
         Mean radial and lateral error [m].
     rmse_m
-        Root mean square of the distance between told and true [m].
+        Root mean square of the distance between estimated and true [m].
     expected_m
-        The same as the noise lets expect [m].
+        The same as expected from the noise [m].
     chi2
         Sum over the points; `2 count` is expected.
     """
@@ -83,7 +83,7 @@ class Band:
 
     @property
     def surprising(self) -> bool:
-        """Whether errors so large come from noise alone in less than 1 of 1000 cases."""
+        """Whether noise alone gives such errors in less than 1 of 1000 cases."""
         return self.chi2 > float(chi_square.ppf(SURE, 2 * self.count))
 
 

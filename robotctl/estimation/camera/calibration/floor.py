@@ -86,7 +86,7 @@ def view_from_above(
 ) -> NDArray[np.uint8]:
     """Return the floor as seen from above; what the camera does not see is grey.
 
-    What stands on the floor is smeared away from the camera: only the floor is put right.
+    Objects on the floor are smeared away from the camera: only the floor is rectified.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The floor homography: from points of the floor to pixels, by known places alone.
+"""The floor homography: from points of the floor to pixels, from known places only.
 
 Notes, section 6.1: (u, v, 1) ~ H (x, y, 1). The linear least squares of the notes with H's last
 entry set to 1 fail where that entry is 0, the horizon through the origin (errata). Here H has norm
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from robotctl.estimation.camera.calibration import homography_kernels as kernels
 
 GATE = 16.0
-"""Four standard deviations, squared: what is farther off is an outlier, 3 in 10000 by chance."""
+"""Four standard deviations, squared: anything beyond is an outlier, 3 in 10000 by chance."""
 _SAMPLES = 2000
 _UNCERTAIN = 0.3
 _ON_A_LINE = 1e-6
@@ -125,7 +125,7 @@ def floor_covariance(
     P: NDArray[np.float64],
     sigma_px: float,
 ) -> NDArray[np.float64]:
-    """Return the covariance of floor points that a calibration tells from their pixels.
+    """Return the covariance of floor points computed from their pixels.
 
     A pixel is a function of the parameters and of the point; solved for the point, to first order.
 
@@ -188,8 +188,8 @@ def fit_homography(
     sides = near @ h[6:8] + h[8]
     if not (np.all(sides > 0.0) or np.all(sides < 0.0)):
         raise ValueError(
-            "no camera sees these points so, some would lie behind it: are points exchanged, or u "
-            "with v, or x with y?"
+            "no camera can see these points like this, some would lie behind it: are points "
+            "swapped, or u with v, or x with y?"
         )
     h, P = kernels.unnormalised(h * np.sign(sides[0]), P, (s, x, y), (t, u, v))
     H = h.reshape(3, 3)
@@ -207,7 +207,7 @@ def find_homography(
     Parameters
     ----------
     ground, pixels, noise
-        As for `fit_homography`. With four points none can be told to be wrong.
+        As for `fit_homography`. With four points no outlier can be identified.
     rng
         Chooses the samples (RANSAC).
 
@@ -239,7 +239,7 @@ def find_homography(
             raise ValueError(
                 f"only {agree.sum()} of {n} points agree with each other within "
                 f"{noise.sigma_px:g} px and {1e3 * noise.sigma_m:g} mm: they contradict each "
-                "other, or are known less well than that"
+                "other, or are less accurate than that"
             )
         found = fit_homography(ground[agree], pixels[agree], noise)
         now, _ = kernels.agreeing(
@@ -279,7 +279,7 @@ def _checked(
 def _degenerate(
     ground: NDArray[np.float64], pixels: NDArray[np.float64], scale: float, sigma_px: float
 ) -> str:
-    """Return why points determine no homography, normalised ones, else an empty text."""
+    """Return why normalised points determine no homography, or an empty text."""
     for points, what, tolerance in (
         (ground, "on the floor", _ON_A_LINE),
         (pixels, f"in the picture (to {sigma_px:g} px)", max(_ON_A_LINE, scale * sigma_px)),

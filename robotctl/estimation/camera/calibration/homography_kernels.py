@@ -206,7 +206,7 @@ def refine(
     W = np.empty((len(ground), 2, 2))
     M, P = np.zeros((9, 9)), np.full((9, 9), math.nan)
     cost = 0.0
-    # The weights depend on h where places are uncertain: once more with the refined one.
+    # The weights depend on h if places are uncertain: repeat with the refined one.
     for _ in range(1 if sigma_x == 0.0 else 2):
         for i in range(len(ground)):
             W[i] = whitening(h, ground[i, 0], ground[i, 1], sigma_u, sigma_x)

@@ -92,8 +92,9 @@ def calibrate_lens(
     sigma = np.sqrt((n - 1) / n * np.sum((others - others.mean(axis=0)) ** 2, axis=0))
     if not sigma[0] < _FOCAL_SIGMA * values[0]:
         raise ValueError(
-            f"these pictures do not tell the focal length ({values[0]:.0f} px, standard deviation "
-            f"{sigma[0]:.0f}): tilt the board, by 30 degrees and more, to all sides"
+            f"these pictures do not determine the focal length ({values[0]:.0f} px, standard "
+            "deviation "
+            f"{sigma[0]:.0f}): tilt the board by 30 degrees and more in all directions"
         )
     fx, fy, cx, cy, *distortion = (float(value) for value in values)
     lens = CameraIntrinsics(width_px, height_px, fx, fy, cx, cy, tuple(distortion))
@@ -106,7 +107,7 @@ def _check_count(found: int, which: str) -> None:
     if found < LEAST_PICTURES:
         raise ValueError(
             f"{found} pictures {which}; {LEAST_PICTURES} are needed, 10 to 20 are good, with the "
-            "board near, tilted to all sides, and in all parts of the picture"
+            "board near, tilted in all directions, and in all parts of the picture"
         )
 
 

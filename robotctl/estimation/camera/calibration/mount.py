@@ -2,8 +2,8 @@
 
 First the floor homography, on which points must agree (`camera_homography.py`); it gives a pose
 (Zhang 2000, appendix) from which the residuals in the picture, lens and all, are minimised. Six
-numbers instead of the eight of a homography: what the points leave open the lens tells, so errors
-beyond the points are several times smaller.
+numbers instead of the eight of a homography: the lens determines what the points leave open, so
+errors beyond the points are several times smaller.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def fit_mount(
     *,
     lens_known: bool = True,
 ) -> MountFit:
-    """Find where a camera sits and looks.
+    """Find position and orientation of a camera.
 
     Parameters
     ----------
@@ -119,11 +119,11 @@ def fit_mount(
         lens = CameraIntrinsics(lens.width_px, lens.height_px, 1.0, 1.0, *middle)
     straight = straightened(pixels, lens) if lens_known else pixels
     if not np.isfinite(straight).all():
-        raise ValueError("some pixels lie outside of what the lens can show: is it the right lens?")
+        raise ValueError("some pixels lie outside the lens's field of view: is it the right lens?")
     homography, agree = find_homography(ground, straight, rng, noise)
     if np.linalg.det(homography.H) > 0.0:
         raise ValueError(
-            "the floor is seen as if from below, left and right exchanged: is y to the left, x "
+            "the floor is seen as if from below, left and right swapped: is y to the left, x "
             "ahead, u to the right and v down?"
         )
     if not lens_known:
@@ -143,7 +143,8 @@ def fit_mount(
         P = P * max(1.0, chi2 / degrees)
     if not lens_known and not P[6, 6] < (_FOCAL_SIGMA * values[6]) ** 2:
         raise ValueError(
-            f"these points do not tell the focal length ({values[6]:.0f} px, standard deviation "
+            f"these points do not determine the focal length ({values[6]:.0f} px, standard "
+            "deviation "
             f"{math.sqrt(P[6, 6]):.0f}): calibrate the lens, or spread the points"
         )
     residuals = pixels - camera.project_ground(ground)
@@ -169,8 +170,8 @@ def focal_length(H: NDArray[np.float64], lens: CameraIntrinsics) -> float:
     squared = -(known @ factor) / weight if weight > 0.0 else math.nan
     if not 0.0 < squared < 1e9:
         raise ValueError(
-            "these points do not tell the focal length: calibrate the lens; a camera that looks "
-            "straight down never tells it"
+            "these points do not determine the focal length: calibrate the lens; a camera that "
+            "looks straight down never shows it"
         )
     return math.sqrt(squared)
 

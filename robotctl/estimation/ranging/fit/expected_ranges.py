@@ -1,9 +1,9 @@
 """What range sensors should have measured at known poses, and how squarely the sound or light met.
 
-Sonars and lidar alike: a beam of a lidar is a sonar with a cone that is hardly open. How far each
-should measure is `wall_echoes.py` or `grid_echoes.py`. The incidence of a reading is the least
-angle to a surface's normal in its cone: below the sensor's limit there is an echo, and where there
-is none, the limit is lower.
+For sonars and lidar: a lidar beam is a sonar with a very narrow cone. How far each should measure
+is `wall_echoes.py` or `grid_echoes.py`. The incidence of a reading is the least angle to a
+surface's normal in its cone: below the sensor's limit there is an echo, and where there is none,
+the limit is lower.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _STEP_RAD: Final = _OPEN_RAD / (_COARSE * _FINE)
 _TURN_RAD: Final = math.radians(1.0)
 _BEAM: Final = 0.1
 _END_M: Final = 0.15
-"""So small a turn, share of the cone and piece of a wall should not change a reading."""
+"""Small changes of turn, cone and wall length that should not change a reading."""
 _SAME_M: Final = 1e-6
 _CHANGE_M: Final = 0.03
 _CHANGE: Final = 0.02
@@ -65,7 +65,7 @@ class EchoExpectations:
     beam_rad
         Opening of their cones, from edge to edge, in (0, pi) [rad].
     reach_m
-        Obstacles farther away are not looked at; farther than any sensor measures [m].
+        Distance beyond which obstacles are ignored; more than any sensor's range [m].
     """
 
     def __init__(
@@ -86,12 +86,12 @@ class EchoExpectations:
 
     @property
     def open_rad(self) -> float:
-        """The incidence limit of a sensor that hears nearly all [rad]."""
+        """The incidence limit of a sensor that receives nearly all echoes [rad]."""
         return _OPEN_RAD
 
     @property
     def step_rad(self) -> float:
-        """To so much incidences are known [rad]."""
+        """Accuracy of incidences [rad]."""
         return _STEP_RAD
 
     def ranges(

@@ -28,7 +28,7 @@ _EM_STEPS: Final = 30
 _GROWTH: Final = NAMES.index("sigma_per_m")
 _LEAST_HITS: Final = 50
 _SPREAD: Final = 1.5
-"""How sigma grows is told by hits whose far tenth is so many times as far as their near tenth."""
+"""Ratio of the far tenth of hits to the near tenth from which the growth of sigma is determined."""
 _RATE_FOLD: Final = 100.0
 """A rate is known if its interval spans less than this factor."""
 
@@ -42,7 +42,7 @@ class Fitted:
     value, low, high
         Best value and ends.
     why_not
-        Why the data do not tell the value; empty where they do.
+        Why the data do not determine the value; empty if they do.
     """
 
     value: float
@@ -62,7 +62,7 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangeFit:
-    """What the readings tell of a sensor.
+    """Estimated parameters of a sensor.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def fit_ranges(
     Returns
     -------
     RangeFit
-        Best values, intervals, and why a value is not told.
+        Best values, intervals, and why a value is undetermined.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def _climbed(
 
 
 def _tells_growth(expected_m: Array) -> bool:
-    """Whether readings come from ranges so different that they tell how noise grows."""
+    """Whether the spread of ranges suffices to determine the growth of noise."""
     near, far = np.quantile(expected_m[np.isfinite(expected_m)], [0.1, 0.9]).tolist()
     return bool(far >= _SPREAD * near)
 
@@ -208,18 +208,18 @@ def _robust_k(
 
 
 def _say(values: dict[str, Fitted], readings: int, seen_m: Array) -> None:
-    """Mark what the data do not tell."""
+    """Mark values that the data do not determine."""
     why: dict[str, str] = {}
     if not _tells_growth(seen_m):
         why["sigma_per_m"] = (
-            f"all echoes come from about {np.median(seen_m):.2g} m, so how the noise grows with "
-            "the range cannot be told; sigma_m holds there"
+            f"all echoes come from about {np.median(seen_m):.2g} m, so the growth of noise with "
+            "range is undetermined; sigma_m holds there"
         )
     rate = values["short_per_m"]
     if values["short"].low < 1e-6 or rate.high > _RATE_FOLD * max(rate.low, 1e-2):
         why["short_per_m"] = (
-            f"about {values['short'].value * readings:.0f} readings are short, too few to tell "
-            "how they are spread"
+            f"about {values['short'].value * readings:.0f} readings are short, too few to "
+            "determine their distribution"
         )
     for name, reason in why.items():
         at = values[name]
@@ -235,7 +235,7 @@ def _start(m: Array, z: Array) -> BeamMixture:
 
 
 def _product(a: Fitted, b: Fitted) -> Fitted:
-    """Return the product of two values >= 0 that err independently; one may be told by nothing."""
+    """Return the product of two values >= 0 that err independently; one may be undetermined."""
     value = a.value * b.value
     below = math.hypot((a.value - a.low) * b.value, a.value * (b.value - b.low))
     up_a, up_b = a.high - a.value, b.high - b.value

@@ -117,7 +117,7 @@ class RangeLikelihood:
     def total(self, parameters: Array) -> tuple[float, Array, Array]:
         """Return the sum of all logs, its score (7,), and the outer products of the scores (7, 7).
 
-        The latter are what the readings tell of the parameters, near the best ones.
+        The latter are the information about the parameters, near the best ones.
         """
         p, parts = self._heard(parameters)
         garbage, none = float(parameters[0]), float(parameters[2])

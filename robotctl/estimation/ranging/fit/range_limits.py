@@ -1,4 +1,4 @@
-"""Up to which incidence and range a sensor hears anything: limits from readings, with intervals.
+"""Incidence and range limits of a sensor from readings, with intervals.
 
 **Incidence.** Of readings that met their surface at an angle below the limit nearly all have an
 echo, of those beyond nearly none. Where this is a sharp step the limit lies between two readings,
@@ -166,7 +166,7 @@ def greatest_range(expected_m: Array, measured_m: Array, mixture: BeamMixture) -
     measured_m
         What was measured, (m,) [m]; inf: no echo.
     mixture
-        What else is known of the sensor.
+        Other knowledge of the sensor.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def greatest_range(expected_m: Array, measured_m: Array, mixture: BeamMixture) -
     if not heard.any():
         raise ValueError("no reading with a range")
     steps = np.diff(np.unique(measured_m[heard]))
-    # Readings are rounded: the greatest stands for all within half of a step.
+    # Readings are rounded: the largest represents all within half a step.
     least = float(measured_m[heard].max() - 0.5 * steps.min(initial=0.01))
     missing = np.sort(expected_m[~heard & np.isfinite(expected_m) & (expected_m > least)])
     if len(missing) < _LEAST:

@@ -28,7 +28,7 @@ _SHORTEST: Final = 1e8
 _MOST_NO_HITS: Final = 0.98
 _STEPS: Final = 10
 _NEAR: Final = 0.01
-"""Ends of intervals are found to this share of their distance, in so many steps at most."""
+"""Relative accuracy of interval ends, and the maximum steps to find them."""
 
 
 class RangeProfile:

@@ -1,14 +1,14 @@
 """What a sonar or a lidar is like, from readings at known poses in a known room.
 
-Three things hang on each other: which surface a reading comes from hangs on the incidence limit,
-how far it should be heard on the greatest range, and both limits show only against the mixture. So
-the incidence limit is found first, by whether there is an echo at all; then the mixture, without
-the readings near the greatest range; then that range; then the mixture again, with all but those
-that could lie on either side of a limit.
+Three things depend on each other: the surface of a reading on the incidence limit, its expected
+echo on the maximum range, and both limits on the mixture. So the incidence limit is found first, by
+whether there is an echo at all; then the mixture, without the readings near the greatest range;
+then that range; then the mixture again, with all but those that could lie on either side of a
+limit.
 
-Readings from edges say little of the sensor and are left out (`EchoExpectations.steady`). What is
-left out hangs on room, pose and the two limits, which all readings together tell, never on how far
-a reading itself is off: large errors are left out no more often than small ones.
+Readings from edges say little of the sensor and are left out (`EchoExpectations.steady`). The
+selection depends on room, pose and the two limits, which all readings together determine, never on
+a reading's own error: large errors are left out no more often than small ones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robotctl.estimation.ranging.fit.range_limits import (
 )
 
 _AROUND: Final = 1.5
-"""So much farther than the greatest range measured is looked for walls."""
+"""Distance beyond the longest range within which walls are searched."""
 _SAFE: Final = 0.9
 """Readings nearer than this share of the greatest range measured are surely within it."""
 _MARGIN_RAD: Final = math.radians(1.0)
@@ -163,7 +163,7 @@ def _check_room(found: RangeFit) -> None:
     sigma_m = float(found.mixture.sigma_at(np.array(typical_m)))
     if hit < _HITS or sigma_m > _ROUGH * typical_m:
         raise ValueError(
-            f"the readings do not fit to the room: {100 * hit:.0f} % of them hit its surfaces, to "
+            f"the readings do not match the room: {100 * hit:.0f} % of them hit its surfaces, to "
             f"{sigma_m:.2g} m at {typical_m:.2g} m; at least {100 * _HITS:.0f} % to a "
             f"{1 / _ROUGH:.0f}th of the range are needed. Is it the right map, and are the poses "
             "in its frame?"

@@ -251,7 +251,7 @@ def test_pixels_on_a_line_are_refused() -> None:
 
 def test_points_that_no_camera_can_see_so_are_refused() -> None:
     pixels = CAMERA.project_ground(SQUARE)
-    with pytest.raises(ValueError, match="no camera sees these points so"):
+    with pytest.raises(ValueError, match="no camera can see these points like this"):
         fit_homography(SQUARE, pixels[[1, 0, 2, 3]])
 
 

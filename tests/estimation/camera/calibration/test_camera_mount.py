@@ -175,7 +175,7 @@ def test_straight_down_the_focal_length_cannot_be_told() -> None:
     camera = CameraGeometry(PINHOLE, CameraMount(0.1, 0.0, 0.5, 0.0, 90.0, 0.0))
     ground = camera.ground(rng().uniform((50.0, 50.0), (590.0, 430.0), (10, 2)))
     pixels = camera.project_ground(ground) + 0.3 * rng().normal(size=(10, 2))
-    with pytest.raises(ValueError, match="do not tell the focal length"):
+    with pytest.raises(ValueError, match="do not determine the focal length"):
         fit_mount(PINHOLE, ground, pixels, rng(), NOISE, lens_known=False)
 
 
