@@ -32,7 +32,7 @@ _OFF = WheelCommand(enable=False, brake=True)
 _LOAD: Final = "load the firmware that belongs to this robotctl's configs/robot.dbc"
 _FIXES: Final = {
     FaultCode.NODE_NO_ANSWER: "check its power and cable, and that no other node has its number",
-    FaultCode.NODE_OTHER_DEVICE: "give each node its own number: two may be exchanged",
+    FaultCode.NODE_OTHER_DEVICE: "give each node its own number: two may be swapped",
     FaultCode.NODE_OTHER_FIRMWARE: _LOAD,
     FaultCode.NODE_OTHER_VALUE: "correct the robot's file, or the node's parameter",
     FaultCode.NODE_CHANGED: "find out who else on the bus writes to the nodes",

@@ -52,7 +52,7 @@ class NodeEvents:
         )
 
     def forget_errors(self) -> None:
-        """Let each error be told once more."""
+        """Let each error be reported again."""
         self._told.clear()
 
     def _booted(self, nodes: tuple[NodeStatus, ...]) -> list[tuple[NodeStatus, bool]]:
@@ -67,7 +67,7 @@ class NodeEvents:
         return booted
 
     def _error(self, emergency: EmergencyMessage) -> str:
-        """Return what to tell people of an EMCY message; empty: nothing, or told already."""
+        """Return the text of an EMCY message; empty: none, or already reported."""
         number, code = emergency.node_id, emergency.code
         if code == _NO_ERROR or (number, code) in self._told:
             return ""

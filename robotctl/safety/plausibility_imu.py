@@ -40,7 +40,7 @@ class ImuMonitor:
         self._same = 0
 
     def reset(self) -> None:
-        """Begin anew: the robot is armed."""
+        """Reset: the robot is armed."""
         self._same = 0
 
     def update(self, inputs: MonitorInputs) -> Fault | None:

@@ -78,8 +78,8 @@ class SafetyConfig:
     battery_timeout_ms
         As above for the battery monitor [ms].
     sonar_timeout_ms
-        As above for each sonar [ms]; nobody is told an older range. A sonar that reports no
-        sensor or a fault of its own counts as silent.
+        As above for each sonar [ms]; an older range is not used. A sonar that reports no sensor or
+        a fault of its own counts as silent.
     imu_timeout_ms
         As above for gyro and accelerometer, where the robot has them [ms].
     heartbeat_timeout_ms

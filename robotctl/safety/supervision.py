@@ -38,7 +38,7 @@ def _imu(robot: Monitored) -> ImuMonitor:
 
 
 MONITORS: Final[tuple[Callable[[Monitored], Monitor], ...]] = (_plausibility, _sonars, _imu)
-"""All monitors; where several find something in the same tick, the first is heard."""
+"""All monitors; if several report in the same tick, the first wins."""
 
 
 class Supervision:

@@ -25,7 +25,7 @@ from robotctl.planning.local.path import Path, Point, rounded
 from robotctl.planning.local.pursuit import Pursuit, PursuitConfig
 
 _TURN_IN_CIRCLES = 1.5
-"""A robot that joins its path has turned along it within so many turning circles of way."""
+"""A robot that joins its path is aligned with it after this many turning circles of travel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ def _problems(
 
 
 def _has_corner(item: DriveItem) -> bool:
-    """Say whether the way between the waypoints turns by more than 10 degrees anywhere."""
+    """Return whether the path between the waypoints turns by more than 10 degrees anywhere."""
     way = Path(item.waypoints)
     turns = (way.turn_rad(i) for i in range(1, len(way.points) - 1))
     return any(abs(turn) > math.radians(10.0) for turn in turns)

@@ -31,12 +31,12 @@ from robotctl.planning.local.pursuit import (
 )
 
 _REACH_AGAIN = 1.15
-"""Backing up for a point out of reach goes on until it is reachable with this share to spare."""
+"""Backing up for an unreachable point continues until it is reachable with this margin."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoToItem:
-    """Drive to a point of `world` on the direct way, with any heading at its end.
+    """Drive straight to a point of `world`, with any final heading.
 
     Parameters
     ----------
@@ -104,12 +104,12 @@ class GoTo(Behaviour):
         return Anchor(*self._goal)
 
     def reset(self) -> None:
-        """Start anew."""
+        """Start over."""
         self._turning = False
         self._backing = False
 
     def pause(self) -> None:
-        """Plan anew from wherever the robot is."""
+        """Replan from the robot's present place."""
         self.reset()
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:  # noqa: ARG002 - as all behaviours
@@ -124,7 +124,7 @@ class GoTo(Behaviour):
         v = min(self._speed, math.sqrt(2.0 * config.acceleration_m_s2 * distance))
         if self._steered and self._must_back(pose):
             if not self._sees_back:
-                return failed(f"{text}, too close beside: no sonar looks back for backing up")
+                return failed(f"{text}, too close beside: backing up needs a rear sonar")
             return BehaviourOutput(-0.5 * self._speed, 0.0, text=f"{text}, backing up")
         if not self._steered and self._must_turn(bearing):
             return BehaviourOutput(0.0, turn_rate(bearing, config), text=f"{text}, turning")

@@ -63,7 +63,7 @@ class Guarded(Behaviour):
 
     @property
     def s_m(self) -> float:
-        """The way along the path or wall [m]; 0 for a behaviour without one."""
+        """Distance along the path or wall [m]; 0 for a behaviour without one."""
         return self._behaviour.s_m
 
     def anchor(self, pose: SE2) -> Anchor | None:

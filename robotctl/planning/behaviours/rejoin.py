@@ -23,16 +23,16 @@ from robotctl.planning.guard.behaviour import (
 from robotctl.planning.local.path import Point
 
 _NEAR_M: Final = 0.2
-"""Corners of the way are passed within this distance [m]."""
+"""Corners of the path are passed within this distance [m]."""
 
 
 class Rejoin(Behaviour):
-    """Drives from corner to corner, then turns to the heading where one is wanted.
+    """Drives from corner to corner, then turns to the heading, if one is given.
 
     Parameters
     ----------
     corners
-        Of the way in `world` [m], the end the last; at least one.
+        Corners of the path in `world` [m], ending at the goal; at least one.
     heading_rad
         At the end [rad]; None: any. A robot that cannot turn on the spot ends with any.
     robot
@@ -102,7 +102,7 @@ class Rejoining(Behaviour):
 
     @property
     def s_m(self) -> float:
-        """The way along the path or wall [m]; 0 for a behaviour without one."""
+        """Distance along the path or wall [m]; 0 for a behaviour without one."""
         return self._behaviour.s_m
 
     def relocate(self) -> None:
@@ -115,19 +115,19 @@ class Rejoining(Behaviour):
         self._relocated = s_m > 0.0
 
     def reset(self) -> None:
-        """Start anew."""
+        """Start over."""
         self._relocated, self._rejoin, self._epoch = False, None, None
         self._behaviour.reset()
 
     def pause(self) -> None:
-        """Somebody else steers for a while."""
+        """Another mode steers for a while."""
         self._epoch = None
         self._behaviour.pause()
         if self._rejoin is not None:
             self._rejoin, self._relocated = None, True
 
     def retry(self) -> None:
-        """Go on after a failure from wherever the robot is, with all the time anew."""
+        """Continue after a failure from the robot's present place, with the full time again."""
         self._behaviour.retry()
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:

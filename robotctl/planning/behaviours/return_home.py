@@ -21,10 +21,10 @@ from robotctl.planning.local.pursuit import PursuitConfig
 
 
 class ReturnHome(Behaviour):
-    """Follows the breadcrumbs back, leg by leg, and picks them up on its way.
+    """Follows the breadcrumbs home, leg by leg, removing them as it goes.
 
-    Interrupted, it goes on with what is left; crumbs that others drop meanwhile count. Found
-    elsewhere, it goes on from the nearest of them. It ends within the crumbs' spacing of home.
+    Interrupted, it continues with the rest, including crumbs added meanwhile. Found elsewhere, it
+    goes on from the nearest of them. It ends within the crumbs' spacing of home.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ class TurnTo(Behaviour):
         self._config = config
 
     def reset(self) -> None:
-        """Start anew; there is nothing to forget."""
+        """Start over; there is no state."""
 
     def pause(self) -> None:
         """There is nothing to forget."""

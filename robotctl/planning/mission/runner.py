@@ -74,7 +74,7 @@ class MissionRunner:
             self._behaviours[item].resume(s_m)
 
     def relocate(self) -> None:
-        """Let a robot that has lost its place and found it come back to where its item stood."""
+        """Let a robot that lost and found its place return to where its item was interrupted."""
         if not self.completed:
             self._behaviours[self.index].relocate()
 
@@ -87,7 +87,7 @@ class MissionRunner:
             self._behaviours[self.index].retry()
 
     def pause(self) -> None:
-        """Somebody else steers for a while."""
+        """Another mode steers for a while."""
         if not self.completed:
             self._behaviours[self.index].pause()
 
