@@ -10,7 +10,7 @@ from robotctl.control.pwm import PwmConfig
 from robotctl.model.drives.drives import Drive
 
 _IMPOSSIBLE_SHARE = 2.0
-"""No wheel turns faster than so many times its speed at the robot's limits, and being pushed."""
+"""Factor on a wheel's speed at the robot's limits, and when pushed, beyond which it cannot turn."""
 _PUSHED_M_S = 1.5
 """How fast people push or carry a robot [m/s]."""
 

@@ -62,7 +62,7 @@ class Inputs(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Outputs(msgspec.Struct, frozen=True, array_like=True):
-    """What one step wants done."""
+    """Outputs of one step."""
 
     command: WheelCommand
     emergency_stop: EmergencyStopSource | None = None
@@ -86,7 +86,7 @@ class ControlCore:
     sonars
         The ring, in the order of the bus.
     imu
-        Where the IMU sits, if there is one.
+        Mounting of the IMU, if there is one.
     pose_odom_base
         Where odometry starts.
     """
@@ -194,7 +194,7 @@ class ControlCore:
             self._on(Event.EMERGENCY_STOP, Fault(FaultCode.EMERGENCY_STOP_BUS, text), now_ns)
 
     def _take_node_events(self, events: Events, now_ns: int) -> None:
-        """Stop where a node has restarted; the counts of the drive begin anew."""
+        """Stop if a node has restarted; the drive's counts restart."""
         if events.drive_booted:
             self.motion.restart(now_ns)
         self._notices += events.notices
@@ -332,7 +332,7 @@ class ControlCore:
         return command
 
     def _on(self, event: Event, why: Fault | str, now_ns: int) -> bool:
-        """Apply an event to the state machine and tell people of stops and starts."""
+        """Apply an event to the state machine and report stops and starts."""
         changed = self.machine.on(event, why)
         self._armings += changed and event is Event.ARM
         if event is Event.EMERGENCY_STOP or (changed and event is Event.FAULT):

@@ -1,4 +1,4 @@
-"""One period of control in its order: for the control process and for lockstep alike."""
+"""One period of control: for the control process and for lockstep."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ControlTick:
     robot, core
         The wire and what thinks.
     operator
-        Whose requests are carried out, and who is told of it.
+        Source of requests and receiver of notices.
 
     Attributes
     ----------

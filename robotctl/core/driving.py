@@ -103,7 +103,7 @@ class Driving:
         return WheelCommand(True, False, guarded.duty1, guarded.duty2, guarded.steering_rad)
 
     def _setpoint(self, now_ns: int) -> tuple[float, float]:
-        """Return the velocity wanted now; rest where the set-point is missing or void."""
+        """Return the velocity to command now; zero if the set-point is missing or expired."""
         velocity = self.velocity
         if velocity is None or now_ns > velocity.expires_ns:
             return 0.0, 0.0

@@ -27,7 +27,7 @@ class EncoderMotion:
     pose_odom_base
         Where odometry starts.
     imu
-        Where the IMU sits, if there is one.
+        Mounting of the IMU, if there is one.
 
     Attributes
     ----------
@@ -101,14 +101,14 @@ class EncoderMotion:
         self.imu = inertial.latest
 
     def restart(self, now_ns: int) -> None:
-        """Begin anew with the next counts: those of the drive have. The pose stays."""
+        """Restart with the next counts: the drive's have restarted. The pose stays."""
         self._has_counts = False
         self._latches.reset()
         self.odometry.reset(0.0, 0.0)
         self.epoch_ns = now_ns
 
     def _count(self, wheels: WheelFeedback, *, anew: bool) -> None:
-        """Update velocities and odometry; `anew`: behind a gap of unknown length."""
+        """Update velocities and odometry; `anew`: after a gap of unknown length."""
         counts = wheels.count1, wheels.count2
         for wheel, count in zip(self._wheels, counts, strict=False):  # of a single one the first
             if not self._has_counts:

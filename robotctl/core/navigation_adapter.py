@@ -41,16 +41,16 @@ from robotctl.planning.navigator import NavigationInputs, Navigator
 from robotctl.safety.state_machine import POWERED
 
 COMMAND_LIFE_PERIODS: Final = 4
-"""A velocity command expires after so many periods of the navigator."""
+"""Periods of the navigator after which a velocity command expires."""
 
 STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
 
 PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
-"""A ground station that telemetry has not told of for longer is not there [ns]."""
+"""Time without a report from telemetry after which there is no ground station [ns]."""
 
 _HOLD: Final = "hold: "
-"""What a message begins with that says why nobody's wish stopped the robot."""
+"""Prefix of a message on a hold that nobody requested."""
 
 _UNSEEN: Final = (
     "what was seen of the floor is forgotten: the robot does not drive forwards by itself until "
@@ -58,7 +58,7 @@ _UNSEEN: Final = (
 )
 
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
-"""Before the first control state; the navigator then stands and drops no breadcrumb."""
+"""Before the first control state; the navigator then stands still and drops no breadcrumb."""
 
 
 class NavigationAdapter:
@@ -127,8 +127,8 @@ class NavigationAdapter:
         this process was held up, is dropped: whoever asked was told so and may have left the
         robot to others. HOLD is always taken; velocities and sticks expire by themselves.
 
-        `localisation` is what the localiser last said. Where `WorldPose` has no pose, the robot
-        looks around by its odometry alone. `views` are those of the camera since the last step.
+        `localisation` is the localiser's last message. Where `WorldPose` has no pose, the robot
+        looks around by odometry alone. `views` are those of the camera since the last step.
         """
         if localisation is not None:
             self._world.localise(localisation)
@@ -220,10 +220,10 @@ class NavigationAdapter:
         return taken
 
     def _look(self, control: ControlState, views: Sequence[CameraView]) -> list[Point]:
-        """Return what lies on the floor around, by all that the camera saw while armed.
+        """Return the points on the floor around, from all that the camera saw while armed.
 
-        It is kept over stops, since odometry goes on, and a thing that the robot has stopped for
-        is often below the picture.
+        It is kept over stops, because odometry continues, and an object that the robot has stopped
+        for is often below the picture.
         """
         odometry = control.T_odom_base
         if control.odom_epoch_ns != self._odom_epoch_ns:
@@ -237,7 +237,7 @@ class NavigationAdapter:
         return self._floor.around(odometry)
 
     def _forget(self, control: ControlState, odometry: SE2) -> None:
-        """Forget the floor; what lies below the picture of a robot under way is not known then."""
+        """Forget the floor; what lies below the picture of a moving robot is then unknown."""
         self._odometry, self._floor = OdometryHistory(), FloorMemory()
         if self._looks and control.armings:
             self._floor.doubt(odometry, self._guard.nose_m, self._guard.half_width_m)
@@ -252,7 +252,7 @@ def _floor_view(view: CameraView) -> FloorView:
 
 
 def _too_late(message: NavigationRequest, now_ns: int) -> bool:
-    """Say whether a request waited for so long that it must not move the robot any more."""
+    """Return whether a request waited too long to move the robot."""
     if isinstance(message, SetMode) and message.mode is Mode.HOLD:
         return False
     old = now_ns - message.stamp_ns > REQUEST_LIFE_NS

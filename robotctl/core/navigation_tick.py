@@ -1,4 +1,4 @@
-"""One step of navigation in its order: for the navigation process and for lockstep alike."""
+"""One step of navigation: for the navigation process and for lockstep."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Estimation(Protocol):
         """Return what people see of the estimators, if it is time."""
 
     def given_map(self, now_ns: int) -> Sequence[GivenMap]:
-        """Return the map that the robot localises itself in, if it is time to tell it again."""
+        """Return the localiser's map, if it is time to publish it again."""
 
     def take_notices(self) -> Sequence[str]:
         """Return sentences on what has changed since the last call."""
@@ -58,11 +58,11 @@ class NavigationTick:
     Parameters
     ----------
     adapter
-        The navigator behind messages.
+        The navigator with its message adapter.
     estimators
         What finds out where the robot is; None: its odometry alone.
     operator
-        Whose requests are carried out, and who is told of it.
+        Source of requests and receiver of notices.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class NavigationTick:
         self.localisation = self._estimators.step(self._control, self._seen, poses, now_ns)
 
     def navigate(self, now_ns: int) -> tuple[VelocityCommand, NavigationState]:
-        """Return the velocity decided, and what the navigator says of itself."""
+        """Return the velocity decided, and the navigator's state."""
         views = [each for each in self._seen if isinstance(each, CameraView)]
         command, self.state = self._adapter.step(
             self._control, self.localisation, self._requests, now_ns, views

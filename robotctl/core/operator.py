@@ -1,4 +1,4 @@
-"""Who stands behind a robot: all that differs between its processes and a simulated run."""
+"""The operator: all that differs between a robot's processes and a simulated run."""
 
 from __future__ import annotations
 

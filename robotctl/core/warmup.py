@@ -1,4 +1,4 @@
-"""A rehearsal: the whole way from rest through driving to a stop, before the real loop starts.
+"""Warm-up: the whole path from rest through driving to a stop, before the real loop starts.
 
 The interpreter specialises code as it runs, memory is mapped when it is first touched and caches
 fill: the first ticks of any path take several times as long as the later ones. The rehearsal runs
@@ -37,7 +37,7 @@ _BUS_V: Final = 12.0
 
 
 def rehearse(core: ControlCore, period_ns: int) -> bool:
-    """Drive a core that nobody needs afterwards on made-up inputs; return whether it armed.
+    """Drive a throw-away core on made-up inputs; return whether it armed.
 
     Parameters
     ----------

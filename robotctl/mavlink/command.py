@@ -15,8 +15,8 @@ DENIED: int = common.MAV_RESULT_DENIED
 UNSUPPORTED: int = common.MAV_RESULT_UNSUPPORTED
 
 MAX_PENDING = 8
-"""So many wait for an answer of each kind, no more than control answers at once: whoever invents
-senders must not take the time in which a stop is waited for. The others are told to ask again."""
+"""Maximum waiting requests of each kind, no more than control answers at once: a flood of invented
+senders must not delay a stop. The others are told to ask again."""
 
 
 class Command(NamedTuple):

@@ -31,7 +31,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
 
 FRESH_NS = 1_000_000_000
-"""A state older than this [ns] says nothing about the robot any more."""
+"""Age beyond which a state is meaningless [ns]."""
 
 MAX_TEXTS = 64
 
@@ -41,7 +41,7 @@ State: TypeAlias = ControlState | NavigationState | LocalisationState | Notice
 
 @dataclass(frozen=True, slots=True)
 class TelemetryRobot:
-    """What telemetry tells about the robot and does not hear from its processes.
+    """Facts about the robot that its processes do not publish.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ class Context:
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
     def fresh_localisation(self, now_ns: int) -> LocalisationState | None:
-        """Return what the localiser believes, None where it is silent or there is none."""
+        """Return the localiser's estimate; None if it is silent or absent."""
         state = self.world.latest
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
@@ -165,7 +165,7 @@ class Context:
         return None if control is None or pose is None else (control, pose)
 
     def fresh_fix(self, now_ns: int) -> LocalisationState | None:
-        """Return what the localiser says of the pose, None where it does not vouch for that now."""
+        """Return the localiser's pose; None while it does not vouch for it."""
         control, believed = self.control, self.fresh_localisation(now_ns)
         is_sure = control is not None and self.world.is_sure(control)
         return believed if is_sure else None
@@ -180,6 +180,6 @@ class Context:
         return found[1].theta_rad
 
     def mode(self, now_ns: int) -> Mode:
-        """Return who steers: nobody where the navigation process is silent."""
+        """Return the active mode; None if the navigation process is silent."""
         navigation = self.fresh_navigation(now_ns)
         return Mode.HOLD if navigation is None else navigation.mode

@@ -20,7 +20,7 @@ class Telemetry:
     config : MavlinkConfig
         Address, rates and time-outs.
     robot : TelemetryRobot
-        What it tells about the robot.
+        Static data about the robot.
     links : MavlinkPort
         Made with the same addresses and links as `config`; the caller closes them.
     services : sequence of Microservice classes

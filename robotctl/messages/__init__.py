@@ -1,1 +1,1 @@
-"""What the parts of robotctl tell each other: typed values without behaviour."""
+"""Messages between the parts of robotctl: typed values without behaviour."""

@@ -16,7 +16,7 @@ class CameraFrame:
     Parameters
     ----------
     stamp_ns
-        When it was exposed, or where the camera does not tell, when it arrived [ns], monotonic.
+        Exposure time, or arrival if the camera does not report it [ns], monotonic.
     sequence
         Number of the picture since the camera was opened; a gap is of pictures that were missed.
     image

@@ -40,7 +40,7 @@ class DriveFault(enum.IntFlag):
 
 
 class EmergencyStopSource(enum.IntEnum):
-    """Who asked for the emergency stop (EmergencyStop.EmergencyStopSource of robot.dbc)."""
+    """Source of the emergency stop (EmergencyStop.EmergencyStopSource of robot.dbc)."""
 
     UNKNOWN = 0
     OPERATOR = 1
@@ -103,7 +103,7 @@ class MotorStatus(msgspec.Struct, frozen=True, gc=False, array_like=True):
 
 
 class DriveStatus(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """Steering angle (rad, positive left), supply (V), and what the drive hears of the host."""
+    """Steering angle (rad, positive left), supply (V), and the age of the host's commands."""
 
     stamp_ns: int
     echo_counter: int
@@ -205,9 +205,9 @@ class EmergencyMessage(msgspec.Struct, frozen=True, array_like=True):
 class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
     """What is known of one CANopen node.
 
-    `boots` counts how often it began anew, the first time included; `problem` is empty once the
-    node is identified, has confirmed its parameters and is operational, otherwise one sentence for
-    the operator, and `fault` its kind.
+    `boots` counts its boots, the first included; `problem` is empty once the node is identified,
+    has confirmed its parameters and is operational, otherwise one sentence for the operator, and
+    `fault` its kind.
     """
 
     node_id: int
@@ -287,7 +287,7 @@ class EmergencyStop(msgspec.Struct, frozen=True, tag=True):
 
 
 class SetMode(msgspec.Struct, frozen=True, tag=True):
-    """Request to change who steers."""
+    """Request to change the mode."""
 
     stamp_ns: int
     mode: Mode
@@ -325,7 +325,7 @@ class ManualControl(msgspec.Struct, frozen=True, tag=True):
 
 
 class ExternalPose(msgspec.Struct, frozen=True, tag=True):
-    """A pose of `base` in `world` that somebody else measured at `stamp_ns`.
+    """An externally measured pose of `base` in `world` at `stamp_ns`.
 
     `covariance` is the upper triangle of that of (x, y, theta), row by row [m, m, rad]; empty where
     the sender did not say.
@@ -438,8 +438,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
 class NavigationState(msgspec.Struct, frozen=True, tag=True):
     """What the navigation process publishes after each of its steps.
 
-    `item` counts mission items from 0 and equals `items` when the mission is completed;
-    `item_s_m` is the way along an item that is a path or a wall (m).
+    `item` counts mission items from 0 and equals `items` when the mission is completed; `item_s_m`
+    is the distance along an item that is a path or a wall (m).
     """
 
     stamp_ns: int

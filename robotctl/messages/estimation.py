@@ -42,9 +42,9 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
     """What the camera process makes of one picture.
 
     Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
-    (m): inf where the floor goes on up to `max_range_m`, nan where nothing was judged; `sigmas_m`
-    are their standard deviations. Floor nearer than `nearest_m` is not in the picture. `trouble`
-    says why the picture is not to be trusted; it is empty where it is.
+    (m): inf: floor up to `max_range_m`, nan: not judged; `sigmas_m` are their standard deviations.
+    Floor nearer than `nearest_m` is not in the picture. `trouble` says why the picture is not to be
+    trusted; it is empty where it is.
     """
 
     stamp_ns: int
@@ -112,7 +112,7 @@ class LiveMap(msgspec.Struct, frozen=True, tag=True):
 
 
 class GivenMap(msgspec.Struct, frozen=True, tag=True):
-    """The map that the robot localises itself in, told again and again for who comes late."""
+    """The localiser's map, repeated for late subscribers."""
 
     stamp_ns: int
     map: LiveMap

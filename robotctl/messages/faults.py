@@ -39,7 +39,7 @@ class FaultCode(enum.IntEnum):
     NOT_WARM = 33  # keeps from arming
     NO_GAINS = 34  # keeps from arming
 
-    # What the motor controller says of itself.
+    # Reports of the motor controller.
     COMMAND_LOSS = 40
     DRIVE_NOT_ENABLED = 41
     DRIVE_STOPPED = 42
@@ -119,7 +119,7 @@ class Fault(msgspec.Struct, frozen=True):
     text
         A sentence for people, with the values found; `str(fault)` is this.
     part
-        Name of the node, wheel or sonar that it is about; empty where it is about none alone.
+        Name of the node, wheel or sonar concerned; empty if none in particular.
     """
 
     code: FaultCode

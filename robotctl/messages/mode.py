@@ -1,4 +1,4 @@
-"""Who steers."""
+"""The modes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ class Mode(enum.IntEnum):
     AUTO = 10
     """The mission."""
     RTL = 11
-    """Back home the way it came."""
+    """Return home along the path it came."""
     GUIDED = 15
     """Velocities or positions from a ground station."""

@@ -44,7 +44,7 @@ class RobotPort(Protocol):
         """Stop and latch all motor controllers at once."""
 
     def clear_faults(self) -> None:
-        """Ask the motor controllers to leave their latched states, where the causes are gone."""
+        """Ask the motor controllers to clear their latches, if the causes are gone."""
 
     def close(self) -> None:
         """Disable the motors, then release the wire."""

@@ -10,11 +10,11 @@ REQUEST_LIFE_NS: Final = 1_000_000_000
 """An older request for a mode or a position is not carried out [ns]; HOLD always is."""
 
 FARTHEST_M: Final = 1e6
-"""Coordinates of a position are below this [m]; where they are not, somebody has miscounted."""
+"""Bound of the coordinates of a position [m]; larger ones are mistakes."""
 
 
 class ModeRequest(NamedTuple):
-    """Change who steers."""
+    """Change the mode."""
 
     mode: Mode
     stamp_ns: int | None = None

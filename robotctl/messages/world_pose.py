@@ -1,4 +1,4 @@
-"""What counts as the robot's pose in `world`: the one policy of all who need one."""
+"""The robot's pose in `world`: the one policy for everything that needs it."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from robotctl.model.geometry.se2 import SE2
 
 
 class WorldPose:
-    """Puts the odometry's pose into `world`, by what the localiser says of `odom`.
+    """Transforms the odometry pose into `world`, by the localiser's transform of `odom`.
 
     - Without a localiser `odom` is `world`: odometry starts where the robot stands.
     - With one it is the last `T_world_odom` of status LOCALISED that counts. While the localiser
       searches, or is lost, its guesses jump: the odometry carries on from the last known place.
     - A `T_world_odom` holds for its own `odom_epoch_ns` only. Before the first one, and once the
-      odometry has begun anew, the pose is unknown until the localiser has spoken again.
+      odometry has restarted, the pose is unknown until the next message of the localiser.
 
     Parameters
     ----------
     has_localiser
-        Whether one is to be waited for; one that is heard counts in any case.
+        Whether to wait for one; one that publishes counts in any case.
 
     Attributes
     ----------

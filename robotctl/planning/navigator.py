@@ -35,7 +35,7 @@ from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
 __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
 _LONGEST_STEP_NS = 500_000_000
-"""A longer gap between steps, and somebody may think that the robot has ended its mission [ns]."""
+"""Gap between steps after which a user may think the mission has ended [ns]."""
 
 
 _STOPPED = "the robot was stopped"
@@ -65,9 +65,9 @@ class NavigationInputs(NamedTuple):
     localised: bool = True
     """The pose is more than a guess."""
     attended: bool = True
-    """Who must be there while the robot drives by itself is."""
+    """Whether the required operator is present."""
     heard: bool = True
-    """The control core has been heard of lately; where it has not, it is not `enabled` either."""
+    """The control core has published recently; otherwise it is not `enabled` either."""
     floor_base: Sequence[Point] = ()
     """Points on the floor not to be driven over."""
     epoch: tuple[int, int] = (0, 0)
@@ -87,7 +87,7 @@ class NavigationOutputs(NamedTuple):
     mission_failed: bool
     message: str
     item_s_m: float
-    """The way along an item that is a path or a wall [m]."""
+    """Distance along an item that is a path or a wall [m]."""
 
 
 class Navigator:
@@ -161,9 +161,9 @@ class Navigator:
         self._ended = ""
         self._refused = ""
         self._enabled = False
-        """As of the last step that heard of control."""
+        """As of the last step with a control state."""
         self._stopped_ns = -1
-        """When it was last heard that the robot was stopped [ns]."""
+        """When a stop of the robot was last received [ns]."""
         self._last_ns: int | None = None
         """Time of the last step, None where that did not drive."""
 
@@ -174,16 +174,16 @@ class Navigator:
 
     @property
     def mission_completed(self) -> bool:
-        """AUTO would begin the mission anew."""
+        """AUTO would start the mission over."""
         return self._runner is not None and self._runner.completed
 
     def resume(self, item: int, s_m: float) -> None:
-        """Let AUTO, when it is asked for, go on at an item and the way along it [m]."""
+        """Let AUTO resume at an item and a distance along it [m]."""
         if self._runner is not None:
             self._runner.resume(item, s_m)
 
     def learn_paths(self, paths: Paths) -> None:
-        """Know the free paths through the world, to go on from where the robot is found."""
+        """Set the free paths through the world, to continue from where the robot is found."""
         self._robot.paths = paths
 
     def refusal(self, mode: Mode) -> str:
@@ -232,7 +232,7 @@ class Navigator:
         return self._outputs(self._decide(situation, now_ns))
 
     def _searches(self, localised: bool) -> bool:
-        """Say whether what is under way needs a place in the world that is not known."""
+        """Return whether the present behaviour needs a place in the world that is unknown."""
         searching = not localised and self._is_under_way()
         if searching and not self._searching:
             self._pause_mode()
@@ -297,7 +297,7 @@ class Navigator:
                 self._sticks = request
 
     def _change_mode(self, mode: Mode) -> None:
-        """Leave the present mode and begin another; the same one again begins anew."""
+        """Leave the present mode and start another; the same one starts over."""
         self._pause()
         self._mode = mode
         self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
@@ -307,13 +307,13 @@ class Navigator:
             self._behaviour = behaviour_for(mode, self._robot)
 
     def _pause(self) -> None:
-        """Stop whatever is going on, and its time."""
+        """Stop the present behaviour, and its time."""
         self._last_ns = None
         self._look_around.pause()
         self._pause_mode()
 
     def _pause_mode(self) -> None:
-        """Tell the present behaviour that somebody else steers for a while."""
+        """Tell the present behaviour that another mode steers for a while."""
         if self._mode is Mode.AUTO and self._runner is not None:
             self._runner.pause()
         if self._behaviour is not None:

@@ -30,7 +30,7 @@ _SILENT = "no pictures arrive"
 
 
 class CameraNotices:
-    """Decides what people are told of the camera, and how often."""
+    """Decides which camera notices to send, and how often."""
 
     def __init__(self) -> None:
         self._told: str | None = None  # the trouble, empty for none; None: nothing yet

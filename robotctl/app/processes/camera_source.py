@@ -14,7 +14,7 @@ def open_source(camera: CameraConfig, simulated: str) -> CameraPort:
     Parameters
     ----------
     camera
-        What the robot's file says of it.
+        Its configuration.
     simulated
         `ipc://PATH` of the simulated camera's pictures.
 

@@ -98,7 +98,7 @@ class ControlTicker:
 
 
 def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ...]]:
-    """Return where this process goes on from: pose within the same run, odometer [m], notices."""
+    """Return where this process continues: pose within the same run, odometer [m], notices."""
     saved, notes = load_progress(options)
     if saved is None:
         return options, 0.0, notes
@@ -116,7 +116,7 @@ def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ..
 def open_ring(
     config: RobotConfig, options: StackOptions, core: ControlCore
 ) -> tuple[FlightRing | None, tuple[str, ...]]:
-    """Return the flight recorder; where it cannot be had, None and a sentence that says so."""
+    """Return the flight recorder; if it is unavailable, None and a notice."""
     try:
         ring = FlightRing(
             ring_path(options.instance),

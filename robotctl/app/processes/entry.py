@@ -24,7 +24,7 @@ def enter(
     name
         Of the process, for messages.
     run
-        What it does until it is told to end.
+        Its work until it is asked to end.
     device_may_come
         Whether an error that is none of the configuration passes when a device is plugged in.
     """

@@ -1,4 +1,4 @@
-"""What the robot makes of each picture of its camera, live and in lockstep alike."""
+"""Processing of each camera picture, live and in lockstep."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _THING = (40, 40, 200)
 
 
 class GroundWatch:
-    """Looks at the floor and says it as messages.
+    """Detects the floor and publishes it as messages.
 
     Another floor than the one that was learnt is not trusted, since a thing that fills the picture
-    looks the same. So the floor is learnt anew when somebody arms the robot, who sees it.
+    looks the same. So the floor is learnt again at each arming, when a person can see it.
 
     Parameters
     ----------
     camera
         Lens and mount.
     settings
-        How the floor is told from the rest.
+        How floor is distinguished from the rest.
 
     Raises
     ------
@@ -59,7 +59,7 @@ class GroundWatch:
         self._armings = control.armings
 
     def look(self, image_bgr: NDArray[np.uint8], stamp_ns: int) -> CameraView:
-        """Return what a picture says.
+        """Return the view of a picture.
 
         Parameters
         ----------
@@ -122,5 +122,5 @@ def _seen(obstacle: GroundObstacle) -> SeenObstacle:
 
 
 def _blind(stamp_ns: int, trouble: str) -> CameraView:
-    """Return a view of a picture that says nothing."""
+    """Return the view of an unusable picture."""
     return CameraView(stamp_ns, 0.0, 0.0, 1.0, (), (), (), (), trouble=trouble)

@@ -15,7 +15,7 @@ from robotctl.messages.lidar_port import LidarSweep
 from robotctl.model.sensors.lidar import LidarConfig
 
 _KNOTS: Final = 9
-"""The way during a revolution is taken as straight between so many places."""
+"""Number of poses between which the path during a revolution is taken as straight."""
 
 
 class LidarScans:
@@ -27,7 +27,7 @@ class LidarScans:
     Parameters
     ----------
     config
-        Where the lidar sits, and what of its samples counts.
+        Mounting of the lidar, and which samples count.
     """
 
     def __init__(self, config: LidarConfig) -> None:

@@ -29,7 +29,7 @@ def load_mission(path: Path) -> Mission:
 
 
 def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAdapter:
-    """Return the navigator of a robot, behind messages.
+    """Return the navigator of a robot with its message adapter.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """What a robot remembers over restarts: its odometer, and how far its mission has come.
 
-The control process reads it before its loop starts, navigation before its first step; the recorder
-process alone writes it, since writing waits for the disk.
+The control process reads it before its loop starts, navigation before its first step; only the
+recorder process writes it, because writing waits for the disk.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from robotctl.runtime.storage.state_file import StateError, StateFile
 NAME: Final = "progress.json"
 
 _SAVE_NS: Final = 5_000_000_000
-"""While it drives, so much is lost at most in a power cut [ns]."""
+"""Maximum loss in a power cut while driving [ns]."""
 _SAY_NS: Final = 10_000_000_000
 """Between two sentences that say that saving fails [ns]."""
 _SAVE_AT_REST_NS: Final = 1_000_000_000
 _SILENCE_NS: Final = 300_000_000
-"""A process that has published nothing for so long may be about to start again [ns]."""
+"""Silence after which a process may be about to restart [ns]."""
 _REST_M_S: Final = 0.005
 _SAME_M, _SAME_RAD = 0.01, 0.01
 """A localiser moves a robot at rest by less, again and again; cards wear out by being written."""
@@ -52,7 +52,7 @@ class StoredProgress(msgspec.Struct, frozen=True):
     mission_crc
         CRC-32 of the mission's file; 0 without a mission.
     item, item_s_m
-        Mission item in progress, from 0, and the way along it [m].
+        Mission item in progress, from 0, and the distance along it [m].
 
     Raises
     ------
@@ -105,7 +105,7 @@ def progress_file(directory: Path) -> StateFile[StoredProgress]:
 
 
 def state_directory(environment: Mapping[str, str]) -> Path:
-    """Return where state lives: systemd's STATE_DIRECTORY, else the user's own folder for it.
+    """Return the state folder: systemd's STATE_DIRECTORY, otherwise the user's.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def state_directory(environment: Mapping[str, str]) -> Path:
 def resumed(
     options: StackOptions, items: int
 ) -> tuple[StackOptions, StoredProgress, tuple[str, ...]]:
-    """Return options that go on with the run that was interrupted, where it stands, and notes.
+    """Return options that resume the interrupted run, its place, and notes.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def mission_crc(options: StackOptions) -> int:
 def load_progress(options: StackOptions) -> tuple[StoredProgress | None, tuple[str, ...]]:
     """Return what was saved in the state directory, and a sentence for each damaged file.
 
-    Where the disk cannot be read, the odometer is nan, which nobody saves over the true one.
+    If the disk cannot be read, the odometer is nan, which is never saved over the true one.
     """
     if not options.state:
         return None, ()
@@ -223,7 +223,7 @@ class ProgressKeeper:
         self._tried_ns = 0
         self._trouble = False
         self._said_ns: int | None = None
-        """When it was last said that saving fails [ns]."""
+        """When a failed save was last reported [ns]."""
 
     def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
         """Take in what was published; return a sentence where saving fails."""
@@ -251,7 +251,8 @@ class ProgressKeeper:
     def _present(self) -> StoredProgress | None:
         """Return what there is to save.
 
-        None before anything was heard, without odometer, and of values that nobody would read.
+        None before anything was received, without odometer, and for values that would be refused on
+        reading.
         """
         control, navigation = self._control, self._navigation
         if control is None or not math.isfinite(control.odometer_m):
@@ -295,7 +296,7 @@ class ProgressKeeper:
         )
 
     def _save(self, progress: StoredProgress, now_ns: int) -> tuple[str, ...]:
-        """Save, and say so every 10 s as long as that fails: who hears it may come later."""
+        """Save, and report failure every 10 s, for late subscribers."""
         self._tried_ns = now_ns
         try:
             self._file.save(progress)

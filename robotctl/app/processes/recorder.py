@@ -1,4 +1,4 @@
-"""The recorder process: whatever waits for the disk, so that nobody else has to."""
+"""The recorder process: all work that waits for the disk."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ from robotctl.runtime.storage.ring_file import crashed, retire
 
 PERIOD_NS: Final = 100_000_000
 LISTEN_PERIODS: Final = 20
-"""The bus brings some eighty frames in so many control periods, a third of what a socket keeps."""
+"""Control periods between reads: the bus brings about eighty frames, a third of a socket's
+buffer."""
 _LOOK_NS: Final = 20_000_000
 _RETRY_NS: Final = 10_000_000_000
 _END_NS: Final = 1_500_000_000
-"""The control process, told to end at the same time, has ended by then [ns]."""
+"""Time by which the control process, asked to end at the same time, has ended [ns]."""
 
 
 class RobotRecorder:
@@ -174,10 +175,10 @@ class Logs:
     def _refused(self, error: OSError, now_ns: int) -> tuple[str, ...]:
         """Say that the disk refuses, and try again later.
 
-        Said each time: who begins to listen later, as all do at a start, shall know it, too.
+        Repeated for late subscribers, as all are at a start.
         """
         self._retry_ns = now_ns + _RETRY_NS
-        self.close()  # that it refuses this too is no news
+        self.close()  # that it refuses this too needs no report
         return (f"logging stopped: {error.filename or self._folder}: {error.strerror}",)
 
     def close(self) -> tuple[str, ...]:

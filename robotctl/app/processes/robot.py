@@ -41,7 +41,7 @@ def make_codec() -> RobotCodec:
 
 
 def node_parameters(config: RobotConfig) -> NodeParameters:
-    """Return what the nodes of a robot must be and are told to be."""
+    """Return the required and configured settings of a robot's nodes."""
     return NodeParameters(
         rate_hz=config.runtime.rate_hz,
         command_timeout_ms=config.safety.command_timeout_ms,

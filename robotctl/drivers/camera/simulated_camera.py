@@ -36,7 +36,7 @@ def picture_message(frame: CameraFrame) -> bytes:
 
 
 class SimulatedCamera:
-    """Listens to a simulated camera, which may start later or anew.
+    """Listens to a simulated camera, which may start later or restart.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class SimulatedCamera:
         self._decoder = msgspec.msgpack.Decoder(_Picture)
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.SUB)
-        # Newest only: set before the connection, as zmq_setsockopt(3) wants it.
+        # Newest only: set before the connection, as zmq_setsockopt(3) requires.
         self._socket.setsockopt(zmq.CONFLATE, 1)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.setsockopt(zmq.SUBSCRIBE, b"")
@@ -95,7 +95,7 @@ class SimulatedCamera:
 
 
 def _is_whole(picture: _Picture) -> bool:
-    """Whether a message has the pixels that it says."""
+    """Whether a message has as many pixels as it claims."""
     return (
         picture.encoding == ENCODING
         and picture.width > 0

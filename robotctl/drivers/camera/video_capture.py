@@ -22,7 +22,7 @@ Size: TypeAlias = tuple[int, int]
 """Width and height [px]."""
 
 _OLDEST_NS = 1_000_000_000
-"""A driver's own stamp that is older than this, or lies in the future, is of another clock."""
+"""Age beyond which, or if in the future, a driver's own stamp is of another clock."""
 _END_S = 2.0
 
 
@@ -37,7 +37,7 @@ def open_camera(source: str, size: Size, rate_hz: float, clock: Clock) -> Camera
     size
         Width and height that the pictures must have [px]: those of the calibration.
     rate_hz
-        Asked of a device; pace of a sequence of images, of which nothing else tells it [Hz].
+        Requested from a device; pace of a sequence of images, which has no other [Hz].
     clock
         Stamps pictures, and paces files.
 
@@ -148,7 +148,7 @@ class LiveCamera:
         return frame
 
     def close(self) -> None:
-        """Release the camera; one that hangs is left to the end of the process."""
+        """Release the camera; a hanging one is left until the process ends."""
         self._closing = True
         self._thread.join(_END_S)
 
@@ -178,7 +178,7 @@ class LiveCamera:
 
 
 def _opened(source: str) -> cv2.VideoCapture:
-    """Open a source; OpenCV's own warnings are silenced, since the error says more."""
+    """Open a source; OpenCV's own warnings are silenced, because our error says more."""
     loud = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -224,7 +224,7 @@ def _check_size(source: str, found: Size, wanted: Size) -> None:
 
 
 def _exposed_ns(told_ms: float, arrived_ns: int) -> int:
-    """Return the driver's stamp where it is one of our clock (V4L2 does so), else the arrival."""
+    """Return the driver's stamp if it is of our clock (as with V4L2), otherwise the arrival."""
     told_ns = round(told_ms * 1e6)
     return told_ns if 0 <= arrived_ns - told_ns <= _OLDEST_NS else arrived_ns
 

@@ -1,7 +1,7 @@
 """A log of the host's CAN bus as `candump -L` writes it, readable by python-can and can-utils.
 
-The logger is a listener of its own beside the control process, which spends nothing on it. On
-SocketCAN it hears the frames of this computer as well, as every other socket there does.
+The logger has its own socket, so it costs the control process nothing. On SocketCAN it also
+receives the frames of this computer, like every other socket.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def candump_line(can_id: int, data: bytes, time_us: int, channel: str) -> str:
     can_id
         As in `struct can_frame`, with the flags of SocketCAN.
     data
-        0 to 8 bytes; of a remote frame so many as it asks for.
+        0 to 8 bytes; of a remote frame, the number it requests.
     time_us
         Wall time [us since 1970].
     channel

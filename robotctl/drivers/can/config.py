@@ -1,4 +1,4 @@
-"""Configuration of the CAN side: which bus, and what the nodes on it are told."""
+"""Configuration of the CAN side: the bus, and the settings of its nodes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SIMULATED: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*|[^\0]*/[^\0]*")
 
 @dataclass(frozen=True, slots=True)
 class CanConfig:
-    """The bus the robot hangs on.
+    """The robot's bus.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def bring_up(config: CanConfig, kind: str = "") -> str:
 
 @dataclass(frozen=True, slots=True)
 class NodeParameters:
-    """What the nodes must be, or are told to be, before the robot may arm.
+    """Required and configured settings of the nodes, before the robot may arm.
 
     Parameters
     ----------

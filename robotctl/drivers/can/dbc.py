@@ -1,7 +1,7 @@
 """The DBC, read once at start with cantools into plain values; nothing here is on the hot path.
 
-Only what a fast integer codec can do is let in: classic frames with 11-bit identifiers, integer
-little-endian signals, no multiplexing. Anything else is a `ConfigError` that names it.
+Only what a fast integer codec can handle is accepted: classic frames with 11-bit identifiers,
+integer little-endian signals, no multiplexing. Anything else is a `ConfigError` that names it.
 """
 
 from __future__ import annotations

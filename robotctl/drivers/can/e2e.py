@@ -51,7 +51,7 @@ class AliveCounter:
         self.value = 0
 
     def advance(self) -> None:
-        """Count on, after a frame has gone out."""
+        """Advance the counter after a frame was sent."""
         self.value = (self.value + 1) % COUNTER_MODULUS
 
 
@@ -68,7 +68,7 @@ class E2eReceiver:
     message
         A protected message.
     timeout_ns
-        Silence after which the counter says nothing any more [ns].
+        Silence after which the counter is meaningless [ns].
     counters
         Where rejects and losses are counted.
 

@@ -1,4 +1,4 @@
-"""Error frames of SocketCAN, decoded: what the host's CAN controller says of itself and the wire.
+"""Error frames of SocketCAN, decoded: the host's CAN controller's report on itself and the wire.
 
 Source: Linux, include/uapi/linux/can/error.h.
 """
@@ -34,7 +34,7 @@ def bus_state(error_class: int, data: bytes, before: BusState) -> BusState:
     data
         Its eight bytes.
     before
-        State until now; an error frame that says nothing of the state leaves it.
+        State until now; an error frame without state information leaves it.
     """
     if error_class & CAN_ERR_BUSOFF:
         return BusState.BUS_OFF

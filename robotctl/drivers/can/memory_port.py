@@ -21,7 +21,7 @@ class MemoryPort:
     transmit
         Takes identifier and data of a frame; returns False where the bus refuses it.
     arbitration_ids
-        Identifiers to let in, as the kernel's filter does.
+        Accepted identifiers, as in the kernel's filter.
     bitrate
         [bit/s], for the load.
     clock
@@ -79,6 +79,6 @@ class MemoryPort:
         return self._meter.status()
 
     def close(self) -> None:
-        """Leave the bus: nothing is sent or received any more."""
+        """Leave the bus: nothing more is sent or received."""
         self._open = False
         self._inbox = []

@@ -121,7 +121,7 @@ class SocketPort:
     config
         Which bus.
     arbitration_ids
-        Identifiers to let in; all others stay in the kernel.
+        Accepted identifiers; all others stay in the kernel.
     clock
         CLOCK_MONOTONIC.
     open_descriptor
@@ -195,7 +195,7 @@ class SocketPort:
         return self._meter.status()
 
     def close(self) -> None:
-        """Release the bus; afterwards nothing is sent or received."""
+        """Release the bus; nothing is sent or received afterwards."""
         self._closed = True
         self._fail()
 

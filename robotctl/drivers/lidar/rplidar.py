@@ -163,7 +163,7 @@ class Rplidar:
         self._serial.close()
 
     def _start(self) -> None:
-        """Ask who is there and how it is, and let it scan.
+        """Identify the lidar, check its health, and start scanning.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Rplidar:
             )
 
     def _exactly(self, count: int, request: bytes) -> bytes:
-        """Read so many bytes of an answer."""
+        """Read a number of bytes of an answer."""
         end_ns = self._clock.now_ns() + _ANSWER_NS
         data = b""
         while len(data) < count:
@@ -266,7 +266,7 @@ class Rplidar:
         if not self._parts:
             return None
         stamps = np.concatenate([stamps for stamps, _ in self._parts])
-        # Bytes come in lumps: what was held up must not seem newer than what came behind it.
+        # Bytes arrive in bursts: delayed ones must not seem newer than later ones.
         stamps = np.minimum.accumulate(stamps[::-1])[::-1].astype(np.int64)
         self._sample_ns = (stamps[-1] - stamps[0]) / max(1, len(stamps) - 1)
         return LidarSweep(

@@ -56,8 +56,8 @@ class Channel:
     def encode(self, message: Message) -> bytes | None:
         """Return the next frame of this channel: MAVLink 2, unless the peer speaks 1 only.
 
-        None where the message is none of MAVLink 1, whose numbers end at 255; it goes without
-        the fields that only MAVLink 2 has.
+        None if the message is not in MAVLink 1, whose numbers end at 255; it goes without the
+        fields that only MAVLink 2 has.
         """
         codec = self._codec
         if self.reader.is_v1:

@@ -18,11 +18,11 @@ HEADER_V2: int = common.HEADER_LEN_V2
 SIGNED: int = common.MAVLINK_IFLAG_SIGNED
 SIGNATURE: int = common.MAVLINK_SIGNATURE_BLOCK_LEN
 STALE_NS = 300_000_000
-"""A frame without a new byte for so long [ns] is not going to be completed."""
+"""Time without a new byte after which a frame will not be completed [ns]."""
 
 FORGET_NS = 10_000_000_000
-"""A sender of MAVLink 1 that has sent no MAVLink 2 for so long speaks 1 only [ns]: another program
-may be at the end of the line."""
+"""Time without MAVLink 2 after which a MAVLink 1 sender speaks only 1 [ns]: another program may be
+at the end of the line."""
 
 # The environment must not be able to switch off the check that keeps corrupt commands out.
 common.MAVLINK_IGNORE_CRC = 0
@@ -48,7 +48,7 @@ class FrameReader:
         self.bad_bytes = 0
         self.unknown = 0
         self.is_v1 = False
-        """Whether the sender speaks MAVLink 1 only, as far as it was heard."""
+        """Whether the sender has used only MAVLink 1."""
 
     def feed(self, data: bytes, now_ns: int) -> list[Message]:
         """Take bytes of a stream; return the messages they complete."""
@@ -70,7 +70,7 @@ class FrameReader:
         return messages
 
     def expire(self, now_ns: int) -> list[Message]:
-        """Give up a half frame that has waited too long; return messages found behind its start."""
+        """Drop a frame left incomplete too long; return messages found after its start."""
         messages: list[Message] = []
         if self._buffer and now_ns - self._last_ns > STALE_NS:
             self._scan(messages, final=True)
@@ -129,7 +129,7 @@ class FrameReader:
         elif self._v2_ns is None or self._last_ns - self._v2_ns > FORGET_NS:
             self.is_v1 = True
         if isinstance(message, common.MAVLink_unknown):
-            # Its checksum cannot be known; what stands behind it tells a frame from garbage. Its
+            # Its checksum cannot be known; what follows it distinguishes a frame from garbage. Its
             # inside is not searched: messages that carry others must not be taken apart.
             if end < len(buffer) and buffer[end] not in (MARKER_V1, MARKER_V2):
                 return False

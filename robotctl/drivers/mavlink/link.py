@@ -1,4 +1,4 @@
-"""All MAVLink links of the robot behind one selector."""
+"""All MAVLink links of the robot on one selector."""
 
 from __future__ import annotations
 

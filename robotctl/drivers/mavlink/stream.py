@@ -14,7 +14,7 @@ from robotctl.messages.mavlink_port import Message
 TCP_QUEUE = 32_768
 TCP_SEND_BUFFER = 32_768
 TCP_UNACKNOWLEDGED_MS = 10_000
-"""A connection whose peer acknowledges nothing for so long [ms] is closed by the kernel."""
+"""Time without acknowledgement after which the kernel closes a connection [ms]."""
 
 
 class Stream:

@@ -14,7 +14,7 @@ from robotctl.messages.mavlink_port import LinkConfig, Message
 
 MAX_CLIENTS = 8
 CONNECT_NS = 5_000_000_000
-"""A connection that is not established after so long [ns] is tried anew."""
+"""Time after which an unfinished connection attempt is repeated [ns]."""
 
 
 class TcpServer(Link):
@@ -142,7 +142,7 @@ class TcpClient(Link):
         self._deadline_ns = 0
 
     def is_open(self) -> bool:
-        """Return whether the connection stands or is being made."""
+        """Return whether the connection is open or being opened."""
         return self._socket is not None
 
     def open(self, now_ns: int) -> None:

@@ -14,9 +14,9 @@ from robotctl.messages.mavlink_port import LinkConfig, Message, Peer
 MAX_DATAGRAM = 2048
 MAX_PEERS = 8
 SILENT_NS = 10_000_000_000
-"""A server forgets a peer that was silent for so long [ns]; ground stations send every second."""
+"""Silence after which a server forgets a peer [ns]; ground stations send every second."""
 MAX_FORMER = 64
-"""A server knows so many of the forgotten again."""
+"""Number of forgotten peers that a server recognises again."""
 
 _NOBODY = (errno.ECONNREFUSED, errno.EHOSTDOWN)
 

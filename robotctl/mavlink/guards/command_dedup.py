@@ -1,8 +1,8 @@
-"""Late copies of commands that let the robot move.
+"""Late copies of commands that allow motion.
 
 A sender without an acknowledgement sends its command again; the common ground stations do so after
-0.5 to 3 s. Networks and radios repeat frames, too. A copy that comes after the robot was stopped
-by others, or has done what it was told, must not set it off again.
+0.5 to 3 s. Networks and radios repeat frames, too. A copy that arrives after the robot was stopped,
+or has finished, must not set it off again.
 
 A command is a copy where it means the same as one of the same sender whose answer is no older than
 
@@ -11,10 +11,10 @@ A command is a copy where it means the same as one of the same sender whose answ
 | 0, or a message without that field | `REPEAT_NS` |
 | more, by which the sender itself says that it repeats | `CONFIRMED_REPEAT_NS` |
 
-Copies do not prolong the window. A copy is never carried out. Its answer is that of the first
-where that was a refusal, or what was asked for still holds; else it is "temporarily rejected".
-Who wants the same once more on purpose asks again after the window. What stops the robot is none
-of this module's business: it is always carried out.
+Copies do not prolong the window. A copy is never carried out. Its answer is that of the first where
+that was a refusal, or what was asked for still holds; else it is "temporarily rejected". To repeat
+a request on purpose, send it again after the window. Stops do not pass this module: they are always
+executed.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Requests that a link has held back, told by the heartbeats of their sender.
+"""Requests delayed by a link, detected by their sender's heartbeats.
 
 A TCP connection over a radio that was away, or a serial bridge with a buffer, delivers what was
 sent meanwhile all at once, and commands carry no time. But ground stations send a HEARTBEAT each
 second: where a regular one has stayed away and comes again, what comes with it may be as old as
-that. A robot that somebody has stopped meanwhile must not be armed by it.
+that. A robot that was stopped meanwhile must not be armed by it.
 
-Nothing is said of a sender whose heartbeats are not regular, or who speaks over another connection
-than before: a new one has held nothing back.
+There is no verdict on a sender without regular heartbeats, or on a new connection, which has
+delayed nothing.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ REGULAR_NS: Final = 1_500_000_000
 REGULAR_COUNT: Final = 3
 
 AWAY_NS: Final = 2_500_000_000
-"""A regular sender that was silent for longer was held back; one lost heartbeat is none [ns]."""
+"""Silence after which a regular sender was delayed; one lost heartbeat is not enough [ns]."""
 
 BEHIND_NS: Final = 1_000_000_000
-"""So long after the first sign of life what was held back still comes [ns]."""
+"""Time after the first sign of life during which delayed messages still arrive [ns]."""
 
 MAX_SENDERS: Final = 64
-"""Whoever invents senders must not fill the memory."""
+"""Invented senders must not fill the memory."""
 
 
 @dataclass(slots=True)
@@ -49,7 +49,7 @@ class _Sender:
 
 
 class HeldBack:
-    """Knows the heartbeats of all senders, of ground stations and of programs alike."""
+    """Tracks the heartbeats of all senders, ground stations and programs."""
 
     def __init__(self) -> None:
         self._senders: dict[tuple[Peer, tuple[int, int]], _Sender] = {}
@@ -68,7 +68,7 @@ class HeldBack:
     def objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
         """Return why what a sender asks for now may be of long ago, empty where it is not.
 
-        Whoever is told so, and asks again a second later, is heard.
+        A sender that repeats its request a second later is accepted.
         """
         known = self._senders.get((peer, sender))
         if known is None:

@@ -1,23 +1,22 @@
 """How late messages come, by `time_boot_ms` of their sender, whose clock is not ours.
 
-A TCP connection over a radio that was away for a moment delivers what it held back all at once: to
-the clock of the receiver all of it is new. The clock of the sender tells, though its zero is not
-known: the difference of both clocks is least for the message that was fastest, and what a message
-has more than that it spent on the way. A delay that all messages have in common is not seen.
+After a drop-out, a TCP connection over a radio delivers its backlog at once: by the receiver's
+clock all of it is new. The sender's clock helps, though its zero is unknown: the clock difference
+is smallest for the fastest message, and any excess over that is transport delay. A delay that all
+messages have in common is not seen.
 
 The least difference rises by `LET_GO` of the time that passes, so that clocks may run apart and a
 sender whose clock stood still for a moment is not refused for ever; a message held back for 2 s may
 pass for one of 1.8 s.
 
-Nothing is said of a sender whose `time_boot_ms`
+There is no verdict on a sender whose `time_boot_ms`
 
 - has not advanced as time does, within `LET_GO`, over `TRUST_NS`: it counts something else;
 - stands still: it is not filled in, or too coarse;
-- goes back: the sender was started anew, or messages overtook each other;
-- was not heard for `FORGET_NS`, or of any that come while `MAX_STREAMS` others are being heard.
+- goes back: the sender was restarted, or messages overtook each other;
+- was silent for `FORGET_NS`, or of any that appear while `MAX_STREAMS` others are active.
 
-It is taken for a new sender then, none of whose messages is late. The wrap after 49.7 days is not
-going back.
+It then counts as a new sender without late messages. The wrap after 49.7 days is not going back.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ LET_GO: Final = 0.1
 TRUST_NS: Final = 2_000_000_000
 FORGET_NS: Final = 10_000_000_000
 MAX_STREAMS: Final = 64
-"""Whoever invents senders must not fill the memory, nor take the time of all others."""
+"""Invented senders must not fill the memory or take the time of all others."""
 
 _WRAP_MS: Final = 1 << 32
 

@@ -14,7 +14,7 @@ from robotctl.messages.mavlink_port import Message
 
 
 class AutopilotVersion(Microservice):
-    """Tells the capabilities of all services, to who asks."""
+    """Sends the capabilities of all services on request."""
 
     capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 

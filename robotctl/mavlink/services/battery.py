@@ -14,7 +14,7 @@ _OTHER_CELLS = [frames.UINT16_MAX] * 9
 
 
 class Battery(Microservice):
-    """Tells the state of the battery while control is heard."""
+    """Sends the battery state while control publishes."""
 
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""
@@ -27,7 +27,7 @@ class Battery(Microservice):
 
 
 def battery_status(state: ControlState) -> list[Message]:
-    """Return BATTERY_STATUS; empty where no battery was heard."""
+    """Return BATTERY_STATUS; empty without battery data."""
     battery = state.battery
     if battery is None:
         return []

@@ -1,4 +1,4 @@
-"""COMMAND_LONG and COMMAND_INT: finds who carries a command out and acknowledges its result."""
+"""COMMAND_LONG and COMMAND_INT: dispatches a command and acknowledges its result."""
 
 from __future__ import annotations
 

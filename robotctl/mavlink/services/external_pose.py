@@ -1,4 +1,4 @@
-"""VISION_POSITION_ESTIMATE and ODOMETRY to the robot: a pose that somebody else measured.
+"""VISION_POSITION_ESTIMATE and ODOMETRY to the robot: an externally measured pose.
 
 | message | frame | pose |
 |---|---|---|

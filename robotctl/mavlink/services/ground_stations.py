@@ -10,14 +10,14 @@ from robotctl.messages.control import GroundStationPresence, Severity
 from robotctl.messages.mavlink_port import Message, Peer, source
 
 PRESENCE_NS = 200_000_000
-"""So often navigation is told that a ground station is there, where it must be [ns]."""
+"""Period of reporting to navigation that a required ground station is connected [ns]."""
 
 MAX_STATIONS = 32
-"""Whoever invents stations must not fill the memory."""
+"""Invented stations must not fill the memory."""
 
 
 class GroundStations(Microservice):
-    """Keeps those whose heartbeat is not older than `gcs_timeout_s`; says who comes and goes.
+    """Keeps stations with a heartbeat within `gcs_timeout_s`; reports arrivals and losses.
 
     Where the robot drives by itself only while one is there, navigation is told so again and again:
     it then sees by itself that the stations have gone, or that telemetry has.
@@ -48,7 +48,7 @@ class GroundStations(Microservice):
         station.heard_ns[peer.link] = now_ns
 
     def step(self, now_ns: int) -> None:
-        """Forget who is silent."""
+        """Drop silent stations."""
         stations = self._context.ground_stations
         for address, station in list(stations.items()):
             for link, heard_ns in list(station.heard_ns.items()):

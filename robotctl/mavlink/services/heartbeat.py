@@ -44,7 +44,7 @@ class Heartbeat(Microservice):
         self._next_ns = 0
 
     def streams(self) -> tuple[Stream, ...]:
-        """Return HEARTBEAT, whose rate nobody may change."""
+        """Return HEARTBEAT, whose rate is fixed."""
         return (Stream(common.MAVLINK_MSG_ID_HEARTBEAT, self._build, None),)
 
     def step(self, now_ns: int) -> None:

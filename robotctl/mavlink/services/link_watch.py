@@ -10,8 +10,7 @@ from robotctl.messages.control import Severity
 from robotctl.messages.mavlink_port import LinkStatus
 
 PATIENCE_NS = 1_000_000_000
-"""A link that is away for a shorter time [ns] is no news; nor would a supervisor that is itself
-just starting hear of it."""
+"""Shorter drop-outs of a link are not reported [ns]."""
 
 
 @dataclass

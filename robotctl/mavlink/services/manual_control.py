@@ -23,7 +23,7 @@ FULL = 1000
 
 
 class ManualControls(Microservice):
-    """Turns sticks into requests that expire; `refused` counts what was out of range and said."""
+    """Turns sticks into requests that expire; `refused` counts messages out of range."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_MANUAL_CONTROL})
 

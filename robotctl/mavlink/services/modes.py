@@ -37,7 +37,7 @@ next state, which is here in time.
 
 @dataclass(frozen=True, slots=True)
 class _Pending:
-    """What a sender wants; `commands` to answer, the last of each connection, none of SET_MODE."""
+    """A sender's request; `commands` to answer, the last of each connection, none of SET_MODE."""
 
     mode: Mode
     asked_ns: int

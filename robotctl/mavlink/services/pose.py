@@ -22,7 +22,7 @@ _UNKNOWN_COVARIANCE = [math.nan] * 21
 
 
 class Poses(Microservice):
-    """Tells `base` in `world`; says nothing while that is unknown."""
+    """Sends `base` in `world`; nothing while it is unknown."""
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)

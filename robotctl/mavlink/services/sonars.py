@@ -15,7 +15,7 @@ from robotctl.messages.mavlink_port import Message
 
 
 class Sonars(Microservice):
-    """Tells the ranges of the sonars while control is heard."""
+    """Sends the sonar ranges while control publishes."""
 
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""

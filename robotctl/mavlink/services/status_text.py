@@ -17,7 +17,7 @@ TEXTS_PER_STEP = 4
 """A burst of notices is spread, so that it does not crowd out answers on slow links."""
 
 MAX_UNSENT = 16
-"""So many texts wait for a ground station."""
+"""Texts kept for a ground station."""
 
 
 class StatusText(Microservice):
@@ -41,7 +41,7 @@ class StatusText(Microservice):
                 self._context.links.broadcast(message)
 
     def _next(self, now_ns: int, *, heard: bool) -> Iterator[tuple[int, str]]:
-        """Yield the texts of this step, those first that nobody has heard."""
+        """Yield the texts of this step, unreceived ones first."""
         texts = self._context.texts
         for _ in range(TEXTS_PER_STEP):
             if heard and self._unsent:
@@ -55,7 +55,7 @@ class StatusText(Microservice):
                 yield severity, text
 
     def _keep(self, severity: int, text: str, now_ns: int) -> None:
-        """Keep a text for a ground station, once; what is said again and again leaves room."""
+        """Keep a text for a ground station, once, so that repeated ones leave room."""
         self._unsent.pop(text, None)
         self._unsent[text] = (severity, now_ns)
         if len(self._unsent) > MAX_UNSENT:

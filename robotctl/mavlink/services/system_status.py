@@ -21,7 +21,7 @@ _SOUND_STATES = (SafetyState.STANDBY, SafetyState.ARMED, SafetyState.DRIVING)
 
 
 class SystemStatus(Microservice):
-    """Tells what works; all of it fails while control is not heard."""
+    """Sends sensor health; all of it fails while control is silent."""
 
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""

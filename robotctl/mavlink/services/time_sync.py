@@ -1,4 +1,4 @@
-"""TIMESYNC: tells the robot's time to those who ask."""
+"""TIMESYNC: sends the robot's time on request."""
 
 from __future__ import annotations
 

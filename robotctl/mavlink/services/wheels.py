@@ -14,7 +14,7 @@ MAX_WHEELS = 16
 
 
 class Wheels(Microservice):
-    """Tells the distances of the wheels while control is heard."""
+    """Sends the wheel distances while control publishes."""
 
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""

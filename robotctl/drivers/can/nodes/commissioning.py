@@ -1,4 +1,4 @@
-"""Commissioning: what a node must prove and be told before it is started.
+"""Commissioning: the checks and settings of a node before it is started.
 
 Each kind of node has a script, a generator that yields SDO transfers and gets their answers; what
 it returns is what is wrong, or the settings that must stay as they are. `Node`
@@ -22,7 +22,7 @@ from robotctl.messages.faults import Fault, FaultCode
 
 
 class Start(enum.Enum):
-    """What a script yields, once, where the node is to become operational before it goes on."""
+    """Yielded once by a script when the node must become operational before it continues."""
 
     START = "start"
 
@@ -58,11 +58,11 @@ class Setting:
 
     @property
     def writing(self) -> Request:
-        """The transfer that writes what is wanted."""
+        """The transfer that writes the wanted value."""
         return Request(self.index, self.subindex, self.name, self.wanted, self.size)
 
     def differs(self, found: int, code: FaultCode = FaultCode.NODE_OTHER_VALUE) -> Fault:
-        """Say that it has another value than the one wanted."""
+        """Return the text that it has another value than wanted."""
         text = f"{self.name} reads back {found}{self.unit}, wanted {self.wanted}{self.unit}"
         return Fault(code, text)
 

@@ -1,4 +1,4 @@
-"""One CANopen node as the host sees it: heard or lost, commissioned or not, and why not."""
+"""One CANopen node as the host sees it: present or lost, commissioned or not, and why not."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ RETRY_NS: Final = 1_000_000_000
 """From a failed commissioning to the next attempt [ns]."""
 
 UNREAD_MAX: Final = 5
-"""So many readings of a setting in a row may fail: somebody else may use the node's SDO channel."""
+"""Consecutive readings of a setting that may fail: another tool may use the node's SDO channel."""
 
 QUIET_NS: Final = 500_000_000
-"""So long behind a request of somebody else nothing is read: both would get both answers [ns]."""
+"""Time after another tool's request without readings: both would get both answers [ns]."""
 
 QUIET_MAX_NS: Final = 1_000_000_000
-"""Who asks without an end keeps the robot from reading for no longer [ns]."""
+"""Maximum time that a tool's continuous requests keep the robot from reading [ns]."""
 
 
 class NodePhase(enum.Enum):
@@ -83,7 +83,7 @@ class Node:
         """What must stay as it is; the first is read next."""
         self._is_reading = False
         self._doubted = False
-        """Whether the last reading differed: one alone may be an answer that was damaged."""
+        """Whether the last reading differed: a single one may be a damaged answer."""
         self._unread = 0
         self._read_ns = self._quiet_ns = 0
         """When a setting was read last; until when the SDO channel is left to others [ns]."""
@@ -110,7 +110,7 @@ class Node:
             self._nmt_state = NMT_PRE_OPERATIONAL
             self._begin()
         elif self.phase is NodePhase.SILENT:
-            self._boots += 1  # nothing is known of its past: it was never heard, or lost
+            self._boots += 1  # nothing is known of its past: never seen, or lost
             self._begin()
         elif self.phase is NodePhase.STARTING and state == NMT_OPERATIONAL:
             self.phase = NodePhase.VERIFYING
@@ -118,12 +118,12 @@ class Node:
         elif self.phase is NodePhase.WAKING and state == NMT_PRE_OPERATIONAL:
             self._identify()
         elif self.phase in (NodePhase.VERIFYING, NodePhase.READY) and state != NMT_OPERATIONAL:
-            self._boots += 1  # its boot-up was lost, or somebody has put it out of service
+            self._boots += 1  # its boot-up was lost, or another device put it out of service
             self._begin()
         self._refresh()
 
     def on_foreign_nmt(self, command: int) -> None:
-        """Take an NMT command that somebody else has sent to the node: it is out of service."""
+        """Handle another device's NMT command to the node: it is out of service."""
         if command in _PUT_OUT and self.phase in (NodePhase.VERIFYING, NodePhase.READY):
             self._nmt_state, words = _PUT_OUT[command]
             self._begin()
@@ -156,11 +156,11 @@ class Node:
         return True
 
     def on_foreign_sdo(self, stamp_ns: int) -> None:
-        """Leave the node's one SDO channel for a while to whoever else has made a request [ns]."""
+        """Leave the node's single SDO channel to another tool's request for a while [ns]."""
         self._quiet_ns = stamp_ns + QUIET_NS
 
     def read_back(self, now_ns: int) -> None:
-        """Begin to read the next setting of a node in service, if nothing else is under way."""
+        """Start reading the next setting of a node in service, if no transfer is in progress."""
         if now_ns < self._quiet_ns and now_ns - self._read_ns < QUIET_MAX_NS:
             return
         if self.phase is NodePhase.READY and self._sdo.idle and self._kept:
@@ -199,7 +199,7 @@ class Node:
         return None
 
     def sent(self, now_ns: int) -> None:
-        """Note that the frame of the last `poll` is on its way."""
+        """Note that the frame of the last `poll` was sent."""
         if not self._sdo.idle:
             self._sdo.sent(now_ns)
         else:
@@ -227,7 +227,7 @@ class Node:
         self._carry_out(next(self._script))
 
     def _carry_out(self, step: Request | Start) -> None:
-        """Begin what the script wants."""
+        """Start the script's next transfer."""
         if isinstance(step, Request):
             self._sdo.start(step)
             return
@@ -236,7 +236,7 @@ class Node:
         self._wait_until_ns = 0
 
     def _advance(self, response: SdoResponse) -> None:
-        """Give the end of a transfer to who began it."""
+        """Pass the end of a transfer to its initiator."""
         if self._is_reading:
             self._compare(response)
             return
@@ -256,7 +256,7 @@ class Node:
                 self._finish(stop.value)
 
     def _compare(self, response: SdoResponse) -> None:
-        """Take the node out of service where a setting is not what it was told, or unreadable."""
+        """Take the node out of service if a setting differs or is unreadable."""
         self._is_reading = self.busy = False
         setting = self._kept[0]
         if response.value is None:
@@ -292,7 +292,7 @@ class Node:
         self._say(None)
 
     def _stop_script(self) -> None:
-        """Drop whatever transfer is under way."""
+        """Drop the transfer in progress."""
         self._sdo.cancel()
         self._extra = None
         self._is_reading = False
@@ -305,7 +305,7 @@ class Node:
         return NMT_ENTER_PRE_OPERATIONAL if self.phase is NodePhase.WAKING else NMT_START
 
     def _nmt_target(self) -> str:
-        """Return the NMT state that it shall bring, in words."""
+        """Return the target NMT state, as text."""
         return "pre-operational" if self.phase is NodePhase.WAKING else "operational"
 
     def _say(self, fault: Fault | None) -> None:

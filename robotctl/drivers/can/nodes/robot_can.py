@@ -33,14 +33,14 @@ EMERGENCY_BASE: Final = 0x080
 HEARTBEAT_BASE: Final = 0x700
 
 READ_BACK_NS: Final = 100_000_000
-"""So often one setting of each node is read back [ns]: all seven of the drive in 0.7 s."""
+"""Period of reading back one setting of each node [ns]: all seven of the drive take 0.7 s."""
 
 DISABLE_FRAMES: Final = 3
-"""How often `close` says that the motors are off."""
+"""How often `close` sends "motors off"."""
 
 _SILENCE_PERIODS = 12
-"""A protected message silent for so many periods starts anew: before its counter, of 15 values, may
-have gone round, and later than any feedback is let grow old (ten periods in a simulator)."""
+"""Periods of silence after which a protected message restarts: before its counter of 15 values can
+wrap, and later than the maximum age of feedback (ten periods in a simulator)."""
 
 _FIELDS: Final = Feedback.__struct_fields__
 _NOTHING: Final[list[Any]] = [getattr(Feedback(), name) for name in _FIELDS]
@@ -59,11 +59,11 @@ class CanRobot:
     Parameters
     ----------
     port
-        The bus; it lets in at least `codec.arbitration_ids`.
+        The bus; it accepts at least `codec.arbitration_ids`.
     codec
         Compiled from the DBC.
     parameters
-        What the nodes must be and are told to be.
+        Required and configured settings of the nodes.
     """
 
     def __init__(self, port: CanPort, codec: RobotCodec, parameters: NodeParameters) -> None:
@@ -203,7 +203,7 @@ class CanRobot:
         self._values[_EMERGENCY_STOP] = EmergencyStopSource.UNKNOWN if source is None else source
 
     def _on_foreign_nmt(self, data: bytes, _: int) -> None:
-        """Take an NMT command of somebody else: the bus does not bring us our own."""
+        """Handle another device's NMT command: the bus does not return our own."""
         if len(data) == 2:
             for node in self._nodes:
                 if data[1] in (0, node.node_id):
@@ -216,7 +216,8 @@ class CanRobot:
         """Send one actuator command and SYNC, then at most one frame of node services.
 
         A command that the wire cannot carry (not finite, out of range) becomes "motors off" and
-        counts as a failure to send. "Motors off" says where the steering is, whatever the command.
+        counts as a failure to send. "Motors off" carries the measured steering, whatever the
+        command.
         """
         if self._stop_source is not None:
             self.emergency_stop(self._stop_source)
@@ -274,12 +275,12 @@ class CanRobot:
         """Ask the drive, by its object 0x2010, to leave its latched state.
 
         The request goes out with the next `send`, or not at all where the drive is not in service:
-        a wish that waits could come true when nobody expects it.
+        a waiting request could take effect unexpectedly.
         """
         self._clear_wanted = True
 
     def _leave_latches(self) -> None:
-        """Forget a wish to clear faults: who had it did not know of the emergency stop."""
+        """Drop a request to clear faults: it was made without knowledge of the emergency stop."""
         self._clear_wanted = False
         self._drive.withdraw()
 

@@ -91,7 +91,7 @@ def _present(dbc: Dbc, message: str, *signals: str) -> tuple[str, ...]:
 
 
 def _check_data_ids(dbc: Dbc) -> None:
-    """Refuse data ids of which the CRC does not tell one message from another.
+    """Refuse data ids whose CRC does not distinguish the messages.
 
     All that a data id adds to a frame's CRC is its own, eight bits of sixteen.
     """
