@@ -74,5 +74,6 @@ def guard_command(
         )
     else:
         return GuardedCommand(False, 0.0, 0.0, clamp(steering_rad, steering_max_rad), "")
+    # The steering holds its last angle: a sudden swing is unsafe motion, too.
     held = steering_held_rad if math.isfinite(steering_held_rad) else 0.0
     return GuardedCommand(False, 0.0, 0.0, clamp(held, steering_max_rad), fault)

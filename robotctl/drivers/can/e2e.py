@@ -103,6 +103,7 @@ class E2eReceiver:
             self._counters.crc_rejects += 1
             self.status = E2eStatus.WRONG_LENGTH
             return False
+        # 0 for a valid frame: the received CRC is part of the sum.
         if self._syndrome(data):
             self._counters.crc_rejects += 1
             self.status = E2eStatus.WRONG_CRC
@@ -113,7 +114,9 @@ class E2eReceiver:
             self._counters.counter_rejects += 1
             self.status = E2eStatus.WRONG_SEQUENCE
             return False
+        # After a silence the counter may have wrapped, so this frame only sets the reference.
         silent = stamp_ns - self._last_ns > self._timeout_ns
+        # Also after a wrong sequence: otherwise one jump would reject every later frame.
         self._reference = counter
         self._last_ns = stamp_ns
         if reference < 0 or silent:
@@ -128,6 +131,7 @@ class E2eReceiver:
     def _judge_jump(self, delta: int) -> bool:
         """Judge a counter that did not move by one."""
         if 1 < delta <= self._max_delta:
+            # A few lost frames are normal on a noisy bus; age limits catch longer gaps.
             self._counters.lost += delta - 1
             self.status = E2eStatus.OK_SOME_LOST
             return True

@@ -89,6 +89,7 @@ def opener(config: CanConfig, arbitration_ids: Collection[int]) -> OpenDescripto
 
     def open_descriptor() -> Descriptor:
         if config.interface == "socketcan":
+            # Raises OSError for a missing device, before python-can logs it.
             socket.if_nametoindex(config.channel)
         if found:
             bus = found[0](channel=config.channel, can_filters=filters, node=NODE_NAME)
@@ -162,6 +163,7 @@ class SocketPort:
             self._send(_FRAME.pack(arbitration_id, len(data), data))
         except OSError as error:
             meter.send_failures += 1
+            # A full queue refuses one frame; anything else means that the bus is gone.
             if error.errno not in _BUFFER_FULL and self._descriptor is not None:
                 self._fail()
             return False

@@ -171,17 +171,26 @@ class RobustKalman:
         x, P = kalman.x, kalman.P
         kalman.update(z, lambda _: H, lambda _: z_predicted, R, residual=residual)
         innovation, S = kalman.y, kalman.S
+        # Normalised innovation squared: chi-squared with len(z) degrees of freedom.
         nis = float(innovation @ kalman.SI @ innovation)
         huber, gross = self._limits[len(z)]
         if nis <= huber:
             return nis, 1.0
         if nis > gross:
+            # Rejected, but the covariance opens a little: a run of rejections is accepted in the
+            # end.
             kalman.x, kalman.P = x, P * np.outer(self._opened, self._opened)
             return nis, 0.0
+        # Huber: beyond the limit the influence of an innovation stays constant.
         weight = math.sqrt(huber / nis)
         kalman.x, kalman.P = x, P
         kalman.update(
-            z, lambda _: H, lambda _: z_predicted, R + (1.0 / weight - 1.0) * S, residual=residual
+            # This R scales S by 1 / weight, hence the gain by weight.
+            z,
+            lambda _: H,
+            lambda _: z_predicted,
+            R + (1.0 / weight - 1.0) * S,
+            residual=residual,
         )
         return nis, weight
 

@@ -81,4 +81,5 @@ class LateCopies:
         window_ns = CONFIRMED_REPEAT_NS if confirmation else REPEAT_NS
         if first is None or now_ns - first.answered_ns > window_ns:
             return None
+        # Accepted, but no longer true: repeating "accepted" would lie to the sender.
         return first.result if holds or first.result != ACCEPTED else TEMPORARILY_REJECTED

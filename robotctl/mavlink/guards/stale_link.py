@@ -60,6 +60,7 @@ class HeldBack:
         sender = self._senders.get(key)
         if sender is None:
             if len(self._senders) >= MAX_SENDERS:
+                # Full: drop the sender that has been silent longest.
                 del self._senders[min(self._senders, key=lambda each: self._senders[each].heard_ns)]
             self._senders[key] = _Sender(now_ns)
         else:

@@ -47,6 +47,7 @@ class _Stream:
 
     def late_ns(self, boot_ms: int, now_ns: int) -> int | None:
         """Return how late a message is, None where it begins a new stream."""
+        # Modulo 2^32 ms, because `time_boot_ms` wraps after 49.7 days.
         step_ms, elapsed_ns = (boot_ms - self.boot_ms) % _WRAP_MS, now_ns - self.heard_ns
         if not 0 < step_ms < _WRAP_MS // 2 or elapsed_ns > FORGET_NS:
             return None
@@ -54,8 +55,10 @@ class _Stream:
         self.sent_ns += step_ms * 1_000_000
         passed_ns = now_ns - self.first_ns
         delay_ns = passed_ns - self.sent_ns
+        # The minimum creeps upwards, so that clock drift does not make every message late.
         self.least_ns = min(float(delay_ns), self.least_ns + LET_GO * elapsed_ns)
         if not self.trusted and passed_ns >= TRUST_NS:
+            # The sender's clock does not count milliseconds: do not use it.
             if abs(delay_ns) > LET_GO * passed_ns:
                 return None
             self.trusted = True

@@ -150,6 +150,7 @@ class ObstacleGuard:
         """
         self._floor = floor_base
         for past, reading, is_new in zip(self._history, ranges_m, new, strict=True):
+            # A repeated reading must not outvote new ones in the median.
             if is_new or math.isnan(reading):
                 past.append(reading)
                 if len(past) > 3:
@@ -173,12 +174,14 @@ class ObstacleGuard:
             return GuardStep(math.inf, "")
         direction = math.copysign(1.0, v_m_s)
         turn = omega_rad_s / abs(v_m_s)
+        # Motion of a corner per distance of `base` on the arc: (d - k y, k x), curvature k.
         moves = [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
         distance_m, obstacle = math.inf, ""
         for view in self._views:
             reading = _median(self._history[view.slot])
             if math.isnan(reading):
                 if self._is_ahead(view, direction):
+                    # Blind ahead: stand still rather than guess.
                     return GuardStep(0.0, f"sonar {view.name} gives no reading")
                 continue
             free = self._free_distance(view, reading, moves)
@@ -203,6 +206,7 @@ class ObstacleGuard:
         for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
             closing = view.normal[0] * x + view.normal[1] * y
             if closing > _LEAST_CLOSING:
+                # The margin is kept by the corner, which moves hypot(x, y) times as far as `base`.
                 margin = self._config.margin_m / math.hypot(x, y)
                 distance_m = min(distance_m, (reading - reach_m) / closing - margin)
         return distance_m
@@ -240,4 +244,5 @@ def _median(readings: list[float]) -> float:
     valid = sorted([reading for reading in readings if not math.isnan(reading)])
     if 2 * len(valid) <= len(readings):
         return math.nan
+    # Of two, the nearer: the second reading of an obstacle already stops the robot.
     return valid[(len(valid) - 1) // 2]

@@ -141,6 +141,7 @@ class Pursuit:
             max(config.lookahead_s * abs(twist.v_m_s), config.lookahead_min_m),
             config.lookahead_max_m,
         )
+        # Search only this far ahead, so that a path that crosses itself cannot be cut short.
         window = self._s + lookahead + config.off_path_max_m
         self._s, off_path = path.project(pose.x_m, pose.y_m, self._s, window)
         remaining = path.length_m - self._s
@@ -153,6 +154,7 @@ class Pursuit:
             return PursuitStep(0.0, omega, remaining, off_path, False)
         curvature = reachable_curvature(self._gear * x, y, self._curvature_max)
         v = min(self._speed_here(), bend_speed(abs(curvature), config))
+        # Without a minimum speed it would approach the goal ever more slowly.
         v = self._gear * max(v, config.creep_m_s)
         return PursuitStep(v, curvature * v, remaining, off_path, False)
 
@@ -180,6 +182,7 @@ def reachable_curvature(x_m: float, y_m: float, limit: float) -> float:
     if x_m < 0.0 and limit < math.inf:
         return math.copysign(limit, y_m)
     squared = x_m * x_m + y_m * y_m
+    # Pure pursuit: the arc through the point, tangent to the heading (Coulter 1992).
     curvature = 2.0 * y_m / squared if squared > 1e-9 else 0.0
     return min(max(curvature, -limit), limit)
 
