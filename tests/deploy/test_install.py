@@ -357,7 +357,7 @@ def test_the_documented_update_keeps_the_mission_until_it_is_told_not_to(tmp_pat
     assert f"removed  {tmp_path / MISSION}" in run_install(tmp_path, *update, "--no-mission")
     assert not (tmp_path / MISSION).exists()
     assert "--mission" not in (tmp_path / UNIT).read_text()
-    assert "the mission stays" not in run_install(tmp_path, *update)
+    assert "mission kept" not in run_install(tmp_path, *update)
 
 
 @pytest.mark.usefixtures("reachable")

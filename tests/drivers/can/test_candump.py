@@ -101,7 +101,7 @@ def test_every_frame_of_the_bus_is_logged_over_files_and_the_log_waits_for_its_b
     missing = CanConfig(interface="simcan", channel=f"{hub}-missing")
     nothing = BusLog(LogFolder(tmp_path, LogConfig()), missing, 0)
     (note,) = nothing.step(0)
-    assert "does not hear the bus" in note
+    assert "cannot read the bus" in note
     assert [nothing.step(now) for now in (1, 2_000_000_000)] == [(), ()]
 
     log = BusLog(LogFolder(tmp_path, LogConfig(0.004, 1.0)), config, 0)

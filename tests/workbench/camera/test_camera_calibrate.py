@@ -281,10 +281,10 @@ def test_a_picture_that_a_program_has_turned_is_told_from_one_that_is_only_tagge
     upright, other = (recordings / "camera" / name for name in ("left01.jpg", "left02.jpg"))
     turned = tmp_path / "turned.png"
     write_picture(turned, np.ascontiguousarray(np.rot90(read_picture(other))))
-    said = "left01.jpg: 640 x 480 and .*turned.png: 480 x 640; one has been turned"
+    said = "left01.jpg: 640 x 480 and .*turned.png: 480 x 640; one has been rotated"
     with pytest.raises(ConfigError, match=said):
         calibrated(lens=(upright, turned), board=Board(9, 6, 0.025))
-    with pytest.raises(ConfigError, match=r"480 x 640 pixels, but .* one has been turned"):
+    with pytest.raises(ConfigError, match=r"480 x 640 pixels, but .* one has been rotated"):
         calibrated(floor=turned, board=BOARD, at=AT)
 
 
