@@ -12,6 +12,7 @@ from typing import Final
 from robotctl.app.processes.robot import make_codec, node_parameters
 from robotctl.config.robot_file import RobotConfig
 from robotctl.deploy.check_result import Finding, fail, none, ok, warn
+from robotctl.deploy.doctor_imu import check_imu, watch_imu
 from robotctl.drivers.can.nodes.can_node import CanNode
 from robotctl.drivers.can.nodes.registry import wanted_nodes
 from robotctl.drivers.can.nodes.robot_can import HEARTBEAT_BASE, CanRobot
@@ -42,7 +43,7 @@ _FIXES: Final = {
 
 
 def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
-    """Open the bus and check all nodes; takes up to 4 s."""
+    """Open the bus and check all nodes; takes up to 5 s."""
     codec, parameters = make_codec(), node_parameters(config)
     ids = {*codec.arbitration_ids, codec.sync_id, codec.command_id}
     try:
@@ -60,7 +61,11 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
         robot = CanRobot(port, codec, parameters)
         nodes = commission(robot, clock, config.runtime.period_ns)
         version = codec.dbc.wire_version
-        return [*(check_node(node, version) for node in nodes), check_traffic(port.status())]
+        findings = [check_node(node, version) for node in nodes]
+        if config.imu.enabled:
+            said = watch_imu(robot, clock, config.runtime.period_ns, config.imu, _OFF)
+            findings.append(check_imu(said, config.imu))
+        return [*findings, check_traffic(port.status())]
 
 
 def _claim(config: RobotConfig, held: ExitStack) -> bool:

@@ -30,7 +30,7 @@ from robotctl.workbench.replay.replay import robot_of
 TopicRow: TypeAlias = tuple[str, int, Row]
 """Topic, time [ns], and the values by column."""
 
-_EVENTS: Final = ("wheels", "motor", "drive", "battery")
+_EVENTS: Final = ("wheels", "motor", "drive", "battery", "gyro", "accelerometer")
 """What of the feedback is new in a tick that has it."""
 
 _NO_FIGURES: Final = LoopStatistics()
