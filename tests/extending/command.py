@@ -3,9 +3,7 @@
 import subprocess
 import sys
 
-from tests.cli.test_commands import (  # noqa: F401 - it holds this entry, too
-    test_the_list_of_commands_says_what_each_says_of_itself,
-)
+from robotctl.cli.commands import COMMANDS, load
 
 
 def robotctl(*arguments):
@@ -23,3 +21,7 @@ def test_it_is_listed_runs_and_refuses(tmp_path):
     bad = robotctl("distance", str(tmp_path / "drove.txt"))
     assert bad.returncode == 2
     assert 'did you mean "drive.txt"?' in bad.stderr
+
+
+def test_the_table_says_what_the_command_says_of_itself():
+    assert load("distance").help.splitlines()[0] == COMMANDS["distance"][1]

@@ -39,12 +39,11 @@ def test_where_there_is_no_way_it_says_why():
     assert failure.text
 
 
-@pytest.mark.parametrize("planner", ["breadth_first", "astar"])
-def test_the_command_uses_it(tmp_path, planner):
+def test_the_command_uses_it(tmp_path):
     report = tmp_path / "report.json"
     options = ["plan", "--map", "flat", "--start", "1,1,0", "--goal", "6,3,90", "--planner"]
     done = subprocess.run(
-        [sys.executable, "-m", "robotctl", *options, planner, "--report", str(report)],
+        [sys.executable, "-m", "robotctl", *options, "breadth_first", "--report", str(report)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
