@@ -105,13 +105,13 @@ class RealTime:
         self._every(period_ns, publisher, self._truth)
 
     def publish_scans(self, publisher: Publisher) -> None:
-        """Publish the lidar's scans at its rate; nothing where there is no lidar."""
+        """Publish the lidar's scans at its rate; nothing if there is no lidar."""
         lidar = self.simulation.config.simulation.lidar
         if lidar is not None:
             self._every(round(1e9 / lidar.rate_hz), publisher, self._scan)
 
     def take_pictures(self, process: CameraProcess) -> None:
-        """Let the camera's process take pictures at its rate; nothing where there is no camera."""
+        """Let the camera's process take pictures at its rate; nothing if there is no camera."""
         camera, simulation = self.simulation.config.camera, self.simulation
         if camera is None:
             return

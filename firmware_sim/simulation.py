@@ -280,7 +280,7 @@ class Simulation:
         )
 
     def scan(self, *, origin_ns: int = 0) -> Scan | None:
-        """Return a scan of the lidar from where the robot is now; None where it has none.
+        """Return a scan of the lidar from where the robot is now; None if it has none.
 
         `origin_ns` is added to the time stamp, as in `truth`.
         """
@@ -302,7 +302,7 @@ class Simulation:
         )
 
     def camera_frame(self, *, origin_ns: int = 0) -> Picture | None:
-        """Return a picture from where the robot is now; None where it has no camera.
+        """Return a picture from where the robot is now; None if it has no camera.
 
         The first takes seconds: the camera is made ready for this world. `origin_ns` is added to
         the time stamp, as in `truth`. The caller applies `[simulation.camera] latency_ms`.

@@ -206,7 +206,7 @@ def _step(table: Any, kind: Any, part: str | int) -> tuple[Any, Any]:
 
 
 def _default(kind: Any, part: str | int) -> Any:
-    """Return the default of a field; None where it has none, or a table as its own."""
+    """Return the default of a field; None if it has none, or a table as its own."""
     fields = dataclasses.fields(kind) if _is_dataclass(kind) else ()
     values = [each.default for each in fields if each.name == part]
     return None if not values or values[0] is dataclasses.MISSING else values[0]

@@ -133,7 +133,7 @@ class Confinement:
     def _strike(
         self, strike: Strike, senders: tuple[PortState, ...], receivers: tuple[PortState, ...]
     ) -> Failure | None:
-        """Turn an injected error into its consequences; None where the frame survives it."""
+        """Turn an injected error into its consequences; None if the frame survives it."""
         if strike.error is BusError.BIT_ERROR:
             return Failure(strike.error, senders, (), receivers, 2 * FLAG_BITS)
         first = tuple(port for port in receivers if strike.receiver in (None, port.name))

@@ -54,7 +54,7 @@ class TomlFile:
     settings: dict[Key, str] = field(default_factory=dict)
 
     def put(self, dotted: str, value: Any) -> None:
-        """Set a dotted key in nested tables; raises SimulationError where one is no table."""
+        """Set a dotted key in nested tables; raises SimulationError if one is no table."""
         setting = f"--set {dotted}={_toml(value)}"
         key = tuple(dotted.split("."))
         *tables, last = key

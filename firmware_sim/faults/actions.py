@@ -1,6 +1,6 @@
 """How the faults of the catalogue begin: functions of the robot and the arguments.
 
-Each returns what ends the fault, or None where it ends by itself.
+Each returns what ends the fault, or None if it ends by itself.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class Kind:
     fits: fits.Fits = fits.anything
 
     def value(self, key: str, given: object) -> Value:
-        """Return the value of one parameter; raises SimulationError where it is unknown or wrong.
+        """Return the value of one parameter; raises SimulationError if it is unknown or wrong.
 
         The message begins with the key as it is `shown`.
         """

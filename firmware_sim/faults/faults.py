@@ -64,7 +64,7 @@ class Faults:
         return name
 
     def begin(self, name: str, given: Arguments) -> None:
-        """Let a fault begin now; raises SimulationError where it is wrong, or not of this robot."""
+        """Let a fault begin now; raises SimulationError if it is wrong, or not of this robot."""
         kind, arguments = check(name, given)
         misfits = [
             f"fault {name}: {key}: {problem}"

@@ -275,7 +275,7 @@ class FaultyRing:
         Raises
         ------
         SimulationError
-            Where the robot has no such sonars, or the two do not fire together.
+            If the robot has no such sonars, or the two do not fire together.
         """
         count = len(self._mounts)
         if max(listener, speaker) >= count:
@@ -323,7 +323,7 @@ class FaultyRing:
 
 
 def _without_dust(volts: float) -> float:
-    """Return 0 where only rounding errors are left."""
+    """Return 0 if only rounding errors are left."""
     return 0.0 if abs(volts) < 1e-9 else volts
 
 

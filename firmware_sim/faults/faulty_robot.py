@@ -126,7 +126,7 @@ class FaultyRobot:
         Raises
         ------
         SimulationError
-            Where no host is on the bus, or several could be it.
+            If no host is on the bus, or several could be it.
         """
         nodes = {node.name for node in self.nodes}
         guests = [port for port in self.bus.ports if port.name not in nodes]

@@ -70,7 +70,7 @@ class Parameter:
 
 
 def nearest(word: str, allowed: Iterable[str]) -> str:
-    """Return `; did you mean "..."?` for the name nearest to `word`; nothing where none is near."""
+    """Return `; did you mean "..."?` for the name nearest to `word`; nothing if none is near."""
     near = difflib.get_close_matches(word, list(allowed), n=1)
     return f'; did you mean "{near[0]}"?' if near else ""
 

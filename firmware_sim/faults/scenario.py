@@ -1,6 +1,6 @@
 """Scenario files: which faults befall the simulated robot, and when.
 
-    seed = 3                    # of the random times; 0 where it is absent
+    seed = 3                    # of the random times; 0 if it is absent
 
     [[fault]]
     kind = "encoder_stuck"      # a kind of the catalogue, and its parameters

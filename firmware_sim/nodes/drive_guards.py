@@ -74,7 +74,7 @@ class MotorModel:
 
 
 class ChannelSample(NamedTuple):
-    """One channel of the power stage: applied duty [-1, 1] (0 where the bridge does not drive)."""
+    """One channel of the power stage: applied duty [-1, 1] (0 if the bridge does not drive)."""
 
     duty: float
     current_a: float

@@ -49,7 +49,7 @@ class ObjectDictionary:
         return found
 
     def number(self, index: int, sub_index: int = 0) -> int:
-        """Return the present value of an integer variable (KeyError where there is none)."""
+        """Return the present value of an integer variable (KeyError if there is none)."""
         value = self._values[index, sub_index]
         return value if isinstance(value, int) else 0
 

@@ -63,7 +63,7 @@ class FragileStore:
         self.damaged = False
 
     def load(self) -> dict[Key, int]:
-        """Return what was stored; raises StoreDamagedError where it is damaged."""
+        """Return what was stored; raises StoreDamagedError if it is damaged."""
         if self.damaged:
             raise StoreDamagedError("the checksum does not match")
         return self._store.load()
@@ -98,7 +98,7 @@ class FileStore:
         self.path = directory / f"{name}.json"
 
     def load(self) -> dict[Key, int]:
-        """Return what was stored, empty where there is no file.
+        """Return what was stored, empty if there is no file.
 
         Raises
         ------

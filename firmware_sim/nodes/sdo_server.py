@@ -65,7 +65,7 @@ class SdoServer:
         self._transfer = None
 
     def respond(self, request: bytes) -> bytes | None:
-        """Return the response to one request frame; None where there is none to give."""
+        """Return the response to one request frame; None if there is none to give."""
         if len(request) != 8:
             return None
         command, index, sub_index, data = _HEADER.unpack(request)

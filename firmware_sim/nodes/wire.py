@@ -74,7 +74,7 @@ class MotorCommand(NamedTuple):
 
 
 def motor_command(data: bytes) -> MotorCommand | None:
-    """Unpack a checked MotorCommand of eight bytes; None where a value is out of its range."""
+    """Unpack a checked MotorCommand of eight bytes; None if a value is out of its range."""
     _, flags, duty1, duty2, steering = _COMMAND.unpack(data)
     if not (
         -DUTY_RAW_MAX <= duty1 <= DUTY_RAW_MAX

@@ -204,7 +204,7 @@ def solve_limited(
 
 @compiled
 def wheel_mass(wheels: np.ndarray, rows: np.ndarray, i: int) -> float:
-    """Inverse mass that a driven wheel adds to a row [1/kg]; 0 where there is none."""
+    """Inverse mass that a driven wheel adds to a row [1/kg]; 0 if there is none."""
     k = int(rows[i, WHEEL_OF])
     if k < 0:
         return 0.0

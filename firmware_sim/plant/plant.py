@@ -246,7 +246,7 @@ class Plant:
 
     @property
     def count2(self) -> int:
-        """Quadrature counts of channel 2 since power-on, unbounded; 0 where there is none."""
+        """Quadrature counts of channel 2 since power-on, unbounded; 0 if there is none."""
         return self._count(1)
 
     @property
@@ -256,7 +256,7 @@ class Plant:
 
     @property
     def current2_a(self) -> float:
-        """Current of motor 2 [A], positive with forward torque; 0 where there is none."""
+        """Current of motor 2 [A], positive with forward torque; 0 if there is none."""
         return self._wheel_numbers[1][_CURRENT]
 
     @property
@@ -276,7 +276,7 @@ class Plant:
 
     @property
     def omega2_rad_s(self) -> float:
-        """True speed of wheel 2 [rad/s]; 0 where there is none."""
+        """True speed of wheel 2 [rad/s]; 0 if there is none."""
         return self._wheel_numbers[1][_WHEEL_OMEGA]
 
     @property

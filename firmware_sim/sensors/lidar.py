@@ -45,7 +45,7 @@ class Lidar:
         Returns
         -------
         ndarray
-            (beams,) [m]; inf where nothing came back, or from nearer than the minimum range.
+            (beams,) [m]; inf if nothing came back, or from nearer than the minimum range.
         """
         p = self.parameters
         c, s = math.cos(theta_rad), math.sin(theta_rad)

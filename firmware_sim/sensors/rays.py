@@ -44,7 +44,7 @@ def cast_fan(
     segments
         Walls, (m, 4).
     ranges, hits
-        Results, (n,): range [m], inf where there is none; number of the wall, -1 where none.
+        Results, (n,): range [m], inf if there is none; number of the wall, -1 where none.
     """
     n = len(angles)
     first, spacing = angles[0], angles[1] - angles[0]

@@ -109,7 +109,7 @@ class SonarRing:
         Returns
         -------
         tuple
-            Ranges [m], in whole millimetres; inf without an echo, nan where there is no sensor.
+            Ranges [m], in whole millimetres; inf without an echo, nan if there is no sensor.
         """
         fire_group(
             self._mounts[GROUP * group : GROUP * (group + 1)],

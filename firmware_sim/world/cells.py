@@ -83,7 +83,7 @@ class Cells:
         """Return x, y [m], heading [rad] and length [m] of a straight line from the roomiest place.
 
         The heading is the one with the longest line, up to 8 m, that keeps `ROOM_M` from everything
-        not free; the length is 0 where the place has not that much room. There must be a free cell.
+        not free; the length is 0 if the place has not that much room. There must be a free cell.
         """
         from scipy import ndimage  # type: ignore[import-untyped] # noqa: PLC0415 - it takes 0.1 s
 

@@ -325,7 +325,7 @@ def _extent(
 
 
 def _things(file: WorldFile, path: Path) -> Iterator[Thing]:
-    """Yield what the file describes; raises SimulationError where two of its points coincide."""
+    """Yield what the file describes; raises SimulationError if two of its points coincide."""
     groups: tuple[tuple[str, Sequence[Wall | Box | Pillar | Obstacle]], ...] = (
         ("wall", file.wall),
         ("box", file.box),

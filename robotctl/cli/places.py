@@ -156,7 +156,7 @@ def _source(
 
 @contextmanager
 def _turning(source: PlaceSource) -> Iterator[Progress]:
-    """Show how far the robot has turned; nothing where no terminal is."""
+    """Show how far the robot has turned; nothing if no terminal is."""
     console = plain_console(stderr=True)
     if source.live:
         console.print(f"turn {source.live} on the spot by 360°; Ctrl-C ends")

@@ -48,7 +48,7 @@ def plan(
 ) -> None:
     """Find the path between two places of a map, or say why there is none.
 
-    The status is 0 where there is a path, and 1 where there is none. On a MovingAI map the robot is
+    The status is 0 if there is a path, and 1 if there is none. On a MovingAI map the robot is
     a point, and lengths are in cells.
     """
     check_files(out, report, plot=plot)

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 @contextmanager
 def progress_bar(console: Console, name: str, work: str) -> Iterator[Callable[[int, int], None]]:
-    """Show that the log `name` is read, then how far `work` is; nothing where no terminal is.
+    """Show that the log `name` is read, then how far `work` is; nothing if no terminal is.
 
     Yields
     ------

@@ -142,7 +142,7 @@ def find_file(
     Raises
     ------
     ConfigError
-        Where there is none, with the nearest; where the file is of another kind.
+        If there is none, with the nearest; where the file is of another kind.
     """
     shipped = config_directory() / folder
     for place in (*([] if beside is None else [beside]), Path(), shipped):

@@ -163,7 +163,7 @@ class TwistLimiter:
         v_ref_m_s, omega_ref_rad_s
             Wanted velocity; a value that is not finite makes it a stop.
         dt_s
-            Time since the last call [s]; where it is not positive and finite, the last output is
+            Time since the last call [s]; if it is not positive and finite, the last output is
             returned and nothing changes.
         """
         if not 0.0 < dt_s < math.inf:

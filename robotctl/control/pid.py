@@ -218,7 +218,7 @@ class Pid:
             New gains.
         feedforward
             What the new gains give as feed-forward for the last set-point [V], where the caller
-            computes it from them; None where it does not change.
+            computes it from them; None if it does not change.
         """
         error, slope, feedforward_last = self._wanted_rest
         change = (self._kp - config.kp) * error - (self._kd - config.kd) * slope

@@ -85,7 +85,7 @@ class PwmMap:
     def voltage_limit_v(self, bus_voltage_v: float) -> float:
         """Return the largest motor voltage [V] in reach: the `limit` for the PID before it.
 
-        0 where the bus voltage is not known (not finite or not positive), as in `step`.
+        0 if the bus voltage is not known (not finite or not positive), as in `step`.
         """
         if not 0.0 < bus_voltage_v < math.inf:
             return 0.0

@@ -54,7 +54,7 @@ class ServoConfig:
 
 
 def servo(config: ServoConfig, reading_ref: float, reading: float) -> float:
-    """Return the demand that brings a reading to its reference; 0 where one is not finite."""
+    """Return the demand that brings a reading to its reference; 0 if one is not finite."""
     error = reading_ref - reading
     if not math.isfinite(error) or abs(error) <= config.tolerance:
         return 0.0

@@ -201,7 +201,7 @@ class WallFollower:
         Parameters
         ----------
         range_m
-            Reading of the sideways sonar, from `base` [m]; nan where there is no new one, inf
+            Reading of the sideways sonar, from `base` [m]; nan if there is no new one, inf
             where there was no echo. The same reading may be given until the next one comes.
         v_m_s
             Speed [m/s]; negative drives backwards along the wall.

@@ -30,7 +30,7 @@ class ControlConfig:
         Raises
         ------
         ValueError
-            Where one is missing, or one is given for a wheel that the drive has not.
+            If one is missing, or one is given for a wheel that the drive has not.
         """
         if problems := self.wrong_loops(wheel_names):
             raise ValueError("\n".join(f"control.{name}: {why}" for name, why in problems))

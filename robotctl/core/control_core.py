@@ -236,7 +236,7 @@ class ControlCore:
         return stop
 
     def _untimely(self, request: Arm, now_ns: int, *, stopping: bool) -> Fault | None:
-        """Return why a request to arm comes too early or too late; None where it does not."""
+        """Return why a request to arm comes too early or too late; None if it does not."""
         if request.stamp_ns < now_ns - self._safety.request_max_age_ms * 1_000_000:
             return Fault(FaultCode.REQUEST_TOO_OLD, "too old")
         if request.stamp_ns > now_ns:

@@ -108,7 +108,7 @@ class NavigationAdapter:
         self._notices: list[str] = []
         self._message = ""
         self._armings: int | None = None
-        """The count in the last state, None where that was not enabled."""
+        """The count in the last state, None if that was not enabled."""
         self._needs_station = needs_station
         self._station_ns: int | None = None
         """When a ground station was there last."""

@@ -32,7 +32,7 @@ _TIMEX_STATUS_AT = 40
 
 
 def _read(path: Path) -> str | None:
-    """Return the text of a file without its line end; None where it cannot be read."""
+    """Return the text of a file without its line end; None if it cannot be read."""
     try:
         return path.read_text().strip()
     except OSError:
@@ -171,7 +171,7 @@ def measure_write_speed(folder: Path) -> float:
     Raises
     ------
     OSError
-        Where the folder cannot be written.
+        If the folder cannot be written.
     """
     path = folder / f".robotctl-doctor-{os.getpid()}"
     block = os.urandom(_BLOCK)

@@ -69,7 +69,7 @@ def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:
 
 
 def _claim(config: RobotConfig, held: ExitStack) -> bool:
-    """Claim the bus for as long as `held` is open; return False where a controller has it."""
+    """Claim the bus for as long as `held` is open; return False if a controller has it."""
     try:
         held.enter_context(claim_bus(config.can.interface, config.can.channel))
     except LinkError:

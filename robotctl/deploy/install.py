@@ -132,7 +132,7 @@ def uninstall(root: Path, *, dry_run: bool = False) -> tuple[list[str], list[str
     Raises
     ------
     ConfigError
-        Where nothing was installed, or removing is not allowed.
+        If nothing was installed, or removing is not allowed.
     """
     manifest = read_manifest(root)
     if not manifest.files:
@@ -200,12 +200,12 @@ def _remove_if_empty(folder: Path) -> None:
 
 
 def _digest(path: Path) -> str | None:
-    """Return the SHA-256 of a file; None where it is not there.
+    """Return the SHA-256 of a file; None if it is not there.
 
     Raises
     ------
     ConfigError
-        Where it cannot be read.
+        If it cannot be read.
     """
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -155,7 +155,7 @@ def check_executable(path: Path) -> None:
     Raises
     ------
     ConfigError
-        Where it is missing, it or a folder on the way is closed to others, or systemd cannot
+        If it is missing, it or a folder on the way is closed to others, or systemd cannot
         start a program of that name.
     """
     if not os.access(path, os.X_OK):

@@ -88,7 +88,7 @@ class RecordCopy:
         return self._file
 
     def close(self) -> None:
-        """Let go of ring and file; raises OSError where the disk refuses."""
+        """Let go of ring and file; raises OSError if the disk refuses."""
         reader, file = self._reader, self._file
         self._reader, self._last, self._file = None, None, None
         if reader is not None:

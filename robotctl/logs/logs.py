@@ -58,7 +58,7 @@ class StateLog:
         self._flushed_ns = 0
 
     def step(self, messages: Sequence[Published], now_ns: int) -> None:
-        """Log messages; raises OSError where the disk refuses."""
+        """Log messages; raises OSError if the disk refuses."""
         if not messages:
             return
         if self._log is None or self._file is None:
@@ -73,7 +73,7 @@ class StateLog:
                 self.close()
 
     def close(self) -> None:
-        """Complete the file; raises OSError where the disk refuses."""
+        """Complete the file; raises OSError if the disk refuses."""
         log, file = self._log, self._file
         self._log = self._file = None
         if file is None:
@@ -118,7 +118,7 @@ class BusLog:
         Raises
         ------
         OSError
-            Where the disk refuses.
+            If the disk refuses.
         """
         try:
             if self._reader is None:
@@ -154,7 +154,7 @@ class BusLog:
             self._reader = None
 
     def close(self) -> None:
-        """Leave the bus and close the file; raises OSError where the disk refuses."""
+        """Leave the bus and close the file; raises OSError if the disk refuses."""
         self._leave()
         file, self._file = self._file, None
         if file is not None:

@@ -98,7 +98,7 @@ def with_noisy_motion(
 
 
 def reference_at(recording: Recording, stamp_ns: int) -> SE2 | None:
-    """Return the reference pose at a time; None where there is none."""
+    """Return the reference pose at a time; None if there is none."""
     return None if recording.reference is None else recording.reference.at(stamp_ns)
 
 
@@ -108,7 +108,7 @@ def known_from_ns(recording: Recording) -> int:
 
 
 def start_pose(recording: Recording, stamp_ns: int) -> SE2 | None:
-    """Return where the drive begins, at a time: by the reference; None where it does not say.
+    """Return where the drive begins, at a time: by the reference; None if it does not say.
 
     Up to one second before and after the reference its ends count. Where it has no heading, that
     one is taken which makes the odometry of the first metre fit to it best.
@@ -131,7 +131,7 @@ def _aligned_heading(
 ) -> float | None:
     """Return the heading at a time that rotates the odometry path onto the reference [rad].
 
-    Least squares of the positions (Kabsch 1976, in the plane); None where the robot never moves.
+    Least squares of the positions (Kabsch 1976, in the plane); None if the robot never moves.
     """
     start = None if odometry is None else odometry.at(begin_ns)
     if odometry is None or start is None:

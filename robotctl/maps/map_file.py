@@ -6,7 +6,7 @@ its occupancy p is 1 - shade, or the shade with `negate`. The first row of the i
 edge of the map.
 
 mode trinary (default)
-    100 where p > `occupied_thresh`, 0 where p < `free_thresh`, else unknown. Alpha counts as one
+    100 where p > `occupied_thresh`, 0 if p < `free_thresh`, else unknown. Alpha counts as one
     more colour of the average.
 mode scale
     The same, but between the thresholds p becomes 0 to 100 linearly; a pixel that is not quite

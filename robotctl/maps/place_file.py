@@ -1,7 +1,7 @@
 """The file of the places that a robot knows: TOML, for people too.
 
 A visit is two rows of numbers, from forward of `base` to the left, at its end: the median depth of
-the echoes [m], nan where there was none, and the share of silence, nan where no sonar looked.
+the echoes [m], nan if there was none, and the share of silence, nan if no sonar looked.
 """
 
 from __future__ import annotations

@@ -10,10 +10,10 @@ from robotctl.mavlink.command import Command
 from robotctl.messages.mavlink_port import Message
 
 Builder: TypeAlias = Callable[[int], list[Message]]
-"""Return the messages of now [ns], none where there is nothing to say."""
+"""Return the messages of now [ns], none if there is nothing to say."""
 
 CommandHandler: TypeAlias = Callable[[Command, int], int | None]
-"""Carry out a command now [ns]; return its MAV_RESULT, None where `acknowledge` follows."""
+"""Carry out a command now [ns]; return its MAV_RESULT, None if `acknowledge` follows."""
 
 
 class Stream(NamedTuple):

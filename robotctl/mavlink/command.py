@@ -33,6 +33,6 @@ class Command(NamedTuple):
     confirmation: int = 0
 
     def whole(self, index: int) -> int | None:
-        """Return one of `params` that must be a whole number, None where it is none."""
+        """Return one of `params` that must be a whole number, None if it is none."""
         value = self.params[index]
         return int(value) if math.isfinite(value) and value == int(value) else None

@@ -144,12 +144,12 @@ class Context:
         self.links.reply(ack, command.peer)
 
     def fresh_control(self, now_ns: int) -> ControlState | None:
-        """Return the control process's state, None where it is silent."""
+        """Return the control process's state, None if it is silent."""
         state = self.control
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
     def fresh_navigation(self, now_ns: int) -> NavigationState | None:
-        """Return the navigation process's state, None where it is silent."""
+        """Return the navigation process's state, None if it is silent."""
         state = self.navigation
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
@@ -159,7 +159,7 @@ class Context:
         return state if state is not None and now_ns - state.stamp_ns <= FRESH_NS else None
 
     def fresh_pose(self, now_ns: int) -> tuple[ControlState, SE2] | None:
-        """Return the control process's state and `base` in `world`, None where that is unknown."""
+        """Return the control process's state and `base` in `world`, None if that is unknown."""
         control = self.fresh_control(now_ns)
         pose = None if control is None else self.world.pose(control)
         return None if control is None or pose is None else (control, pose)
@@ -171,7 +171,7 @@ class Context:
         return believed if is_sure else None
 
     def heading_rad(self, now_ns: int) -> float | None:
-        """Return the heading in `world` [rad], None where the robot does not know it."""
+        """Return the heading in `world` [rad], None if the robot does not know it."""
         found = self.fresh_pose(now_ns)
         if found is None or not math.isfinite(found[1].theta_rad):
             return None

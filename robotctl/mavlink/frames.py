@@ -205,17 +205,17 @@ def boot_us(stamp_ns: int) -> int:
 
 
 def millivolts(voltage_v: float) -> int:
-    """Return [mV], 0 to 65534; 65535 where it is not known (nan)."""
+    """Return [mV], 0 to 65534; 65535 if it is not known (nan)."""
     return _scaled(voltage_v, 1e3, 0, UINT16_MAX - 1, UINT16_MAX)
 
 
 def milligravities(acceleration_m_s2: float) -> int:
-    """Return [mG], -32768 to 32767; 0 where it is not known (nan)."""
+    """Return [mG], -32768 to 32767; 0 if it is not known (nan)."""
     return _scaled(acceleration_m_s2, 1e3 / STANDARD_GRAVITY_M_S2, -INT16_MAX - 1, INT16_MAX, 0)
 
 
 def milliradians(rate_rad_s: float) -> int:
-    """Return [mrad/s], -32768 to 32767; 0 where it is not known (nan)."""
+    """Return [mrad/s], -32768 to 32767; 0 if it is not known (nan)."""
     return _scaled(rate_rad_s, 1e3, -INT16_MAX - 1, INT16_MAX, 0)
 
 
@@ -226,22 +226,22 @@ def centiamperes(current_a: float) -> int:
 
 
 def centidegrees_celsius(temperature_c: float) -> int:
-    """Return [cdegC], -32768 to 32766; 32767 where it is not known (nan)."""
+    """Return [cdegC], -32768 to 32766; 32767 if it is not known (nan)."""
     return _scaled(temperature_c, 1e2, -INT16_MAX - 1, INT16_MAX - 1, INT16_MAX)
 
 
 def percent(share: float) -> int:
-    """Return a share [0, 1] as 0 to 100; -1 where it is not known (nan)."""
+    """Return a share [0, 1] as 0 to 100; -1 if it is not known (nan)."""
     return _scaled(share, 1e2, 0, 100, -1)
 
 
 def per_mille(share: float) -> int:
-    """Return a share as 0 to 1000; 0 where it is not known (nan)."""
+    """Return a share as 0 to 1000; 0 if it is not known (nan)."""
     return _scaled(share, 1e3, 0, 1000, 0)
 
 
 def per_ten_thousand(share: float) -> int:
-    """Return a share as 0 to 10000; 0 where it is not known (nan)."""
+    """Return a share as 0 to 10000; 0 if it is not known (nan)."""
     return _scaled(share, 1e4, 0, 10_000, 0)
 
 

@@ -38,7 +38,7 @@ class Microservice:
         """Take one message that is addressed to this robot."""
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
-        """Carry out one command; return its MAV_RESULT, None where `acknowledge` follows."""
+        """Carry out one command; return its MAV_RESULT, None if `acknowledge` follows."""
         raise NotImplementedError
 
     def step(self, now_ns: int) -> None:

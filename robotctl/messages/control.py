@@ -385,13 +385,13 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     says what that is in `world`. `odom_epoch_ns` is when that frame began (ns): it changes with
     each new control process, and when the drive has restarted, whose motion meanwhile is not in
     the pose. Wheel arrays have one entry per driven wheel. Measured velocities are nan while wheel
-    feedback is stale. `sonar_m[i]` belongs to the i-th sonar of the configuration: inf where there
-    was no echo, nan where the sensor is missing, faulty or stale. `distance_m` counts from the
-    start of the process, `odometer_m` over the robot's life (nan where its file cannot be read).
+    feedback is stale. `sonar_m[i]` belongs to the i-th sonar of the configuration: inf if there
+    was no echo, nan if the sensor is missing, faulty or stale. `distance_m` counts from the
+    start of the process, `odometer_m` over the robot's life (nan if its file cannot be read).
     `acks` are the last answers to `Arm`, the newest last. `armings` counts how often the robot was
     armed since the start of the process: a stop and an arming between two states show in it alone.
     `imu` is None on a robot without one, and while it is too old.
-    `fault` is the kind of what `reason` says, NONE where that is no fault; `fault_part` names the
+    `fault` is the kind of what `reason` says, NONE if that is no fault; `fault_part` names the
     node, wheel or sonar it is about.
     """
 

@@ -12,7 +12,7 @@ class LidarScan(msgspec.Struct, frozen=True, tag=True):
     """One scan of a planar lidar, as its driver publishes it on the local socket `lidar`.
 
     Beam i looks at `first_rad + i * step_rad` from forward of `base`, to the left; the sensor
-    stands at `x_m`, `y_m` of `base`. `ranges` are float32, little-endian [m]: inf where nothing
+    stands at `x_m`, `y_m` of `base`. `ranges` are float32, little-endian [m]: inf if nothing
     came back from within `max_range_m`.
     """
 
@@ -44,7 +44,7 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
     Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
     (m): inf: floor up to `max_range_m`, nan: not judged; `sigmas_m` are their standard deviations.
     Floor nearer than `nearest_m` is not in the picture. `trouble` says why the picture is not to be
-    trusted; it is empty where it is.
+    trusted; it is empty if it is.
     """
 
     stamp_ns: int

@@ -19,7 +19,7 @@ class CanPort(Protocol):
     """A CAN bus that never raises into the loop: failures are counted in `status`."""
 
     def send(self, arbitration_id: int, data: bytes) -> bool:
-        """Queue one frame without waiting; False where the bus did not take it."""
+        """Queue one frame without waiting; False if the bus did not take it."""
 
     def receive(self) -> list[Frame]:
         """Return, without waiting, all frames received since the last call, oldest first."""

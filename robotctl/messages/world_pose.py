@@ -42,14 +42,14 @@ class WorldPose:
             self._known = state
 
     def pose(self, control: ControlState) -> SE2 | None:
-        """Return `base` in `world`; None where that is unknown."""
+        """Return `base` in `world`; None if that is unknown."""
         if not self._has_localiser:
             return control.T_odom_base
         T_world_odom = self.T_world_odom(control)
         return None if T_world_odom is None else T_world_odom @ control.T_odom_base
 
     def T_world_odom(self, control: ControlState) -> SE2 | None:
-        """Return `odom` in `world`; None where that is unknown."""
+        """Return `odom` in `world`; None if that is unknown."""
         if not self._has_localiser:
             return SE2()
         known = self._known

@@ -28,7 +28,7 @@ class RecordedScan:
     odometry
         `base` in the frame of the odometry.
     reference
-        `base` in `world`; None where the log has none.
+        `base` in `world`; None if the log has none.
     """
 
     scan: RangeScan
@@ -73,15 +73,15 @@ class Recording:
     scans
         In the order of their times.
     odometry
-        Poses in the frame of the odometry; None where the log has velocities only.
+        Poses in the frame of the odometry; None if the log has velocities only.
     twist_stamps_ns, twists
         (m,) and (m, 2): from this time on, v [m/s] and omega [rad/s] of `base`; m may be 0.
     reference
         `base` in `world`, from something better than odometry.
     reference_has_heading
-        False where the reference is positions only; its theta is 0 then and means nothing.
+        False if the reference is positions only; its theta is 0 then and means nothing.
     believed
-        `base` in `world` by the robot's own localiser, while it was localised; None where the log
+        `base` in `world` by the robot's own localiser, while it was localised; None if the log
         has none.
     sightings
         Of landmarks, in the order of their times.

@@ -165,7 +165,7 @@ class Navigator:
         self._stopped_ns = -1
         """When a stop of the robot was last received [ns]."""
         self._last_ns: int | None = None
-        """Time of the last step, None where that did not drive."""
+        """Time of the last step, None if that did not drive."""
 
     @property
     def mode(self) -> Mode:
@@ -187,7 +187,7 @@ class Navigator:
         self._robot.paths = paths
 
     def refusal(self, mode: Mode) -> str:
-        """Return why `mode` cannot be had, empty where it can."""
+        """Return why `mode` cannot be had, empty if it can."""
         if not self._attended and mode not in _BY_HAND:
             return "no ground station is connected"
         if mode is Mode.AUTO and self._runner is None:

@@ -49,5 +49,5 @@ def guided_velocity(
 
 
 def _unit(stick: float) -> float:
-    """Return a stick clamped to [-1, 1], 0 where it is not finite."""
+    """Return a stick clamped to [-1, 1], 0 if it is not finite."""
     return min(max(stick, -1.0), 1.0) if math.isfinite(stick) else 0.0

@@ -207,7 +207,7 @@ class WheelMonitor:
 
     @property
     def ratio(self) -> float:
-        """Counted over electrical speed; nan where they are not compared yet."""
+        """Counted over electrical speed; nan if they are not compared yet."""
         least_rad_s = min(PAIR_RAD_S, 2.0 * self._config.speed_tolerance_rad_s)
         if abs(self.electrical_rad_s) < least_rad_s:
             return math.nan
@@ -249,7 +249,7 @@ class WheelMonitor:
         self.is_off = self._off.lasts_ns(excess > 1.0, stamp_ns) * excess > self._speed_ns
 
     def encoder_fault(self) -> Fault | None:
-        """Return what is wrong with the encoder; None where nothing."""
+        """Return what is wrong with the encoder; None if nothing."""
         if not self.is_off:
             return None
         counted, electrical = self.counted_rad_s, self.electrical_rad_s
@@ -266,7 +266,7 @@ class WheelMonitor:
         return Fault(code, text, self.name)
 
     def push_fault(self, now_ns: int) -> Fault | None:
-        """Return what holds the wheel; None where nothing."""
+        """Return what holds the wheel; None if nothing."""
         counted, push_v = self.counted_rad_s, self._config.push_v
         push = (self._drop_v > push_v) - (self._drop_v < -push_v)
         if push != self._push:

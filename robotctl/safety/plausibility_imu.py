@@ -44,7 +44,7 @@ class ImuMonitor:
         self._same = 0
 
     def update(self, inputs: MonitorInputs) -> Fault | None:
-        """Take the inputs of one tick; return what is wrong, None where nothing is."""
+        """Take the inputs of one tick; return what is wrong, None if nothing is."""
         imu = inputs.motion.imu
         if imu is None or imu.stamp_ns == self._newest_ns:
             return None
@@ -57,7 +57,7 @@ class ImuMonitor:
         return self.judge(imu)
 
     def judge(self, imu: ImuFeedback) -> Fault | None:
-        """Return what a single reading says against driving, None where nothing does."""
+        """Return what a single reading says against driving, None if nothing does."""
         if imu.tilt_rad > self._tilt_max_rad:
             degrees, most = math.degrees(imu.tilt_rad), math.degrees(self._tilt_max_rad)
             text = f"the robot is tilted by {degrees:.0f} degrees, {most:g} are allowed"

@@ -93,7 +93,7 @@ class SonarMonitor:
             track.contradicted_ns = -CONTRADICTION_NS
 
     def update(self, inputs: MonitorInputs) -> Fault | None:
-        """Take the inputs of one tick; return a contradiction, None where none is."""
+        """Take the inputs of one tick; return a contradiction, None if none is."""
         fault = None
         for sonar in inputs.feedback.sonars:
             pose = inputs.motion.pose_odom_base
@@ -104,7 +104,7 @@ class SonarMonitor:
     def take(
         self, first: int, ranges_m: tuple[float, ...], pose_odom_base: SE2, stamp_ns: int
     ) -> Fault | None:
-        """Take the ranges of sonars `first` on [m]; return a contradiction, None where none is."""
+        """Take the ranges of sonars `first` on [m]; return a contradiction, None if none is."""
         fault = None
         for index, track in self._tracks.items():
             if first <= index < first + len(ranges_m):

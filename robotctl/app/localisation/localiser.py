@@ -66,7 +66,7 @@ class Localiser(Protocol):
 
     @property
     def particles(self) -> NDArray[np.float64]:
-        """Particles, (n, 3) [m, m, rad]; (0, 3) where there are none."""
+        """Particles, (n, 3) [m, m, rad]; (0, 3) if there are none."""
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""

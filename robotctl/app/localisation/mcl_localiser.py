@@ -131,7 +131,7 @@ class MclLocaliser:
                 yield fix
 
     def _move_to(self, stamp_ns: int) -> bool:
-        """Move the particles to a time; False where that is too long ago.
+        """Move the particles to a time; False if that is too long ago.
 
         What comes a little late counts where they stand: between two steps a robot moves by
         centimetres. What is newer than the odometry counts at the last pose of that, from which the

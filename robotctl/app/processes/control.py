@@ -60,7 +60,7 @@ class ControlTicker:
     loop
         The loop that calls, for its statistics.
     ring
-        The flight recorder; None where it could not be had.
+        The flight recorder; None if it could not be had.
     heartbeat
         Tells the supervisor of each tick.
     """

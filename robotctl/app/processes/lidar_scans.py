@@ -46,7 +46,7 @@ class LidarScans:
     def scan(self, sweep: LidarSweep) -> LidarScan:
         """Return a revolution as a scan from where the robot was at its end.
 
-        Beams are nan where nothing was measured, inf where the echo lies beyond `max_range_m`.
+        Beams are nan if nothing was measured, inf if the echo lies beyond `max_range_m`.
         Without an echo an RPLIDAR does not say whether that is for want of anything to hit, so
         that counts as nothing measured, never as free.
         """

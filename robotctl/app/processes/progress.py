@@ -57,7 +57,7 @@ class StoredProgress(msgspec.Struct, frozen=True):
     Raises
     ------
     ValueError
-        Where a value can be none of a robot's; in a file that is damage like any other.
+        If a value can be none of a robot's; in a file that is damage like any other.
     """
 
     run: str
@@ -70,7 +70,7 @@ class StoredProgress(msgspec.Struct, frozen=True):
     item_s_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the ranges; the odometer is nan where it is unknown."""
+        """Check the ranges; the odometer is nan if it is unknown."""
         if self.odometer_m < 0.0 or math.isinf(self.odometer_m):
             raise ValueError(f"odometer_m must be finite and at least 0, not {self.odometer_m:g}")
         if not (abs(self.x_m) < FARTHEST_M and abs(self.y_m) < FARTHEST_M):
@@ -180,7 +180,7 @@ def load_progress(options: StackOptions) -> tuple[StoredProgress | None, tuple[s
 
 
 def last_pose(saved: StoredProgress | None, options: StackOptions) -> SE2 | None:
-    """Return where `base` was last in `world` in this run of the stack; None where it begins."""
+    """Return where `base` was last in `world` in this run of the stack; None if it begins."""
     if saved is None or not saved.run or saved.run != options.run:
         return None
     return SE2(saved.x_m, saved.y_m, saved.theta_rad)

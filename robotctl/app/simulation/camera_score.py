@@ -124,7 +124,7 @@ class CameraScore:
 
 
 def camera_score(config: RobotConfig, options: SimOptions, world: World) -> CameraScore | None:
-    """Return the score of a simulated robot's camera in a world; None where it does not look.
+    """Return the score of a simulated robot's camera in a world; None if it does not look.
 
     Raises
     ------

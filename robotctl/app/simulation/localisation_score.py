@@ -85,7 +85,7 @@ class LocalisationScore:
             self._nees.append(pose_nees(believed, truth.pose))
 
     def result(self) -> LocalisationReport | None:
-        """Return the score so far; None where there was no localiser."""
+        """Return the score so far; None if there was no localiser."""
         if self._first_ns is None:
             return None
         found = None if self._right_ns is None else (self._right_ns - self._first_ns) * 1e-9

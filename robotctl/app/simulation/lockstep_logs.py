@@ -43,7 +43,7 @@ class TickLog:
         self._recorder: Recorder | None = None
 
     def record(self, now_ns: int, inputs: Inputs, outputs: Outputs) -> None:
-        """Add the tick that the core has just done; raises OSError where the disk refuses."""
+        """Add the tick that the core has just done; raises OSError if the disk refuses."""
         if self._file is None or self._recorder is None:
             self._file = self._folder.open("control", "rec")
             self._recorder = Recorder(self._file.write, self._header, self._begin)
@@ -54,7 +54,7 @@ class TickLog:
             self.close()
 
     def close(self) -> None:
-        """Finish the file; raises OSError where the disk refuses."""
+        """Finish the file; raises OSError if the disk refuses."""
         file, self._file = self._file, None
         if file is not None:
             file.close()
@@ -84,7 +84,7 @@ class LockstepLogs:
     Attributes
     ----------
     trouble
-        Why the logs are not whole; empty where they are.
+        Why the logs are not whole; empty if they are.
     """
 
     def __init__(

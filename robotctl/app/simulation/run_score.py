@@ -158,7 +158,7 @@ def grid_of(message: LiveMap) -> GridMap:
 
 
 def _write(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file; raises DiskError where that is refused."""
+    """Write a file; raises DiskError if that is refused."""
     try:
         write(path)
     except OSError as error:

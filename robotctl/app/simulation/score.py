@@ -50,7 +50,7 @@ class LocalisationReport(msgspec.Struct, frozen=True):
         While it said so, since it first was right.
     nees_inside_95, nis_inside_95
         Share of the estimates and of the innovations inside the two-sided 95 % bounds of their χ²
-        distribution; None where there are none.
+        distribution; None if there are none.
     nees_above_95
         Share of the estimates above those bounds, which were too sure; the others outside were too
         modest.
@@ -84,7 +84,7 @@ class MapQuality(msgspec.Struct, frozen=True):
 
 
 class CameraReport(msgspec.Struct, frozen=True):
-    """What the camera saw against what was there, up to 3 m; None where there was nothing.
+    """What the camera saw against what was there, up to 3 m; None if there was nothing.
 
     Attributes
     ----------

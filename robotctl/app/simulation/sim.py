@@ -127,7 +127,7 @@ class RunStatus:
     map: LiveMap | None = None
     view: CameraView | None = None
     pose: SE2 | None = None
-    """`base` in `world`; None where that is unknown."""
+    """`base` in `world`; None if that is unknown."""
     lines: list[str] = field(default_factory=list)
     real_time_factor: float = 1.0
 

@@ -57,7 +57,7 @@ class CrashBudget:
         Returns
         -------
         float | None
-            Pause before the next start [s]; None where the budget is spent.
+            Pause before the next start [s]; None if the budget is spent.
         """
         policy, ends_s = self._policy, self._ends_s
         while ends_s and now_s - ends_s[0] > policy.window_s:

@@ -11,7 +11,7 @@ _FEEDS_PER_TIMEOUT: Final = 4
 
 
 class ServiceNotifier:
-    """Reports readiness, state and progress; does nothing where no service manager listens.
+    """Reports readiness, state and progress; does nothing if no service manager listens.
 
     Takes the variables out of the environment, so that no child reports in this process's place.
 
@@ -59,7 +59,7 @@ class ServiceNotifier:
             self._socket = None
 
     def _send(self, text: str) -> bool:
-        """Send one datagram without waiting; return False where the manager's queue is full.
+        """Send one datagram without waiting; return False if the manager's queue is full.
 
         A missing manager is no reason to stop a robot.
         """

@@ -98,7 +98,7 @@ class Stack:
         Raises
         ------
         StackError
-            Where it has no process at the moment.
+            If it has no process at the moment.
         """
         process = self._processes[module]
         if process.pid is None:
@@ -134,7 +134,7 @@ class Stack:
         Raises
         ------
         StackError
-            Where the control process ended too often, or a process does not start at all.
+            If the control process ended too often, or a process does not start at all.
         """
         self.exits = []
         now_s = time.monotonic()

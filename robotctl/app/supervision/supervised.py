@@ -171,7 +171,7 @@ class Supervised:
         return self._beats if monitor is None else monitor.count()
 
     def start(self, now_s: float) -> None:
-        """Start the process; raises OSError where memory or descriptors are short."""
+        """Start the process; raises OSError if memory or descriptors are short."""
         self.phase = ProcessPhase.STARTING
         self._started_s = self._stepped_s = now_s
         self._beats, self._stalled_s = 0, 0.0

@@ -56,7 +56,7 @@ def family_of(name: str) -> str:
 
 
 def noise_of(sigma_px: float, sigma_mm: float) -> PointNoise:
-    """Return the noise of points; raises ConfigError where it is out of its range."""
+    """Return the noise of points; raises ConfigError if it is out of its range."""
     from robotctl.estimation.camera.calibration.homography import PointNoise  # noqa: PLC0415 - numba
 
     try:
@@ -66,7 +66,7 @@ def noise_of(sigma_px: float, sigma_mm: float) -> PointNoise:
 
 
 def place_of(text: str | None) -> SE2 | None:
-    """Return `X,Y` or `X,Y,HEADING` (m, m, deg); raises ConfigError where it is not that."""
+    """Return `X,Y` or `X,Y,HEADING` (m, m, deg); raises ConfigError if it is not that."""
     if text is None:
         return None
     try:

@@ -173,7 +173,7 @@ def _write_annotated(target: Path, picture: NDArray[np.uint8]) -> None:
 
 
 def _targets(files: tuple[Path, ...], out: Path | None) -> list[Path | None]:
-    """Return where each annotated picture goes; raises ConfigError where that cannot be."""
+    """Return where each annotated picture goes; raises ConfigError if that cannot be."""
     if out is None:
         return [None] * len(files)
     if out.is_dir():

@@ -19,7 +19,7 @@ _DISABLED: Final = b"\0"
 class Keys:
     """Reads keys without Enter and without waiting; use as a context manager.
 
-    Does nothing where standard input is no terminal, or the process runs in the background, where
+    Does nothing if standard input is no terminal, or the process runs in the background, where
     reading would halt it. Ctrl-C keeps its meaning; Ctrl-Z and Ctrl-S have none meanwhile: they
     would leave a robot that drives on without the one who looks on, deaf to all keys.
 

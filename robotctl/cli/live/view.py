@@ -1,4 +1,4 @@
-"""What a person watches during a run: a live screen, or plain lines where there is no terminal."""
+"""What a person watches during a run: a live screen, or plain lines if there is no terminal."""
 
 from __future__ import annotations
 

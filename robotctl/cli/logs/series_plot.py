@@ -33,7 +33,7 @@ def save_plot(selection: Selection, title: str, file: Path) -> None:
 
 
 def show(selection: Selection, title: str) -> bool:
-    """Show a selection in a window until it is closed; False where nothing can show one."""
+    """Show a selection in a window until it is closed; False if nothing can show one."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra
 
     figure = plt.figure(figsize=_size(selection), layout="constrained")
@@ -77,7 +77,7 @@ def draw(figure: Any, selection: Selection, title: str) -> None:
 
 
 def _draw_states(panel: Any, selection: Selection) -> None:
-    """Draw the states of the robot behind the lines; nothing where nothing was logged."""
+    """Draw the states of the robot behind the lines; nothing if nothing was logged."""
     for stretch in selection.stretches:
         panel.axvspan(
             stretch.begin_s, stretch.end_s, color=_SHADES[stretch.state], linewidth=0.0, zorder=0

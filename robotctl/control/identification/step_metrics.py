@@ -20,11 +20,11 @@ class StepMetrics:
     Parameters
     ----------
     rise_s
-        Time from 10 % to 90 % of the step [s]; None where 90 % is never reached.
+        Time from 10 % to 90 % of the step [s]; None if 90 % is never reached.
     overshoot
         Largest excursion beyond the reference, in parts of the step, >= 0.
     settling_s
-        From when on the response stays within the band [s]; None where it ends outside.
+        From when on the response stays within the band [s]; None if it ends outside.
     steady_state_error
         Reference minus mean of the record's last part, in parts of the step; signed, positive
         where the response stays short.
@@ -117,7 +117,7 @@ def _crossing(t: NDArray[np.float64], y: NDArray[np.float64], i: int, level: flo
 
 
 def _first_crossing(t: NDArray[np.float64], y: NDArray[np.float64], level: float) -> float | None:
-    """Return when y first reaches the level; None where it does not."""
+    """Return when y first reaches the level; None if it does not."""
     reached = np.flatnonzero(y >= level)
     if reached.size == 0:
         return None
@@ -126,7 +126,7 @@ def _first_crossing(t: NDArray[np.float64], y: NDArray[np.float64], level: float
 
 
 def _settling(t: NDArray[np.float64], error: NDArray[np.float64], band: float) -> float | None:
-    """Return when the error last enters the band; None where it ends outside."""
+    """Return when the error last enters the band; None if it ends outside."""
     outside = np.flatnonzero(error > band)
     if outside.size == 0:
         return float(t[0])

@@ -88,7 +88,7 @@ def bring_up(config: CanConfig, kind: str = "") -> str:
     config
         Which bus.
     kind
-        What the device is, in words of `ip -details link`; empty where it is not known: it may
+        What the device is, in words of `ip -details link`; empty if it is not known: it may
         have to be added then, if it is called as virtual ones are.
     """
     up = f"sudo ip link set {config.channel} up"

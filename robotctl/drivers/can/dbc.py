@@ -43,7 +43,7 @@ class Signal:
     values: Mapping[int, str]
 
     def value(self, name: str) -> int:
-        """Return the raw value called `name` in the value table; `KeyError` where there is none."""
+        """Return the raw value called `name` in the value table; `KeyError` if there is none."""
         for raw, text in self.values.items():
             if text == name:
                 return raw
@@ -93,7 +93,7 @@ class Dbc:
         Raises
         ------
         ConfigError
-            Where the file has none; names the nearest.
+            If the file has none; names the nearest.
         """
         message = self.messages.get(name)
         if message is None:

@@ -19,7 +19,7 @@ class MemoryPort:
     Parameters
     ----------
     transmit
-        Takes identifier and data of a frame; returns False where the bus refuses it.
+        Takes identifier and data of a frame; returns False if the bus refuses it.
     arbitration_ids
         Accepted identifiers, as in the kernel's filter.
     bitrate
@@ -56,7 +56,7 @@ class MemoryPort:
             meter.state = bus_state(arbitration_id & ~CAN_ERR_FLAG, data, meter.state)
 
     def send(self, arbitration_id: int, data: bytes) -> bool:
-        """Hand one frame to the bus; False where it refuses."""
+        """Hand one frame to the bus; False if it refuses."""
         meter = self._meter
         if not self._open or self._transmit(arbitration_id, data) is False:
             meter.send_failures += 1

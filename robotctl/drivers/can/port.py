@@ -157,7 +157,7 @@ class SocketPort:
             raise LinkError(_explanation(config, error)) from error
 
     def send(self, arbitration_id: int, data: bytes) -> bool:
-        """Queue one frame without waiting; False where the bus did not take it."""
+        """Queue one frame without waiting; False if the bus did not take it."""
         meter = self._meter
         try:
             self._send(_FRAME.pack(arbitration_id, len(data), data))

@@ -9,7 +9,7 @@ motor of those that have their own; on an A1 the motor runs while DTR is low.
   the type of data.
 - SCAN answers with 5 bytes a sample without end: quality (6 bits), not S and S, where S begins a
   revolution; the angle, clockwise, in 1/64 degree (15 bits) above a bit that is always 1; the
-  distance in 1/4 mm (16 bits), 0 where nothing was measured.
+  distance in 1/4 mm (16 bits), 0 if nothing was measured.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Samples(NamedTuple):
     angles_rad: np.ndarray
     """Counter-clockwise [rad]."""
     ranges_m: np.ndarray
-    """nan where nothing was measured [m]."""
+    """nan if nothing was measured [m]."""
 
 
 class SampleReader:

@@ -117,7 +117,7 @@ class FrameReader:
         return HEADER_V1 + buffer[start + 1] + 2
 
     def _decode(self, start: int, length: int, messages: list[Message]) -> bool:
-        """Append the message of one complete frame; False where it is none."""
+        """Append the message of one complete frame; False if it is none."""
         buffer = self._buffer
         end = start + length
         try:

@@ -49,7 +49,7 @@ class HostLookup:
         Raises
         ------
         OSError
-            Where the name is not known.
+            If the name is not known.
         """
         if isinstance(self._answer, OSError):
             raise self._answer

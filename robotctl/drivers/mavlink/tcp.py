@@ -114,7 +114,7 @@ class TcpServer(Link):
         return len(self._clients)
 
     def bound_port(self) -> int:
-        """Return the port on which the server listens, 0 where it does not."""
+        """Return the port on which the server listens, 0 if it does not."""
         return int(self._listener.getsockname()[1]) if self._listener is not None else 0
 
     def close(self) -> None:

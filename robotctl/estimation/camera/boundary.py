@@ -58,7 +58,7 @@ class Boundary:
     cells
         The coarse row of the boundary, (columns,).
     rows
-        Rows of the boundary, to parts of a row, (columns,); nan where there is none.
+        Rows of the boundary, to parts of a row, (columns,); nan if there is none.
     noise_rows
         How much texture and noise blur it, a standard deviation, (columns,); nan as there.
     """

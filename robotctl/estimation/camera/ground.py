@@ -38,7 +38,7 @@ class GroundView:
     scan
         Ranges to the lowest boundary of the floor, from the camera's foot point in `base`.
     obstacles
-        What stands free on the floor; none where not trusted.
+        What stands free on the floor; none if not trusted.
     why
         Why floor could not be distinguished from the rest; empty: it could. If not, the scan is all
         nan (nothing judged), or what the floor known from earlier pictures says, which errs to the
@@ -154,7 +154,7 @@ class GroundCamera:
     ) -> tuple[NDArray[np.float32] | None, str]:
         """Return the floor's density in a picture's exposure, and why that is not trusted.
 
-        None where it was not known and the free patch does not tell it.
+        None if it was not known and the free patch does not tell it.
         """
         before, self._light = self._light, bins % colour.L_BINS
         self._number += 1

@@ -53,7 +53,7 @@ class GroundObstacle:
     width_m
         Across the line of sight [m].
     height_m
-        At most so high [m]: the farther edge of its upper face; inf where no floor is seen above.
+        At most so high [m]: the farther edge of its upper face; inf if no floor is seen above.
     cut
         Whether the picture ends at one of its sides: it may be wider.
     """

@@ -26,15 +26,15 @@ class ColumnRanges:
     Attributes
     ----------
     ranges_m
-        (columns,) [m]: inf where nothing is in reach, nan where nothing was judged.
+        (columns,) [m]: inf if nothing is in reach, nan if nothing was judged.
     own_m
-        Standard deviation by what differs from column to column, (columns,) [m]; nan where there
+        Standard deviation by what differs from column to column, (columns,) [m]; nan if there
         is no range.
     common_m
         That by what all columns share, pitch and calibration, (columns,) [m]; nan as there.
     floor_m
         How far floor was seen, also where the picture ends before anything else, (columns,) [m];
-        nan where that is not clear.
+        nan if that is not clear.
     """
 
     ranges_m: NDArray[np.float64]

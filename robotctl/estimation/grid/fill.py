@@ -37,7 +37,7 @@ def free_fans(beams: NDArray[np.float64], fan_sin: float, fans: NDArray[np.float
     """Put into `fans`, (n, 2), how far the fans before and after each beam reach along it.
 
     Two beams that end on one surface have free space up to the line between their ends. Else
-    something hides between them, and only what is nearer than both ends is free. 0 where there is
+    something hides between them, and only what is nearer than both ends is free. 0 if there is
     no fan: a beam says nothing, or the angle is wide.
     """
     n = len(beams)

@@ -83,7 +83,7 @@ def measure_scans(
     -------
     beams : (b, 4)
         cos and sin of the direction, how far it is free, and where its echo is [cells]; the two
-        are negative where there is none.
+        are negative if there is none.
     bounds : (n, 4) [cells]
         First row and column, and the rows and columns behind the last, with a cell to spare.
     """

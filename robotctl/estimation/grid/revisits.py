@@ -31,7 +31,7 @@ def revisit_agreement(scans: Sequence[RangeScan], poses: Sequence[SE2]) -> float
     """Return which share of the echoes of a later visit is where the former one saw some.
 
     It is the median over pairs of visits, 0 to 1; of right poses above 0.6, of drifting ones below
-    0.2. None where the robot hardly ever comes by again.
+    0.2. None if the robot hardly ever comes by again.
     """
     rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]).reshape(-1, 3)
     shares = []

@@ -36,7 +36,7 @@ def chi2_bounds(dof: float, probability: float = 0.95) -> tuple[float, float]:
 def pose_nees(estimate: PoseEstimate, truth: SE2) -> float:
     """Return the squared error of a pose, normalised by its covariance; 3 degrees of freedom.
 
-    inf where the covariance is singular: a belief without any doubt fits nothing.
+    inf if the covariance is singular: a belief without any doubt fits nothing.
     """
     error = np.array(
         [

@@ -54,7 +54,7 @@ def pose_residual(z: Array, z_predicted: Array) -> Array:
 def wall_range(
     pose: SE2, mount: SonarMount, walls: WallMap, sonar: SonarModelConfig
 ) -> tuple[float, Array] | None:
-    """Return the range [m] that a sonar should read, and H (3,); None where no echo is expected.
+    """Return the range [m] that a sonar should read, and H (3,); None if no echo is expected.
 
     The first surface in the cone counts: the foot of the perpendicular on a wall where the cone
     holds it (a region of constant depth: Leonard and Durrant-Whyte 1992, section 2), else the point
@@ -81,7 +81,7 @@ def wall_range(
 def _candidates(
     sensor: Array, axis_rad: float, segments: Array, half_width_rad: float
 ) -> tuple[Array, Array, Array]:
-    """Return range, incidence and gradient by (sensor x, y, axis) of each echo; inf where none.
+    """Return range, incidence and gradient by (sensor x, y, axis) of each echo; inf if none.
 
     Of each wall: the foot of the perpendicular, and one hit for each of three rays of the cone.
     """

@@ -52,7 +52,7 @@ class SeenLandmark:
 
 
 def pose_from_landmarks(seen: Iterable[SeenLandmark]) -> tuple[SE2, Array] | None:
-    """Return the pose that fits best, and its covariance (3, 3); None where too little was seen.
+    """Return the pose that fits best, and its covariance (3, 3); None if too little was seen.
 
     Least squares in closed form: Arun, Huang, Blostein: Least-squares fitting of two 3-D point
     sets, IEEE PAMI 9(5), 1987, for the plane. What fits worst is left out as long as something

@@ -80,7 +80,7 @@ class ParticleBelief:
     def search(
         self, log_likelihood: LogLikelihood, sample_free: SampleFree, rng: np.random.Generator
     ) -> bool:
-        """Weigh a belief that is spread wide; return False where the measurement fits nowhere."""
+        """Weigh a belief that is spread wide; return False if the measurement fits nowhere."""
         config = self._config
         self._inject_random_poses(sample_free, rng)
         found = anneal(
@@ -97,7 +97,7 @@ class ParticleBelief:
         Returns
         -------
         float
-            The log-evidence; -inf where the measurement is impossible for all: then it is left
+            The log-evidence; -inf if the measurement is impossible for all: then it is left
             out.
         """
         weights, evidence = posterior(self.weights, logs)

@@ -54,20 +54,20 @@ class Calibration:
     model
         The nominal drive.
     change, change_half_width
-        Change of the drive, (3,), and half the width of its 95 % interval; nan where the data do
+        Change of the drive, (3,), and half the width of its 95 % interval; nan if the data do
         not show it, the change is 0 then.
     covariance
-        Of the change, (3, 3); 0 where not shown.
+        Of the change, (3, 3); 0 if not shown.
     quantile
         Of Student's distribution: half an interval in standard deviations.
     lever_m, lever_half_width_m
-        Point of `base` that the reference follows, (2,) [m]; nan where not shown.
+        Point of `base` that the reference follows, (2,) [m]; nan if not shown.
     delay_s, delay_half_width_s
         How old the reference is [s].
     noise
         e, f and g.
     noise_fold
-        The 95 % interval of e, f and g is from value / fold to value * fold, (3,); inf where the
+        The 95 % interval of e, f and g is from value / fold to value * fold, (3,); inf if the
         data do not show it.
     reference
         Noise of the reference.

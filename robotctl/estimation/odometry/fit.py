@@ -176,7 +176,7 @@ class OdometryFit:
         return float(np.sum(square)) + log_det
 
     def covariance(self, values: Array, noises: Array) -> tuple[Array, float]:
-        """Return the covariance of the numbers, 0 where not free, and Student's quantile."""
+        """Return the covariance of the numbers, 0 if not free, and Student's quantile."""
         J = self._jacobian(values, noises)
         r = np.clip(self.innovations(values, noises)[0], -OUTLIER, OUTLIER)
         dof = max(1, len(r) - self.size)

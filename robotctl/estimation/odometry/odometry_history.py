@@ -38,7 +38,7 @@ class OdometryHistory:
     def at(self, stamp_ns: int) -> SE2 | None:
         """Return the pose at a time, interpolated; the last where it is newer than all.
 
-        None where it is older than all.
+        None if it is older than all.
         """
         poses = self._poses
         if not poses or stamp_ns < poses[0][0]:

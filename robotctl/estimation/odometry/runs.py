@@ -71,7 +71,7 @@ class OdometryRun:
         return np.asarray((ahead - behind) / (2.0 * _SPEED_S))
 
     def part(self, begin_s: float, end_s: float) -> OdometryRun | None:
-        """Return what lies within two times [s], with an unknown start; None where too little."""
+        """Return what lies within two times [s], with an unknown start; None if too little."""
         steps = (self.stamps_s[:-1] >= begin_s) & (self.stamps_s[1:] <= end_s)
         first, last = np.flatnonzero(steps)[[0, -1]] if np.any(steps) else (0, -1)
         stamps_s = self.stamps_s[first : last + 2]

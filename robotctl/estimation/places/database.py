@@ -106,7 +106,7 @@ class PlaceBook:
         -------
         tuple
             The greatest difference of one of its visits from the others; the least from another
-            place's; that place's name. inf and "" where there is none.
+            place's; that place's name. inf and "" if there is none.
         """
         mine = self._owner == [place.name for place in self.places].index(name)
         own, _ = self._own_and_other()

@@ -83,9 +83,9 @@ class Signature:
     Parameters
     ----------
     depth_m
-        Median distance of the echoes from `base`, (n,) [m], > 0; nan where there was none.
+        Median distance of the echoes from `base`, (n,) [m], > 0; nan if there was none.
     silence
-        Share of readings without an echo, (n,), 0 to 1; nan where no sonar looked.
+        Share of readings without an echo, (n,), 0 to 1; nan if no sonar looked.
 
     Raises
     ------
@@ -243,7 +243,7 @@ class Comparison:
     def bounds(self) -> NDArray[np.float64]:
         """Return for each known signature what its difference is at least, at any shift, (k,).
 
-        By the depth histograms, which know no bearing; 0 where a bearing is missing in one of both.
+        By the depth histograms, which know no bearing; 0 if a bearing is missing in one of both.
         """
         known, new = self._known, self._new
         bound: NDArray[np.float64] = 0.5 * np.square(known.mean - new.mean).sum(axis=1)
@@ -261,7 +261,7 @@ class Comparison:
         -------
         NDArray
             (m, bearings), 0 to 1: column s is of a robot that stands turned by s bearings to the
-            left from where it stood; inf where less than `least_seen` of the bearings is in both.
+            left from where it stood; inf if less than `least_seen` of the bearings is in both.
         """
         old, new = self._known, self._new
         chosen = np.arange(len(old.mean)) if which is None else which

@@ -34,7 +34,7 @@ class EchoShare:
         self._off = off[np.hypot(*off.T) * grid.resolution_m <= NEAR_M]
 
     def __call__(self, scan: RangeScan, pose: SE2) -> float | None:
-        """Return the share at a pose of `base` in `world`, 0 to 1; None where there is no echo.
+        """Return the share at a pose of `base` in `world`, 0 to 1; None if there is no echo.
 
         What ends off the map counts as not explained.
         """

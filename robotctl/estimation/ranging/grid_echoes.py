@@ -82,7 +82,7 @@ class GridEchoes:
         Returns
         -------
         NDArray
-            (n, k) [m]; inf where nothing sends an echo.
+            (n, k) [m]; inf if nothing sends an echo.
         """
         mounts = self._mounts[sonars]
         c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
@@ -104,7 +104,7 @@ class GridEchoes:
 def surface_normals(occupied: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return the normal of the surface at each cell, (rows, columns, 2): along columns, rows.
 
-    A unit vector, either way; 0 where the surface has no direction.
+    A unit vector, either way; 0 if the surface has no direction.
     """
     smooth = ndimage.gaussian_filter(occupied.astype(np.float32), _EDGE_CELLS)
     along_rows, along_columns = np.gradient(smooth)

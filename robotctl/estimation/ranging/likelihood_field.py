@@ -106,7 +106,7 @@ class LikelihoodField:
         Returns
         -------
         NDArray
-            (n,), at most 0: 0 where all chosen beams end in obstacles, and everywhere if no beam
+            (n,), at most 0: 0 if all chosen beams end in obstacles, and everywhere if no beam
             hit anything.
         """
         return self.measurement(scan)(poses)

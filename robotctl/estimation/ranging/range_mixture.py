@@ -99,7 +99,7 @@ def densities(
 ) -> tuple[NDArray[_Real], NDArray[_Real]]:
     """Return the weighted densities of hit and of short at ranges z < max, in z's precision.
 
-    z* and z are of shapes that broadcast together; z* is inf where nothing is in range.
+    z* and z are of shapes that broadcast together; z* is inf if nothing is in range.
     """
     off = z_star - (z - mixture.offset_m)
     # At z* = inf any finite sigma does: a hit has no density there.
@@ -138,7 +138,7 @@ def learned(
     mixture
         Where the search starts.
     expected_m, measured_m
-        z* and z of many beams, (m,) [m]; inf where the map has nothing in range and without an
+        z* and z of many beams, (m,) [m]; inf if the map has nothing in range and without an
         echo. Pairs of nan are left out.
     max_range_m
         The sensor's greatest range [m].

@@ -1,6 +1,6 @@
 """How likely the ranges of a ring of sonars are at a pose, on walls or on an occupancy grid.
 
-What a sonar should measure, m, comes from `wall_echoes.py` or `grid_echoes.py`; inf where nothing
+What a sonar should measure, m, comes from `wall_echoes.py` or `grid_echoes.py`; inf if nothing
 in range sends an echo. Then
 
 - a range z has the density hit N(z; m, sigma(m)^2) + random / max_range: the robust likelihood
@@ -69,7 +69,7 @@ class SonarModel:
     def measurement(self, ranges_m: NDArray[np.float64]) -> LogLikelihood:
         """Return the function from poses to the log-likelihood of readings.
 
-        It is about 0 where all readings are as expected, however many sonars heard an echo.
+        It is about 0 if all readings are as expected, however many sonars heard an echo.
         """
         perfect = self._perfect(ranges_m)
 
@@ -88,7 +88,7 @@ class SonarModel:
         poses
             Of `base` in `world`, (n, 3) [m, m, rad].
         ranges_m
-            One reading for each sonar [m]: inf without an echo, nan where there is no reading.
+            One reading for each sonar [m]: inf without an echo, nan if there is no reading.
 
         Returns
         -------

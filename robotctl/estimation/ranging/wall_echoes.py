@@ -107,7 +107,7 @@ class WallEchoes:
         Returns
         -------
         NDArray
-            (n, k) [m]; inf where no wall sends an echo.
+            (n, k) [m]; inf if no wall sends an echo.
         """
         found = np.empty((len(poses), len(sonars)))
         _ring(

@@ -67,7 +67,7 @@ class CarmenLines:
     notes: list[str] = field(default_factory=list)
 
     def parameter(self, name: str) -> float | None:
-        """Return the number of a PARAM line; None where there is none.
+        """Return the number of a PARAM line; None if there is none.
 
         Raises
         ------

@@ -252,7 +252,7 @@ def _stamps(
 
 
 def _odometry(lines: CarmenLines, scans: Sequence[RecordedScan], unit: str) -> Trajectory:
-    """Return the odometry of the ODOM lines, or of the scans where there are none.
+    """Return the odometry of the ODOM lines, or of the scans if there are none.
 
     Programs that correct logs put in poses at the time 0; those are left out.
     """

@@ -45,7 +45,7 @@ class LogFormat:
     read
         Reads what `matches`; raises `LogFormatError` with file and line, or `OSError`.
     has_time_unit
-        Whether times are numbers whose unit the user can give; False where the format fixes it.
+        Whether times are numbers whose unit the user can give; False if the format fixes it.
     in_folder
         Files that identify a folder of this format, for messages; "" if it has no folders.
     """

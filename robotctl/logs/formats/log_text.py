@@ -311,7 +311,7 @@ def _is_finite(word: str) -> bool:
 
 
 def hint(word: str) -> str:
-    """Return what a word that is no number is like; empty where it is like nothing known."""
+    """Return what a word that is no number is like; empty if it is like nothing known."""
     if ";" in word:
         return "; the columns are separated by ';', needed are spaces"
     if _DECIMAL_COMMA.fullmatch(word):

@@ -38,7 +38,7 @@ def is_mrclam(folder: Path) -> bool:
 
 
 def robot_of(file: Path) -> int | None:
-    """Return to which robot a file belongs by its name; None where to none."""
+    """Return to which robot a file belongs by its name; None if to none."""
     match = _OF_ROBOT.fullmatch(file.name)
     return int(match[1]) if match else None
 

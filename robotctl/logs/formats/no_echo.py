@@ -136,7 +136,7 @@ def valid_ranges(ranges: NDArray[np.float64], reach_m: float) -> NDArray[np.floa
 def no_echo_codes(
     scans: Sequence[NDArray[np.float64]], places: NDArray[np.float64]
 ) -> tuple[Code, ...]:
-    """Return the lengths that stand for no echo, the longest first; empty where none shows.
+    """Return the lengths that stand for no echo, the longest first; empty if none shows.
 
     Parameters
     ----------

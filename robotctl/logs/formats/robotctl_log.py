@@ -84,7 +84,7 @@ def _folder(path: Path) -> Path:
 def truth_files(path: Path) -> list[Path]:
     """Return where the truth of a log of ours is: of all runs of a folder, or of that of one file.
 
-    A run's truth has the number of its first log. It is empty where the run did not come to its
+    A run's truth has the number of its first log. It is empty if the run did not come to its
     end: then the robot's place is unknown.
     """
     folder = _folder(path)
@@ -95,7 +95,7 @@ def truth_files(path: Path) -> list[Path]:
 
 
 def _number(path: Path) -> int:
-    """Return the number in the name of a file; 0 where it has none."""
+    """Return the number in the name of a file; 0 if it has none."""
     match = _NUMBER.fullmatch(path.name)
     return int(match[1]) if match else 0
 
@@ -139,7 +139,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
 
 
 def _reference(path: Path, odometry: Trajectory) -> Trajectory | None:
-    """Return the truth of the time of the log; None where there is none."""
+    """Return the truth of the time of the log; None if there is none."""
     truths = [read_tum(each) for each in truth_files(path)]
     truths = [
         each
@@ -229,7 +229,7 @@ def _of_one_robot(
 def _believed(
     states: Sequence[tuple[int, LoggedBelief]], odometry: Trajectory
 ) -> Trajectory | None:
-    """Return where the robot believed to be while it was localised; None where it never was."""
+    """Return where the robot believed to be while it was localised; None if it never was."""
     poses = {
         stamp_ns: state.T_world_odom @ at
         for stamp_ns, state in sorted(states, key=itemgetter(0))

@@ -124,7 +124,7 @@ _LASER: Final = msgspec.json.Decoder(_Laser)
 
 
 def logged_state(data: bytes) -> LoggedState:
-    """Return a message of the topic `control`; raises `msgspec.DecodeError` where it is none."""
+    """Return a message of the topic `control`; raises `msgspec.DecodeError` if it is none."""
     if b'"T_odom_base"' not in data:
         old = _OLD_STATE.decode(data)
         ranges_m = tuple(math.inf if each is None else each for each in old.sonar_m)

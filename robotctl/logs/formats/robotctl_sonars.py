@@ -53,7 +53,7 @@ class OwnSonars:
     readings
         With the times of the log, in their order.
     mounts
-        Empty where no record says it.
+        Empty if no record says it.
     notes
         Sentences for people.
     """

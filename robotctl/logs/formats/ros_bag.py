@@ -238,7 +238,7 @@ def _trajectory(content: _Content, topic: str) -> Trajectory:
 
 
 def _reference(content: _Content, odometry: Trajectory, odom: str, base: str) -> Trajectory | None:
-    """Return `base` in something better than odometry; None where there is nothing."""
+    """Return `base` in something better than odometry; None if there is nothing."""
     truths = [topic for topic in content.odometry if _TRUTH.search(topic)]
     if truths:
         content.notes.append(f"reference: {truths[0]}")

@@ -81,7 +81,7 @@ class Frames:
         return [] if edge is None else sorted(stamp_ns for stamp_ns, _ in edge.moving)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> SE3 | None:
-        """Return `T_target_source` at a time; None where the two do not hang together."""
+        """Return `T_target_source` at a time; None if the two do not hang together."""
         to_root, from_source = self.chain(target), self.chain(source)
         common = next((frame for frame in from_source if frame in to_root), None)
         if common is None:

@@ -157,7 +157,7 @@ def wraps(what: str, unit: str) -> str:
 
 
 def note_pairs(times: NDArray[np.float64], what: str, notes: list[str]) -> None:
-    """Note how many of some times are those of the one before, where it is not all of them."""
+    """Note how many of some times are those of the one before, if it is not all of them."""
     same = int(np.count_nonzero(np.diff(times) == 0.0))
     if 0 < same < len(times) - 1:
         notes.append(f"{same} of {len(times)} {what} have the time of the previous one")
@@ -191,7 +191,7 @@ def check_pace(recording: Recording, can_tell: bool) -> None:
 
 
 def usual_pace(trajectory: Trajectory) -> float | None:
-    """Return the median speed over ways of `_STEP_M` [m/s]; None where there are only few."""
+    """Return the median speed over ways of `_STEP_M` [m/s]; None if there are only few."""
     points, stamps_ns = trajectory.poses[:, :2], trajectory.stamps_ns
     spans_s, begin = [], 0
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

@@ -205,7 +205,7 @@ def pose_in(wall_ns: int, frame: str, pose: SE2) -> PoseInFrame:
 
 
 def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
-    """Return a scan; None where a driver sent what is none.
+    """Return a scan; None if a driver sent what is none.
 
     It stands in `base`, at the lidar's place there, so that it is right where a log that was cut
     has lost the frame `lidar`.

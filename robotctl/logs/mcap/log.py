@@ -133,7 +133,7 @@ class RecoveredLog:
     was_intact: bool = False
 
     def loss(self) -> str:
-        """Return what was left out, to follow another sentence; empty where that is nothing."""
+        """Return what was left out, to follow another sentence; empty if that is nothing."""
         if self.kept_aside is None:
             return ""
         lost = sum(gap.length for gap in self.gaps)
@@ -178,7 +178,7 @@ def recover(path: Path) -> RecoveredLog:
 
 
 def _messages_of_intact(source: BinaryIO) -> int | None:
-    """Return how many messages a log holds; None where a record or its index is damaged."""
+    """Return how many messages a log holds; None if a record or its index is damaged."""
     source.seek(-_FOOTER.size - len(MCAP0_MAGIC), io.SEEK_END)
     opcode, _, begin, _, crc = _FOOTER.unpack(source.read(_FOOTER.size))
     source.seek(begin)

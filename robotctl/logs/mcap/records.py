@@ -71,7 +71,7 @@ class Gap:
     begin
         Its first byte.
     length
-        How many bytes; 0 where a log was cut between two records.
+        How many bytes; 0 if a log was cut between two records.
     is_cut
         Whether it is the end of a log that was cut short: nothing is lost.
     """

@@ -83,7 +83,7 @@ class Scene:
         return FrameTransforms((world, odom)), pose
 
     def sensor_frames(self, wall_ns: int) -> FrameTransforms | None:
-        """Return the sensor mounting in `base`; None where there are none."""
+        """Return the sensor mounting in `base`; None if there are none."""
         found = _sonar_transforms(wall_ns, self._sonars)
         if self._camera is not None:
             found.append(camera_transform(wall_ns, self._camera))

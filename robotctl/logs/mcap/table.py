@@ -59,7 +59,7 @@ _PACKED: Final = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i", 7: "f", 8: "d"
 
 
 def unit_of(column: str) -> str:
-    """Return the unit of a column; empty where it has none, or is text."""
+    """Return the unit of a column; empty if it has none, or is text."""
     *before, last = _INDEX.sub("", column).split(".")
     if before and before[-1] in _ROTATIONS:
         return ""
@@ -74,7 +74,7 @@ def header_of(column: str) -> str:
 
 
 def _own_unit(name: str) -> str:
-    """Return the unit that the end of a name tells; empty where it tells none."""
+    """Return the unit that the end of a name tells; empty if it tells none."""
     stem = _FIGURE.sub("", name)
     return next((unit for suffix, unit in _SUFFIXES.items() if stem.endswith(suffix)), "")
 

@@ -64,7 +64,7 @@ class LateCopies:
         confirmation: int,
         holds: bool,
     ) -> int | None:
-        """Return the MAV_RESULT of a copy, None where the command is to be carried out.
+        """Return the MAV_RESULT of a copy, None if the command is to be carried out.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class LateCopies:
         now_ns : int
             Monotonic time [ns].
         confirmation : int
-            The field of COMMAND_LONG, 0 where there is none.
+            The field of COMMAND_LONG, 0 if there is none.
         holds : bool
             What the command asks for is so at present.
         """

@@ -67,7 +67,7 @@ class HeldBack:
             sender.hear(now_ns)
 
     def objection(self, peer: Peer, sender: tuple[int, int], now_ns: int) -> str:
-        """Return why what a sender asks for now may be of long ago, empty where it is not.
+        """Return why what a sender asks for now may be of long ago, empty if it is not.
 
         A sender that repeats its request a second later is accepted.
         """

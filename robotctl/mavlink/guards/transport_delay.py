@@ -46,7 +46,7 @@ class _Stream:
     trusted: bool = False
 
     def late_ns(self, boot_ms: int, now_ns: int) -> int | None:
-        """Return how late a message is, None where it begins a new stream."""
+        """Return how late a message is, None if it begins a new stream."""
         # Modulo 2^32 ms, because `time_boot_ms` wraps after 49.7 days.
         step_ms, elapsed_ns = (boot_ms - self.boot_ms) % _WRAP_MS, now_ns - self.heard_ns
         if not 0 < step_ms < _WRAP_MS // 2 or elapsed_ns > FORGET_NS:
@@ -72,7 +72,7 @@ class SenderClocks:
         self._streams: dict[Hashable, _Stream] = {}
 
     def late_ns(self, key: Hashable, boot_ms: int, now_ns: int) -> int:
-        """Return how much later than the fastest one a message came [ns], 0 where not known.
+        """Return how much later than the fastest one a message came [ns], 0 if not known.
 
         Parameters
         ----------

@@ -79,7 +79,7 @@ class ExternalPoses(Microservice):
 
 
 def _yaw(q: list[float]) -> float:
-    """Return the yaw about z of a quaternion (w, x, y, z); nan where it is none."""
+    """Return the yaw about z of a quaternion (w, x, y, z); nan if it is none."""
     w, x, y, z = q
     if not 0.5 < w * w + x * x + y * y + z * z < 2.0:
         return math.nan

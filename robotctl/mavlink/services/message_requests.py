@@ -17,7 +17,7 @@ class MessageRequests(Microservice):
     commands = frozenset({REQUEST_MESSAGE, REQUEST_CAPABILITIES})
 
     def on_command(self, command: Command, now_ns: int) -> int:
-        """Answer with the message; DENIED where it is not ours to send.
+        """Answer with the message; DENIED if it is not ours to send.
 
         TEMPORARILY_REJECTED where there is nothing to say in it at the moment.
         """

@@ -96,7 +96,7 @@ class Modes(Microservice):
     def _of_copy(
         self, sender: tuple[int, int], mode: Mode, confirmation: int, now_ns: int
     ) -> int | None:
-        """Return the answer to a late copy, None where the request is to be carried out."""
+        """Return the answer to a late copy, None if the request is to be carried out."""
         copy = self._copies.answer(
             sender, mode, now_ns, confirmation=confirmation, holds=self._holds(mode, now_ns)
         )

@@ -62,7 +62,7 @@ class Poses(Microservice):
 
 
 def attitude(state: ControlState, pose: SE2) -> list[Message]:
-    """Return ATTITUDE: level without an IMU; empty where the heading is not a number."""
+    """Return ATTITUDE: level without an IMU; empty if the heading is not a number."""
     if not _fit(pose.theta_rad, state.omega_rad_s):
         return []
     euler, rates = _attitude(state, pose)
@@ -81,7 +81,7 @@ def _attitude(state: ControlState, pose: SE2) -> tuple[frames.Euler, frames.Frd]
 
 
 def local_position(state: ControlState, pose: SE2) -> list[Message]:
-    """Return LOCAL_POSITION_NED; empty where the pose is not a number."""
+    """Return LOCAL_POSITION_NED; empty if the pose is not a number."""
     if not _fit(pose.x_m, pose.y_m, pose.theta_rad, state.v_m_s):
         return []
     position = frames.ned_from_enu(pose.x_m, pose.y_m)

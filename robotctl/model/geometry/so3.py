@@ -1,6 +1,6 @@
 """SO(3): rotation vectors and unit quaternions, and the series that SE(3) needs.
 
-Quaternions are (w, x, y, z), Hamilton's convention, with w >= 0 where an operation returns one.
+Quaternions are (w, x, y, z), Hamilton's convention, with w >= 0 if an operation returns one.
 """
 
 from __future__ import annotations

@@ -95,7 +95,7 @@ class CameraGeometry:
         Returns
         -------
         ndarray
-            In `camera` with z = 1, (n, 3); nan where the lens has no inverse.
+            In `camera` with z = 1, (n, 3); nan if the lens has no inverse.
         """
         return self._rays(pixels)[0]
 

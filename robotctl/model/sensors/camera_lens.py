@@ -76,7 +76,7 @@ def undistort(
     Returns
     -------
     tuple
-        Points of the plane z = 1, (n, 2), nan where there is none, and the Jacobians of this
+        Points of the plane z = 1, (n, 2), nan if there is none, and the Jacobians of this
         inverse, (n, 2, 2).
     """
     if not any(distortion):
@@ -127,7 +127,7 @@ def _turning_point(k1: float, k2: float, k3: float) -> float:
 
 
 def _inverse(J: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the inverses of matrices (n, 2, 2); inf or nan where there is none."""
+    """Return the inverses of matrices (n, 2, 2); inf or nan if there is none."""
     a, b, c, d = J[:, 0, 0], J[:, 0, 1], J[:, 1, 0], J[:, 1, 1]
     adjugate = np.stack([d, -b, -c, a], axis=1).reshape(-1, 2, 2)
     inverse: NDArray[np.float64] = adjugate / (a * d - b * c)[:, None, None]

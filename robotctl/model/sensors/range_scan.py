@@ -26,7 +26,7 @@ class RangeScan:
     x_m, y_m
         The sensor in `base` [m].
     sigmas_m
-        Standard deviation of each range, (n,) [m], >= 0, nan where there is no reading; None: not
+        Standard deviation of each range, (n,) [m], >= 0, nan if there is no reading; None: not
         known.
 
     Raises

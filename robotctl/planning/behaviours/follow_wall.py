@@ -251,7 +251,7 @@ class FollowWall(Behaviour):
         self._follower.reset()
 
     def _elsewhere(self, left: SE2, pose: SE2) -> str:
-        """Return how the robot is not where it was left; empty where it is."""
+        """Return how the robot is not where it was left; empty if it is."""
         off_m = math.hypot(pose.x_m - left.x_m, pose.y_m - left.y_m)
         turned_rad = abs(wrap_angle(pose.theta_rad - left.theta_rad))
         if off_m <= self._off_max_m and turned_rad <= _TURNED_MAX_RAD:

@@ -21,7 +21,7 @@ class Paths(Protocol):
     """Knows free paths through the world, as `FreePaths` of a map does."""
 
     def way(self, start: Point, goal: Point) -> list[Point]:
-        """Return the corners after `start`, `goal` the last; none where there is no path."""
+        """Return the corners after `start`, `goal` the last; none if there is no path."""
 
 
 @dataclass(slots=True)

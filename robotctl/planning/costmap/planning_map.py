@@ -92,7 +92,7 @@ class PlanningMap:
     def gaps_m(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far the body is from what is blocked, for poses (n, 3) in cells, (n,) [m].
 
-        It is right to about a cell; 0 where they touch.
+        It is right to about a cell; 0 if they touch.
         """
         gaps: NDArray[np.float64] = _gaps(self.clearance, self._samples, poses)
         return np.maximum(gaps, 0.0) * self.grid.resolution_m

@@ -1,6 +1,6 @@
 """Paths over the cells of a map for robots that can turn on the spot: A* and Dijkstra's algorithm.
 
-First a path is looked for on which the robot could turn anywhere; where there is none, a narrower
+First a path is looked for on which the robot could turn anywhere; if there is none, a narrower
 one, down to where it fits lengthwise. The body is checked at each pose; a cell at which it would
 touch something is closed, and the search begins again.
 """

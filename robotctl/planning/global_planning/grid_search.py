@@ -48,9 +48,9 @@ class CellPath:
     Parameters
     ----------
     cells
-        (n, 2) rows and columns from start to goal; (0, 2) where there is no path.
+        (n, 2) rows and columns from start to goal; (0, 2) if there is no path.
     cost
-        Of the path [cells]; inf where there is none.
+        Of the path [cells]; inf if there is none.
     expanded
         How many cells were expanded.
     in_time
@@ -245,7 +245,7 @@ def _step_cost(
     right: int,
     rule: int,
 ) -> float:
-    """Return what the step to a neighbour takes; inf where it is not allowed."""
+    """Return what the step to a neighbour takes; inf if it is not allowed."""
     factor: float = factors[costs[cell + down + right]]
     if down == 0 or right == 0 or factor == np.inf:
         return factor

@@ -17,7 +17,7 @@ _HALVINGS = 24
 
 
 def blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None:
-    """Return why a robot cannot stand at the start or the goal; None where it can.
+    """Return why a robot cannot stand at the start or the goal; None if it can.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _narrowest(
 ) -> tuple[float, NDArray[np.int64] | None]:
     """Return half the width of the widest way between two cells [cells], and where it is so narrow.
 
-    0 and None where there is none. Ways go from side to side of cells, as diagonal steps need both.
+    0 and None if there is none. Ways go from side to side of cells, as diagonal steps need both.
     """
     low, high = 0.0, float(min(clearance[start], clearance[goal]))
     if high <= 0.0 or not _joined(clearance, low, start, goal):

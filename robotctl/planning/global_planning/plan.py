@@ -81,7 +81,7 @@ class PlanFailure:
     reason, text
         For programs, and for people.
     place
-        In `world`, where it fails [m]; None where no one place is to blame.
+        In `world`, where it fails [m]; None if no one place is to blame.
     expanded
         Cells, or nodes of a tree, that were looked at.
     """

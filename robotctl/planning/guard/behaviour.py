@@ -65,7 +65,7 @@ class Behaviour(ABC):
 
     @property
     def s_m(self) -> float:
-        """The way along a path or wall [m]; 0 where it follows none."""
+        """The way along a path or wall [m]; 0 if it follows none."""
         return 0.0
 
     @abstractmethod

@@ -75,7 +75,7 @@ class GuardStep(NamedTuple):
     v_max_m_s: float
     """Maximum speed in the requested direction [m/s], >= 0; inf with nothing near."""
     obstacle: str
-    """What limits it, for people; empty where nothing does."""
+    """What limits it, for people; empty if nothing does."""
 
 
 class _View(NamedTuple):

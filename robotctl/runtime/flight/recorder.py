@@ -101,7 +101,7 @@ class Replayed:
     gaps
         Places where ticks are missing and the replay went on from a checkpoint.
     difference
-        None where all agree.
+        None if all agree.
     """
 
     agreed: int
@@ -144,7 +144,7 @@ def read_record(file: BinaryIO, name: str) -> tuple[RecordHeader, Iterator[Entry
     Raises
     ------
     RecordError
-        Where the file is no record, or a whole message in it is damaged.
+        If the file is no record, or a whole message in it is damaged.
     """
     messages = _messages(file, name)
     first = next(messages, None)
@@ -243,7 +243,7 @@ def replay_steps(
     Raises
     ------
     RecordError
-        Where a checkpoint cannot be read or does not fit the classes that are here, or the record
+        If a checkpoint cannot be read or does not fit the classes that are here, or the record
         has nothing to begin with.
     """
     core: ControlCore | None = None

@@ -18,7 +18,7 @@ def claim_bus(interface: str, channel: str) -> socket.socket:
     """Claim the commands on a CAN bus, as `claim`.
 
     Linux opens a network device by its other names (`ip link`: altname) too; it is claimed by its
-    first, or as it is called where there is none at the moment.
+    first, or as it is called if there is none at the moment.
     """
     if interface == "socketcan":
         with suppress(OSError):

@@ -36,7 +36,7 @@ def endpoint_path(instance: str) -> Path:
     Raises
     ------
     LinkError
-        Where the name is none of a folder, the path is so long that no socket fits into it, or no
+        If the name is none of a folder, the path is so long that no socket fits into it, or no
         folder takes temporary files.
     """
     if "/" in instance or "\0" in instance or instance in ("", ".", ".."):
@@ -94,7 +94,7 @@ def ring_folder() -> Path:
     Raises
     ------
     LinkError
-        Where the folder belongs to somebody else or is open to others.
+        If the folder belongs to somebody else or is open to others.
     """
     folder = _MEMORY / f"robotctl-{os.getuid()}"
     with suppress(FileNotFoundError):
@@ -269,7 +269,7 @@ class RequestReceiver(_Receiver[T]):
 
 
 class RequestSender:
-    """Sends requests to one process; where it is not there they are dropped, not kept."""
+    """Sends requests to one process; if it is not there they are dropped, not kept."""
 
     def __init__(self, context: zmq.Context[Any], address: str) -> None:
         self._socket = _socket(context, zmq.PUSH)

@@ -88,7 +88,7 @@ def age_rank(status: os.stat_result) -> tuple[bool, int]:
 
 
 def refusal(directory: Path) -> str:
-    """Return why no file can be written in a folder; empty where one can."""
+    """Return why no file can be written in a folder; empty if one can."""
     try:
         with tempfile.TemporaryFile(dir=directory):
             return ""

@@ -143,7 +143,7 @@ def _locked(descriptor: int) -> bool:
 
 @contextmanager
 def _dead(path: Path) -> Iterator[int | None]:
-    """Hold the lock of the file at a path; None where there is none, or its writer lives."""
+    """Hold the lock of the file at a path; None if there is none, or its writer lives."""
     descriptor = _lock_dead(path)
     try:
         yield descriptor
@@ -153,7 +153,7 @@ def _dead(path: Path) -> Iterator[int | None]:
 
 
 def _lock_dead(path: Path) -> int | None:
-    """Lock the file at a path; None where there is none, or its writer lives."""
+    """Lock the file at a path; None if there is none, or its writer lives."""
     while True:
         try:
             descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)

@@ -88,12 +88,12 @@ class StateFile(Generic[T]):
     def load(self) -> tuple[T | None, tuple[str, ...]]:
         """Return the newest whole value, and a sentence for each file that was set aside.
 
-        None where there never was a value, or none of the generations is whole.
+        None if there never was a value, or none of the generations is whole.
 
         Raises
         ------
         StateError
-            Where the disk refuses to be read, or a damaged file to be set aside; that is no
+            If the disk refuses to be read, or a damaged file to be set aside; that is no
             reason to begin with nothing, nor with a value that the next save puts there for good.
         """
         notes: list[str] = []
@@ -120,7 +120,7 @@ class StateFile(Generic[T]):
         Raises
         ------
         StateError
-            Where the disk refuses. The value before stays.
+            If the disk refuses. The value before stays.
         """
         body = msgspec.json.encode(value) + b"\n"
         content = _HEADING + f"{len(body)} {zlib.crc32(body):08x}\n".encode() + body
@@ -158,7 +158,7 @@ class StateFile(Generic[T]):
             system.close(descriptor)
 
     def _content(self, path: Path) -> bytes | None:
-        """Return what a file holds, of a fifo nothing; None where it is missing."""
+        """Return what a file holds, of a fifo nothing; None if it is missing."""
         system = self._system
         flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK  # a fifo is not waited for
         try:
@@ -179,7 +179,7 @@ class StateFile(Generic[T]):
         Raises
         ------
         ValueError
-            Where it is not exactly what was saved, or of another kind.
+            If it is not exactly what was saved, or of another kind.
         """
         heading, _, body = content.partition(b"\n")
         if not heading.startswith(_HEADING):

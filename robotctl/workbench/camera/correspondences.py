@@ -48,7 +48,7 @@ class FloorPoints:
 
 
 def clicked_points(file: Path) -> FloorPoints:
-    """Return the points of a CSV (u, v, x, y); raises ConfigError where it is wrong."""
+    """Return the points of a CSV (u, v, x, y); raises ConfigError if it is wrong."""
     table = read_columns(file, (*PIXELS, *PLACES))
     names = tuple(f"point {k}" for k in range(1, len(table) + 1))
     return FloorPoints(names, table[:, 2:], table[:, :2])
@@ -84,7 +84,7 @@ def markers_unseen(file: Path, seen: FloorPoints) -> list[str]:
 
 
 def _places(file: Path) -> dict[int, NDArray[np.float64]]:
-    """Return the places of the markers of a CSV; raises ConfigError where it is wrong."""
+    """Return the places of the markers of a CSV; raises ConfigError if it is wrong."""
     table = read_columns(file, ("id", *PLACES))
     places = {int(row[0]): row[1:] for row in table}
     if len(places) < len(table) or np.any(table[:, 0] != np.floor(table[:, 0])):

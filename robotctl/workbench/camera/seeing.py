@@ -199,7 +199,7 @@ def obstacle_rows(seen: SeenPicture) -> list[dict[str, Any]]:
 
 
 def write_rows(path: Path, keys: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
-    """Write rows as CSV, empty where there is no number."""
+    """Write rows as CSV, empty if there is no number."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, keys)
         writer.writeheader()

@@ -31,7 +31,7 @@ class Run:
     estimates
         At each processed scan, or at each step of a landmark filter.
     references
-        `base` in `world` at the same times; None where it is not known.
+        `base` in `world` at the same times; None if it is not known.
     has_heading
         Whether the references have a heading.
     starts_known
@@ -44,7 +44,7 @@ class Run:
         Their number at each update.
     echo_shares
         Of each estimate, which share of its scan's echoes has an obstacle of the map where it
-        ends; None where there was no scan.
+        ends; None if there was no scan.
     """
 
     estimates: list[PoseEstimate] = field(default_factory=list)
@@ -66,7 +66,7 @@ class Run:
 
 
 def position_errors(run: Run) -> NDArray[np.float64]:
-    """Return the distance of each estimate from the reference, (n,) [m]; nan where unknown."""
+    """Return the distance of each estimate from the reference, (n,) [m]; nan if unknown."""
     return np.array(
         [
             math.nan
@@ -123,7 +123,7 @@ def is_wrong(estimate: PoseEstimate, reference: SE2, *, has_heading: bool) -> bo
 def shares(run: Run) -> dict[str, float | None]:
     """Return the share of the estimates with each status, and of those confidently wrong.
 
-    The last is of those that have a reference; None where none has.
+    The last is of those that have a reference; None if none has.
     """
     count = max(len(run.estimates), 1)
     found: dict[str, float | None] = {

@@ -38,11 +38,11 @@ class Series:
     name
         `TOPIC.FIELD`.
     unit
-        Empty where it has none.
+        Empty if it has none.
     time_s
         Since the first entry of the recording, (n,) [s].
     values
-        (n,); nan where a message lacks it and once in each gap, inf as logged.
+        (n,); nan if a message lacks it and once in each gap, inf as logged.
     messages
         How many there are.
     gaps
@@ -75,7 +75,7 @@ class Selection:
     series
         In the order in which they were asked for.
     stretches
-        States of the robot; empty where no topic tells them.
+        States of the robot; empty if no topic tells them.
     restarts_s
         When the control process had restarted [s].
     notes

@@ -56,7 +56,7 @@ class SensorKind:
 def motion_between(
     odometry: Trajectory, begin_ns: int, end_ns: int, noise: MotionNoise
 ) -> MotionMeasurement | None:
-    """Return what the wheels say of a time; None where there is no odometry."""
+    """Return what the wheels say of a time; None if there is no odometry."""
     begin, end = odometry.at(begin_ns), odometry.at(end_ns)
     if begin is None or end is None:
         return None

@@ -75,7 +75,7 @@ class Source:
     notes: tuple[str, ...] = ()
 
     def pose_at(self, stamp_ns: int, noise: MotionNoise) -> SE2 | None:
-        """Return `base` in `world` at a time; None where it is not known well enough.
+        """Return `base` in `world` at a time; None if it is not known well enough.
 
         Between poses far apart in time, odometry gives the motion.
         """

@@ -58,7 +58,7 @@ class WheelFit:
     gains
         Feedback gains made from it.
     ultimate
-        Ultimate point; None where no relay was used.
+        Ultimate point; None if no relay was used.
     """
 
     feedforward: FeedforwardFit
@@ -101,7 +101,7 @@ def period_s(record: OpenLoopRecord) -> float:
 def _weighted(values: Array, half_window: int) -> Array:
     """Weight intervals as `local_slope` weights the speed: value k holds from tick k to the next.
 
-    Result k belongs to tick k; nan where the window leaves the record.
+    Result k belongs to tick k; nan if the window leaves the record.
     """
     steps = np.arange(half_window, -half_window, -1, dtype=np.float64)
     weights = np.cumsum(steps)

@@ -146,7 +146,7 @@ class Node:
         return True
 
     def request(self, request: Request) -> bool:
-        """Start a transfer beside the script; False where the node is not in service or busy."""
+        """Start a transfer beside the script; False if the node is not in service or busy."""
         if self.phase is not NodePhase.READY or self._extra is not None:
             return False
         self._is_reading = False  # that can wait

@@ -141,7 +141,7 @@ def floor_covariance(
     Returns
     -------
     ndarray
-        (n, 2, 2) [m^2]; nan where the Jacobian is.
+        (n, 2, 2) [m^2]; nan if the Jacobian is.
     """
     inverse = np.full_like(by_ground, np.nan)
     known = np.isfinite(by_ground).all(axis=(1, 2))
@@ -252,7 +252,7 @@ def find_homography(
 
 
 def _mapped(H: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return H (p, 1) divided by its third coordinate, (n, 2); nan where that is not > 0."""
+    """Return H (p, 1) divided by its third coordinate, (n, 2); nan if that is not > 0."""
     mapped = points @ H[:, :2].T + H[:, 2]
     ahead = np.where(mapped[:, 2] > 0.0, mapped[:, 2], np.nan)
     result: NDArray[np.float64] = mapped[:, :2] / ahead[:, None]
@@ -262,7 +262,7 @@ def _mapped(H: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.f
 def _checked(
     ground: NDArray[np.float64], pixels: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return both as (n, 2) contiguous floats; raises ValueError where they are not that."""
+    """Return both as (n, 2) contiguous floats; raises ValueError if they are not that."""
     ground = np.ascontiguousarray(ground, dtype=float)
     pixels = np.ascontiguousarray(pixels, dtype=float)
     if ground.ndim != 2 or ground.shape[1] != 2 or ground.shape != pixels.shape:

@@ -85,7 +85,7 @@ def whitening(h: Array, x: float, y: float, sigma_u: float, sigma_x: float) -> A
 
 @compiled
 def _cholesky(M: Array) -> bool:
-    """Overwrite the lower half of M, (9, 9), by its factor L, M = L L^T; False where none is."""
+    """Overwrite the lower half of M, (9, 9), by its factor L, M = L L^T; False if none is."""
     for j in range(9):
         for i in range(j, 9):
             rest = M[i, j]
@@ -200,7 +200,7 @@ def refine(
     Returns
     -------
     tuple
-        h, (9,), |h| = 1; its covariance, (9, 9), of rank 8, nan where the points do not determine
+        h, (9,), |h| = 1; its covariance, (9, 9), of rank 8, nan if the points do not determine
         it; the sum of squared residuals in standard deviations.
     """
     W = np.empty((len(ground), 2, 2))

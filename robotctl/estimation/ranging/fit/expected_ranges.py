@@ -2,7 +2,7 @@
 
 For sonars and lidar: a lidar beam is a sonar with a very narrow cone. How far each should measure
 is `wall_echoes.py` or `grid_echoes.py`. The incidence of a reading is the least angle to a
-surface's normal in its cone: below the sensor's limit there is an echo, and where there is none,
+surface's normal in its cone: below the sensor's limit there is an echo, and if there is none,
 the limit is lower.
 """
 
@@ -97,7 +97,7 @@ class EchoExpectations:
     def ranges(
         self, lines: Sightlines, max_incidence_rad: float = _OPEN_RAD
     ) -> NDArray[np.float64]:
-        """Return how far each should measure, (m,) [m]; inf where nothing sends an echo."""
+        """Return how far each should measure, (m,) [m]; inf if nothing sends an echo."""
         return _along(self._echoes.with_limit(max_incidence_rad), lines)
 
     def ranges_at(

@@ -75,7 +75,7 @@ class RangeLikelihood:
     Parameters
     ----------
     expected_m
-        Of the readings with a range, (h,) [m]; inf where nothing is in range.
+        Of the readings with a range, (h,) [m]; inf if nothing is in range.
     measured_m
         Their ranges, (h,) [m].
     missing

@@ -117,7 +117,7 @@ def _quantiles(edges: Array, logs: Array) -> tuple[float, float, float]:
 def _logistic(
     angles: Array, echoes: NDArray[np.bool_], at: float, shares: tuple[float, float]
 ) -> IncidenceLimit | None:
-    """Return the limit by a logistic curve, or None where the step fits as well.
+    """Return the limit by a logistic curve, or None if the step fits as well.
 
     That is a step `at` an incidence [rad], with the shares of echoes below and above.
     """
