@@ -143,7 +143,7 @@ class TwistLimiter:
         return self._alpha
 
     def reset(self, v_m_s: float = 0.0, omega_rad_s: float = 0.0) -> None:
-        """Go on from this velocity, without acceleration: the present state, for a smooth start.
+        """Continue from this velocity, without acceleration: the present state, for a smooth start.
 
         It is clamped to the speed limits; what is not finite counts as 0.
         """

@@ -217,8 +217,8 @@ class Pid:
         config
             New gains.
         feedforward
-            What the new gains give as feed-forward for the last set-point [V], where the caller
-            computes it from them; None if it does not change.
+            Feed-forward of the new gains for the last set-point [V], where the caller computes it
+            from them; None if it does not change.
         """
         error, slope, feedforward_last = self._wanted_rest
         change = (self._kp - config.kp) * error - (self._kd - config.kd) * slope

@@ -15,8 +15,8 @@ path length (one dash: per metre), so that the path does not depend on the speed
 
     curvature = side (kp e + kd e'),    e' = -side sin(theta)    =>    e'' + kd e' + kp e = 0
 
-With kp = 1 / length^2 and kd = 2 / length it is critically damped: the error falls as
-(1 + x / length) exp(-x / length) on the way x. Derived from the same idea as the curvature
+With kp = 1 / length^2 and kd = 2 / length it is critically damped: the error falls as (1 + x /
+length) exp(-x / length) over the distance x. Derived from the same idea as the curvature
 controllers of C. Samson, "Control of chained systems", IEEE Trans. Automatic Control 40(1), 1995.
 
 The heading is not measured. An observer carries distance and heading by dead reckoning and corrects
@@ -35,7 +35,7 @@ Side = Literal["left", "right"]
 
 _MIN_PATH_M: Final = 1e-6
 _DISTANCE_FILTER_S: Final = 0.5
-"""Time constant of the distance correction of a robot that stands still [s]."""
+"""Time constant of the distance correction of a robot at rest [s]."""
 
 
 class WallGains(NamedTuple):

@@ -35,8 +35,8 @@ class WheelVelocityEstimator:
     in use: at most `window_s / 2`, and at an acceleration of a counts/s^2 about sqrt(2 / a) s,
     where a longer window would leave the straight line by more than a count.
 
-    What it cannot see: more than 32767 counts or 1.048 s between two samples alias. The caller
-    must `resume` after such a gap and `reset` after a restart of the drive.
+    Undetectable: more than 32767 counts or 1.048 s between two samples alias. The caller must
+    `resume` after such a gap and `reset` after a restart of the drive.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ class ControlCore:
     ) -> None:
         self.machine = SafetyMachine()
         self.odometer_start_m = 0.0
-        """What the robot had driven in its life before this core was made [m]."""
+        """Odometer before this core was created [m]."""
         self._drive = drive
         impossible_rad_s = impossible_wheel_rad_s(drive, limits)
         loops = control.loops(drive.wheel_names)

@@ -59,6 +59,6 @@ class ControlTick:
         self.robot.send(outputs.command, now_ns)
 
     def publish(self) -> None:
-        """Tell what people should know of this tick."""
+        """Publish this tick's notices."""
         for notice in self.outputs.notices:
             self._operator.tell(notice)

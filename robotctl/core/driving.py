@@ -30,7 +30,7 @@ class Driving:
     velocity
         The newest set-point; None: there is none, or a stop has made it void.
     reference
-        What the limiter makes of it.
+        Output of the limiter.
     steering_max_rad
         Bound of the linkage [rad]; 0: no steering.
     """

@@ -16,7 +16,7 @@ from robotctl.safety.stale_frame_filter import Latch, LatchTimes
 
 
 class EncoderMotion:
-    """What the wheels' estimators, odometry and the IMU say now.
+    """Present estimates of wheels, odometry and IMU.
 
     Where there is an IMU, odometry turns by its gyro: what wheels miss as they slip is not lost.
 

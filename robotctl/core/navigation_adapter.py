@@ -67,7 +67,7 @@ class NavigationAdapter:
     Parameters
     ----------
     navigator, config
-        What decides, and its settings.
+        The navigator and its settings.
     mission
         Name of its mission; empty: it has none.
     has_localiser
@@ -80,7 +80,7 @@ class NavigationAdapter:
     Attributes
     ----------
     navigator
-        What decides.
+        The navigator.
     period_ns
         Of its steps [ns].
     """

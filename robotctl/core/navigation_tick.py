@@ -60,7 +60,7 @@ class NavigationTick:
     adapter
         The navigator with its message adapter.
     estimators
-        What finds out where the robot is; None: its odometry alone.
+        The localiser; None: its odometry alone.
     operator
         Source of requests and receiver of notices.
 

@@ -23,7 +23,7 @@ class Operator(Generic[Request]):
     tell
         Takes each message that is to be published: a publisher, a log, a score.
     objections
-        What of the host computer speaks against arming.
+        Objections of the host computer to arming.
     """
 
     ask: Callable[[], Sequence[Request]]

@@ -41,7 +41,7 @@ _LONGEST_STEP_NS = 500_000_000
 _STOPPED = "the robot was stopped"
 
 _BY_HAND = frozenset({Mode.HOLD, Mode.MANUAL})
-"""The modes in which the robot does nothing by itself."""
+"""The modes without autonomous motion."""
 
 
 class NavigationInputs(NamedTuple):
@@ -61,7 +61,7 @@ class NavigationInputs(NamedTuple):
     enabled: bool
     """The control core follows commands now: armed and without fault."""
     requests: tuple[Request, ...] = ()
-    """What came since the last step, oldest first."""
+    """Requests since the last step, oldest first."""
     localised: bool = True
     """The pose is more than a guess."""
     attended: bool = True
@@ -100,7 +100,7 @@ class Navigator:
     - GUIDED takes velocities, until they expire, and positions, both with the guard. A position
       counts only while `enabled`: arming shall not set off to one that was sent long before.
     - AUTO runs the mission from where it was left, also after an item has failed; a completed
-      mission is repeated when AUTO is asked for anew.
+      mission is repeated when AUTO is requested again.
     - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
 
     While `localised` is false, AUTO, RTL and positions of GUIDED look around, see `LookAround`: a

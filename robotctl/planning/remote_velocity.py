@@ -1,4 +1,4 @@
-"""Velocities that somebody far away steers by: sticks, and those of a ground station."""
+"""Remote velocities: sticks, and set-points of a ground station."""
 
 from __future__ import annotations
 

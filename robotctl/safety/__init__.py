@@ -1,1 +1,1 @@
-"""What stops the robot: state machine, health, plausibility and arming, pure."""
+"""Reasons to stop: state machine, health, plausibility and arming, pure."""

@@ -1,6 +1,6 @@
 """The last check of an actuator command, after every other layer and just before the wire.
 
-It expects to find nothing: every layer before it keeps its own limits. What it does find is a
+It expects to find nothing: every layer before it keeps its own limits. Anything it finds is a
 defect, so it does not repair single values but turns the whole command into a stop. One wheel
 turning while the other is zeroed would spin the robot.
 """
@@ -15,7 +15,7 @@ TOLERANCE: Final = 1e-6
 
 
 class GuardedCommand(NamedTuple):
-    """What may go to the drive; `fault` says briefly what was wrong; empty if nothing."""
+    """The command that may be sent; `fault` says briefly what was wrong; empty if nothing."""
 
     enable: bool
     duty1: float

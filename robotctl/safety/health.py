@@ -1,4 +1,4 @@
-"""What the control core trusts: the newest of each input, its age, and why it would stop."""
+"""The control core's view of its inputs: the newest of each, its age, and reasons to stop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robotctl.messages.control import (
 from robotctl.messages.faults import Fault, FaultCode
 
 BUS_LOAD_MAX: Final = 0.8
-"""A fuller bus [1] delays what is least urgent, the node services, without bound."""
+"""Bus load above which the least urgent frames, the node services, are delayed without bound."""
 
 _UNHEARD_NS: Final = 100_000_000
 """For this time after them, lost commands explain the wheels' motion: monitors use windows of 50

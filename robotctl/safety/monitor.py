@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Monitored:
-    """What monitors must know of the robot.
+    """Parameters of the robot for the monitors.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Monitored:
     steering_max_rad
         Bound of the linkage [rad]; 0: no steering.
     a_max_rad_s2
-        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
+        Acceleration of a wheel at the robot's limit [rad/s^2], > 0.
     sonars
         The ring, in the order of the bus.
     imu
@@ -49,7 +49,7 @@ class Monitored:
 
 
 class Motion(Protocol):
-    """What encoders and IMU say of the motion; computed when asked for."""
+    """Motion by encoders and IMU; computed on request."""
 
     @property
     def speeds_rad_s(self) -> tuple[float, ...]:
@@ -69,14 +69,14 @@ class Motion(Protocol):
 
 
 class MonitorInputs(msgspec.Struct, frozen=True, gc=False):
-    """What monitors see in a tick.
+    """Inputs of the monitors in a tick.
 
     Parameters
     ----------
     feedback
-        What the bus brought since the last tick.
+        Feedback since the last tick.
     command
-        What the bridges did when it was taken.
+        Command of the bridges when it was taken.
     supply_v
         Newest voltage of the drive's supply [V]; None before the first.
     motion

@@ -21,14 +21,14 @@ class Events(NamedTuple):
     """What is new."""
 
     drive_booted: bool
-    """The counts of the drive begin anew."""
+    """The counts of the drive restart."""
     restarts: tuple[Fault, ...]
     """Nodes that had been up before: a powered robot stops."""
     notices: tuple[Notice, ...]
 
 
 class NodeEvents:
-    """Finds what is new in what the nodes report."""
+    """Detects changes in the nodes' reports."""
 
     def __init__(self) -> None:
         self._nodes: tuple[NodeStatus, ...] = ()

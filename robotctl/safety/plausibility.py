@@ -176,7 +176,7 @@ class WheelMonitor:
     config
         Tolerances.
     a_max_rad_s2
-        What the wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
+        Acceleration of the wheel at the robot's limit [rad/s^2], > 0.
     """
 
     def __init__(self, name: str, config: PlausibilityConfig, a_max_rad_s2: float) -> None:
@@ -301,7 +301,7 @@ class Plausibility:
     steering_max_rad
         Bound of the linkage [rad]; 0: no steering.
     a_max_rad_s2
-        What a wheel gains where the robot drives off as fast as it may [rad/s^2], > 0.
+        Acceleration of a wheel at the robot's limit [rad/s^2], > 0.
     """
 
     def __init__(
@@ -378,7 +378,7 @@ class Plausibility:
         motor
             The sample.
         command
-            What the bridges did when it was taken.
+            Command of the bridges when it was taken.
         bus_voltage_v
             Supply [V].
         speeds_rad_s

@@ -18,10 +18,10 @@ RISE_M_S: Final = 0.4
 """No wheel lifts the robot so fast, nor drops it [m/s]: a hand or a staircase does."""
 
 SLIP_RAD: Final = 0.6
-"""What gyro and wheels may differ by within the memory of that [rad]."""
+"""Tolerance between gyro and wheels within its memory [rad]."""
 
 STUCK_READINGS: Final = 25
-"""So many readings, all the same to the last bit, are not measured: half a second."""
+"""Identical readings, to the last bit, that prove a stuck sensor: half a second."""
 
 
 class ImuMonitor:

@@ -40,7 +40,7 @@ CONTRADICTION_NS: Final = 2_000_000_000
 
 
 class _Track:
-    """What one sonar has seen since its comparison began; `sign` 1 looks ahead, -1 behind."""
+    """Readings of one sonar since its comparison began; `sign` 1 looks ahead, -1 behind."""
 
     __slots__ = ("began_ns", "contradicted_ns", "farthest_m", "first_m", "name", "nearest_m",
                  "readings", "sign", "start")  # fmt: skip

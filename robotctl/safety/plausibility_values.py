@@ -1,4 +1,4 @@
-"""What no healthy sensor would say, before the robot is armed."""
+"""Values that no healthy sensor gives, before the robot is armed."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class SensorValues:
         *,
         enabled: bool,
     ) -> tuple[Fault, ...]:
-        """Return what no healthy sensor would say now, each with its value."""
+        """Return the values that no healthy sensor gives now."""
         faults = []
         for index, name in enumerate(self._wheel_names):
             current_a = (motor.current1_a, motor.current2_a)[index]

@@ -16,7 +16,7 @@ from robotctl.messages.faults import Fault
 
 
 class Event(enum.Enum):
-    """What can happen to the robot, in falling priority."""
+    """Events of the robot, in falling priority."""
 
     EMERGENCY_STOP = "emergency stop"
     FAULT = "fault"

@@ -68,7 +68,7 @@ class EkfLocaliser:
         return []
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
-        """Take in all that came since the last step; return what is believed now."""
+        """Process everything since the last step; return the present estimate."""
         ekf, self._innovation = self._ekf, None
         odometry = control.T_odom_base
         if self._odometry is None:

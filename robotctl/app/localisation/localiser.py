@@ -1,4 +1,4 @@
-"""What the localisers of the navigation process have in common."""
+"""Common base of the localisers of the navigation process."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LEAST_OF_COVARIANCE: Final = 1e-12
 
 
 class LocaliserBegin(NamedTuple):
-    """What a localiser is made of."""
+    """Ingredients of a localiser."""
 
     config: RobotConfig
     world_map: LocalisationMap
@@ -47,7 +47,7 @@ class LocaliserBegin(NamedTuple):
 
 
 class LocaliserInput(NamedTuple):
-    """What came from the sensors since the last step, each with its own time."""
+    """Sensor data since the last step, each with its own time."""
 
     scans: Sequence[RangeScan] = ()
     views: Sequence[RangeScan] = ()
@@ -59,7 +59,7 @@ class Localiser(Protocol):
     """Estimates where `base` is in `world`."""
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
-        """Take in all that came since the last step; return what is believed now."""
+        """Process everything since the last step; return the present estimate."""
 
     def begin_odometry(self) -> None:
         """Keep the belief; the next control state's odometry is another one."""

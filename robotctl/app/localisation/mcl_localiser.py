@@ -50,7 +50,7 @@ class MclLocaliser:
     mcl
         The particles, where they start.
     sensors
-        What scans and sonars say.
+        Likelihoods of scans and sonars.
     used
         Which sensors are listened to.
     history
@@ -94,7 +94,7 @@ class MclLocaliser:
         return notices
 
     def step(self, control: ControlState, seen: LocaliserInput, now_ns: int) -> LocalisationState:
-        """Take in all that came since the last step; return what is believed now."""
+        """Process everything since the last step; return the present estimate."""
         if self._at is None:
             self._at = (control.stamp_ns, control.T_odom_base)
         for stamp_ns, sensor, measurement in sorted(self._measurements(seen), key=itemgetter(0, 1)):
@@ -133,9 +133,9 @@ class MclLocaliser:
     def _move_to(self, stamp_ns: int) -> bool:
         """Move the particles to a time; False if that is too long ago.
 
-        What comes a little late counts where they stand: between two steps a robot moves by
-        centimetres. What is newer than the odometry counts at the last pose of that, from which the
-        next stretch begins.
+        Slightly late measurements count at the present particles: between two steps a robot moves
+        by centimetres. What is newer than the odometry counts at the last pose of that, from which
+        the next stretch begins.
         """
         odometry, newest_ns = self._history.at(stamp_ns), self._history.newest_ns
         if odometry is None or newest_ns is None or self._at is None:

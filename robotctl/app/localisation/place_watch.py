@@ -24,7 +24,7 @@ class Fix(NamedTuple):
 
 
 class PlaceWatch:
-    """Collects what the sonars hear and compares each turn on the spot with the known places.
+    """Collects sonar readings and compares each turn on the spot with the known places.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class CameraNotices:
     def step(self, trouble: str, now_ns: int) -> Notice | None:
         """Return what to say of the present trouble, empty for none; None: nothing new, or later.
 
-        A floor at the edge of what is trusted would fill a slow link with every picture's verdict.
+        A borderline floor would fill a slow link with a verdict per picture.
         """
         if trouble == self._told or (self._told is not None and now_ns - self._told_ns < _TELL_NS):
             return None

@@ -62,7 +62,7 @@ class ControlTicker:
     ring
         The flight recorder; None if it could not be had.
     heartbeat
-        Tells the supervisor of each tick.
+        Reports each tick to the supervisor.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What a robot remembers over restarts: its odometer, and how far its mission has come.
+"""State kept over restarts: odometer and mission progress.
 
 The control process reads it before its loop starts, navigation before its first step; only the
 recorder process writes it, because writing waits for the disk.
@@ -39,7 +39,7 @@ _SAME_M, _SAME_RAD = 0.01, 0.01
 
 
 class StoredProgress(msgspec.Struct, frozen=True):
-    """What survives.
+    """The stored state.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ class ProgressKeeper:
     options
         Of the stack: run and mission.
     saved
-        What is in the file now.
+        Present content of the file.
     localised
         Whether the robot has a localiser. While the pose in `world` is unknown, that saved of this
         run stays; without one, the odometry's is saved, which begins at the start of the mission.

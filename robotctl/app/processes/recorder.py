@@ -92,7 +92,7 @@ class RobotRecorder:
         return () if self._logs is None else self._logs.listen(now_ns)
 
     def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
-        """Write what is to be written; return what people should know."""
+        """Write pending data; return notices."""
         notes: tuple[str, ...] = ()
         if self._keeper is not None:
             notes += self._keeper.step(messages, now_ns)

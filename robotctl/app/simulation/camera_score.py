@@ -81,7 +81,7 @@ class CameraScore:
         self._within.append(error <= 3.0 * sigmas[judged])
 
     def _add_obstacles(self, view: CameraView, pose: tuple[float, float, float]) -> None:
-        """Score what was found, what was missed, and what is not there."""
+        """Score found, missed and false obstacles."""
         for thing in sightings(self._world, pose, self._intrinsics, self._mount):
             if thing.kind != "obstacle" or self._distance_m(thing) > _REACH_M:
                 continue

@@ -39,7 +39,7 @@ class HeldUp:
         control
             State of the control process; None before the robot is there.
         simulator_ns
-            How late the simulator was at most, by itself [ns].
+            Maximum lateness of the simulator itself [ns].
         """
         if control is None:
             return ()

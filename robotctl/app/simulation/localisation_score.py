@@ -23,7 +23,7 @@ _LONGEST_NS: Final = 200_000_000
 
 
 class _Estimate(NamedTuple):
-    """What belongs to an estimated pose."""
+    """Data of an estimated pose."""
 
     state: LocalisationState
     odometry: StampedPose

@@ -65,7 +65,7 @@ class LockstepRun:
     world
         File of the world.
     notices
-        What is to be said before it begins.
+        Notices before the start.
     """
 
     def __init__(self, options: SimOptions) -> None:
@@ -106,7 +106,7 @@ class LockstepRun:
         self._faults: list[str] = []
         self._scenario = load_faults(options)
         self._heard: list[Published] = []
-        """What was published since it was last logged."""
+        """Messages published since the last log entry."""
         self._scanned_ns = 0
         self._localise_us = 0.0
         self._log_trouble = ""
@@ -202,7 +202,7 @@ class LockstepRun:
         return navigation, (command, arm)
 
     def _ask(self) -> list[NavigationRequest]:
-        """Return what the operator wants of navigation."""
+        """Return the operator's request to navigation."""
         mode = self._operator.mode(self.stack.clock.now_ns())
         return [] if mode is None else [mode]
 

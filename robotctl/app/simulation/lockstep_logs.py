@@ -1,4 +1,4 @@
-"""What `--record` writes of a run in lockstep: ticks, states and bus, in virtual time from 0 on."""
+"""Files of `--record` in lockstep: ticks, states and bus, in virtual time from 0 on."""
 
 from __future__ import annotations
 

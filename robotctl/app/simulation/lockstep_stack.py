@@ -136,7 +136,7 @@ def make_simulation(
     """
     simulated = simulated_robot(robot, overrides)
     try:
-        # It loads numba, for which those who only type `robotctl --help` need not wait.
+        # Loading numba takes a second, which `robotctl --help` need not wait for.
         from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
         simulation = Simulation(simulated, world, seed, start)

@@ -1,4 +1,4 @@
-"""What a simulated run is scored by, collected while it lasts."""
+"""The score of a simulated run, collected while it lasts."""
 
 from __future__ import annotations
 

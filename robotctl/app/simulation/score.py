@@ -84,7 +84,7 @@ class MapQuality(msgspec.Struct, frozen=True):
 
 
 class CameraReport(msgspec.Struct, frozen=True):
-    """What the camera saw against what was there, up to 3 m; None if there was nothing.
+    """Camera detections against the truth, up to 3 m; None if there was nothing.
 
     Attributes
     ----------

@@ -85,7 +85,7 @@ _BELOW_CONTROL = 10
 _POLL_S = 0.05
 _SAY_S = 5.0
 _READY, _FAULT = "ready", "fault at "
-"""What lines of firmware_sim begin with."""
+"""Prefix of firmware_sim's lines."""
 
 
 _Heard: TypeAlias = (
@@ -116,7 +116,7 @@ class Truth(msgspec.Struct, frozen=True):
 
 @dataclass(slots=True)
 class RunStatus:
-    """What is known of a run while it lasts."""
+    """State of a run in progress."""
 
     elapsed_s: float = 0.0
     control: ControlState | None = None

@@ -1,4 +1,4 @@
-"""What a user asks of a simulated run, and the simulator's own files, checked."""
+"""Options of a simulated run, and the simulator's own files, checked."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SimulatorError(RobotctlError):
 
 @dataclass(frozen=True, slots=True)
 class SimOptions:
-    """What the user asked for.
+    """The user's options.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the supervisor has to say, for ground stations and logs: a publisher of its own."""
+"""The supervisor's notices for ground stations and logs: a publisher of its own."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class _Listener(event.Listener):
 
 @contextmanager
 def compile_progress(say: Callable[[str], None]) -> Iterator[None]:
-    """Tell of what is compiled meanwhile; nothing if all is in the cache."""
+    """Report compilation progress; nothing if everything is cached."""
     listener = _Listener(say)
     event.register(_KIND, listener)  # type: ignore[no-untyped-call]
     try:

@@ -59,7 +59,7 @@ class Stack:
     Parameters
     ----------
     options
-        What the processes are started with.
+        Start options of the processes.
 
     Raises
     ------
@@ -191,7 +191,7 @@ class Stack:
         self._control.signal(signal.SIGUSR1)
 
     def _repeat_emergency_stop(self, *, new_life: bool) -> None:
-        """Tell a new control process of an emergency stop that the one before did not answer."""
+        """Repeat an emergency stop to a new control process if the previous one did not answer."""
         if self._stop_beats is None:
             return
         if new_life:

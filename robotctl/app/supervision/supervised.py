@@ -36,7 +36,7 @@ class ProcessPhase(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """What the supervisor knows about one kind of process.
+    """Settings of one kind of process.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Exit:
     restart_in_s
         When it is started again [s]; None: it is not.
     cause
-        What is known of why it ended; empty: nothing more.
+        Known cause of its end; empty: none.
     """
 
     name: str

@@ -66,7 +66,7 @@ class Supervisor:
         Parameters
         ----------
         messages
-            What the processes have published since the last step.
+            Messages from the processes since the last step.
         now_s
             Monotonic time [s].
 

@@ -1,1 +1,1 @@
-"""What the robot does: missions' items, wall following, return home, finding itself again."""
+"""Behaviours: mission items, wall following, return home, relocalisation."""

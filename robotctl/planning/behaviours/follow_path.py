@@ -44,7 +44,7 @@ class DriveItem:
     speed_m_s
         Largest speed [m/s], > 0.
     name
-        What people call it.
+        Name shown to people.
     time_out_s
         The item fails after this time [s], > 0. Default: from its length and speed.
     """
@@ -75,7 +75,7 @@ class DriveItem:
 class FollowPath(Behaviour):
     """Drives along a path from near its beginning to its end.
 
-    After an interruption it goes on from where it was; `reset` begins at the start again.
+    After an interruption it continues from where it was; `reset` begins at the start again.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class FollowPath(Behaviour):
         return Anchor(*self._path.point_at(self._pursuit.s_m))
 
     def join(self) -> None:
-        """Go on from where it was left with any heading, which may take a turning circle."""
+        """Continue from where it stopped with any heading, which may take a turning circle."""
         self._joined_s_m = self._pursuit.s_m
 
     @property
@@ -114,7 +114,7 @@ class FollowPath(Behaviour):
         return self._pursuit.s_m
 
     def resume(self, s_m: float) -> None:
-        """Go on from a robot near the length `s_m` along the path [m], where it once was."""
+        """Continue with a robot near the length `s_m` along the path [m], where it once was."""
         self._pursuit.reset(s_m)
 
     def reset(self) -> None:

@@ -126,7 +126,7 @@ class FollowWallItem:
     speed_m_s
         Speed [m/s], > 0.
     name
-        What people call it.
+        Name shown to people.
     time_out_s
         The item fails after this time [s], > 0. Default: from its length and speed, or 60 s.
     """

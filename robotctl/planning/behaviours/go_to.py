@@ -47,7 +47,7 @@ class GoToItem:
     speed_m_s
         Largest speed [m/s], > 0.
     name
-        What people call it.
+        Name shown to people.
     time_out_s
         The item fails after this time [s], > 0.
     """
@@ -78,7 +78,7 @@ class GoTo(Behaviour):
     config, drive, speed_m_s
         As for `Pursuit`.
     guard
-        Tells whether a sonar looks back.
+        Knows whether a sonar looks back.
     """
 
     def __init__(

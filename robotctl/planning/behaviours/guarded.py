@@ -38,7 +38,7 @@ class Guarded(Behaviour):
     Parameters
     ----------
     behaviour
-        What to do.
+        The behaviour.
     guard
         Shared with the other behaviours; the navigator feeds it.
     config
@@ -67,7 +67,7 @@ class Guarded(Behaviour):
         return self._behaviour.s_m
 
     def anchor(self, pose: SE2) -> Anchor | None:
-        """Return where a robot found at `pose` goes on; None: it is for no place, or not begun."""
+        """Return where a robot found at `pose` continues; None: nowhere, or not begun."""
         return self._behaviour.anchor(pose)
 
     def join(self) -> None:

@@ -1,4 +1,4 @@
-"""What the steps of a mission have in common: values that are allowed, and the default time-out."""
+"""Common parts of mission items: allowed values, and the default time-out."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ class Item(Protocol):
 
     @property
     def kind(self) -> str:
-        """What files call it."""
+        """Name in files."""
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Name shown to people."""
 
 
 def time_for(length_m: float, speed_m_s: float) -> float:
-    """Return the default time-out of a way [s]: three times that at full speed, and some."""
+    """Return the default time-out of a distance [s]: three times that at full speed, and some."""
     return 3.0 * length_m / speed_m_s + _SPARE_S
 
 
 def require_bounded(item: object, *keys: str) -> None:
-    """Refuse numbers that nobody means."""
+    """Refuse implausible numbers."""
     for key in keys:
         value = getattr(item, key)
         if not abs(value) <= LARGEST:

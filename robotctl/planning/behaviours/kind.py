@@ -1,4 +1,4 @@
-"""What a kind of behaviour is: how one is made, how long it may take, who cannot do it."""
+"""A kind of behaviour: how one is made, how long it may take, which robots cannot do it."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class NavigatedRobot:
     guard
         Shared by all behaviours; the navigator feeds it.
     crumbs
-        The way from home.
+        The path from home.
     paths
-        Free paths through the world; None: ways are straight lines.
+        Free paths through the world; None: paths are straight lines.
     """
 
     config: NavigationConfig
@@ -62,7 +62,7 @@ class Kind(NamedTuple):
     """An entry of `BEHAVIOURS`."""
 
     make: Callable[[Any, NavigatedRobot], Behaviour]
-    """Returns the behaviour for what is wanted: an item, a request, a mode."""
+    """Returns the behaviour for an item, a request or a mode."""
     time_out_s: Callable[[Any], float | None] = _never
     """Returns after which time it fails [s]; None: never."""
     problems: Callable[[Any, Drive, frozenset[str], GuardConfig], Iterator[str]] = _nothing

@@ -43,7 +43,7 @@ class Mission:
     Parameters
     ----------
     name
-        What people call it.
+        Name shown to people.
     world
         Name of the world's file in `configs/worlds` that it is made for.
     start

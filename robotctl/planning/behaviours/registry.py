@@ -30,7 +30,7 @@ BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
 
 
 def behaviour_for(wanted: Item | PositionRequest | Mode, robot: NavigatedRobot) -> Rejoining:
-    """Return the behaviour for what is wanted, supervised."""
+    """Return the supervised behaviour for an item, request or mode."""
     kind = BEHAVIOURS[wanted if isinstance(wanted, Mode) else type(wanted)]
     guarded = Guarded(
         kind.make(wanted, robot), robot.guard, robot.config.guard, kind.time_out_s(wanted)

@@ -61,7 +61,7 @@ class Rejoin(Behaviour):
         self.pause()
 
     def pause(self) -> None:
-        """Go on to the corner that it was at."""
+        """Continue to the corner that it was at."""
         for each in self._left:
             each.pause()
 
@@ -76,16 +76,16 @@ class Rejoin(Behaviour):
 
 
 class Rejoining(Behaviour):
-    """A behaviour that goes on from its own place when the robot is found elsewhere.
+    """A behaviour that continues from its own place when the robot is found elsewhere.
 
     The robot was carried away, or its localiser had been wrong: the epoch of its pose in `world`
     changes, or it has had to look around. It drives back on a free path where a map is known, else
-    on a straight line; then the behaviour goes on.
+    on a straight line; then the behaviour continues.
 
     Parameters
     ----------
     behaviour
-        What to do.
+        The behaviour.
     robot
         That does it.
     """
@@ -106,7 +106,7 @@ class Rejoining(Behaviour):
         return self._behaviour.s_m
 
     def relocate(self) -> None:
-        """Let a robot that has lost its place, and finds it, come back to where this stood."""
+        """Let a robot that lost and found its place return to where this was interrupted."""
         self._relocated = True
 
     def resume(self, s_m: float) -> None:
@@ -131,7 +131,7 @@ class Rejoining(Behaviour):
         self._behaviour.retry()
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Return the next velocity: on the way back while there is one, else of the behaviour."""
+        """Return the next velocity: on the path back, if any, otherwise of the behaviour."""
         if self._epoch is not None and situation.epoch != self._epoch:
             self.pause()
             self._relocated = True
@@ -150,7 +150,7 @@ class Rejoining(Behaviour):
         return self._behaviour.step(situation, now_ns)
 
     def _way_back(self, pose: SE2) -> Guarded | None:
-        """Return what brings the robot to where its behaviour stood; None: it is about there."""
+        """Return the path back to where the behaviour was interrupted; None: it is about there."""
         anchor, robot = self._behaviour.anchor(pose), self._robot
         if anchor is None and self._pose is not None:
             anchor = Anchor(self._pose.x_m, self._pose.y_m)

@@ -1,4 +1,4 @@
-"""What a robot does that does not know where it is: it looks around, and runs into nothing."""
+"""Behaviour of a robot that does not know its place: it looks around without hitting anything."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FAR_M: Final = 4.0
 
 
 class _Doing(enum.Enum):
-    """What it is at."""
+    """Present phase."""
 
     ROUND = "looking around"
     FORWARD = "looking for a known place"
@@ -39,11 +39,11 @@ class _Way(NamedTuple):
     v_max_m_s: float
     """At most [m/s], >= 0."""
     turn_rad_m: float
-    """To the left > 0, per way."""
+    """To the left > 0, per distance."""
 
 
 class LookAround:
-    """Turns once round, then drives on wherever there is room; it never ends by itself.
+    """Turns once, then drives wherever there is room; it never ends by itself.
 
     A drive-and-steer robot cannot turn on the spot: it begins by driving, and where the way is
     blocked it backs up with the wheels turned, so that it faces the freer side, or straight where

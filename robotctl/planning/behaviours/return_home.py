@@ -24,7 +24,7 @@ class ReturnHome(Behaviour):
     """Follows the breadcrumbs home, leg by leg, removing them as it goes.
 
     Interrupted, it continues with the rest, including crumbs added meanwhile. Found elsewhere, it
-    goes on from the nearest of them. It ends within the crumbs' spacing of home.
+    continues from the nearest of them. It ends within the crumbs' spacing of home.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class ReturnHome(Behaviour):
         self.reset()
 
     def anchor(self, pose: SE2) -> Anchor:
-        """Return the nearest crumb, and forget the way behind it."""
+        """Return the nearest crumb, and forget the path beyond it."""
         crumb = self._crumbs.nearest(pose)
         self.pause()
         return Anchor(crumb.x_m, crumb.y_m)

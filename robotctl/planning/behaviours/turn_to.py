@@ -27,7 +27,7 @@ class TurnToItem:
     heading_deg
         Heading in `world`, 0 along x, 90 along y [deg].
     name
-        What people call it.
+        Name shown to people.
     time_out_s
         The item fails after this time [s], > 0.
     """

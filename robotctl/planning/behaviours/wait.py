@@ -27,7 +27,7 @@ class WaitItem:
     duration_s
         How long [s], > 0.
     name
-        What people call it.
+        Name shown to people.
     """
 
     kind: Literal["wait"]

@@ -1,1 +1,1 @@
-"""What it costs to pass a cell."""
+"""Cost of passing a cell."""

@@ -27,7 +27,7 @@ class PlanningMap:
     Parameters
     ----------
     grid
-        The map. What lies beyond it counts as blocked.
+        The map. Everything beyond it counts as blocked.
     footprint
         Of the robot.
     through_unknown
@@ -90,7 +90,7 @@ class PlanningMap:
         return hits
 
     def gaps_m(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the body is from what is blocked, for poses (n, 3) in cells, (n,) [m].
+        """Return the distance of the body from blocked cells, for poses (n, 3) in cells, (n,) [m].
 
         It is right to about a cell; 0 if they touch.
         """

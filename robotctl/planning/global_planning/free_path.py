@@ -24,10 +24,10 @@ _TIGHT: Final = 2.0
 
 
 class FreePaths:
-    """Shortest ways that keep off the walls.
+    """Shortest paths that keep off the walls.
 
-    What the map does not know is not driven through. Nothing is known of things that the map does
-    not show: the obstacle guard is still needed. The search is compiled when this is made.
+    Unknown cells are not driven through. Nothing is known of things that the map does not show: the
+    obstacle guard is still needed. The search is compiled when this is made.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ _COLUMN_STEPS: Final = np.array([1, -1, 0, 0, 1, -1, 1, -1])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellPath:
-    """What a search found.
+    """Result of a search.
 
     Parameters
     ----------

@@ -142,7 +142,7 @@ def _free_beside(space: PlanningMap, here: SE2) -> str:
 def _narrowest(
     clearance: NDArray[np.float32], start: tuple[int, int], goal: tuple[int, int]
 ) -> tuple[float, NDArray[np.int64] | None]:
-    """Return half the width of the widest way between two cells [cells], and where it is so narrow.
+    """Return half the width of the widest path between two cells [cells], and its narrowest place.
 
     0 and None if there is none. Ways go from side to side of cells, as diagonal steps need both.
     """
@@ -155,7 +155,7 @@ def _narrowest(
             low = middle
         else:
             high = middle
-    # The widest way opens with the cells of just this clearance, and closes without them.
+    # The widest path opens with the cells of just this clearance, and closes without them.
     inside = clearance >= low - 1e-6
     labels, _ = ndimage.label(clearance > high + 1e-6)
     bridge = np.argwhere(inside & (labels == 0))
@@ -169,7 +169,7 @@ def _between(
     start: tuple[int, int],
     goal: tuple[int, int],
 ) -> int:
-    """Return which cell of the bridge lies on the widest way, the first from the start."""
+    """Return which cell of the bridge lies on the widest path, the first from the start."""
     from robotctl.planning.global_planning.grid_search import search_cells  # noqa: PLC0415
 
     costs = np.where(inside, np.where(labels == 0, 1, 0), 254).astype(np.uint8)
@@ -185,7 +185,7 @@ def _between(
 def _joined(
     clearance: NDArray[np.float32], least: float, start: tuple[int, int], goal: tuple[int, int]
 ) -> bool:
-    """Return whether a way joins two cells, all of which have a clearance."""
+    """Return whether a path with a clearance joins two cells."""
     labels, _ = ndimage.label(clearance >= least)
     return bool(labels[start] == labels[goal] != 0)
 

@@ -1,4 +1,4 @@
-"""What a global planner is asked, and what it answers: a path, or the reason why there is none."""
+"""Input and output of a global planner: a path, or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class PlannerConfig:
     comfort_m
         Nearer to an obstacle than this beyond the margin, a path counts longer [m], >= 0.
     comfort_weight
-        By so much, as a multiple, at the margin itself, >= 0.
+        Cost factor at the margin itself, >= 0.
     corners
         How many of the two cells beside a diagonal step must be free.
     any_angle
@@ -102,7 +102,7 @@ class Plan:
         (n, 3) of `base` in `world` [m, m, rad], from the start to the goal. Between two poses the
         robot drives straight, or on the arc that joins them where the planner knows arcs.
     cost
-        What the planner made least [m]: the length, with what it counts on top.
+        The planner's minimised cost [m]: the length plus penalties.
     expanded
         Cells, or nodes of a tree, that were looked at.
     reverse

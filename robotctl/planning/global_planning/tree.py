@@ -203,7 +203,7 @@ def grow_single(
     longest: float,
     rounds: int,
 ) -> tuple[int, int]:
-    """RRT: grow for some rounds; return how it stands, and the point that sees the goal."""
+    """RRT: grow for some rounds; return the state, and the point that sees the goal."""
     for _ in range(rounds):
         if tree.size[0] + 2 > len(tree.parent):
             return FULL, -1
@@ -232,7 +232,7 @@ def grow_both(
 ) -> tuple[int, int, int]:
     """RRT-Connect: grow one tree, let the other grow to the new point, take turns.
 
-    Return how it stands, and the points of both trees that met.
+    Return the state, and the points of both trees that met.
     """
     for turn in range(rounds):
         one, other = (trees[0], trees[1]) if turn % 2 == 0 else (trees[1], trees[0])
@@ -269,7 +269,7 @@ def grow_optimal(
 
     The length over each point from which the goal is seen counts; of `seen`, the first entry is the
     number of those. Once a path is known, samples that cannot lie on a shorter one are left out.
-    Return how it stands, and the length of the best path.
+    Return the state, and the length of the best path.
     """
     gx, gy = ends[2], ends[3]
     area = len(free)
@@ -331,7 +331,7 @@ def _take_parent(
     node: int,
     near: NDArray[np.int32],
 ) -> None:
-    """Let a new point have the parent over which the way from the root is shortest."""
+    """Give a new point the parent with the shortest path from the root."""
     x, y = tree.xy[node, 0], tree.xy[node, 1]
     for other in near:
         if other == node:
@@ -351,9 +351,9 @@ def _rewire(
     node: int,
     near: NDArray[np.int32],
 ) -> None:
-    """Let neighbours to which the way over a new point is shorter have it as their parent.
+    """Make a new point the parent of neighbours that it brings closer to the root.
 
-    What hangs on them learns of it as it is passed: costs are upper bounds until then.
+    Their descendants are updated as they are passed: costs are upper bounds until then.
     """
     x, y = tree.xy[node, 0], tree.xy[node, 1]
     for other in near:

@@ -59,7 +59,7 @@ _TRIES: Final = 30
 
 
 class TreePlanner(ABC):
-    """What the planners by random trees share.
+    """Common base of the planners by random trees.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What keeps the robot from driving into things."""
+"""Obstacle avoidance."""

@@ -1,4 +1,4 @@
-"""What behaviours see and what they answer."""
+"""Inputs and outputs of behaviours."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def failed(reason: str) -> BehaviourOutput:
 
 
 class Anchor(NamedTuple):
-    """Where a behaviour goes on after an interruption, in `world`; a heading where it matters."""
+    """Where a behaviour continues after an interruption, in `world`; perhaps a heading."""
 
     x_m: float
     y_m: float
@@ -65,7 +65,7 @@ class Behaviour(ABC):
 
     @property
     def s_m(self) -> float:
-        """The way along a path or wall [m]; 0 if it follows none."""
+        """Distance along a path or wall [m]; 0 if it follows none."""
         return 0.0
 
     @abstractmethod
@@ -81,15 +81,15 @@ class Behaviour(ABC):
         """Return what to do at `now_ns`, monotonic [ns]; time in a pause does not count."""
 
     def anchor(self, pose: SE2) -> Anchor | None:  # noqa: ARG002 - for who overrides it
-        """Return where a robot found at `pose` goes on; None: at no place of its own."""
+        """Return where a robot found at `pose` continues; None: at no place of its own."""
         return None
 
     def join(self) -> None:
-        """Go on from about the anchor, with any heading."""
+        """Continue near the anchor, with any heading."""
         self.pause()
 
     def resume(self, s_m: float) -> None:  # noqa: ARG002 - for who overrides it
-        """Go on at the way `s_m` along a path or wall [m], where an earlier run was interrupted."""
+        """Continue at distance `s_m` along a path or wall [m], as an earlier run left it."""
         self.reset()
 
 

@@ -1,6 +1,6 @@
-"""What the camera saw standing on the floor near the robot, kept while it is out of sight.
+"""Camera obstacles near the robot, kept while out of sight.
 
-A camera that looks ahead loses what is close: a thing that the robot stops for is often just below
+A camera that looks ahead loses close obstacles: one that the robot stops for is often just below
 the picture. So points are kept in the frame of the odometry until the camera sees floor there, or
 the robot is far away. One picture may err: a point counts when two in a row have it. If the points
 are lost, the floor below the picture is unknown and counts as blocked until it is seen.
@@ -21,8 +21,8 @@ _REACH_M: Final = 1.5
 _SIGMA_M: Final = 0.1
 """A range that is less sure does not say where something is."""
 _SAME_M: Final = 0.1
-"""Points of two pictures that are so near are one thing; floor is seen where a beam goes on for
-so much farther."""
+"""Distance within which points of two pictures are one object; extra range of a beam that proves
+floor."""
 _CELL_M: Final = 0.05
 """Points are kept once for each square of this side."""
 

@@ -70,12 +70,12 @@ class GuardConfig:
 
 
 class GuardStep(NamedTuple):
-    """What the guard allows."""
+    """The guard's limit."""
 
     v_max_m_s: float
     """Maximum speed in the requested direction [m/s], >= 0; inf with nothing near."""
     obstacle: str
-    """What limits it, for people; empty if nothing does."""
+    """What limits it, as text; empty if nothing does."""
 
 
 class _View(NamedTuple):
@@ -94,14 +94,14 @@ class ObstacleGuard:
 
     An echo counts as a wall perpendicular to the axis of its sonar, and each corner of the body is
     asked for its way up to there: gap / closing rate, on the straight line or the arc that is asked
-    for. So a wall beside the robot leaves it the more way the less it is approached, in a bend or
+    for. So a wall beside the robot leaves the more distance the less it is approached, in a bend or
     backwards with the wheels turned it is the outer corners that come near, and a motion away from
     a wall is free.
 
-    A wall that is not square to the axis is heard more by the neighbour, on whose axis it is more
-    nearly so: with a sonar every 45 degrees it is off by 22.5 degrees at most from one of them,
-    which makes 8 % of way, and less than `margin_m` at the corners. The sonars ahead alone would
-    not do: a wall met at less than 45 degrees gives them no echo at all.
+    A wall at an angle is seen better by the neighbouring sonar, to whose axis it is more nearly so:
+    with a sonar every 45 degrees it is off by 22.5 degrees at most from one of them, which makes 8
+    % of way, and less than `margin_m` at the corners. The sonars ahead alone would not do: a wall
+    met at less than 45 degrees gives them no echo at all.
 
     The body is the rectangle from the rearmost to the foremost sonar, `half_width_m` to each side
     and at least to its outermost sonar. The median of the last three readings of each sonar keeps

@@ -22,7 +22,7 @@ class MissionRunner:
     Parameters
     ----------
     mission
-        What to do.
+        The behaviour.
     robot
         That does it.
 
