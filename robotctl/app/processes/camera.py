@@ -5,23 +5,21 @@ A picture is never kept: of those that came while one was looked at only the new
 
 from __future__ import annotations
 
-import os
 import sys
-
-import zmq
+from contextlib import closing
 
 from robotctl.app.processes.camera_source import open_source
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.floor_pipeline import GroundWatch
+from robotctl.app.processes.sensor_sockets import SensorSockets
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.camera.simulated_camera import picture_message
 from robotctl.errors import ConfigError
-from robotctl.messages.control import ControlState, Notice, Severity
+from robotctl.messages.control import Notice, Severity
 from robotctl.model.sensors.camera import SIMULATED
-from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
-from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoint_directory
+from robotctl.runtime.ipc.topics import Endpoints, Publisher, endpoint_directory
 
 _LOOK_NS = 5_000_000
 _SILENT_NS = 2_000_000_000
@@ -68,25 +66,19 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         )
     endpoints = Endpoints(endpoint_directory(options.instance))
     camera = open_source(config.camera, endpoints.camera_frames)
-    context = zmq.Context()
-    try:
-        publisher = Publisher(context, endpoints.camera)
+    with closing(camera), SensorSockets(endpoints, endpoints.camera) as sockets:
+        publisher = sockets.publisher
         onlookers: Publisher | None = None
         if config.camera.source != SIMULATED:
-            onlookers = Publisher(context, endpoints.camera_frames, queue=1)
-        states = Subscriber[ControlState | Notice](
-            context, (endpoints.control_state,), ControlState | Notice
-        )
+            onlookers = Publisher(sockets.context, endpoints.camera_frames, queue=1)
         watch = GroundWatch(config.camera, config.ground_camera)
-        heartbeat = ProcessHeartbeat(os.environ)
         notices = CameraNotices()
         trouble: str | None = None  # before the first picture
         seen_ns = clock.now_ns()
         while not stopped():
-            heartbeat.beat()
-            for message in states.receive():
-                if isinstance(message, ControlState):
-                    watch.attend(message)
+            sockets.beat()
+            for state in sockets.states():
+                watch.attend(state)
             frame = camera.read()
             if frame is not None:
                 view = watch.look(frame.image, frame.stamp_ns)
@@ -102,9 +94,6 @@ def run(config: RobotConfig, options: StackOptions) -> None:
             if notice is not None:
                 publisher.send(notice)
                 publisher.greet(notice)
-    finally:
-        camera.close()
-        context.destroy(linger=0)
 
 
 if __name__ == "__main__":

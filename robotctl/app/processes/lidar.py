@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from typing import Final
-
-import zmq
 
 from robotctl.app.processes.entry import enter
 from robotctl.app.processes.lidar_scans import LidarScans
+from robotctl.app.processes.sensor_sockets import SensorSockets
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.drivers.lidar.rplidar import Rplidar
 from robotctl.errors import ConfigError
-from robotctl.messages.control import ControlState, Notice
 from robotctl.messages.lidar_port import LidarPort
 from robotctl.messages.ports import Clock
 from robotctl.model.sensors.lidar import SOCKET, LidarConfig
 from robotctl.runtime.clock import RealClock
-from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
-from robotctl.runtime.ipc.topics import Endpoints, Publisher, Subscriber, endpoint_directory
+from robotctl.runtime.ipc.topics import Endpoints, endpoint_directory
 
 LIDAR_DRIVERS: Final[dict[str, Callable[[LidarConfig, Clock], LidarPort]]] = {
     "rplidar": lambda config, clock: Rplidar(config.device, config.baud, clock),
@@ -45,26 +42,16 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     if config.lidar is None or config.lidar.driver == SOCKET:
         raise ConfigError(f"lidar.driver: allowed are here: {', '.join(LIDAR_DRIVERS)}")
     lidar = LIDAR_DRIVERS[config.lidar.driver](config.lidar, clock)
-    context = zmq.Context()
-    try:
-        endpoints = Endpoints(endpoint_directory(options.instance))
-        publisher = Publisher(context, endpoints.lidar)
-        states = Subscriber[ControlState | Notice](
-            context, (endpoints.control_state,), ControlState | Notice
-        )
+    endpoints = Endpoints(endpoint_directory(options.instance))
+    with closing(lidar), SensorSockets(endpoints, endpoints.lidar) as sockets:
         scans = LidarScans(config.lidar)
-        heartbeat = ProcessHeartbeat(os.environ)
         while not stopped():
-            heartbeat.beat()
+            sockets.beat()
             sweep = lidar.read()
-            for message in states.receive():
-                if isinstance(message, ControlState):
-                    scans.attend(message)
+            for state in sockets.states():
+                scans.attend(state)
             if sweep is not None:
-                publisher.send(scans.scan(sweep))
-    finally:
-        lidar.close()
-        context.destroy(linger=0)
+                sockets.publisher.send(scans.scan(sweep))
 
 
 if __name__ == "__main__":
