@@ -31,7 +31,7 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.navigator import NavigationConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.storage.log_folder import LogConfig
-from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
 
 MAX_SONARS = 16

@@ -40,7 +40,7 @@ from robotctl.safety.arm_requests import ArmRequests
 from robotctl.safety.health import AgeLimit
 from robotctl.safety.monitor import Monitored
 from robotctl.safety.node_events import Events, NodeEvents
-from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import LATCHED, Event, SafetyConfig, SafetyMachine
 from robotctl.safety.supervision import Supervision
 

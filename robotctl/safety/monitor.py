@@ -14,7 +14,7 @@ from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
 
 if TYPE_CHECKING:
-    from robotctl.safety.plausibility import PlausibilityConfig
+    from robotctl.safety.plausibility_config import PlausibilityConfig
 
 
 @dataclass(frozen=True, slots=True)

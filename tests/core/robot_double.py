@@ -33,7 +33,7 @@ from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
 
 PERIOD_NS = 5_000_000

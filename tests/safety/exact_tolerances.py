@@ -2,7 +2,7 @@
 
 import math
 
-from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.plausibility_config import PlausibilityConfig
 
 MS = 1_000_000
 T0 = 1_000_000_000

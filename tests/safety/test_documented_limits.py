@@ -4,7 +4,7 @@ import re
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
 
-from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import SafetyConfig
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "safety.md"

@@ -5,7 +5,8 @@ from dataclasses import replace as changed
 
 import pytest
 
-from robotctl.safety.plausibility import PersistenceTimer, PlausibilityConfig, WheelMonitor
+from robotctl.safety.plausibility import PersistenceTimer, WheelMonitor
+from robotctl.safety.plausibility_config import PlausibilityConfig
 from tests.safety.exact_tolerances import CONFIG, MS, T0, above, below
 
 

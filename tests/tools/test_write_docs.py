@@ -11,7 +11,7 @@ from firmware_sim.faults.faults import check
 from firmware_sim.faults.scenario import load_scenario
 from robotctl.config.robot_file import find_file
 from robotctl.messages.control import SafetyState
-from robotctl.safety.plausibility import PlausibilityConfig
+from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import TRANSITIONS, SafetyConfig
 from write_docs import BEGIN, END, FAULTS, STATES, diagram
 
