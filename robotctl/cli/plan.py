@@ -30,7 +30,7 @@ def plan(
         str, typer.Option(metavar="X,Y[,DEG]", help="Goal [m, m, deg]; of a .map: COLUMN,ROW.")
     ],
     planner: Annotated[
-        str, typer.Option(help="astar, dijkstra, rrt, rrt-connect or rrtstar.")
+        str, typer.Option(help="astar, dijkstra, hybrid, rrt, rrt-connect or rrtstar.")
     ] = "astar",
     robot: Annotated[
         str, typer.Option(help="Robot file, or the name of one that comes along; for its outline.")

@@ -52,7 +52,7 @@ class PlanningMap:
         self.clearance = clearance_of(self.blocked)
         """From each cell's centre to the nearest edge of a blocked cell, (rows, columns) [cells];
         up to 0.21 more than it is where that is a corner."""
-        self._samples = footprint.samples(0.5 * grid.resolution_m) / grid.resolution_m
+        self.samples = footprint.samples(0.5 * grid.resolution_m) / grid.resolution_m
         self.inscribed = footprint.inscribed_m / grid.resolution_m
         self.circumscribed = footprint.circumscribed_m / grid.resolution_m
 
@@ -85,7 +85,7 @@ class PlanningMap:
     def collides(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return for each pose (n, 3) [cells, cells, rad] whether the body is in a blocked cell."""
         hits: NDArray[np.bool_] = _collide(
-            self.blocked, self.clearance, self._samples, self.circumscribed, poses
+            self.blocked, self.clearance, self.samples, self.circumscribed, poses
         )
         return hits
 
@@ -94,7 +94,7 @@ class PlanningMap:
 
         It is right to about a cell; 0 if they touch.
         """
-        gaps: NDArray[np.float64] = _gaps(self.clearance, self._samples, poses)
+        gaps: NDArray[np.float64] = _gaps(self.clearance, self.samples, poses)
         return np.maximum(gaps, 0.0) * self.grid.resolution_m
 
 

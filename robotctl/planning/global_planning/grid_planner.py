@@ -129,10 +129,10 @@ class GridPlanner:
         ends: tuple[SE2, SE2],
     ) -> NDArray[np.float64]:
         """Return the poses of a path, (n, 3) in cells; the last heading is that of the goal."""
-        cells = found.cells
+        points = (found.cells[:, ::-1] + 0.5).astype(np.float64)
+        if len(points) == 1:
+            points = np.repeat(points, 2, axis=0)
+        points[0], points[-1] = (ends[0].x_m, ends[0].y_m), (ends[1].x_m, ends[1].y_m)
         if self._config.any_angle:
-            prices = factors[costs]
-            cells = cells[straightened(cells, space.clearance, prices)]
-        inner = cells[1:-1, ::-1] + 0.5
-        points = np.array([(ends[0].x_m, ends[0].y_m), *inner, (ends[1].x_m, ends[1].y_m)])
+            points = points[straightened(points, space.clearance, factors[costs])]
         return straight_poses(points, *ends)

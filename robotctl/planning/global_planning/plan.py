@@ -36,6 +36,8 @@ class PlannerConfig:
         How many of the two cells beside a diagonal step must be free.
     any_angle
         Whether a path over cells is straightened.
+    turning_radius_m
+        Of the robot's smallest circle, for planners of robots that steer [m], > 0.
     seed
         Of planners that draw random samples.
 
@@ -50,6 +52,7 @@ class PlannerConfig:
     comfort_weight: float = 2.0
     corners: Corners = "both"
     any_angle: bool = True
+    turning_radius_m: float = 0.5
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -57,6 +60,8 @@ class PlannerConfig:
         for key in ("margin_m", "comfort_m", "comfort_weight"):
             if not 0.0 <= getattr(self, key) < math.inf:
                 raise ValueError(f"{key} must be finite and >= 0, found {getattr(self, key)}")
+        if not 0.0 < self.turning_radius_m < math.inf:
+            raise ValueError(f"turning_radius_m must be above 0, found {self.turning_radius_m}")
 
 
 class Reason(enum.Enum):

@@ -13,34 +13,39 @@ from robotctl.compiled import compiled
 
 
 def straightened(
-    cells: NDArray[np.int64],
+    points: NDArray[np.float64],
     clearance: NDArray[np.float32],
     prices: NDArray[np.float64],
 ) -> NDArray[np.int64]:
-    """Return which of the cells of a path are its corners, indices from the first to the last.
+    """Return which points of a path are its corners, indices from the first to the last.
 
     Parameters
     ----------
-    cells
-        (n, 2) rows and columns, neighbour after neighbour.
+    points
+        (n, 2) x and y, each in a neighbour of the cell before.
     clearance, prices
         (rows, columns): distance to the nearest wall, and what a unit of length costs; inf where
         the robot cannot be.
     """
-    if len(cells) < 3:
-        return np.arange(len(cells))
-    return _corners(cells, clearance, prices)
+    if len(points) < 3:
+        return np.arange(len(points))
+    cells = np.floor(points[:, ::-1]).astype(np.int64)
+    corners: NDArray[np.int64] = _corners(points, cells, clearance, prices)
+    return corners
 
 
 @compiled
 def _corners(
-    cells: NDArray[np.int64], clearance: NDArray[np.float32], prices: NDArray[np.float64]
+    points: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    clearance: NDArray[np.float32],
+    prices: NDArray[np.float64],
 ) -> NDArray[np.int64]:
     """Go from each corner to the farthest cell that a straight piece may lead to, by halving."""
     count = len(cells)
     spent = np.zeros(count)
     for i in range(1, count):
-        length = np.hypot(cells[i, 0] - cells[i - 1, 0], cells[i, 1] - cells[i - 1, 1])
+        length = np.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
         # Half of a step lies in each of its cells.
         price = prices[cells[i, 0], cells[i, 1]] + prices[cells[i - 1, 0], cells[i - 1, 1]]
         spent[i] = spent[i - 1] + 0.5 * length * price
@@ -49,12 +54,14 @@ def _corners(
     while here < count - 1:
         reach = 1
         while here + 2 * reach < count and _may(
-            cells, clearance, prices, spent, here, here + 2 * reach
+            points, cells, clearance, prices, spent, here, here + 2 * reach
         ):
             reach *= 2
         there, step = here + reach, reach
         while step > 0:
-            if there + step < count and _may(cells, clearance, prices, spent, here, there + step):
+            if there + step < count and _may(
+                points, cells, clearance, prices, spent, here, there + step
+            ):
                 there += step
             else:
                 step //= 2
@@ -65,6 +72,7 @@ def _corners(
 
 @compiled
 def _may(
+    points: NDArray[np.float64],
     cells: NDArray[np.int64],
     clearance: NDArray[np.float32],
     prices: NDArray[np.float64],
@@ -77,12 +85,7 @@ def _may(
     for i in range(here, there + 1):
         least = min(least, clearance[cells[i, 0], cells[i, 1]])
     cost, near = line(
-        clearance,
-        prices,
-        cells[here, 1] + 0.5,
-        cells[here, 0] + 0.5,
-        cells[there, 1] + 0.5,
-        cells[there, 0] + 0.5,
+        clearance, prices, points[here, 0], points[here, 1], points[there, 0], points[there, 1]
     )
     return near >= least and cost <= spent[there] - spent[here] + 1e-9
 

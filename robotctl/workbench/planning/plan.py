@@ -153,7 +153,9 @@ def make_plan(options: PlanOptions) -> PlanResult:
         space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
         start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
         goal = goal if len(options.goal) == 3 else _facing(start, goal)
-        config = PlannerConfig(seed=options.seed)
+        # A robot that could turn on the spot, and is to drive without, turns in its own width.
+        radius_m = robot.drive.min_turning_radius_m or 2.0 * space.footprint.inscribed_m
+        config = PlannerConfig(seed=options.seed, turning_radius_m=radius_m)
     planner = PLANNERS[options.planner](config)
     _compile(planner, space.footprint)
     begin_s = time.perf_counter()

@@ -31,7 +31,7 @@ def test_a_straight_piece_is_no_nearer_to_walls_than_the_steps_it_stands_for(see
     if not len(cells):
         return
     clearance = clearance_of(blocked)
-    corners = straightened(cells, clearance, np.where(blocked, math.inf, 1.0))
+    corners = straightened(cells[:, ::-1] + 0.5, clearance, np.where(blocked, math.inf, 1.0))
     assert (corners[0], corners[-1]) == (0, len(cells) - 1)
     assert (np.diff(corners) > 0).all()
     for first, last in pairwise(corners):
@@ -46,7 +46,9 @@ def test_a_straight_piece_is_no_nearer_to_walls_than_the_steps_it_stands_for(see
 def test_an_empty_map_needs_one_piece_and_a_corner_two():
     empty = np.zeros((20, 30), bool)
     cells = search_cells(empty.astype(np.uint8), PRICES, (2, 3), (17, 25)).cells
-    assert straightened(cells, clearance_of(empty), np.ones(empty.shape)).tolist() == [
+    assert straightened(
+        cells[:, ::-1] + 0.5, clearance_of(empty), np.ones(empty.shape)
+    ).tolist() == [
         0,
         len(cells) - 1,
     ]
@@ -61,5 +63,5 @@ def test_a_detour_that_costs_more_than_it_saves_is_not_straightened():
         + [(5, c) for c in range(11, 30)]
         + [(5 + i, 29 + i) for i in range(1, 6)]
     )
-    corners = straightened(cells, clearance_of(blocked), prices)
+    corners = straightened(cells[:, ::-1] + 0.5, clearance_of(blocked), prices)
     assert len(corners) > 2
