@@ -57,6 +57,12 @@ class ReturnHome(Behaviour):
         self._legs = self._crumbs.legs()
         self._begin_leg()
 
+    def join(self) -> None:
+        """Go on from the nearest crumb with any heading, which may take a turning circle."""
+        self.reset()
+        if self._follow is not None:
+            self._follow.join()
+
     def pause(self) -> None:
         """Replan when continuing."""
         self._legs, self._path = [], None

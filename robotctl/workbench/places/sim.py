@@ -66,8 +66,9 @@ def simulated_turn(
         if control.state in LATCHED:
             raise PlaceError(f"the robot stopped by itself: {control.reason}")
         if turn is not None:
-            now = SE2(control.x_m, control.y_m, control.theta_rad)
-            T_world_odom = SE2(truth.x_m, truth.y_m, truth.theta_rad) @ now.inverse()
+            T_world_odom = (
+                SE2(truth.x_m, truth.y_m, truth.theta_rad) @ control.T_odom_base.inverse()
+            )
             return Visited(turn, T_world_odom @ turn.odometry)
     raise PlaceError(
         f"the robot turned by {math.degrees(turns.turned_rad):.0f} deg in {_PATIENCE_S:g} s, "

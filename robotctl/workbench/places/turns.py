@@ -55,7 +55,7 @@ class StateTurns:
 
     def step(self, control: ControlState) -> Turn | None:
         """Take in a state; return the turn that it completes."""
-        self._history.add(control.stamp_ns, SE2(control.x_m, control.y_m, control.theta_rad))
+        self._history.add(control.stamp_ns, control.T_odom_base)
         done = None
         for reading in self._notices.take(
             control.stamp_ns, control.sonar_stamp_ns, control.sonar_m

@@ -198,6 +198,25 @@ def test_a_position_and_the_way_home_are_reached_around_the_walls_too(
     assert any("back to where it was interrupted" in each for each in run.messages)
 
 
+CARRIED = [(2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (-2.0, 0.0, 0.0), (1.2, -1.6, 0.3), (0.0, -1.0, 3.0)]
+
+
+@pytest.mark.parametrize("by", CARRIED)
+def test_every_drive_comes_home_where_it_has_room_to_turn(make_run, robot, by):
+    run = make_run(robot, start=SE2(), flat=False)
+    run.step(ModeRequest(Mode.GUIDED))
+    run.step(PositionRequest(6.0, 1.0))
+    run.until(lambda out: out.message == "arrived", 60.0)
+    run.step(ModeRequest(Mode.RTL))
+    begin_m = run.world.distance_m
+    run.until(lambda _: run.world.distance_m > begin_m + 2.0, 60.0)
+    pose = run.world.pose
+    run.jump(SE2(pose.x_m + by[0], pose.y_m + by[1], pose.theta_rad + by[2]))
+    out = run.until(lambda out: out.message == "home" or out.mode is Mode.HOLD, 120.0)
+    assert out.message == "home", run.messages[-3:]
+    assert math.hypot(run.world.pose.x_m, run.world.pose.y_m) < 0.15
+
+
 @pytest.mark.parametrize("begin", [guided, home])
 def test_without_a_map_they_are_straight_and_the_guard_stops_the_robot(
     make_run, differential, begin
