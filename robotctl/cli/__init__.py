@@ -1,1 +1,6 @@
-"""The `robotctl` command."""
+"""The `robotctl` command.
+
+Public names:
+
+- `main.main`, `commands.COMMANDS`: the program and its subcommands
+"""

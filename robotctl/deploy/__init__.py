@@ -1,1 +1,6 @@
-"""The robot computer: installation, service files and the doctor."""
+"""The robot computer: installation, service files and the doctor.
+
+Public names:
+
+- `doctor.examine`, `service_files.service_files`: findings of the doctor; files of a service
+"""
