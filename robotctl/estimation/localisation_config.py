@@ -44,8 +44,8 @@ class LocalisationConfig:
         File of the places that the robot knows by its sonars (`robotctl places learn`), which
         particles are weighed by when it has turned on the spot; empty: none.
     lidar, camera, sonar, grid
-        What is known of the sensors, for the particles and for the map. Ranges that a camera sees
-        share the errors of its mount and of the robot's pitch, so they say less than a lidar's.
+        Sensor parameters, for the particles and for the map. Ranges that a camera sees share the
+        errors of its mount and of the robot's pitch, so they say less than a lidar's.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the recorder process does with the flight ring: continuous records, and dumps on faults."""
+"""The recorder's use of the flight ring: continuous records, and dumps on faults."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class RecordCopy:
         self._file: BinaryIO | None = None
 
     def step(self) -> None:
-        """Copy what is new.
+        """Copy new ticks.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class FlightDumps:
         return notes
 
     def close(self) -> tuple[str, ...]:
-        """Write what is still due."""
+        """Write pending dumps."""
         notes = self._dump_crash(0)
         if self._due_ns is not None:
             self._due_ns = None

@@ -32,7 +32,7 @@ _RETRY_NS: Final = 1_000_000_000
 
 
 class StateLog:
-    """What the processes publish, in `robot-0001.mcap` and so on.
+    """Published messages, in `robot-0001.mcap` and so on.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class StateLog:
     name
         Of the robot.
     scene
-        What is known of the robot that viewers show; None: nothing.
+        Static data of the robot for viewers; None: nothing.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class BusLog:
 
 
 def scene_of(config: RobotConfig) -> Scene:
-    """Return what is known of a robot before it runs."""
+    """Return the static data of a robot."""
     camera = config.camera
     return Scene(
         config.sonar,
@@ -175,7 +175,7 @@ def recover_all(folder: LogFolder) -> tuple[str, ...]:
     """Complete the MCAP logs that a kill or a power cut left open; return a sentence for each.
 
     Files without a byte, of any log, are removed, and what was left of a completion that was cut
-    itself. What is being written stays as it is.
+    itself. Files being written are not touched.
     """
     folder.remove_empty()
     remove_parts(folder.directory, "robot-*.mcap")

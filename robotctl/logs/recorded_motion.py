@@ -43,9 +43,9 @@ def noisy(
 ) -> list[SE2]:
     """Return motions with white noise along the path, so the step length does not matter.
 
-    A heading error early on the way moves the robot sideways: integrated over a way of length d,
-    an error of the variance Q has the mean effect d / 2 and another one of the variance d^2 Q / 12
-    beside it (a Wiener process and its integral). Good for turns that are short or on the spot.
+    An early heading error moves the robot sideways: integrated over a path of length d, an error of
+    the variance Q has the mean effect d / 2 and another one of the variance d^2 Q / 12 beside it (a
+    Wiener process and its integral). Good for turns that are short or on the spot.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ STRIP: Final = 1024
 class CellRows(Protocol):
     """A map whose rows are made when they are asked for: a large one need not fit into memory.
 
-    What it has is described at `GridMap`.
+    `GridMap` describes its attributes.
     """
 
     @property

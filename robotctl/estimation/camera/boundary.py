@@ -40,7 +40,7 @@ _SHARP_BINS: Final = 5.0
 """Bins of brightness by which an object differs from the floor beside it, 1.4 : 1."""
 _THING: Final = 1.5
 _CASTER_SHARE: Final = 0.5
-"""What casts a shadow touches it and covers at least this share of it."""
+"""An object touches its shadow and covers at least this share of it."""
 _EDGE_ROWS: Final = 3
 """Maximum rows to either side over which a step in brightness is spread."""
 _FLAT_ROWS: Final = 4
@@ -153,9 +153,9 @@ def judge_lights(
 ) -> None:
     """Turn blobs of the floor's colour that no light explains into obstacles, in place.
 
-    A shadow lies beside what casts it. A small dark blob that stands alone may be the shadow of
-    something out of the picture, or a dark thing of the floor's colour; a small bright blob may be
-    a patch of sun, or a bright thing: it counts as an object if its edge is sharp.
+    A shadow lies beside what casts it. A small isolated dark blob may be the shadow of something
+    out of the picture, or a dark thing of the floor's colour; a small bright blob may be a patch of
+    sun, or a bright thing: it counts as an object if its edge is sharp.
 
     Parameters
     ----------

@@ -4,8 +4,8 @@ A colour is log brightness and two log ratios of its channels. A nearer lamp, a 
 exposure changes all channels equally, also behind the camera's gamma, so it moves the brightness
 and leaves the ratios. Densities are histograms, so tiles of two colours are no special case (Ulrich
 and Nourbakhsh 2000, "Appearance-based obstacle detection with monocular color vision", learn them
-from the area before the robot). What is seen above the horizon cannot be floor: its colours speak
-for an obstacle.
+from the area before the robot). Anything above the horizon cannot be floor: its colours are
+evidence for an obstacle.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def log_densities(
     Parameters
     ----------
     floor, above
-        Densities of the floor and of what is seen above the horizon, (bins,).
+        Densities of the floor and of everything above the horizon, (bins,).
     log_prior
         Of `log_obstacle_prior`, (bins,).
 
@@ -297,7 +297,7 @@ def _overexposed(ratios: int) -> int:
 
 @compiled
 def _squeezed(ratio: np.float32) -> np.float32:
-    """Return a log ratio so that strong colours, too, are told apart in few bins."""
+    """Return a log ratio that also separates strong colours in few bins."""
     return ratio / (np.float32(1.0) + abs(ratio))
 
 
@@ -341,12 +341,12 @@ def _evidence(
 
 @compiled
 def _speaks(logs: NDArray[np.float32], kind: int, seen: int, offset: int) -> float:
-    """Return the evidence of one colour in light that is so many bins brighter."""
+    """Return the evidence of one colour in light brighter by some bins."""
     base = seen // L_BINS * L_BINS
     shifted_back = base + min(max(seen - base - offset, 0), L_BINS - 1)
     obstacle, floor = logs[kind, seen], logs[FLOOR, shifted_back]
     value = float(min(max(obstacle - floor, -_SURE), _SURE))
-    # What is overexposed is so whatever its light.
+    # An overexposed cell stays so in any light.
     shade, sun = logs[SHADE, shifted_back], max(logs[SUN, shifted_back], logs[FULL, seen])
     other = max(shade, sun)
     if value > SHADOWED and other > floor:

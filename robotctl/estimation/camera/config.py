@@ -15,8 +15,8 @@ class GroundCameraConfig:
     Parameters
     ----------
     patch_near_m
-        The free patch, from which the floor's look is learned, begins so far behind the nearest
-        floor in the picture [m]. What is nearer is not judged: hide the robot's own bumper so.
+        Distance of the free patch, from which the floor's look is learnt, from the nearest floor in
+        the picture [m]. Anything nearer is not judged, which hides the robot's own bumper.
     patch_depth_m
         How far the free patch reaches from there [m].
     patch_near_width_m
@@ -24,15 +24,15 @@ class GroundCameraConfig:
     patch_far_width_m
         Width of the free patch at its far side [m].
     adaption
-        Share of a picture that is learned from in what is known of the floor, (0, 1].
+        Share of the floor model that one picture replaces, (0, 1].
     max_range_m
-        Beyond it nothing is judged [m].
+        Maximum range [m].
     beams
         Beams of the range scan, evenly over the picture's width.
     least_height_m
-        What rises less is not looked for [m].
+        Lower objects are ignored [m].
     least_width_m
-        What is narrower is not looked for [m].
+        Narrower objects are ignored [m].
     boundary_sigma_px
         Standard deviation of a boundary in the picture [px].
     pitch_sigma_deg
@@ -46,7 +46,7 @@ class GroundCameraConfig:
     obstacle_gap_m
         Step in range that ends an obstacle [m].
     obstacle_width_m
-        What is wider is no single obstacle but a wall [m].
+        A wider object is a wall [m].
 
     Raises
     ------

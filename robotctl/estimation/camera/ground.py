@@ -31,14 +31,14 @@ _SHIFT_AGREES: Final = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundView:
-    """What one picture says.
+    """Result of one picture.
 
     Attributes
     ----------
     scan
         Ranges to the lowest boundary of the floor, from the camera's foot point in `base`.
     obstacles
-        What stands free on the floor; none if not trusted.
+        Free-standing objects; none if not trusted.
     why
         Why floor could not be distinguished from the rest; empty: it could. If not, the scan is all
         nan (nothing judged), or what the floor known from earlier pictures says, which errs to the
@@ -172,7 +172,7 @@ class GroundCamera:
         return floor, ""
 
     def _adapt(self, bins: NDArray[np.int32], means: NDArray[np.float32]) -> None:
-        """Take some of the free patch into what is known of the floor."""
+        """Update the floor model with some of the free patch."""
         verdict = judge_patch(bins, means, self._parts)
         if not verdict.why and self._floor is not None:
             new = colour.smoothed(colour.count(verdict.bins))

@@ -30,7 +30,7 @@ _LEAST_COLUMNS: Final = 2
 _CERTAIN: Final = 1.0
 """Mean evidence of a thing, at least."""
 _INDISTINCT_M: Final = 0.15
-"""What looks like the wall and hardly unlike the floor is a thing only if it is as wide."""
+"""An object like the wall and hardly unlike the floor must be at least this wide."""
 _ASPECT_SIGMA: Final = 0.25
 """A thing is as deep as it is wide; the standard deviation of its middle is this share of it."""
 
@@ -82,7 +82,7 @@ def find_obstacles(
     Parameters
     ----------
     strip
-        Tells bearings and heights.
+        Gives bearings and heights.
     boundary
         The lowest boundary of each column.
     columns

@@ -27,7 +27,7 @@ _BLIND: Final = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchVerdict:
-    """What the free patch shows.
+    """Verdict on the free patch.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class PatchVerdict:
 def judge_patch(
     bins: NDArray[np.int32], means: NDArray[np.float32], parts: NDArray[np.int8]
 ) -> PatchVerdict:
-    """Return which of the patch is floor, judged by itself.
+    """Return which part of the patch is floor, judged by itself.
 
     Each part must look like the others, and what is farther like what is nearer: an obstacle that
     stands in the patch covers its far side first.
@@ -105,7 +105,7 @@ def _small_histograms(
 
 
 def _seen_in(others: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Tell for each colour whether a histogram has it, or one next to it."""
+    """Return for each colour whether a histogram has it or a neighbour."""
     wide = cv2.dilate(np.ascontiguousarray(others), np.ones((3, 3), np.uint8))
     flat = wide.reshape(-1, wide.shape[-1])
     near = cv2.dilate(flat, np.ones((1, 3), np.uint8)).reshape(others.shape)

@@ -54,7 +54,7 @@ def column_ranges(
     Parameters
     ----------
     strip
-        Tells the ranges of rows.
+        Gives the ranges of rows.
     boundary
         The lowest boundary of each column.
     config
@@ -95,7 +95,7 @@ def beam_scan(
     Parameters
     ----------
     strip
-        Tells the bearings of columns and the foot point.
+        Gives the bearings of columns and the foot point.
     columns
         Their ranges.
     stamp_ns

@@ -1,6 +1,6 @@
 """The picture as a level camera without distortion would show it: one column for each bearing.
 
-All points above one another have one bearing, so what stands on the floor stands in one column,
+All points above one another have one bearing, so an object on the floor is upright in one column,
 and the first row of the column that is not floor is its foot. A row is an angle below the horizon,
 so it is one range on the floor for all columns. Rows lie as dense as the picture's own pixels do
 along the middle column, near the robot half as dense. One lookup does it all: lens, roll, pitch,
@@ -35,7 +35,7 @@ class GroundStrip:
     camera
         The calibrated camera.
     config
-        Where the free patch lies, and how far is looked.
+        Free patch and maximum range.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class GroundStrip:
         )
 
     def _seen_depressions(self, fine: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell for depressions whether the picture shows them at any bearing."""
+        """Return for depressions whether the picture shows them at any bearing."""
         seen = np.zeros(len(fine), np.bool_)
         for turn in np.radians(np.linspace(-60.0, 60.0, 25)):
             bearing = np.full(len(fine), self._heading_rad + turn)
@@ -182,7 +182,7 @@ class GroundStrip:
         return seen
 
     def _columns(self) -> NDArray[np.float64]:
-        """Return bearings, evenly over what is seen of the floor, two pixels apart at most."""
+        """Return bearings, evenly over the visible floor, two pixels apart at most."""
         turns = np.linspace(math.pi, -math.pi, 1441)[:-1]
         rows = self.depression_rad[self.depression_rad > 1e-3][
             :: max(1, len(self.depression_rad) // 60)
@@ -198,7 +198,7 @@ class GroundStrip:
         return self._heading_rad + (edges[:-1] + edges[1:]) / 2
 
     def _look_up(self, config: GroundCameraConfig) -> None:
-        """Make the lookup of the pixels, and what each sample stands for."""
+        """Make the lookup of the pixels, and the meaning of each sample."""
         rows, columns = len(self.depression_rad), len(self.bearings_rad)
         quarter = self.column_rad / 4
         twice = np.stack([self.bearings_rad + quarter, self.bearings_rad - quarter], axis=1).ravel()
@@ -248,7 +248,7 @@ class GroundStrip:
         return float(self.ranges_m[seen[0]])
 
     def _patch(self, config: GroundCameraConfig) -> NDArray[np.bool_]:
-        """Tell which samples belong to the trapezoid of the free patch."""
+        """Return which samples belong to the trapezoid of the free patch."""
         turned = self.bearings_rad - self._heading_rad
         with np.errstate(invalid="ignore"):
             ahead = self.ranges_m[:, None] * np.cos(turned)

@@ -47,7 +47,7 @@ class CellTiles:
                 self._tiles.pop(place, None)
 
     def fill(self, cells: NDArray[np.int8], corner: NDArray[np.int64]) -> None:
-        """Fill cells that are 0 with what is known of their places; see `put`."""
+        """Fill zero cells from their tiles; see `put`."""
         first_row, first_column = (int(value) for value in corner)
         for row in range(first_row, first_row + cells.shape[0], SIDE):
             for column in range(first_column, first_column + cells.shape[1], SIDE):

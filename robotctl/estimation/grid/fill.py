@@ -1,4 +1,4 @@
-"""What one scan of an occupancy grid says is free, as an outline that is filled row by row.
+"""Free space of one scan in an occupancy grid, as an outline filled row by row.
 
 Coordinates are in cells of the array: x along the columns, y along the rows, cell (r, c) covers
 [c, c + 1) x [r, r + 1). Cells hold steps of the log odds, in [-127, 127].

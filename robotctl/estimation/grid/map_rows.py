@@ -23,7 +23,7 @@ class MapRows:
     Parameters
     ----------
     parts
-        What of a rectangle is known; see `OccupancyGrid.parts`.
+        Known parts of a rectangle; see `OccupancyGrid.parts`.
     first, end
         Row and column of the first cell of the map, and behind its last.
     value

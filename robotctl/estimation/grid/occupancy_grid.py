@@ -156,7 +156,7 @@ class OccupancyGrid:
         )
 
     def update_sonar(self, pose: SE2, mount: SonarMount, range_m: float) -> None:
-        """Add one sonar's range [m], heard at a pose of `base` in `world`.
+        """Add one sonar's range [m], measured at a pose of `base` in `world`.
 
         inf is no echo, after which the cone is free up to `sonar_no_echo_m`; nan says nothing.
 
@@ -359,7 +359,7 @@ class OccupancyGrid:
     def parts(
         self, first: NDArray[np.int64], end: NDArray[np.int64]
     ) -> Iterator[tuple[tuple[slice, slice], NDArray[np.int8]]]:
-        """Yield where in a rectangle evidence lies, and its cells [steps].
+        """Yield the parts of a rectangle with evidence, and their cells [steps].
 
         The rectangle is from a (row, column) in world to behind another.
         """

@@ -1,1 +1,1 @@
-"""What gyro and accelerometer tell of the robot: attitude, turning, rising."""
+"""Gyro and accelerometer: attitude, rotation, rise."""

@@ -30,10 +30,10 @@ SLIP_S: Final = 2.0
 """Memory of the difference between gyro and wheels [s]."""
 
 GAP_S: Final = 0.1
-"""A longer pause between two frames is one of the IMU [s]: nobody knows how it turned meanwhile."""
+"""A longer pause between two frames is one of the IMU [s]: the rotation meanwhile is unknown."""
 
 REST_S: Final = 0.5
-"""Wheels that have not turned for so long stand [s]."""
+"""Time without rotation after which wheels are at rest [s]."""
 
 REST_RAD_S: Final = 0.1
 """A gyro that reads more does not stand, whatever its bias [rad/s]."""
@@ -45,7 +45,7 @@ BIAS_S: Final = 2.0
 """Memory of the bias [s]."""
 
 BIAS_READINGS: Final = 10
-"""The bias is known after so many readings at rest."""
+"""Readings at rest after which the bias is known."""
 
 BIAS_SIGMA_RAD_S: Final = 0.02
 """How well it is known after one, three times the noise and more [rad/s]; by the root of their
@@ -71,7 +71,7 @@ class InertialTracker:
     Attributes
     ----------
     latest
-        What is known now; None before the first frames of both sensors.
+        The present estimate; None before the first frames of both sensors.
     """
 
     def __init__(self, mount: ImuConfig) -> None:
@@ -85,7 +85,7 @@ class InertialTracker:
         self._up: Vector | None = None
         self._ahead_rad = self._rise_m_s = self._slip_rad = self._corrected_rad = 0.0
         self._apart_rad = 0.0
-        """What gyro and wheels differ by, beyond the bias and short of a correction."""
+        """Difference of gyro and wheels, beyond the bias and before a correction."""
         self._gyro_ns = self._force_ns = 0
         self._wheels_turned_rad = 0.0
         self._wheels_moved_ns = -round(REST_S * 1e9)
@@ -106,7 +106,7 @@ class InertialTracker:
         v_m_s
             Speed forward, by the wheels [m/s].
         wheels_turned_rad
-            All turning so far, by the wheels [rad].
+            Total rotation so far, by the wheels [rad].
 
         Returns
         -------
@@ -205,7 +205,7 @@ class InertialTracker:
         )
 
     def _is_at_rest(self, rate: Vector) -> bool:
-        """Return whether wheels and gyro both say that the robot stands."""
+        """Return whether wheels and gyro agree that the robot is at rest."""
         if self._gyro_ns - self._wheels_moved_ns < REST_S * 1e9:
             return False
         if max(map(abs, rate)) > REST_RAD_S:

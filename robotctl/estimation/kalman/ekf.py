@@ -67,7 +67,7 @@ class _Motion:
 
 @dataclass(frozen=True, slots=True)
 class _Measurement:
-    """What a sensor said of one time."""
+    """A sensor's measurement at one time."""
 
     end_ns: int
     sensor: str
@@ -97,7 +97,7 @@ class PoseEkf:
     config
         Noises and limits.
     start
-        What is known of the pose at the start.
+        Prior of the pose.
     """
 
     def __init__(self, config: EkfConfig, start: PoseEstimate) -> None:
@@ -154,7 +154,7 @@ class PoseEkf:
         return self._stamp_ns
 
     def estimate(self) -> PoseEstimate:
-        """Return what is believed of the pose, and how far it may be trusted."""
+        """Return the pose estimate with covariance."""
         x, y, theta = (float(value) for value in self._kalman.x[:3])
         covariance = self._kalman.P[:3, :3].copy()
         if self._window.contradicted:
@@ -193,7 +193,7 @@ class PoseEkf:
     ) -> Innovation | None:
         """Correct v and omega by encoders read as velocities, R (2, 2).
 
-        For encoders that were not counted by `predict` too: what is used twice is believed twice.
+        For encoders that were not counted by `predict` too: using it twice would count it twice.
         """
         H = np.zeros((2, self._size))
         H[0, 3] = H[1, 4] = 1.0

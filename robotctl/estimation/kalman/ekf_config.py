@@ -19,7 +19,7 @@ class EkfConfig:
     motion
         How the pose's covariance grows with encoder increments.
     velocity_sigma_m_s, turn_rate_sigma_rad_s
-        What encoders leave uncertain of the velocities at a step [m/s], [rad/s], > 0.
+        Uncertainty of the velocities after encoder steps [m/s], [rad/s], > 0.
     acceleration_m_s2, turn_acceleration_rad_s2
         How much the velocities change in 1 s where no encoder tells [m/s], [rad/s], > 0.
     gyro
@@ -32,7 +32,7 @@ class EkfConfig:
         Of a sighting: of the range [m], > 0, its growth with the range, >= 0, of the bearing
         [rad], > 0.
     robust
-        What is done with large innovations.
+        Treatment of large innovations.
     history_s
         How late a measurement may come [s], >= 0.
     window

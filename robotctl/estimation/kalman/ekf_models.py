@@ -1,4 +1,4 @@
-"""What sensors should see from a pose, with Jacobians: the measurement models of the EKF.
+"""Expected measurements from a pose, with Jacobians: the measurement models of the EKF.
 
 A model returns the expected measurement and its Jacobian H by (x, y, theta), `base` in `world`.
 """

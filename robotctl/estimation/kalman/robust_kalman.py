@@ -31,7 +31,7 @@ Residual: TypeAlias = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True, slots=True)
 class RobustConfig:
-    """What is done with innovations that are large.
+    """Treatment of large innovations.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Innovation:
     stamp_ns
         Time of the measurement [ns].
     sensor
-        What measured.
+        The sensor.
     nis
         Normalised innovation squared, with the covariance before any weighting.
     dof
@@ -106,7 +106,7 @@ class RobustKalman:
     x, P
         Start: state (n,) and covariance (n, n).
     config
-        What is done with large innovations.
+        Treatment of large innovations.
     opening_states
         How many states, from the first on, a run of gross outliers makes less sure of; None: all.
     """

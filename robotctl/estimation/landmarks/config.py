@@ -15,7 +15,7 @@ from robotctl.model.drives.motion_noise import MotionNoise
 
 @dataclass(frozen=True, slots=True)
 class LandmarkConfig:
-    """What is known before of a robot that sees landmarks: wide, since it fits robots unseen.
+    """Priors of a robot that sees landmarks: wide, to fit unknown robots.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class LandmarkConfig:
     wander_sigma_rad, wander_time_s
         Of what moves in the mount [rad], and how fast [s], > 0.
     calibration_holds_s
-        After which time a calibration is as uncertain as at the start, if nothing is seen [s], > 0.
+        Time without sightings after which a calibration is as uncertain as at the start [s], > 0.
     sighting_range_sigma_m, sighting_range_sigma_m_per_m, sighting_bearing_sigma_rad
         First guess of the noise of a sighting [m], [rad], > 0; adapted to what is seen.
     guess_sightings
@@ -51,7 +51,7 @@ class LandmarkConfig:
         How well map and reference agree [m], [rad], >= 0: part of the stated covariance, as no
         sighting can lessen it.
     robust
-        What is done with large innovations.
+        Treatment of large innovations.
     window
         Innovations that say whether the belief is contradicted, > 0.
     step_s

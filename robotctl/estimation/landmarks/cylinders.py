@@ -27,9 +27,9 @@ class CylinderConfig:
         Distance of the landmark behind the mean of the ranges [m], >= 0; pi/8 diameters where it is
         the axis of a round cylinder.
     jump_m
-        It stands before its background by at least this [m], > 0.
+        Minimum distance before its background [m], > 0.
     beams
-        At least so many beams hit it, > 0.
+        Minimum number of beams that hit it, > 0.
     least_width, greatest_width
         Its width in the scan, in diameters, 0 < least < greatest.
 

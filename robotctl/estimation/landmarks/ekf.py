@@ -28,18 +28,18 @@ _FIX_SPAN_NS = 10_000_000_000
 
 
 class LandmarkEkf:
-    """Extended Kalman filter of a pose, and of what is wrong with odometry and camera.
+    """Extended Kalman filter of a pose and of the errors of odometry and camera.
 
-    The models stand in `models.py`. The noise of the sightings is learned from their
-    residuals. While the innovations contradict the belief, odometry alone moves it, until sightings
-    of several landmarks make a new start; what is known of the calibration stays.
+    The models stand in `models.py`. The noise of the sightings is learned from their residuals.
+    While the innovations contradict the belief, odometry alone moves it, until sightings of several
+    landmarks make a new start; the calibration is kept.
 
     Parameters
     ----------
     config
-        What is known before.
+        Priors.
     start
-        What is known of the pose at the start.
+        Prior of the pose.
     """
 
     def __init__(self, config: LandmarkConfig, start: PoseEstimate) -> None:
@@ -95,7 +95,7 @@ class LandmarkEkf:
         return math.sqrt(max(1.0, self._config.correlation * self._motion_factor.factor))
 
     def estimate(self) -> PoseEstimate:
-        """Return what is believed of the pose, with what map and reference leave uncertain."""
+        """Return the pose estimate, including the uncertainty of map and reference."""
         x, c = self._kalman.x, self._config
         covariance = self._kalman.P[:3, :3] + np.diag(
             [c.map_sigma_m**2, c.map_sigma_m**2, c.map_sigma_rad**2]

@@ -33,7 +33,7 @@ _SAME_M = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkStep:
-    """What is believed at one time.
+    """The estimate at one time.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class LandmarkStep:
 
 
 class CountedOdometry:
-    """What the odometry of a recording had counted at any time.
+    """The odometry of a recording at any time.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ class S(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class OdometryReading:
-    """What odometry had counted up to a time, and how fast it counted then.
+    """Odometry up to a time, and its rate then.
 
     Parameters
     ----------

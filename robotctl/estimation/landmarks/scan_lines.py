@@ -40,7 +40,7 @@ _ROUND: Final = 1.5
 
 @dataclass(frozen=True, slots=True)
 class ScanLinesConfig:
-    """What counts as a wall and as a corner.
+    """Criteria of a wall and a corner.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Segment:
     Parameters
     ----------
     line
-        Where it lies.
+        Its position.
     ends
         The first and the last point on it in the order of the beams, (2, 2) [m].
     spacing_m
@@ -205,7 +205,7 @@ def _runs(scan: RangeScan, beams: NDArray[np.intp], config: ScanLinesConfig) -> 
     """Return pieces without a gap.
 
     Seen from the nearer of two neighbours, a surface that the beams meet at the angle grazing
-    goes on to the next beam at a distance of r sin(step) / sin(grazing - step).
+    continues to the next beam at a distance of r sin(step) / sin(grazing - step).
     """
     if len(beams) == 0:
         return []

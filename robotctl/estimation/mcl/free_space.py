@@ -19,7 +19,7 @@ SampleFree: TypeAlias = Callable[[np.random.Generator, int], NDArray[np.float64]
 def free_poses(grid: GridMap, inside: tuple[float, float] | None = None) -> SampleFree:
     """Return a sampler of poses in one connected region of a map's free cells.
 
-    What else is free cannot be reached: the inside of furniture, or what a lidar saw through a
+    Other free cells cannot be reached: the inside of furniture, or what a lidar saw through a
     window. For walls, see `grid_of_walls`.
 
     Parameters

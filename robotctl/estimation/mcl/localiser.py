@@ -129,7 +129,7 @@ class MonteCarloLocaliser:
     def due(self, sensor: str = "") -> bool:
         """Whether a measurement of a sensor adds information.
 
-        It does once per stretch: a robot that stands still sees the same again.
+        It does once per stretch: a robot at rest sees the same again.
         """
         return self._has_moved or sensor not in self._heard
 
@@ -170,7 +170,7 @@ class MonteCarloLocaliser:
         Parameters
         ----------
         log_likelihood
-            What it says of poses.
+            Its log-likelihood of poses.
         sensor
             Name of the sensor: how well its measurements fit is learnt for each.
 
@@ -229,7 +229,7 @@ class MonteCarloLocaliser:
             self._misfit.add(float(log_likelihood.forgiven(best).max()))
 
     def estimate(self, stamp_ns: int) -> PoseEstimate:
-        """Return what is believed now, moved on by the odometry since the last measurement.
+        """Return the present estimate, moved by the odometry since the last measurement.
 
         A localised robot becomes unlocalised when odometry alone has made it uncertain.
         """

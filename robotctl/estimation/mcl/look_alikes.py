@@ -54,7 +54,7 @@ def look_alikes(
     belief
         Where the search ended.
     remembered
-        What it saw.
+        Its measurements.
     sample_free, config, rng
         Of the localiser.
     symmetries

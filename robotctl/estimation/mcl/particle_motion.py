@@ -71,7 +71,7 @@ class OdometrySegment:
         """Of the motion's noise, in `base` at the start, without the floor, (3, 3)."""
 
     def add(self, delta: SE2) -> None:
-        """Go on by a motion in the present `base`.
+        """Add a motion in the present `base`.
 
         Between the two ends an arc is assumed; where the motion is none of a drive that rolls
         forward, it starts in the direction that makes it one.

@@ -154,7 +154,7 @@ def _bin_key(pose: NDArray[np.float64], side: float, headings: int) -> int:
 
 @compiled
 def _slot(table: NDArray[np.int64], key: int) -> int:
-    """Return where a key stands in the table, or the empty place for it."""
+    """Return the index of a key in the table, or its empty slot."""
     mask = len(table) - 1
     # Mixes high bits into low ones; without a wrap-around that numba would promote to float.
     mixed = key ^ (key >> 14) ^ (key >> 38)

@@ -1,11 +1,11 @@
 """A rival of the tracked place: a parallel search that must prove itself over motion.
 
-What a robot sees from a wrong place may fit better than what it sees from the right one: people
-hide the walls, a door stands open, a corner looks like another. Such a place fits one scan, or
-some; it does not go along with the robot. So the tracked belief is kept while a second one searches
-the map for a better place, both are moved and weighed by the same odometry and measurements, and
-each predicts how likely the next measurement is. The difference of these log-evidences, summed over
-some distance, is the Bayes factor between the two.
+A wrong place may fit better than the right one: people hide the walls, a door stands open, a corner
+looks like another. Such a place fits one scan, or some; it does not go along with the robot. So the
+tracked belief is kept while a second one searches the map for a better place, both are moved and
+weighed by the same odometry and measurements, and each predicts how likely the next measurement is.
+The difference of these log-evidences, summed over some distance, is the Bayes factor between the
+two.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _GREATEST: Final = 10.0
 
 
 class RivalVerdict(enum.Enum):
-    """What is known of a rival."""
+    """State of a rival."""
 
     OPEN = enum.auto()
     REFUTED = enum.auto()

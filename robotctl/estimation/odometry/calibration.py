@@ -1,9 +1,9 @@
 """Calibration of odometry: generalised least squares against references, with honest intervals.
 
-What is fitted are the white innovations of `innovations.py`, so that errors that accumulate are
-weighted by their correlation. Two steps take turns: least squares over what the drive is (Huber's
-loss), and maximum likelihood over the noises e, f, g of odometry and those of the reference, which
-set the weights. A change of the drive that the data do not determine is reported and left at 0.
+The fit uses the white innovations of `innovations.py`, so that errors that accumulate are weighted
+by their correlation. Two steps take turns: least squares over what the drive is (Huber's loss), and
+maximum likelihood over the noises e, f, g of odometry and those of the reference, which set the
+weights. A change of the drive that the data do not determine is reported and left at 0.
 
 Squares driven in both directions and a straight line follow Borenstein and Feng, "Measurement and
 correction of systematic odometry errors in mobile robots", IEEE T-RA 12(6), 1996 (UMBmark); here
@@ -47,7 +47,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """What calibration found.
+    """Result of a calibration.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def calibrate(
     runs
         At least one; those of unknown start each add three numbers to be found.
     reference
-        What is known of it before.
+        Its prior.
     noise
         Where the search for the noises begins.
 

@@ -32,7 +32,7 @@ class OdometryEstimate:
     noise
         The three noises.
     start
-        What is known of the pose at the start.
+        Prior of the pose.
     """
 
     def __init__(self, noise: MotionNoise, start: PoseEstimate) -> None:
@@ -41,14 +41,14 @@ class OdometryEstimate:
         self.reset(start)
 
     def reset(self, estimate: PoseEstimate) -> None:
-        """Go on from another pose and covariance; the next odometry pose still follows the last."""
+        """Continue from another pose and covariance, with the odometry as before."""
         self._stamp_ns = estimate.stamp_ns
         self._pose = estimate.pose
         self._covariance: NDArray[np.float64] = estimate.covariance
 
     @property
     def estimate(self) -> PoseEstimate:
-        """What is believed now."""
+        """The present estimate."""
         return PoseEstimate(
             self._stamp_ns, self._pose, self._covariance, LocalisationStatus.LOCALISED
         )

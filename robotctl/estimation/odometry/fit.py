@@ -33,7 +33,7 @@ _NOISE_SIGMA = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What is known of the reference before.
+    """Prior of the reference.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What calibration may change of a drive, and the arcs that its wheels then make.
+"""Calibrated parameters of a drive, and the resulting arcs.
 
 Three numbers of each drive decide its odometry. They are taken as changes of the nominal drive, 0
 where it is right:

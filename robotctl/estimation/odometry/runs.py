@@ -92,8 +92,8 @@ class OdometryRun:
 def thinned(run: OdometryRun, travel_m: Array, spacing_m: float) -> OdometryRun:
     """Return a run with one reference per distance travelled by its wheels.
 
-    Over short ways much errs that does not add up: the clock of a camera, the play of a gearbox,
-    a lens. What adds up, and is calibrated, shows over longer ones.
+    Over short distances many errors do not accumulate: the clock of a camera, the play of a
+    gearbox, a lens. Accumulating errors, which are calibrated, show over longer ones.
 
     Parameters
     ----------

@@ -274,7 +274,7 @@ class PlaceBook:
         return PlaceBook(places, self.signatures, self.config)
 
     def _pose_at(self, place: Place, signature: Signature, given: SE2 | None) -> SE2:
-        """Return the pose of another visit to a place: as it was told, if that can be."""
+        """Return the pose of another visit to a place: the given one, if plausible."""
         found = PlaceBook([place], self.signatures, self.config).recognise(signature)
         if found.place is None:
             raise ValueError(f"this is not {place.name} ({found.refusal})")

@@ -34,8 +34,8 @@ class RecognitionConfig:
     Parameters
     ----------
     within, between
-        What is expected of the differences of visits to one place, and of the most like other
-        place, before any were measured.
+        Expected differences of visits to one place, and of the most similar other place, before any
+        were measured.
     prior_visits
         Number of measured differences that weigh as much as the assumed ones, > 0.
     ratio
@@ -158,7 +158,7 @@ class Recognition:
     Parameters
     ----------
     candidates
-        All that are alike enough, best first; may be several even if the place is refused.
+        All similar enough, best first; may be several even if the place is refused.
     refusal
         Why no place is recognised, a sentence; "" where the first candidate's is.
     threshold

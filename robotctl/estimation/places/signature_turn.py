@@ -23,7 +23,7 @@ _MOST_READINGS: Final = 2000
 
 @dataclass(frozen=True, slots=True)
 class TurnConfig:
-    """What counts as one turn on the spot.
+    """Criteria of one turn on the spot.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class TurnCollector:
     config
         Of the signatures.
     turn
-        What counts as a turn.
+        Criteria of a turn.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ def around_base(
         (n, s) [m]: an echo counts on the sonar's axis; inf without one, whose bearing is that of
         the axis at `max_range_m`; nan, without a reading, gives a depth of nan.
     max_range_m
-        How far sonars hear [m].
+        Maximum range of the sonars [m].
     """
     reach = np.where(ranges_m < max_range_m, ranges_m, max_range_m)
     x = mounts[:, 0] + reach * np.cos(mounts[:, 2])

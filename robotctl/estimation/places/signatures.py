@@ -1,4 +1,4 @@
-"""What a place sounds like all around: depth against bearing, and how much two places differ.
+"""The sonar signature of a place: depth against bearing, and the difference of two places.
 
 Notes, section 5. A signature has a value for each bearing: the median depth of the echoes, and the
 share of readings without an echo, because silence distinguishes places too. A bearing at which no

@@ -1,1 +1,1 @@
-"""What a range sensor reads in a known map, and how likely a reading is."""
+"""Expected readings of a range sensor in a known map, and their likelihood."""

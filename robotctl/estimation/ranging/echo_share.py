@@ -36,7 +36,7 @@ class EchoShare:
     def __call__(self, scan: RangeScan, pose: SE2) -> float | None:
         """Return the share at a pose of `base` in `world`, 0 to 1; None if there is no echo.
 
-        What ends off the map counts as not explained.
+        Echoes off the map count as not explained.
         """
         points = scan.points_base()
         if len(points) == 0:

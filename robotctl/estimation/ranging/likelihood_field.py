@@ -205,7 +205,7 @@ class LikelihoodField:
 
 
 class _ScanLikelihood:
-    """What a scan says of poses: `Forgiving`."""
+    """Log-likelihood of a scan: `Forgiving`."""
 
     def __init__(self, field: LikelihoodField, scan: RangeScan) -> None:
         self._field, self._scan = field, scan

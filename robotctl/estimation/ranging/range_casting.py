@@ -64,7 +64,7 @@ class RangeCaster:
         angles_rad
             Directions of the beams from the sensor's heading, (k,) [rad].
         max_range_m
-            Beyond it nothing is seen [m].
+            Maximum range [m].
 
         Returns
         -------

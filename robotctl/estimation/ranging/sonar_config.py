@@ -1,4 +1,4 @@
-"""What is known of the sonars; without numpy, for every process that reads a robot's file."""
+"""Parameters of the sonars; without numpy, for every process that reads a robot's file."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class SonarModel:
     mounts
         Mounting of the sonars, in the order of their readings.
     config
-        What they hear.
+        Their limits.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class SonarModel:
         return self._weighed(expected, ranges_m[present])
 
     def _perfect(self, ranges_m: NDArray[np.float64]) -> float:
-        """Return the log-likelihood of readings where they are just what is expected."""
+        """Return the log-likelihood of readings that are exactly as expected."""
         measured = ranges_m[~np.isnan(ranges_m)]
         if len(measured) == 0:
             return 0.0

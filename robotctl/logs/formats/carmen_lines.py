@@ -54,7 +54,7 @@ class LaserLine(NamedTuple):
 
 @dataclass(slots=True)
 class CarmenLines:
-    """What a log holds, sorted by kind; `lasers` by the first word of the line.
+    """Content of a log, sorted by kind; `lasers` by the first word of the line.
 
     `kinds` are the first words of all lines.
     """

@@ -175,7 +175,7 @@ def inflated(raw: bytes) -> tuple[bytes, bool, str]:
     is_cut : bool
         Whether the data end early.
     damage : str
-        What is wrong with them; empty: nothing.
+        Their error; empty: none.
     """
     parts = []
     while raw.startswith(_GZIP):
@@ -292,7 +292,7 @@ def _first_bad_row(
 
 
 def _is_row(words: Sequence[str], columns: int) -> bool:
-    """Return whether the words are so many finite numbers."""
+    """Return whether the words are the given number of finite numbers."""
     return len(words) == columns and all(map(_is_finite, words))
 
 

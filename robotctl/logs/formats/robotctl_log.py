@@ -57,7 +57,7 @@ _LATE_NS: Final = 500_000_000
 
 @dataclass(slots=True)
 class _Content:
-    """What the messages of the files hold, with the times of the log [ns]."""
+    """Content of the files' messages, with the times of the log [ns]."""
 
     control: list[tuple[int, LoggedState]] = field(default_factory=list)
     believed: list[tuple[int, LoggedBelief]] = field(default_factory=list)
@@ -172,7 +172,7 @@ def _take_in(file: Path, content: _Content) -> None:
 def json_messages(file: Path, notes: list[str]) -> Iterator[tuple[str, Message]]:
     """Yield topics and messages up to the end of a file, past places that are damaged.
 
-    What is left out is noted, a sentence for each place.
+    Omissions are noted, one sentence each.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def _believed(
 def _while_logged(
     readings: Iterable[SonarReading], odometry: Trajectory
 ) -> Iterator[RecordedSonar]:
-    """Yield the readings of the time of the log, with the odometry of then."""
+    """Yield the readings within the log's time, with the odometry of their time."""
     begin_ns, end_ns = int(odometry.stamps_ns[0]), int(odometry.stamps_ns[-1])
     for sent_ns, heard in readings:
         if begin_ns - _LATE_NS <= sent_ns <= end_ns + _LATE_NS:

@@ -1,4 +1,4 @@
-"""What is read back of the messages in our own logs, in the form of now and in that of before.
+"""Messages read back from our own logs, in the present and the former format.
 
 In logs of older versions poses are `x_m`, `y_m`, `theta_rad` of the message itself, ranges are
 lists, and null stands for infinity and nan alike: it is taken for infinity, see `own_log`.
@@ -18,7 +18,7 @@ from robotctl.model.geometry.se2 import SE2
 
 @dataclass(frozen=True, slots=True)
 class LoggedState:
-    """What is needed of a state of the control process.
+    """Used fields of a control state.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class LoggedState:
 
 @dataclass(frozen=True, slots=True)
 class LoggedBelief:
-    """What is needed of what the localiser believed: a `LocalisationStatus`, and where."""
+    """Used fields of the localiser: a `LocalisationStatus`, and the pose."""
 
     status: int
     T_world_odom: SE2

@@ -39,7 +39,7 @@ _Frames: TypeAlias = dict[tuple[int, int], SonarFeedback]
 
 
 class _Robot(msgspec.Struct):
-    """What is needed of a robot's configuration."""
+    """Used fields of a robot's configuration."""
 
     sonar: tuple[SonarMount, ...] = ()
 
@@ -175,7 +175,7 @@ def _heard(frames: _Frames, stamp_ns: int, index: int) -> float | None:
 
 
 def _of_states(epoch: Sequence[tuple[int, LoggedState]], frames: _Frames) -> Iterator[SonarReading]:
-    """Yield what is new in each state and in no record."""
+    """Yield readings that are new in each state and in no record."""
     news = NewSonarReadings(_REACH_M)
     for log_ns, state in epoch:
         stamps_ns = [

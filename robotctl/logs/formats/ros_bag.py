@@ -51,7 +51,7 @@ _LEVEL: Final = math.cos(math.radians(5.0))
 
 @dataclass(slots=True)
 class _Content:
-    """What the messages of a bag hold; times are [ns]."""
+    """Content of a bag's messages; times are [ns]."""
 
     scans: dict[str, list[tuple[int, Any]]] = field(default_factory=lambda: defaultdict(list))
     odometry: dict[str, list[tuple[int, SE2]]] = field(default_factory=lambda: defaultdict(list))

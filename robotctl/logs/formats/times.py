@@ -133,7 +133,7 @@ def ordered_stamps(
     times, unit, error_at
         See there.
     what
-        What has these times: `scans`.
+        Name of the entries: `scans`.
     notes
         Sentences for people; what had to be done, and is strange, is added.
     """
@@ -191,7 +191,7 @@ def check_pace(recording: Recording, can_tell: bool) -> None:
 
 
 def usual_pace(trajectory: Trajectory) -> float | None:
-    """Return the median speed over ways of `_STEP_M` [m/s]; None if there are only few."""
+    """Return the median speed over stretches of `_STEP_M` [m/s]; None if there are only few."""
     points, stamps_ns = trajectory.poses[:, :2], trajectory.stamps_ns
     spans_s, begin = [], 0
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

@@ -1,4 +1,4 @@
-"""What of each published message is logged: topics, schemas, and the content of the entries."""
+"""Logged content of the published messages: topics, schemas, and entries."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ Published: TypeAlias = (
     | LiveMap
     | GivenMap
 )
-"""What is logged."""
+"""The logged entry."""
 
 Entry: TypeAlias = tuple[str, int, object]
-"""Topic, wall time [ns], and what is encoded as JSON."""
+"""Topic, wall time [ns], and content to encode as JSON."""
 
 MAP_NS: Final = 5_000_000_000
 """Period of logging a growing map [ns]: encoding a large one is expensive."""
@@ -95,7 +95,7 @@ class LogEntries:
     name
         Of the robot.
     scene
-        What all files of a run share.
+        Common data of all files of a run.
     """
 
     def __init__(self, epoch_ns: int, name: str, scene: Scene) -> None:

@@ -83,7 +83,7 @@ class FrameTransforms(msgspec.Struct, frozen=True):
 
 
 class PoseInFrame(msgspec.Struct, frozen=True, gc=False):
-    """A pose, and its heading once more [rad], for plots."""
+    """A pose, with its heading [rad] for plots."""
 
     timestamp: Time
     frame_id: str

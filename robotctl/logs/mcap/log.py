@@ -62,7 +62,7 @@ class McapLog:
     name
         Of the robot.
     scene
-        What all files of a run share; None: a robot of which nothing is known.
+        Common data of all files of a run; None: a robot of which nothing is known.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ def is_complete(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RecoveredLog:
-    """What became of a log.
+    """Result of a recovery.
 
     Parameters
     ----------

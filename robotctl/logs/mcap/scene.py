@@ -1,4 +1,4 @@
-"""What of a run every file of its log needs, so that a viewer shows each by itself."""
+"""Data of a run that every log file needs, so that a viewer can show each by itself."""
 
 from __future__ import annotations
 

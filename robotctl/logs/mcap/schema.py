@@ -65,7 +65,7 @@ def schema_of(kind: Any, *, complete: bool = False) -> JsonSchema:
 
 
 def _schema_of_struct(kind: type[msgspec.Struct], *, complete: bool) -> JsonSchema:
-    """Return the schema of a struct; required is what is always there."""
+    """Return the schema of a struct; fields that are always present are required."""
     hints = get_type_hints(kind)
     names = kind.__struct_fields__
     return {

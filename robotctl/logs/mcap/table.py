@@ -20,7 +20,7 @@ Cell: TypeAlias = float | int | bool | str
 Row: TypeAlias = dict[str, Cell]
 
 _NAMES: Final = ("name", "child_frame_id")
-"""What tells the parts of a list apart, if they have it."""
+"""Field that identifies the parts of a list, if any."""
 
 _PASSED_OVER: Final = ("timestamp", "data", "fields")
 """The time of the message itself; bytes, and what stands in them."""

@@ -1,4 +1,4 @@
-"""What all drive models share: wheel references, and checks of their parameters."""
+"""Common parts of all drive models: wheel references, and checks of parameters."""
 
 from __future__ import annotations
 

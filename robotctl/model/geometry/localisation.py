@@ -11,6 +11,6 @@ class LocalisationStatus(enum.IntEnum):
     SEARCHING = 0
     """The belief is spread or has several clusters: the pose is a guess."""
     LOCALISED = 1
-    """One compact belief that agrees with what is measured."""
+    """One compact belief that agrees with the measurements."""
     LOST = 2
-    """The belief contradicts what is measured."""
+    """The belief contradicts the measurements."""

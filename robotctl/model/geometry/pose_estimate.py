@@ -1,4 +1,4 @@
-"""What an estimator believes of the robot's pose."""
+"""An estimator's pose estimate."""
 
 from __future__ import annotations
 

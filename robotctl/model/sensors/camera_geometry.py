@@ -162,7 +162,7 @@ class CameraGeometry:
         return H
 
     def inside(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell for pixels, (n, 2), whether they are in the picture, (n,)."""
+        """Return for pixels, (n, 2), whether they are in the picture, (n,)."""
         most = np.array([self.intrinsics.width_px, self.intrinsics.height_px]) - 0.5
         within: NDArray[np.bool_] = np.all((pixels >= -0.5) & (pixels < most), axis=1)
         return within

@@ -108,7 +108,7 @@ def straightened(pixels: NDArray[np.float64], intrinsics: CameraIntrinsics) -> N
 
 
 def within_lens(plane: NDArray[np.float64], distortion: tuple[float, ...]) -> NDArray[np.bool_]:
-    """Tell for points of the plane z = 1, (n, 2), whether the lens has an inverse there, (n,).
+    """Return for points of the plane z = 1, (n, 2), whether the lens has an inverse there, (n,).
 
     It has up to the radius where r (1 + k1 r^2 + k2 r^4 + k3 r^6) stops to grow.
     """

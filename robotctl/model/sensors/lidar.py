@@ -19,8 +19,8 @@ class LidarConfig:
     Parameters
     ----------
     driver
-        What reads the lidar: `rplidar`, or `socket` for a program of your own, or the simulator,
-        that publishes its scans.
+        The driver: `rplidar`, or `socket` for a program of your own, or the simulator, that
+        publishes its scans.
     device
         Serial device.
     baud

@@ -12,7 +12,7 @@ _MAX_AGE_NS: Final = 500_000_000
 
 
 class NewSonarReadings:
-    """Picks what is new; a control state repeats each range until there is another one.
+    """Selects new readings; a control state repeats each range until the next one.
 
     Parameters
     ----------

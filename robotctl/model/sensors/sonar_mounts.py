@@ -1,4 +1,4 @@
-"""Mountings of sonars as an array; by itself, since the control process does without numpy."""
+"""Mountings of sonars as an array; separate, because the control process loads no numpy."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ _FEW, _MANY = 2, 20
 
 @dataclass(frozen=True, slots=True)
 class CameraCalibrateOptions:
-    """What the user asked for.
+    """The user's options.
 
     Parameters
     ----------
@@ -114,11 +114,11 @@ class CameraCalibrateResult:
     lens
         The lens; None: not calibrated.
     points
-        What the mount was found from; empty if it was not.
+        Data of the mount; empty if it was not calibrated.
     fit
         The mount; None: not calibrated.
     expected
-        What it will err at several distances.
+        Expected errors at several distances.
     advice
         Which markers would help; None: none are needed.
     notes
@@ -223,7 +223,7 @@ def _fitted(
     *,
     known: bool,
 ) -> tuple[FloorPoints, MountFit]:
-    """Fit the mount; of the ways a board could lie, that which agrees with the rest."""
+    """Fit the mount; of the possible poses of a board, that which agrees with the rest."""
     variants = [fixed.joined(board) for board in boards] or [fixed]
     fits, reasons = [], []
     for points in variants:

@@ -17,7 +17,7 @@ from robotctl.workbench.camera.pictures import read_picture_of
 
 @dataclass(frozen=True, slots=True)
 class CheckOptions:
-    """What the user asked for.
+    """The user's options.
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ class CheckOptions:
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """What a check brought.
+    """Result of a check.
 
     Parameters
     ----------
     options
-        What was asked for.
+        The options.
     camera
         As calibrated.
     points
@@ -77,7 +77,7 @@ class CheckResult:
 
     @property
     def doubts(self) -> list[str]:
-        """What speaks against the calibration; empty: nothing."""
+        """Objections to the calibration; empty: none."""
         above = [
             name
             for name, told in zip(self.points.names, self.errors.told, strict=True)

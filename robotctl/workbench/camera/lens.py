@@ -78,7 +78,7 @@ def lens_of_pictures(
 
 
 def _invertible(lens: CameraIntrinsics) -> bool:
-    """Tell whether each pixel at the edge of the picture has a direction."""
+    """Return whether each pixel at the edge of the picture has a direction."""
     u, v = np.arange(0.0, lens.width_px, 8.0), np.arange(0.0, lens.height_px, 8.0)
     edge = np.vstack(
         [np.column_stack([u, np.full(len(u), row)]) for row in (0.0, lens.height_px - 1.0)]

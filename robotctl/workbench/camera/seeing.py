@@ -52,7 +52,7 @@ class SeenPicture:
 
 @dataclass(frozen=True, slots=True)
 class SeeingOptions:
-    """What to look at.
+    """The pictures.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Seeing:
     Parameters
     ----------
     options
-        What to look at.
+        The pictures.
 
     Raises
     ------

@@ -27,11 +27,11 @@ class Localized:
     Parameters
     ----------
     recording
-        What was read.
+        The input.
     grid
         The map, where there was one.
     run
-        What the filter did.
+        The filter's run.
     report
         Its figures; the keys stand in docs/localisation.md.
     """

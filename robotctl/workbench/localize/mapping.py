@@ -28,7 +28,7 @@ windows and doors."""
 
 @dataclass(frozen=True, slots=True)
 class MapOptions:
-    """What to map.
+    """The options.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ class MapResult:
     from_reference
         Whether the poses are the log's reference; else they are its odometry.
     files
-        What was written.
+        The files.
     notes
-        What the reader of the log had to say.
+        The reader's notes.
     """
 
     options: MapOptions
@@ -114,7 +114,7 @@ def make_map(options: MapOptions, progress: Callable[[int, int], None] | None = 
     Parameters
     ----------
     options
-        What to map.
+        The options.
     progress
         Called with the number of scans done, and of all.
 

@@ -38,7 +38,7 @@ class LocalizeError(RobotctlError):
 
 @dataclass(frozen=True, slots=True)
 class LocalizeOptions:
-    """What to run on what.
+    """The options.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class LocalizeOptions:
     mrclam_robot
         Robot of an MRCLAM folder.
     sensors
-        What particles know of lidar and sonars; None: the defaults.
+        Parameters of lidar and sonars for the particles; None: the defaults.
     odometry
         Noise of the robot's odometry; None: the default.
     max_range_m, time_unit

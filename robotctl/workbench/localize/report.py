@@ -24,7 +24,7 @@ _END_SHARE: Final = 0.1
 
 @dataclass(slots=True)
 class Run:
-    """What an estimator did with a recording.
+    """The run of an estimator on a recording.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Run:
     starts_known
         Whether the place was known at the start, so that errors count from there.
     notes
-        What the user should know of it.
+        Notes for the user.
     update_ms
         Processor time of each update [ms].
     particles

@@ -1,4 +1,4 @@
-"""What a filter believed at each time as a table: the file of `robotctl localize --csv`."""
+"""A filter's estimates as a table: the file of `robotctl localize --csv`."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _HALF_LEAST = 12
 
 @dataclass(frozen=True, slots=True)
 class OdometryCalibrateOptions:
-    """What the user asked for.
+    """The user's options.
 
     Parameters
     ----------

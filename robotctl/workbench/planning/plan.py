@@ -34,7 +34,7 @@ _STEP: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class PlanOptions:
-    """What the user asked for.
+    """The user's options.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ _NAMES: Final = {"short_per_m": "rate of short readings"}
 
 @dataclass(frozen=True, slots=True)
 class CharacteriseOptions:
-    """What the user asked for.
+    """The user's options.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class CharacteriseOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Characterisation:
-    """What was found.
+    """The result.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ _TIME_CONSTANTS: Final = 5.0
 
 @dataclass(frozen=True, slots=True)
 class TuneOptions:
-    """What the user asked for.
+    """The user's options.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def view_from_above(
     camera
         Which took it.
     view
-        What to show.
+        The view.
 
     Returns
     -------

@@ -317,7 +317,7 @@ def least_deviation(points: Array) -> tuple[float, float, int]:
 def agreeing(
     h: Array, ground: Array, pixels: Array, sigma_u: float, sigma_x: float, gate: float
 ) -> tuple[NDArray[np.bool_], float]:
-    """Tell which points lie within `gate` squared standard deviations, on the side of most.
+    """Return which points lie within `gate` squared standard deviations, on the side of most.
 
     Returns
     -------

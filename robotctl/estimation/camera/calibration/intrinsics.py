@@ -139,7 +139,7 @@ def _calibrated(
 
 
 def _covered(corners: Sequence[NDArray[np.float64]], size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Tell in which fields of the picture corners were seen, (4, 4)."""
+    """Return in which fields of the picture corners were seen, (4, 4)."""
     fields = np.floor(_FIELDS * np.vstack(list(corners)) / np.array(size)).astype(int)
     covered = np.zeros((_FIELDS, _FIELDS), dtype=np.bool_)
     u, v = np.clip(fields, 0, _FIELDS - 1).T

@@ -41,7 +41,7 @@ class MountFit:
     intrinsics, mount
         The lens, as given or with the focal length found, and the mount found.
     keys
-        What was found: `KEYS`, and `FOCAL` where the lens was not known.
+        Result: `KEYS`, and `FOCAL` where the lens was not known.
     P
         Covariance of these, (k, k), in their units; larger where the residuals were larger than
         the noise said.
@@ -235,7 +235,7 @@ def _agreeing(
     pixels: NDArray[np.float64],
     noise: PointNoise,
 ) -> NDArray[np.bool_]:
-    """Tell which points lie within the gate of a camera, (n,)."""
+    """Return which points lie within the gate of a camera, (n,)."""
     off = np.einsum(
         "nij,nj->ni", _whitening(camera, ground, noise), camera.project_ground(ground) - pixels
     )

@@ -1,4 +1,4 @@
-"""What a calibration says, drawn into the picture: a grid on the floor, and points."""
+"""A calibration drawn into the picture: a grid on the floor, and points."""
 
 from __future__ import annotations
 

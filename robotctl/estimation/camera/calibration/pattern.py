@@ -87,7 +87,7 @@ def find_corners(picture: NDArray[np.uint8], board: Board) -> NDArray[np.float64
     picture
         (height, width, 3), blue, green, red.
     board
-        What to look for.
+        The pattern.
 
     Returns
     -------

@@ -29,7 +29,7 @@ _MOST_MARKERS = 6
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What a calibration is expected to err at one distance.
+    """Expected error of a calibration at one distance.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ class Expected:
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """What more markers would bring.
+    """The benefit of more markers.
 
     Parameters
     ----------
     markers
         Where to put them, (x, y) in `base` [m].
     expected
-        What is expected then.
+        The expected result.
     """
 
     markers: tuple[tuple[float, float], ...]

@@ -1,4 +1,4 @@
-"""What range sensors should have measured at known poses, and how squarely the sound or light met.
+"""Expected ranges at known poses, and the incidence of sound or light.
 
 For sonars and lidar: a lidar beam is a sonar with a very narrow cone. How far each should measure
 is `wall_echoes.py` or `grid_echoes.py`. The incidence of a reading is the least angle to a

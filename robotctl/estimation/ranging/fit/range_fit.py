@@ -1,4 +1,4 @@
-"""What a range sensor is like, by what it measured and should have: mixture and intervals.
+"""Parameters of a range sensor from measured and expected ranges: mixture and intervals.
 
 Expectation maximisation (`range_mixture.learned`) finds the mixture, Newton-like steps take it to
 the top of the likelihood, and profiles of the likelihood give intervals (`range_profile.py`).
@@ -96,7 +96,7 @@ def fit_ranges(
     expected_m
         How far each reading should go, (m,) [m]; inf: nothing in range.
     measured_m
-        What was measured, (m,) [m]; inf or at least `max_range_m`: no echo; nan is left out.
+        Measured ranges, (m,) [m]; inf or at least `max_range_m`: no echo; nan is left out.
     max_range_m
         The sensor's greatest range [m].
     stretches

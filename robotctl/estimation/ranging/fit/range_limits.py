@@ -164,7 +164,7 @@ def greatest_range(expected_m: Array, measured_m: Array, mixture: BeamMixture) -
     expected_m
         How far each reading should go, (m,) [m], whatever the sensor's range; inf: nothing there.
     measured_m
-        What was measured, (m,) [m]; inf: no echo.
+        Measured ranges, (m,) [m]; inf: no echo.
     mixture
         Other knowledge of the sensor.
 

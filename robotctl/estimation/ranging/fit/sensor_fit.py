@@ -1,4 +1,4 @@
-"""What a sonar or a lidar is like, from readings at known poses in a known room.
+"""Parameters of a sonar or lidar, from readings at known poses in a known room.
 
 Three things depend on each other: the surface of a reading on the incidence limit, its expected
 echo on the maximum range, and both limits on the mixture. So the incidence limit is found first, by
@@ -44,7 +44,7 @@ _LEAST_IN_STRETCH: Final = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """What one kind of sensor measured at known poses.
+    """Readings of one kind of sensor at known poses.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorFit:
-    """What was found.
+    """The result.
 
     Parameters
     ----------
@@ -109,9 +109,9 @@ def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
     Parameters
     ----------
     expectations
-        What the sensors should measure in the room; must reach `reach_m(readings)`.
+        Expected ranges in the room; must reach `reach_m(readings)`.
     readings
-        What they measured.
+        Their readings.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def fit_sensor(expectations: EchoExpectations, readings: Readings) -> SensorFit:
 
 
 def _check_room(found: RangeFit) -> None:
-    """Refuse what is no fit: most readings have another cause than the room."""
+    """Refuse a bad fit: most readings have another cause than the room."""
     hit, typical_m = found.mixture.hit, found.typical_m
     sigma_m = float(found.mixture.sigma_at(np.array(typical_m)))
     if hit < _HITS or sigma_m > _ROUGH * typical_m:
