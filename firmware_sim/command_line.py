@@ -1,4 +1,4 @@
-"""What the simulator's command lines have in common: errors, poses, numbers, lines of output."""
+"""Common parts of the simulator's command lines: errors, poses, numbers, output lines."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def tell(line: str) -> None:
 def file_among(folder: str, *suffixes: str) -> Callable[[str], Path]:
     """Return what reads an argument as a file: a path, or a name with or without its suffix.
 
-    A file in the working directory comes before one of the configurations that come along, in
-    `folder` ("": robots) with the first of the suffixes.
+    A file in the working directory precedes a built-in configuration in `folder` ("": robots) with
+    the first of the suffixes.
     """
 
     def find(text: str) -> Path:

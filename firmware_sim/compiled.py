@@ -101,7 +101,7 @@ NOT_KEPT = (
 
 
 class _Cache(_FUNCTION_CACHE):  # type: ignore[misc] # numba has no types
-    """What is compiled of one function; a file that is cut or a full disk only costs time."""
+    """Compiled code of one function; a truncated file or a full disk only costs time."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Compiled function of a signature; None if there is none, or none whole."""

@@ -1,4 +1,4 @@
-"""What the simulation keeps pace with: the computer's clock, or one that waits for the computer.
+"""Clocks for the simulation: the computer's, or one that waits for the computer.
 
 A computer that is held up gives a simulation, and the control loop that it drives, no time to
 think, which no robot's computer would do. `SharedClock` pauses meanwhile, for the simulation and
@@ -40,7 +40,7 @@ _OFFSET, _LIMIT, _WRITTEN, _PID, _DEADLINE, _HELD, _LONGEST = range(7)
 
 
 class Pace(Protocol):
-    """What `RealTime` runs by."""
+    """Clock of `RealTime`."""
 
     longest_wait_ns: int
 

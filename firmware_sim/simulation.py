@@ -1,7 +1,7 @@
 """The simulated robot as one object: bus, nodes, plant and sensors under one virtual time.
 
-Time passes only in `advance`. Nodes are told of frames at the bit, and are woken by the bus's
-timers at the nanosecond they asked for; nothing is polled. The plant lags, in whole steps of 1 ms,
+Time passes only in `advance`. Nodes receive frames at the exact bit time, and are woken by the
+bus's timers at the nanosecond they set; nothing is polled. The plant lags, in whole steps of 1 ms,
 and is brought up to date only when something touches it: a command, a SYNC, a sonar, a guard, a
 look at the truth.
 """
@@ -407,7 +407,7 @@ def _allowed(config: RobotConfig) -> Allowed:
 def _current_limit_ma(config: RobotConfig) -> int:
     """Return where the guard's limit is set at the factory: below the current of a stalled motor.
 
-    In whole steps, since nobody knows his motors better than that.
+    In whole steps, as motors are not known better than that.
     """
     motor = config.simulation.motor
     stall_a = config.simulation.battery.cells * CELL_V / motor.resistance_ohm

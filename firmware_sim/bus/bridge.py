@@ -6,8 +6,8 @@ Error messages of the bridge's controller leave there, too. Nothing goes round i
 socket does not get its own frames back (CAN_RAW_RECV_OWN_MSGS is off, the kernel's default), and
 the bus does not give a port its own frames.
 
-What host programs see differs from a real interface in one thing: among themselves they see a
-frame when it is sent, before it has passed the bus.
+Host programs see one difference from a real interface: among themselves they see a frame when it is
+sent, before it has passed the bus.
 """
 
 from __future__ import annotations

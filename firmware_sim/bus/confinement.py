@@ -1,4 +1,4 @@
-"""What happens on the wire when not all is well: collisions, error frames, bus-off, recovery.
+"""Irregular events on the wire: collisions, error frames, bus-off, recovery.
 
 Source: ISO 11898-1:2015, clause 10.11 (error signalling) and 12.1.4 (fault confinement). An error
 flag takes 6 bits, with the others' flags up to 12, the error delimiter 8; a frame is destroyed
@@ -42,7 +42,7 @@ class Confinement:
     faults
         Faults of its frames.
     recovery
-        What brings its nodes back.
+        Recovery of its nodes.
     """
 
     def __init__(self, bus: BusState, faults: FrameFaults, recovery: BusOffRecovery) -> None:
@@ -126,7 +126,7 @@ class Confinement:
         return bus.bits - ACK_SLOT_TO_END_BITS
 
     def _answered(self, senders: tuple[PortState, ...], receivers: tuple[PortState, ...]) -> bool:
-        """Tell whether one of the receivers acknowledges a frame."""
+        """Return whether one of the receivers acknowledges a frame."""
         answering = any(port.answers and port not in self._deaf for port in receivers)
         return answering and not any(port.unanswered for port in senders)
 

@@ -19,7 +19,7 @@ class Disturbance:
     bus
         The bus's state.
     confinement
-        What keeps its error counters.
+        Owner of its error counters.
     """
 
     def __init__(self, bus: BusState, confinement: Confinement) -> None:

@@ -18,7 +18,7 @@ _COUNTER_MAX = 255
 
 
 class BusError(enum.IntEnum):
-    """What went wrong on the wire (FMI-LS-BUS, Bus Error codes)."""
+    """Errors on the wire (FMI-LS-BUS, Bus Error codes)."""
 
     BIT_ERROR = 1
     BIT_STUFFING_ERROR = 2

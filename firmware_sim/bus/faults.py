@@ -171,7 +171,7 @@ class Corrupt(FrameFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeFault:
-    """What one node does from `start_ns` (included) to `end_ns` (excluded; None: for good)."""
+    """Behaviour of one node from `start_ns` (included) to `end_ns` (excluded; None: for good)."""
 
     node: str
     start_ns: int = 0

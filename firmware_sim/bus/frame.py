@@ -50,7 +50,7 @@ class Filter(NamedTuple):
     mask: int
 
     def passes(self, arbitration_id: int) -> bool:
-        """Tell whether a frame of this id (with flags) is accepted."""
+        """Return whether a frame of this id (with flags) is accepted."""
         return (arbitration_id ^ self.can_id) & self.mask == 0
 
 

@@ -8,10 +8,10 @@ for `Hub.fileno()` to become readable, or for `Bus.next_event_ns`, advances the 
 Only processes of the same user, and root, may connect (checked with SO_PEERCRED).
 
 Flow control: while a client's transmit queue on the bus is full nothing more is read from it, so
-that its own socket fills up and `send` fails there, as it does with ENOBUFS on SocketCAN. What a
-bus-off client sends is read and dropped: nothing stale goes out after the recovery. To a slow
-client up to `backlog` frames are kept; after that frames are lost, counted, and the client gets
-an error message (CAN_ERR_CRTL, RX_OVERFLOW) as from a controller that has overflown.
+that its own socket fills up and `send` fails there, as it does with ENOBUFS on SocketCAN. Frames of
+a bus-off client are read and dropped, so nothing stale is sent after recovery. To a slow client up
+to `backlog` frames are kept; after that frames are lost, counted, and the client gets an error
+message (CAN_ERR_CRTL, RX_OVERFLOW) as from a controller that has overflown.
 """
 
 from __future__ import annotations

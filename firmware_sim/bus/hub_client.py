@@ -26,7 +26,7 @@ class Client:
     since_ns
         CLOCK_MONOTONIC of its connection (ns).
     epoll
-        What waits for the socket; it is registered there.
+        Selector on which the socket is registered.
     greet
         Called with the client's name and options at its hello.
     backlog

@@ -30,7 +30,7 @@ class Injector:
     frames
         The faults of its frames.
     disturbance
-        What can happen to its cable.
+        Faults of its cable.
     """
 
     def __init__(self, bus: BusState, frames: FrameFaults, disturbance: Disturbance) -> None:

@@ -64,7 +64,7 @@ def log_line(frame: Frame, channel: str, epoch_ns: int = 0) -> str:
 def next_log(path: Path) -> Path:
     """Return the path of the log after this one: `run-0008.log` after `run-0007.log`.
 
-    What has no number is the first of its kind. A number whose file is there is passed over.
+    A file without a number is the first of its kind. A number whose file is there is passed over.
     """
     match = re.fullmatch(r"(.*)-(\d+)", path.stem)
     stem, digits = match.groups() if match else (path.stem, "0001")
@@ -144,7 +144,7 @@ class LogWriter:
             self._bytes += len(line)
 
     def _turn(self) -> None:
-        """Go on in the next file."""
+        """Continue in the next file."""
         self._file.close()
         self._file = _opened(self._next_file(Path(self._file.name)))
         self._bytes = 0

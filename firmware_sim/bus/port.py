@@ -13,7 +13,7 @@ from firmware_sim.bus.state import BusState, Offer, PortState
 
 
 class Port:
-    """What a node's program has of its CAN controller and driver. Made by `Bus.attach`.
+    """A node program's view of its CAN controller and driver. Made by `Bus.attach`.
 
     The queue is first in, first out, as Linux's default queue for CAN interfaces with a single
     transmit mailbox: an urgent frame waits for the same node's earlier ones. It takes `queue_limit`
@@ -124,7 +124,7 @@ class Port:
         return max(0, self._state.queue_limit - len(self._state.queue))
 
     def has_sent(self, arbitration_id: int) -> bool:
-        """Tell whether a frame of this id (with flags) has got through since the attachment.
+        """Return whether a frame of this id (with flags) has got through since the attachment.
 
         Of a port that has sent more than 4096 ids only the first of them are known.
         """

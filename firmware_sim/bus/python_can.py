@@ -14,7 +14,7 @@ The socket is a Unix SOCK_SEQPACKET: one datagram, one message, host byte order.
 
 So code which reads `bus.fileno()` itself can treat a SocketCAN raw socket and this one alike: read
 into a buffer of 24 bytes or more (SocketCAN fills 16), unpack the first 16; write 16 bytes. Both
-descriptors block: use MSG_DONTWAIT. What differs: an empty datagram means that the hub is gone; a
+descriptors block: use MSG_DONTWAIT. Differences: an empty datagram means that the hub is gone; a
 full queue is EAGAIN (ENOBUFS on SocketCAN); the socket's own time stamps are those in the message.
 
 Before, the client sends a hello (`wire.HELLO`) and gets a welcome (`wire.WELCOME`); acceptance

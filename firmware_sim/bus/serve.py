@@ -16,7 +16,7 @@ _LONGEST_WAIT_NS = 50_000_000
 
 
 class Service(Protocol):
-    """What has a descriptor to wait for: `Hub`, `Bridge`."""
+    """Something with a descriptor to wait for: `Hub`, `Bridge`."""
 
     def fileno(self) -> int:
         """Return the descriptor that is readable when `service` has something to do."""

@@ -54,7 +54,7 @@ class Failure(NamedTuple):
     Attributes
     ----------
     error
-        What the first to see it sees.
+        The error that its first observer sees.
     transmitters
         Nodes which send and see their frame destroyed.
     first
@@ -102,7 +102,7 @@ class PortState:
     acknowledges, muted, cut, unanswered
         As the faults of nodes have it.
     joining
-        Whether it came during a frame, which it does not hear.
+        Whether it joined during a frame, which it does not receive.
     closing, detached
         Whether it leaves once its queue is empty, and whether it has left.
     alone
@@ -157,7 +157,7 @@ class PortState:
         return self.listens and self.acknowledges and not self.listen_only
 
     def accepts(self, arbitration_id: int) -> bool:
-        """Tell whether frames of this id (with flags) pass the acceptance filters."""
+        """Return whether frames of this id (with flags) pass the acceptance filters."""
         filters = self.filters
         return filters is None or any(entry.passes(arbitration_id) for entry in filters)
 
@@ -209,7 +209,7 @@ class BusState:
     cut_off
         Called with a port on a cut wire when it has something to send.
     timers, timer_ns, timer_number
-        Heap of what is to happen, the time of the first (ns), and how many there have been.
+        Heap of events, the time of the first (ns), and their count so far.
     """
 
     bit_ns: int

@@ -36,7 +36,7 @@ class Fan:
     height_m
         Of the camera above the floor.
     steepest
-        Greatest slope of all rays: what is lower than a ray hides nothing.
+        Greatest slope of all rays: an object lower than a ray hides nothing.
 
     Attributes
     ----------

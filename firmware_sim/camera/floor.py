@@ -1,4 +1,4 @@
-"""What the floor is of: patterns that repeat every `PERIOD_M`, with all their coarser copies.
+"""Floor textures: patterns that repeat every `PERIOD_M`, with coarser copies (mipmaps).
 
 A pattern is drawn once from a seed, in metres. Each coarser copy averages two by two texels of the
 one before, so that what is far away is neither sharper nor noisier than a lens would show it.

@@ -1,4 +1,4 @@
-"""What a perfect eye on the robot would measure: for scoring what is made of the pictures.
+"""Measurements of a perfect eye on the robot, to score image processing.
 
 Nothing here is shared with what draws them (`camera_fan`, `camera_view`, `camera_lens`): every ray
 is cut with every side, and points are projected forwards through the lens.
@@ -105,7 +105,7 @@ def _distances(sides: np.ndarray, x: float, y: float) -> np.ndarray:
 def _met(sides: np.ndarray, x: float, y: float, ray: np.ndarray) -> np.ndarray:
     """Return the fraction of its length at which each ray from a point hits a side; inf: never.
 
-    For sides (k, 4) and ways (n, 2) it is (k, n).
+    For sides (k, 4) and rays (n, 2) it is (k, n).
     """
     ax, ay, bx, by = sides.T[..., None]
     ex, ey = bx - ax, by - ay
@@ -145,7 +145,7 @@ def project(points_base: np.ndarray, intrinsics: Intrinsics, mount: CameraMount)
 def sightings(
     world: World, pose: tuple[float, float, float], intrinsics: Intrinsics, mount: CameraMount
 ) -> list[Sighting]:
-    """Return what is in the picture of the true camera (`Camera.intrinsics`, `.mount`): no walls.
+    """Return the objects, no walls, in the true camera's picture (`Camera.intrinsics`, `.mount`).
 
     `pose` is that of base in world: x, y [m], heading [rad].
     """

@@ -1,4 +1,4 @@
-"""The pixels of a picture: the second half. What a ray meets first, and how that looks."""
+"""The pixels of a picture: the second half. The first hit of a ray, and its appearance."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from firmware_sim.camera.floor import LEVELS, PERIOD_M, SIDE
 from firmware_sim.compiled import compiled
 
 FLOOR, NOTHING = -1, -2
-"""Labels of pixels that show no thing: the floor, and what is above all walls."""
+"""Labels of pixels without an object: the floor, and everything above all walls."""
 SKY = 205.0
 COARSEST = LEVELS - 1
 QUANTILES = 4096
@@ -30,7 +30,7 @@ PIXEL = np.dtype(
         ("taps", np.uint8),  # samples of the floor along the ray
     ]
 )
-"""What a pixel is, the same for all pictures."""
+"""Properties of a pixel, the same for all pictures."""
 
 
 @compiled

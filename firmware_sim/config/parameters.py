@@ -1,4 +1,4 @@
-"""What the physics needs to know: frozen values, validated when a robot's TOML is read.
+"""Parameters of the physics: frozen values, validated when a robot's TOML is read.
 
 Units stand in the names. All lengths are in the base frame (x forward, y left) of the robot; the
 base of a drive-and-steer robot is the centre of its rear axle. The defaults are those of a small

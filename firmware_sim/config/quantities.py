@@ -1,4 +1,4 @@
-"""Types of the numbers in the simulator's files, with what is allowed.
+"""Types of the numbers in the simulator's files, with their ranges.
 
 No length, mass or resistance of a robot is beyond a million in the units of its key: greater
 numbers are slips, and would end in infinities.

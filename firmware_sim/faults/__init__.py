@@ -1,1 +1,1 @@
-"""What can go wrong: kinds, catalogue, scenarios, and the monitor that knows the truth."""
+"""Faults: kinds, catalogue, scenarios, and the monitor that knows the truth."""

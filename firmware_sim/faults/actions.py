@@ -39,7 +39,7 @@ PARAMETERS: Final = {
     "battery_low": ("power", LOW_LIMIT, 0),
     "battery_critical": ("power", CRITICAL_LIMIT, 0),
 }
-"""What the host relies on in the memory of nodes: node and object."""
+"""Settings in the nodes' memory that the host relies on: node and object."""
 
 PLACES_TRIED: Final = 1000
 
@@ -130,7 +130,7 @@ def under_voltage(robot: FaultyRobot, arguments: Arguments) -> Undo:
 
 
 def brown_out(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let the drive's supply sag evenly to what is left; of several the lowest counts."""
+    """Let the drive's supply sag linearly to a voltage; of several the lowest counts."""
     stage, cause = robot.stage, object()
     left_v, supply_v = number(arguments, "volts"), robot.plant.bus_voltage_v
     if supply_v <= left_v:
@@ -168,7 +168,7 @@ def carry(robot: FaultyRobot, _: Arguments) -> None:
 
 
 def leak(robot: FaultyRobot, arguments: Arguments) -> Undo:
-    """Let one sonar hear another."""
+    """Let one sonar receive another's echo."""
     return robot.ring.leak(int(number(arguments, "sonar")), int(number(arguments, "other")))
 
 

@@ -40,7 +40,7 @@ class Kind:
     Attributes
     ----------
     help
-        What happens, in a line.
+        Description, in one line.
     begin
         Starts it; returns what ends it, or None if there is nothing to end.
     parameters

@@ -30,7 +30,7 @@ class Faults:
     robot
         Whom they befall.
     stage
-        What its drive reads.
+        Inputs of its drive.
     """
 
     def __init__(self, robot: FaultyRobot) -> None:

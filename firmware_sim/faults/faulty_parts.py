@@ -31,7 +31,7 @@ RELEASE_V: Final = 6.5
 
 
 class _Encoder:
-    """Counts of a wheel's encoder: continuous whenever what is broken changes."""
+    """Counts of a wheel's encoder: continuous across changes of its faults."""
 
     def __init__(self, true: Callable[[], int]) -> None:
         self._true_now = true
@@ -40,7 +40,7 @@ class _Encoder:
 
     @property
     def count(self) -> int:
-        """What the encoder has counted."""
+        """Counts of the encoder."""
         factor = self._present[-1].factor if self._present else SOUND
         return self._read + factor * (self._true_now() - self._true)
 
@@ -158,7 +158,7 @@ class FaultyStage:
         self._pass_on()
 
     def holds_in_reset(self) -> bool:
-        """Tell whether the drive's processor is held in reset, as its supply is now.
+        """Return whether the drive's processor is held in reset, by its present supply.
 
         A supply without a fault holds it never, however low the battery of this robot is.
         """
@@ -304,7 +304,7 @@ class FaultyRing:
         """Return a group's ranges in which one sonar takes another's earlier echo.
 
         The sound goes from the speaker to what it sees and from there straight to the listener,
-        which takes half of the way for its range.
+        which takes half the distance for its range.
         """
         there_m = ranges_m[speaker % GROUP_SIZE]
         if math.isinf(there_m):

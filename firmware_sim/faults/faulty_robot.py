@@ -42,11 +42,11 @@ class FaultyRobot:
     stores
         Their non-volatile memories, by name.
     stage
-        What its drive reads.
+        Inputs of its drive.
     ring
-        What its sonars hear.
+        Readings of its sonars.
     imu
-        What its IMU feels.
+        Readings of its IMU.
     rng
         Of the noise of broken sensors.
     run_to

@@ -1,7 +1,7 @@
 """Which arguments of a fault a robot cannot have, though the bounds of the catalogue allow them.
 
 A fault that a robot cannot feel would leave a test of it green without having been applied. Each
-function yields the key and what is wrong with it, and what this robot allows.
+function yields the key, its problem, and what this robot allows.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 The monitor knows nothing of the drive's own guards and states, and nothing of the host. Frames that
 forbid power count once they have passed the bus; frames that allow it only once delivered to the
-drive's controller, from any sender. It looks at the bridges and the body of the true robot. What it
-holds against a robot:
+drive's controller, from any sender. It looks at the bridges and the body of the true robot. Unsafe
+motions:
 
 - power at the wheels later than the drive's time-out after the last command that allowed it. A
   command allows power if it is sound, new, and says "enable", and forbids it with a "no" if it is
@@ -81,7 +81,7 @@ class Unsafe(NamedTuple):
 
 
 class _Objection(NamedTuple):
-    """What is held against the robot at one moment: its kind, and how far it goes."""
+    """A present objection to the robot: its kind, and its size."""
 
     kind: str
     reason: str
@@ -117,7 +117,7 @@ class SafetyMonitor:
         self._cleared = self._said_no = True
         self._now_ns = 0
         self._armings: dict[int, int] | None = None
-        """When each was told of [ns]."""
+        """When each was reported [ns]."""
         self._present = ""
 
     def on_arming(self, number: int) -> None:
@@ -158,7 +158,7 @@ class SafetyMonitor:
         if not data[1] & _ENABLE:
             self._said_no = self._said_no or self._cleared
             if self._said_yes and self._armings is not None:
-                # What is delivered now may have waited since before the youngest of them.
+                # A frame delivered now may have waited since before the youngest of them.
                 since_ns = stamp_ns - self._allowed.power_ns
                 self._armings = {n: ns for n, ns in self._armings.items() if ns > since_ns}
             self._said_yes, self._why = False, "Enable=0"
@@ -188,7 +188,7 @@ class SafetyMonitor:
         self._present = kind
 
     def _objection(self, motion: Motion, now_ns: int) -> _Objection | None:
-        """Return what is held against the robot at this moment, the worst first."""
+        """Return the present objections to the robot, the worst first."""
         allowed, v_m_s, omega_rad_s = self._allowed, motion.v_m_s, motion.omega_rad_s
         forbidden = self._objection_to_power(now_ns)
         if forbidden and motion.powered:

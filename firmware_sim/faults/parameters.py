@@ -34,7 +34,7 @@ class Parameter:
     low, high
         Bounds of a number, both allowed.
     words
-        What is allowed where it is no number.
+        Allowed words, if it is no number.
     whole
         Whether it must be a whole number.
     """
@@ -52,7 +52,7 @@ class Parameter:
         Raises
         ------
         SimulationError
-            With what is allowed.
+            With the allowed values.
         """
         if self.words:
             if not isinstance(given, str) or given not in self.words:

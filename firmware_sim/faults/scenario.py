@@ -119,7 +119,7 @@ def play(scenario: Scenario, faults: Faults, announce: Callable[[str], None]) ->
     Parameters
     ----------
     scenario
-        What is to happen.
+        The planned faults.
     faults
         Those of the simulation.
     announce
@@ -139,7 +139,7 @@ def not_begun(scenario: Scenario, told: Iterable[str]) -> list[str]:
     Parameters
     ----------
     scenario
-        What was to happen.
+        The planned fault.
     told
         All lines that `play` has announced.
     """
@@ -189,7 +189,7 @@ class _Player:
 
 
 class _Reader:
-    """Turns the tables of one file into values and collects what is wrong with them."""
+    """Turns the tables of one file into values and collects their errors."""
 
     def __init__(self, path: Path, lines: Mapping[Key, int], robot: RobotConfig) -> None:
         self._path = path
@@ -264,7 +264,7 @@ class _Reader:
         self.problems.append(f"{place}: {_dotted(key)}: {problem}")
 
     def _line(self, key: Key) -> int | None:
-        """Return the line of a key, or of what is nearest around it, or of the first in it."""
+        """Return the line of a key, or of its nearest parent, or of its first child."""
         around = (key[:length] for length in range(len(key), 0, -1))
         lines = [self._lines[each] for each in around if each in self._lines]
         lines += sorted(line for each, line in self._lines.items() if each[: len(key)] == key)

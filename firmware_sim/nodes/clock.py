@@ -6,7 +6,7 @@ PPM = 1e-6
 
 
 class LocalClock:
-    """What time it is for a node, and how long a time of its own really lasts.
+    """A node's own time, and the true length of its intervals.
 
     Exact while the oscillator is.
     """

@@ -132,7 +132,7 @@ class DriveNode(Node):
 
     @property
     def drive_state(self) -> DriveState:
-        """What MotorStatus.State reports."""
+        """Values of MotorStatus.State."""
         return self._machine.state
 
     # Start, NMT ---------------------------------------------------------------------------------

@@ -53,7 +53,7 @@ _ENCODER: Final = int(DriveFault.ENCODER)
 
 @dataclass(frozen=True, slots=True)
 class MotorModel:
-    """What the firmware knows of the motors it drives.
+    """The firmware's motor parameters.
 
     Attributes
     ----------

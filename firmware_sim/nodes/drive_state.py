@@ -25,7 +25,7 @@ LATCHED = frozenset({DriveState.STOPPED, DriveState.FAULT, DriveState.EMERGENCY_
 
 
 class DriveEvent(enum.Enum):
-    """What can happen to the drive."""
+    """Events of the drive."""
 
     POWER_UP = "power_up"
     WARM_RESET = "warm_reset"
@@ -74,8 +74,8 @@ TRANSITIONS: dict[DriveState, dict[DriveEvent, DriveState]] = {
         _E.CLEAR: _S.READY,
     },
 }
-"""Every change of state but `POWER_UP`, which leads to BOOT from anywhere. What is not listed
-changes nothing: an emergency stop outranks a fault, and commands do not count where latched."""
+"""Every change of state but `POWER_UP`, which leads to BOOT from anywhere. Unlisted pairs change
+nothing: an emergency stop outranks a fault, and commands do not count while latched."""
 
 
 class DriveStateMachine:

@@ -82,7 +82,7 @@ class Protector:
 
 
 class CheckStatus(enum.Enum):
-    """What a receiver makes of one frame. Only OK and OK_SOME_LOST may be used."""
+    """A receiver's verdict on one frame. Only OK and OK_SOME_LOST may be used."""
 
     OK = "ok"
     OK_SOME_LOST = "ok_some_lost"

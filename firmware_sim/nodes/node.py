@@ -1,4 +1,4 @@
-"""What all nodes have in common: NMT, boot-up, heartbeat, EMCY, SDO, stored parameters (CiA 301).
+"""Common parts of all nodes: NMT, boot-up, heartbeat, EMCY, SDO, stored parameters (CiA 301).
 
 A node receives every frame at its exact time (`on_frame`) and sets its alarm to be woken at an
 exact time without one (`wake`). Its own clock (`clock`) determines its periods.
@@ -206,7 +206,7 @@ class Node:
         """React to parameters, or the wish for defaults, that are stored now."""
 
     def _step(self, now_ns: int) -> None:
-        """Do what is due."""
+        """Do the due work."""
 
     def _due_ns(self) -> int:
         """Return when `_step` is next due."""

@@ -27,7 +27,7 @@ class ParameterStore(Protocol):
         """Replace the stored data, or raise OSError and keep it."""
 
     def clear(self) -> None:
-        """Forget what is stored, so that the next start uses defaults."""
+        """Clear the store, so that the next start uses defaults."""
 
 
 class MemoryStore:
@@ -41,11 +41,11 @@ class MemoryStore:
         return dict(self._values)
 
     def save(self, values: dict[Key, int]) -> None:
-        """Replace what is stored."""
+        """Replace the content."""
         self._values = dict(values)
 
     def clear(self) -> None:
-        """Forget what is stored."""
+        """Clear the store."""
         self._values = {}
 
 
@@ -69,12 +69,12 @@ class FragileStore:
         return self._store.load()
 
     def save(self, values: dict[Key, int]) -> None:
-        """Replace what is stored, which is sound then."""
+        """Replace the content, which is then sound."""
         self._store.save(values)
         self.damaged = False
 
     def clear(self) -> None:
-        """Forget what is stored, which is sound then."""
+        """Clear the store, which is then sound."""
         self._store.clear()
         self.damaged = False
 

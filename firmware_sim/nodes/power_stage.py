@@ -1,4 +1,4 @@
-"""What the motor controller's firmware sees of its hardware."""
+"""Hardware interface of the motor controller's firmware."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from firmware_sim.plant.plant import Bridge
 
 
 class PowerStage(Protocol):
-    """What the drive commands and measures: the plant, or a fake of it.
+    """The drive's actuators and sensors: the plant, or a fake.
 
     Counts are unbounded and signed, currents positive with forward torque, the steering angle
     positive to the left.

@@ -53,7 +53,7 @@ class SdoServer:
     Parameters
     ----------
     dictionary
-        What the client reads and writes.
+        The dictionary that clients access.
     """
 
     def __init__(self, dictionary: ObjectDictionary) -> None:

@@ -1,4 +1,4 @@
-"""What an object dictionary is made of: typed variables with access rights and ranges."""
+"""Entries of an object dictionary: typed variables with access rights and ranges."""
 
 from __future__ import annotations
 

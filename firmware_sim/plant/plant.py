@@ -92,7 +92,7 @@ class Plant:
         self._wheels = np.zeros(2, WHEEL)
         self._b = self._body[0]
         self._w = (self._wheels[0], self._wheels[1])
-        # What is touched while the robot drives goes through these, a fifth of a record's cost.
+        # Hot-path access goes through these, at a fifth of a record's cost.
         self._body_numbers = _numbers(self._body)
         self._wheel_numbers = (_numbers(self._wheels[:1]), _numbers(self._wheels[1:]))
         self._steering_max_rad = float(self._p["steering_max"][0])
@@ -102,7 +102,7 @@ class Plant:
         self._begin_at(*world.start)
 
     def _start(self, config: RobotConfig) -> None:
-        """Set what is not zero at power-on."""
+        """Set the values that are not zero at power-on."""
         s = config.simulation
         loads = (self._p["load0"][0], self._p["load1"][0])
         radii = nominal_radii(config.drive)
@@ -135,7 +135,7 @@ class Plant:
         steering_rad
             Demanded angle, positive left; limited to what the linkage allows.
         bridge
-            What the bridges do.
+            State of the bridges.
 
         Raises
         ------

@@ -192,7 +192,7 @@ def nominal_radii(drive: Drive) -> tuple[float, float]:
 
 
 def _geometry(config: RobotConfig) -> dict[str, float]:
-    """Return the drive's kind, lengths, loads of the contacts and drag of what is not driven."""
+    """Return the drive's kind, lengths, contact loads and drag of the passive wheels."""
     s, drive = config.simulation, config.drive
     if isinstance(drive, DifferentialDrive):
         return _differential(config, drive)

@@ -1,1 +1,1 @@
-"""What sonars and the lidar measure in a world."""
+"""Measurements of sonars and lidar in a world."""

@@ -1,8 +1,8 @@
 """Fans of rays against line segments: the geometry that sonar and lidar share.
 
 A fan has n rays at equal angles about its axis. Rather than every ray against every wall, each wall
-is tried with the rays between the bearings of its ends only, so the cost is that of what is seen.
-All is done in the frame of the fan, x along its axis.
+is tried only with the rays between the bearings of its ends, so the cost depends on what is
+visible. All is done in the frame of the fan, x along its axis.
 """
 
 from __future__ import annotations

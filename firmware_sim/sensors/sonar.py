@@ -2,7 +2,7 @@
 
 The echo that counts is the first, from the nearest surface in the cone that reflects back: one met
 at no more than the greatest incidence, or a concave corner. A surface met at a flatter angle hides
-what is behind it and returns nothing. Sensors of a group fire together; one may hear another's
+what is behind it and returns nothing. Sensors of a group fire together; one may receive another's
 sound.
 """
 

@@ -1,4 +1,4 @@
-"""What of a large room is within the reach of a sensor, so that it need not try all the walls."""
+"""Walls of a large room within the reach of a sensor, so that it need not try all."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _QUEUE_LIMIT = 16
 
 
 class Truth(msgspec.Struct, frozen=True, gc=False):
-    """What really is. Pose of `base` in `world`; times on CLOCK_MONOTONIC.
+    """The true state. Pose of `base` in `world`; times on CLOCK_MONOTONIC.
 
     Attributes
     ----------

@@ -140,9 +140,9 @@ class World:
     things
         All objects, in the order of the segments; obstacles last.
     floor
-        What the camera sees below.
+        The floor, for the camera.
     lamps
-        What lights it; none: lamps under the ceiling, some 3.6 m apart.
+        Lamps; none: ceiling lamps about 3.6 m apart.
     boards
         Printed chessboards on it.
     cells
@@ -172,7 +172,7 @@ class World:
         return np.ascontiguousarray(np.vstack([self.segments, low]))
 
     def seen_from(self, height_m: float) -> World:
-        """Return what a level sensor at a height sees: only what is higher than that."""
+        """Return the objects that a level sensor at a height sees: those higher than it."""
         seen = tuple(thing for thing in self.things if thing.height_m > height_m)
         if seen == tuple(thing for thing in self.things if thing.kind != OBSTACLE):
             return self
@@ -232,7 +232,7 @@ class World:
 
 
 _OTHERS: Final = {"item": "mission", "fault": "scenario of faults", "drive": "robot's file"}
-"""What a file with such a table is, if it is no world."""
+"""Kind of a file with such a table, if it is no world."""
 
 
 def load_world(path: Path) -> World:

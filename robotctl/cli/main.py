@@ -21,10 +21,10 @@ _ONLY_PRINTED: Final = ({"--help"}, {"version"}, {"config", "show"}, {"config", 
 def main() -> None:
     """Run the command line; a known error, or a file that is refused, ends it with status 2.
 
-    A disk that is full or fails is no bad input: status 4.
-    What cannot be printed changes neither the files of a run nor its status: a character that the
-    encoding has not is written plainly, and where the standard output is full or nobody reads it,
-    the rest is dropped. A full one is said, and is an error of a command that only prints.
+    A disk that is full or fails is no bad input: status 4. Printing errors change neither the files
+    of a run nor its status: a character that the encoding has not is written plainly, and where the
+    standard output is full or nobody reads it, the rest is dropped. A full one is said, and is an
+    error of a command that only prints.
     """
     with quiet_output() as output:
         status = _status()

@@ -19,7 +19,7 @@ _PLAIN: Final = {
     "ρ": "rho", "•": "*", "✓": "ok", "✗": "x", "─": "-", "━": "-", "│": "|", "┃": "|",
     "\u2212": "-",
 }  # fmt: skip
-"""What to print where the encoding has not got a character; for others there is `?`."""
+"""Replacements for characters that the encoding lacks; others become `?`."""
 
 
 def _plainly(error: UnicodeError) -> tuple[str | bytes, int]:

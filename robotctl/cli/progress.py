@@ -16,7 +16,7 @@ def progress_bar(console: Console, name: str, work: str) -> Iterator[Callable[[i
     Yields
     ------
     Callable
-        To call with what is done, and of how much.
+        Called with the amount done, and the total.
     """
     columns = (
         TextColumn("{task.description}", markup=False),

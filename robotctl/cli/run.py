@@ -57,7 +57,7 @@ def run(
 ) -> None:
     """Run control, navigation and telemetry until Ctrl-C; arm from a ground station.
 
-    SIGUSR1, Space and e stop the robot at once. What ends is started again, unarmed.
+    SIGUSR1, Space and e stop the robot at once. Processes that end are restarted, disarmed.
     """
     path = find_file(robot)
     mission_path = find_file(mission, "missions") if mission else None

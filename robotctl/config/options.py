@@ -1,4 +1,4 @@
-"""What the processes of one robot are started with, handed over as JSON on the command line."""
+"""Start options of the processes of one robot, passed as JSON on the command line."""
 
 from __future__ import annotations
 

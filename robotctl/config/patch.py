@@ -33,7 +33,7 @@ def as_toml(tables: Tables, comments: Iterable[str], words: Callable[[str, str],
     Parameters
     ----------
     tables
-        What to write.
+        The values.
     comments
         Lines above.
     words

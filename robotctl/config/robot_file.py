@@ -134,7 +134,7 @@ def find_file(
     Parameters
     ----------
     given
-        What the user wrote.
+        The user's text.
     folder
         Which of the shipped folders is meant, and so what kind of file: "" for robots, `missions`,
         `worlds`, `scenarios`.
@@ -166,7 +166,7 @@ def _refuse_other_kind(file: Path, folder: str, suffixes: Sequence[str]) -> None
     Raises
     ------
     ConfigError
-        With what it is and what is needed.
+        With the kind found and the kind needed.
     """
     if file.suffix.lower() in MAPS:
         if file.suffix.lower() not in suffixes:
@@ -264,7 +264,7 @@ def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]
 
 
 def _beyond_the_limits(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield what is planned with more than the robot does."""
+    """Yield plans that exceed the robot's limits."""
     limits, navigation = config.limits, config.navigation
     planned = (
         (("guard", "deceleration_m_s2"), navigation.guard.deceleration_m_s2, "a_max_m_s2"),

@@ -1,4 +1,4 @@
-"""What `robotctl doctor` finds: one value for each check."""
+"""Results of `robotctl doctor`: one value for each check."""
 
 from __future__ import annotations
 

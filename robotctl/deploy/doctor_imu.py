@@ -1,4 +1,4 @@
-"""Check of the IMU: on a robot that stands, it feels the floor below it and no turning."""
+"""Check of the IMU: at rest it measures gravity and no rotation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robotctl.messages.ports import Clock
 from robotctl.model.sensors.imu import ImuConfig
 
 LOOK_NS: Final = 1_000_000_000
-"""So long the IMU is listened to [ns]."""
+"""Duration of the measurement [ns]."""
 
 GRAVITY_TOLERANCE: Final = 0.05
 """A sound accelerometer at rest is not further off [share of gravity]."""

@@ -39,7 +39,7 @@ _FIXES: Final = {
     FaultCode.NODE_CHANGED: "find out who else on the bus writes to the nodes",
     FaultCode.NODE_PUT_OUT: "find out who else on the bus commands the nodes (NMT)",
 }
-"""What to do about each kind of problem; about others, see to power and cable."""
+"""Remedy for each kind of problem; for others, check power and cable."""
 
 
 def check_nodes(config: RobotConfig, clock: Clock) -> list[Finding]:

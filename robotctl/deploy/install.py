@@ -1,4 +1,4 @@
-"""`robotctl install` and `uninstall`: files on the disk, and a manifest of what is ours.
+"""`robotctl install` and `uninstall`: files on the disk, and a manifest of our files.
 
 Files that others wrote or changed are never overwritten or removed.
 """
@@ -20,7 +20,7 @@ MANIFEST: Final = Path("etc/robotctl/installed.json")
 
 
 class Manifest(msgspec.Struct, frozen=True):
-    """What an installation wrote.
+    """Files of an installation.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ def _digest(path: Path) -> str | None:
 
 
 def _digest_of(data: bytes) -> str:
-    """Return the SHA-256 of what is to be in a file."""
+    """Return the SHA-256 of a file's intended content."""
     return hashlib.sha256(data).hexdigest()
 
 

@@ -31,7 +31,7 @@ _PLACEHOLDER = re.compile(r"@([A-Z_]+)@")
 _OTHERS_MAY_ENTER = 0o001
 _OTHERS_MAY_RUN = 0o005
 _NOT_IN_A_UNIT: Final = re.compile(r"[\"'\\\x00-\x1f\x7f]")
-"""What systemd takes in no program's path, however quoted."""
+"""Characters that systemd refuses in a program's path, however quoted."""
 
 
 @dataclass(frozen=True, slots=True)

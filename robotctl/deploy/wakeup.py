@@ -24,7 +24,7 @@ _MARGIN_S = 30.0
 
 
 class Wakeups(msgspec.Struct, frozen=True):
-    """What was measured.
+    """The measurement.
 
     Attributes
     ----------

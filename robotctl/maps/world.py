@@ -1,8 +1,8 @@
 """The walls of a world's file, which a robot localises itself by.
 
-This is robotctl's own reading: `firmware_sim.world` has another, and tests compare the two. Of a
-world it takes what is on a map: `[[wall]]`, `[[box]]` and `[[furniture]]`. Obstacles are on none;
-floor, lamps and boards are the camera's, and only the simulator reads them.
+This is robotctl's own reading: `firmware_sim.world` has another, and tests compare the two. It
+reads the parts of a world that are on a map: `[[wall]]`, `[[box]]` and `[[furniture]]`. Obstacles
+are on none; floor, lamps and boards are the camera's, and only the simulator reads them.
 """
 
 from __future__ import annotations

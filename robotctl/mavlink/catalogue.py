@@ -1,4 +1,4 @@
-"""What all microservices together send, answer and are able to do."""
+"""Messages, commands and capabilities of all microservices together."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Catalogue:
     streams : mapping of int to Stream
         By number of the message, in the order in which they start.
     commands : mapping of int to callable
-        Who carries out each MAV_CMD.
+        Handler of each MAV_CMD.
     capabilities : int
         MAV_PROTOCOL_CAPABILITY bits.
     """

@@ -1,4 +1,4 @@
-"""What the MAVLink microservices share: the state of the robot, and what leaves a step."""
+"""Shared data of the MAVLink microservices: the state of the robot, and the output of a step."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Context:
             self.texts.extend((state.severity, line) for line in state.text.splitlines())
 
     def say(self, now_ns: int, text: str, severity: Severity = Severity.WARNING) -> None:
-        """Tell people `text`, on the ground stations and in the notices.
+        """Send `text` to ground stations and notices.
 
         Not where half the room for texts is taken: whoever asks for nonsense again and again must
         not crowd out what the other processes say, such as why the robot has stopped.

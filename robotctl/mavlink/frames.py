@@ -88,7 +88,7 @@ _PLANAR = ((_Y, 1.0), (_X, 1.0), (_YAW, -1.0))
 
 
 def _upper(row: int, column: int, size: int) -> int:
-    """Return where an element stands in the upper triangle of a matrix, row by row."""
+    """Return the index of an element in the upper triangle of a matrix, row by row."""
     row, column = min(row, column), max(row, column)
     return row * size - row * (row - 1) // 2 + column - row
 

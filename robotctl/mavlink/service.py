@@ -1,4 +1,4 @@
-"""What a MAVLink microservice is, and who gets which message."""
+"""MAVLink microservices, and the routing of messages to them."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Router:
     """Gives each message to the services that handle it.
 
     Dropped and counted are messages for others (`misaddressed`) and our own that came back
-    (`echoes`); messages that nobody handles are passed over.
+    (`echoes`); unhandled messages are skipped.
     """
 
     def __init__(self, services: Sequence[Microservice], config: MavlinkConfig) -> None:

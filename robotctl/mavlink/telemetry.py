@@ -24,7 +24,7 @@ class Telemetry:
     links : MavlinkPort
         Made with the same addresses and links as `config`; the caller closes them.
     services : sequence of Microservice classes
-        What the robot does over MAVLink, stepped in this order.
+        The services, stepped in this order.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Telemetry:
         self._router = Router(members, config)
 
     def step(self, now_ns: int, received: Sequence[State]) -> list[Request]:
-        """Take in what came, send what is due.
+        """Process received messages, send due ones.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class Telemetry:
         return requests
 
     def say(self, now_ns: int, text: str) -> None:
-        """Tell people of something critical."""
+        """Report something critical."""
         self._context.say(now_ns, text, Severity.CRITICAL)
 
     def take_notices(self) -> list[Notice]:

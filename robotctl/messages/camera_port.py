@@ -42,7 +42,7 @@ class CameraFrame:
 
 
 class CameraPort(Protocol):
-    """A camera. Older pictures than the newest are dropped: a robot acts on what is now."""
+    """A camera. Older pictures than the newest are dropped: a robot acts on the present."""
 
     def read(self) -> CameraFrame | None:
         """Return, without waiting for the camera, the newest picture not yet read; None if none.

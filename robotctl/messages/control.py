@@ -155,7 +155,7 @@ class AccelerometerFeedback(msgspec.Struct, frozen=True, gc=False, array_like=Tr
 
 
 class ImuFeedback(msgspec.Struct, frozen=True, gc=False, array_like=True):
-    """What the IMU says of the robot, in `base`, and what follows from it.
+    """IMU data in `base`, and derived quantities.
 
     `stamp_ns` is that of the force, `gyro_stamp_ns` that of the rates. `rate_rad_s` are the mean
     rates about x, y, z as read, bias included (rad/s), `force_m_s2` the mean specific force along
@@ -203,7 +203,7 @@ class EmergencyMessage(msgspec.Struct, frozen=True, array_like=True):
 
 
 class NodeStatus(msgspec.Struct, frozen=True, array_like=True):
-    """What is known of one CANopen node.
+    """Status of one CANopen node.
 
     `boots` counts its boots, the first included; `problem` is empty once the node is identified,
     has confirmed its parameters and is operational, otherwise one sentence for the operator, and
@@ -234,7 +234,7 @@ class BusStatus(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Feedback(msgspec.Struct, frozen=True, array_like=True):
-    """What the bus brought since the last tick; None and () where nothing valid came.
+    """Feedback since the last tick; None and () where nothing valid came.
 
     `nodes` and `bus` are the present state, not events.
     """
@@ -345,12 +345,12 @@ class GroundStationPresence(msgspec.Struct, frozen=True, tag=True):
 
 
 ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop
-"""What the control process takes."""
+"""Requests to the control process."""
 
 NavigationRequest: TypeAlias = (
     SetMode | VelocityTarget | PositionTarget | ManualControl | ExternalPose | GroundStationPresence
 )
-"""What the navigation process takes."""
+"""Requests to the navigation process."""
 
 
 class Ack(msgspec.Struct, frozen=True):
@@ -379,7 +379,7 @@ class LoopStatistics(msgspec.Struct, frozen=True):
 
 
 class ControlState(msgspec.Struct, frozen=True, tag=True):
-    """What the control process publishes, 50 times a second.
+    """State of the control process, published 50 times a second.
 
     `x_m`, `y_m`, `theta_rad` are `T_odom_base`, the pose of `base` in `odom` (m, rad); `WorldPose`
     says what that is in `world`. `odom_epoch_ns` is when that frame began (ns): it changes with
@@ -436,7 +436,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
 
 
 class NavigationState(msgspec.Struct, frozen=True, tag=True):
-    """What the navigation process publishes after each of its steps.
+    """State of the navigation process, published after each step.
 
     `item` counts mission items from 0 and equals `items` when the mission is completed; `item_s_m`
     is the distance along an item that is a path or a wall (m).

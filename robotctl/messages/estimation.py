@@ -39,7 +39,7 @@ class SeenObstacle(msgspec.Struct, frozen=True):
 
 
 class CameraView(msgspec.Struct, frozen=True, tag=True):
-    """What the camera process makes of one picture.
+    """Result of the camera process for one picture.
 
     Beam i looks from `x_m`, `y_m` of `base` at `angles_rad[i]` from forward, to the left. Ranges
     (m): inf: floor up to `max_range_m`, nan: not judged; `sigmas_m` are their standard deviations.
@@ -61,7 +61,7 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
 
 
 class LocalisationState(msgspec.Struct, frozen=True, tag=True):
-    """What the localiser believes, published after each step of the navigation process.
+    """State of the localiser, published after each step of the navigation process.
 
     `x_m`, `y_m`, `theta_rad` are `T_world_odom`, the pose of `odom` in `world` (m, rad), and hold
     for the odometry of `odom_epoch_ns`; `WorldPose` says whether they count. `epoch_ns` is when

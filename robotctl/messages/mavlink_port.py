@@ -73,7 +73,7 @@ def parse_link_url(url: str) -> LinkAddress:
     Raises
     ------
     ValueError
-        Names what is wrong with `url` and what is allowed.
+        Names the problem of `url` and the allowed forms.
     """
     kind, _, rest = url.partition(":")
     if kind not in KINDS:
@@ -133,7 +133,7 @@ class Received(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LinkStatus:
-    """What one link did since the start.
+    """Statistics of one link since the start.
 
     `bad_bytes` belonged to no valid frame; `dropped` frames found no room or nobody listening;
     `opened` counts (re)connections; `port` is the bound port of a server, else 0.
@@ -169,7 +169,7 @@ class MavlinkPort(Protocol):
         """Queue `message` for one peer; nothing happens where it has gone."""
 
     def flush(self) -> None:
-        """Hand what is queued to the operating system, as far as it takes it."""
+        """Pass the queue to the operating system, as far as it accepts it."""
 
     def status(self) -> tuple[LinkStatus, ...]:
         """Return the counters of each link, in the order of the configuration."""

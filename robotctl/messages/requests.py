@@ -1,4 +1,4 @@
-"""What operators and ground stations ask of the navigator."""
+"""Requests of operators and ground stations to the navigator."""
 
 from __future__ import annotations
 

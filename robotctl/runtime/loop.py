@@ -36,7 +36,7 @@ class Ticker(Protocol):
         """Send the outputs."""
 
     def publish(self, now_ns: int) -> None:
-        """Tell other processes; nothing that the wheels wait for."""
+        """Publish to other processes; nothing that the wheels wait for."""
 
 
 class Loop:

@@ -51,9 +51,9 @@ def odometry(
 ) -> None:
     """Find wheel sizes, track width or wheelbase, and noise of odometry, with 95 % intervals.
 
-    Without --log and --runs the simulated robot drives squares both ways. Status 0: found, and
-    dead reckoning is better with it. 1: a drive failed, or the data are too few. 3: it is worse,
-    no patch. 2: bad input.
+    Without --log and --runs the simulated robot drives squares in both directions. Status 0: found,
+    and dead reckoning is better with it. 1: a drive failed, or the data are too few. 3: it is
+    worse, no patch. 2: bad input.
     """
     if log is not None or runs is not None:
         refuse_unused(ctx, "with recorded drives", "seed")

@@ -13,7 +13,7 @@ _WITHIN = 1.96
 
 
 def save_plot(result: CheckResult, file: Path) -> None:
-    """Draw the places as they are and as told, and the errors over the distance."""
+    """Draw measured and estimated places, and the errors over the distance."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
 
     figure = Figure(figsize=(11.0, 5.5), dpi=120, layout="constrained")

@@ -89,8 +89,8 @@ def ranges(
 ) -> None:
     """Measure where the floor ends, as a range scan from below the camera.
 
-    Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be told
-    from the rest. 2: bad input.
+    Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be
+    distinguished from the rest. 2: bad input.
     """
     _run(_RANGES, pictures, robot, out, csv, json, sequence, overrides)
 
@@ -106,8 +106,8 @@ def obstacles(
 ) -> None:
     """Find free-standing objects on the floor: position, width, height.
 
-    Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be told
-    from the rest. 2: bad input.
+    Status 0: all pictures are trusted. 1: in some, which are named, the floor could not be
+    distinguished from the rest. 2: bad input.
     """
     _run(_OBSTACLES, pictures, robot, out, csv, json, sequence, overrides)
 

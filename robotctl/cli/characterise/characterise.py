@@ -53,8 +53,8 @@ def characterise(
     """Find noise, outliers and limits of sonars or lidar, with 95 % intervals.
 
     Without --log the simulated robot drives a round. Status 0: found. 1: the data are too few, or
-    nobody knows where they were taken. 3: with the new settings readings say less about the place
-    than with the present ones, no patch. 2: bad input.
+    or readings without poses. 3: with the new settings readings say less about the place than with
+    the present ones, no patch. 2: bad input.
     """
     if log is not None:
         refuse_unused(ctx, "with --log", "seed")

@@ -1,4 +1,4 @@
-"""How far a run in lockstep is, for who waits: a line that renews itself, or one now and then."""
+"""Progress of a run in lockstep: a line that updates itself, or one now and then."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LINE_S: Final = 5.0
 
 
 class LockstepProgress:
-    """Tells how far a run is; use as a context manager.
+    """Shows the progress of a run; use as a context manager.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class LockstepProgress:
         self._console.print(line, soft_wrap=True)
 
     def tell(self, control: ControlState, navigation: NavigationState) -> None:
-        """Tell how far the run is, where it is time to."""
+        """Show the progress, if it is time to."""
         now_s = time.monotonic()
         every_s = _RENEW_S if self._console.is_terminal else _LINE_S
         if now_s - self._began_s < _PATIENCE_S or now_s - self._told_s < every_s:

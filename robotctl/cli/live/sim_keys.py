@@ -24,13 +24,13 @@ AGAIN: Final = "a arms it again, m then resumes the mission, Ctrl-C ends"
 """What to do after a stop."""
 
 _SEQUENCE: Final = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]?|O.?|.?)", re.DOTALL)
-"""What a terminal sends for other keys (ECMA-48): the arrow up is `ESC [ A`."""
+"""A terminal's codes for other keys (ECMA-48): arrow up is `ESC [ A`."""
 
 _MODES: Final = {"m": Mode.AUTO, "h": Mode.HOLD, "r": Mode.RTL}
 
 
 class Robot(Protocol):
-    """What keys can do with a run."""
+    """Actions of the keys."""
 
     def emergency_key(self) -> None:
         """Stop at once."""

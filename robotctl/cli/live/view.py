@@ -1,4 +1,4 @@
-"""What a person watches during a run: a live screen, or plain lines if there is no terminal."""
+"""Display of a run: a live screen, or plain lines without a terminal."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class LineView:
         """Nothing to give back."""
 
     def update(self, progress: RunStatus) -> None:
-        """Print what is new."""
+        """Print new lines."""
         for line in progress.lines:
             self._print(progress.elapsed_s, line)
         progress.lines.clear()

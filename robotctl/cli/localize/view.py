@@ -10,7 +10,7 @@ from rich.table import Table
 
 
 def seeds_table(reports: Sequence[dict[str, Any]]) -> Table:
-    """Return a table with a line for each run, and the median of all; `-` is what is not known."""
+    """Return a table with a line for each run, and the median of all; `-`: unknown."""
     table = Table(
         title=f"{len(reports)} runs: place known at the end of "
         f"{sum(not each['lost'] for each in reports)}",

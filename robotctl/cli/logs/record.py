@@ -100,7 +100,7 @@ def export(
 
 
 def _check_target(file: Path) -> None:
-    """Refuse to replace what is no record.
+    """Refuse to replace anything but a record.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What every CAN port counts, whatever its wire."""
+"""Counters of every CAN port."""
 
 from __future__ import annotations
 

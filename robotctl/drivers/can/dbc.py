@@ -196,7 +196,7 @@ def _message_problems(found: Any) -> Iterator[str]:
 
 
 def _protection_problems(found: Any) -> Iterator[str]:
-    """Yield what is wrong with the E2E attributes of a message."""
+    """Yield errors in the E2E attributes of a message."""
     attributes = found.dbc.attributes
     given = [key for key in _E2E_ATTRIBUTES if key in attributes]
     if not given:

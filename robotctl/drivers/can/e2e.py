@@ -17,7 +17,7 @@ COUNTER_MODULUS: Final = 15
 
 
 class E2eStatus(enum.Enum):
-    """What the receiver made of the last frame. Only OK and OK_SOME_LOST may be used."""
+    """The receiver's verdict on the last frame. Only OK and OK_SOME_LOST may be used."""
 
     OK = "ok"
     OK_SOME_LOST = "some frames before it were lost"

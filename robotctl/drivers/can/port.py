@@ -26,7 +26,7 @@ from robotctl.messages.ports import Clock, Frame
 
 CAN_SFF_MASK: Final = 0x7FF
 NODE_NAME: Final = "host"
-"""What simcan calls this node in its log and its faults."""
+"""Name of this node in simcan's log and faults."""
 
 RETRY_NS: Final = 500_000_000
 """Between attempts to open a bus that went down [ns]."""

@@ -54,7 +54,7 @@ _MOST_SAMPLES: Final = 20_000
 _BROKEN: Final = 2
 
 _OPEN_ERRORS: Final = (OSError, ValueError, termios.error)
-"""What pyserial raises for absent, busy and unsuitable devices."""
+"""Errors of pyserial for absent, busy and unsuitable devices."""
 
 
 class Samples(NamedTuple):

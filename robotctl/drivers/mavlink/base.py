@@ -1,4 +1,4 @@
-"""What all MAVLink links share: counters, one codec for each peer, reopening with back-off."""
+"""Common base of all MAVLink links: counters, one codec per peer, reopening with back-off."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Callback: TypeAlias = Callable[[int, int], None]
 
 
 class LinkContext(NamedTuple):
-    """What a link gets from the object that holds all of them."""
+    """Shared resources of all links."""
 
     selector: selectors.EpollSelector
     inbox: list[Received]
@@ -130,7 +130,7 @@ class Link(ABC):
         self._last_peer = -1
 
     def service(self, now_ns: int) -> None:
-        """Open what is closed, where the pause is over, and see to time-outs."""
+        """Reopen closed links after their pause, and handle time-outs."""
         if self.is_open():
             self.watch(now_ns)
         elif self._back_off.due(now_ns):
@@ -151,7 +151,7 @@ class Link(ABC):
         self.counters.last_error = self._words(error)
 
     def _words(self, error: Exception | str) -> str:
-        """Return what is wrong, and what to do where that is known."""
+        """Return the problem, and the remedy if known."""
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
             port = self.address.port
             return f"port {port} is in use by another program, see sudo ss -lnp | grep :{port}"
@@ -228,7 +228,7 @@ class Link(ABC):
 
     @abstractmethod
     def flush(self) -> None:
-        """Write what is queued."""
+        """Write the queue."""
 
     @abstractmethod
     def close(self) -> None:

@@ -91,7 +91,7 @@ class MavlinkLinks:
         self._links[peer.link].reply(message, peer.number)
 
     def flush(self) -> None:
-        """Hand what is queued to the operating system, as far as it takes it."""
+        """Pass the queue to the operating system, as far as it accepts it."""
         for link in self._links:
             link.flush()
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 
 class SocketAddress(NamedTuple):
-    """What `socket.socket` and `connect` or `bind` take."""
+    """Arguments of `socket.socket` and `connect` or `bind`."""
 
     family: socket.AddressFamily
     sockaddr: tuple[Any, ...]

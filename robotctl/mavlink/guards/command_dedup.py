@@ -26,7 +26,8 @@ from robotctl.mavlink.command import ACCEPTED, TEMPORARILY_REJECTED
 
 REPEAT_NS = 1_000_000_000
 CONFIRMED_REPEAT_NS = 5_000_000_000
-"""QGroundControl sends again after 3 s without an acknowledgement; the rest is for the way [ns]."""
+"""QGroundControl sends again after 3 s without an acknowledgement; the rest is for transport
+[ns]."""
 
 
 class _Answered(NamedTuple):

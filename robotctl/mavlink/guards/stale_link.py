@@ -32,7 +32,7 @@ MAX_SENDERS: Final = 64
 
 @dataclass(slots=True)
 class _Sender:
-    """What is known of one sender's heartbeats, on one connection."""
+    """Heartbeats of one sender, on one connection."""
 
     heard_ns: int
     regular: int = 0

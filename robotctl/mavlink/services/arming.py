@@ -10,8 +10,8 @@
 
 Arming and disarming are acknowledged when the control process has answered. A request to arm that
 is repeated meanwhile, or a little later as `command_dedup` says, is not carried out again: a late
-copy that took another way must not arm a robot that was stopped in between. Where it was, the
-answer is "temporarily rejected". Disarming and stops are always carried out.
+copy on another link must not arm a robot that was stopped in between. Where it was, the answer is
+"temporarily rejected". Disarming and stops are always carried out.
 """
 
 from __future__ import annotations

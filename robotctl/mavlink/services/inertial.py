@@ -15,7 +15,7 @@ _NO_FIELD = (0, 0, 0)
 
 
 class Inertial(Microservice):
-    """Tells the readings of the IMU, of robots that have one, while control is heard."""
+    """Sends the readings of the IMU, if there is one, while control publishes."""
 
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""

@@ -23,7 +23,7 @@ class _Seen:
 
 
 class LinkWatch(Microservice):
-    """Tells people once of each link that cannot be opened, and once that it is open again.
+    """Reports once each link that cannot be opened, and once that it is open again.
 
     The robot needs no particular link: the others work on, and the failed one is tried again.
     """

@@ -1,8 +1,8 @@
 """Mode changes: MAV_CMD_DO_SET_MODE and the older SET_MODE message.
 
 A late copy of a request for a mode in which the robot may move is not carried out, `command_dedup`
-says which: it would start a completed mission anew, or drive off again after HOLD. HOLD is carried
-out however often it comes.
+says which: it would repeat a completed mission, or drive off again after HOLD. HOLD is carried out
+however often it comes.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Modes(Microservice):
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._pending: dict[tuple[int, int], _Pending] = {}
-        """By sender, all for the same mode: whoever asks for another one ends them."""
+        """By sender, all for the same mode: a request for another one ends them."""
         self._copies = LateCopies()
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:

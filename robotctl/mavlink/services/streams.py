@@ -82,7 +82,7 @@ class Streams(Microservice):
         return ACCEPTED
 
     def step(self, now_ns: int) -> None:
-        """Send what is due; a late step does not lead to a burst."""
+        """Send due messages; a late step does not cause a burst."""
         for plan in self._planned(now_ns).values():
             due, intervals = plan.due_ns, plan.interval_ns
             links = [

@@ -29,7 +29,7 @@ class RecordError(RobotctlError):
 
 
 class RecordHeader(msgspec.Struct, frozen=True):
-    """What a replay needs besides the ticks.
+    """Data that a replay needs besides the ticks.
 
     `robot_json` is the whole configuration as JSON; the pose is where odometry started; `fields`
     are `fields_of` the core, without which checkpoints are taken as they come. `epoch_ns`, added to
@@ -92,7 +92,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What a replay showed.
+    """Result of a replay.
 
     Parameters
     ----------

@@ -6,10 +6,10 @@ disk behind them. (A mapped file on a disk would be write-protected page by page
 writes it back, and the loop's next store there would wait for the disk.) It survives the end of
 every process, however they end, but no power cut.
 
-The ring is cut into segments, each beginning with a checkpoint of the core, so that what is left
-after the oldest segment was overwritten can be replayed. A segment's sequence number is 0 while
-its beginning is written; its length moves on when a tick is there as a whole. Both are stored as
-one aligned word each, so that a reader in another process, or after a kill between any two
+The ring is cut into segments, each beginning with a checkpoint of the core, so that the rest can be
+replayed after the oldest segment was overwritten. A segment's sequence number is 0 while its
+beginning is written; its length moves on when a tick is there as a whole. Both are stored as one
+aligned word each, so that a reader in another process, or after a kill between any two
 instructions, finds the old value or the new one. (`struct.pack_into` clears the place first and
 then writes byte by byte.)
 """
@@ -216,7 +216,7 @@ class RingReader:
         return not leads_to(self.path, self._descriptor)
 
     def read(self, after: Part | None = None) -> list[Part]:
-        """Return what is in the ring, or what came after the part given, oldest first.
+        """Return the content of the ring, or the part after the one given, oldest first.
 
         A segment that begins meanwhile waits for the next call: what came into the one before it
         after that was read would else be passed over.

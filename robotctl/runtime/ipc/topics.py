@@ -94,7 +94,7 @@ def ring_folder() -> Path:
     Raises
     ------
     LinkError
-        If the folder belongs to somebody else or is open to others.
+        If the folder belongs to another user or is open to others.
     """
     folder = _MEMORY / f"robotctl-{os.getuid()}"
     with suppress(FileNotFoundError):
@@ -124,7 +124,7 @@ def _private(directory: Path) -> Path:
 
 
 def _refuse_others(directory: Path) -> None:
-    """Raise a `LinkError` for a directory that somebody else can enter; an `OSError` for none."""
+    """Raise a `LinkError` for a directory open to others; an `OSError` for none."""
     status = directory.lstat()
     if status.st_uid != os.getuid() or status.st_mode & 0o077:
         raise LinkError(f"{directory}: must belong to user {os.getuid()} and be closed to others")
@@ -200,7 +200,8 @@ class Publisher:
 
     def attend(self) -> None:
         """Greet new subscribers; for a process that seldom sends anything."""
-        self._socket.getsockopt(zmq.EVENTS)  # asking lets the socket look at what it was told
+        # The query lets the socket process pending subscriptions.
+        self._socket.getsockopt(zmq.EVENTS)
 
     def send_bytes(self, data: bytes) -> None:
         """Publish bytes without waiting."""

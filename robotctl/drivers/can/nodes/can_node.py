@@ -1,4 +1,4 @@
-"""What a node on the bus is to the host: an entry of `CAN_NODES`."""
+"""A node on the bus, as the host sees it: an entry of `CAN_NODES`."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ class CanNode:
     node_id
         CANopen node id, 1 to 127.
     name
-        What people call it; in capitals, its name in the DBC.
+        Name shown to people; in capitals, its name in the DBC.
     script
         Makes its commissioning script.
     frames
-        What it sends.
+        Its frames.
     ages
         How old the fields of `Feedback` that it fills may be, by the limits and the control
         period [ns].

@@ -28,10 +28,10 @@ class Start(enum.Enum):
 
 
 Check: TypeAlias = Generator[Request | Start, SdoResponse, Fault | None]
-"""Yields transfers, receives their ends, returns what is wrong."""
+"""Yields transfers, receives their results, returns the problem."""
 
 Script: TypeAlias = Generator[Request | Start, SdoResponse, "Fault | tuple[Setting, ...]"]
-"""A whole commissioning: returns what is wrong, or what must stay as it is."""
+"""A whole commissioning: returns the problem, or the settings to read back."""
 
 VENDOR_ID: Final = 0x00526F62
 REVISION_MAJOR: Final = 0x0001

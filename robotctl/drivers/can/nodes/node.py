@@ -61,7 +61,7 @@ class Node:
     node_id
         CANopen node id, 1 to 127.
     name
-        What people call it.
+        Name shown to people.
     script
         Makes a new run of its commissioning script.
     heartbeat_timeout_ns
@@ -80,7 +80,7 @@ class Node:
         self._script: Script | None = None
         self._extra: Request | None = None
         self._kept: tuple[Setting, ...] = ()
-        """What must stay as it is; the first is read next."""
+        """Settings to read back; the first is next."""
         self._is_reading = False
         self._doubted = False
         """Whether the last reading differed: a single one may be a damaged answer."""
@@ -309,12 +309,12 @@ class Node:
         return "pre-operational" if self.phase is NodePhase.WAKING else "operational"
 
     def _say(self, fault: Fault | None) -> None:
-        """Set what is wrong."""
+        """Set the problem."""
         self._fault = fault
         self._refresh()
 
     def _refresh(self) -> None:
-        """Make `status` say what is known now."""
+        """Update `status`."""
         fault = self._fault
         problem = f"{self._name} (node {self.node_id}): {fault}" if fault else ""
         self.status = NodeStatus(

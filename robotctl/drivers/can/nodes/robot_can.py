@@ -73,7 +73,7 @@ class CanRobot:
         self._counters = E2eCounters()
         self._receivers: dict[int, list[E2eReceiver]] = {}
         self._values = list(_NOTHING)
-        """What the present tick has brought, in the order of the fields of `Feedback`."""
+        """Feedback of the present tick, in the order of the fields of `Feedback`."""
         self._refused_commands = 0
         self._stop_source: EmergencyStopSource | None = None
         self._clear_wanted = False
@@ -142,7 +142,7 @@ class CanRobot:
         )
 
     def _note_nodes(self) -> None:
-        """Take over what is new of the nodes; what is not stays the same object."""
+        """Update changed nodes; unchanged ones stay the same object."""
         status = tuple([node.status for node in self._nodes])
         if status != self._node_status:
             self._node_status = status
@@ -296,7 +296,7 @@ class CanRobot:
 
     @property
     def nodes(self) -> tuple[NodeStatus, ...]:
-        """What is known of each node."""
+        """Status of each node."""
         return self._node_status
 
 
