@@ -231,6 +231,7 @@ class DriveNode(Node):
             if entered:
                 self._reschedule()
         elif machine.state is _READY:
+            # Without enable the duty is ignored, but the host may choose how to roll out.
             bridge = Bridge.BRAKE if command.brake else Bridge.COAST
             if bridge is not self._bridge:
                 self._apply(0.0, 0.0, self._steering_rad, bridge)
@@ -315,6 +316,7 @@ class DriveNode(Node):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if self._machine.handle(DriveEvent.CLEAR):
             self._hold(self._now_ns)
+        # Damaged parameters stay reported: clearing does not repair them.
         lost = self.faults & DriveFault.PARAMETER  # until they are stored again
         self.faults = lost
         for guard in self._guards:

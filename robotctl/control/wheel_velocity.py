@@ -117,6 +117,7 @@ class WheelVelocityEstimator:
 
     def _step(self, count_u16: int) -> int:
         """Return the counts since the last sample, -32768 to 32767."""
+        # The counter has 16 bits: take the difference modulo 2^16, then as signed.
         step = (count_u16 - self._count) & 0xFFFF
         return step - 0x10000 if step >= 0x8000 else step
 

@@ -52,6 +52,7 @@ def posterior(
     weights, log_likelihoods
         (n,) each.
     """
+    # A weight of 0 has the logarithm -inf, which is right here.
     with np.errstate(divide="ignore"):
         log_weights = np.log(weights) + log_likelihoods
     if log_weights.max() == -math.inf:
@@ -97,6 +98,7 @@ def _comb(
     weights: NDArray[np.float64], step: float, shift: float, indices: NDArray[np.int64]
 ) -> None:
     """Fill `indices` with the particle under each tooth of the comb."""
+    # Rounding may put the last tooth past the sum: never take a particle of weight 0.
     last = len(weights) - 1
     while last > 0 and weights[last] == 0.0:
         last -= 1

@@ -71,6 +71,7 @@ def _bound(bins: int, error: float, quantile: float) -> float:
     if bins < 2:
         return 1.0
     k = bins - 1.0
+    # Wilson-Hilferty approximation of the chi-squared quantile (Fox 2003, KLD sampling).
     a = 2.0 / (9.0 * k)
     return k / (2.0 * error) * (1.0 - a + math.sqrt(a) * quantile) ** 3
 

@@ -57,6 +57,7 @@ def _exponent(weights: NDArray[np.float64], logs: NDArray[np.float64], least: fl
         return 1.0
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
+        # Bisection: the effective size falls as the exponent grows.
         middle = 0.5 * (low + high)
         size = _size(weights, logs, middle)
         if size >= least:
@@ -65,4 +66,5 @@ def _exponent(weights: NDArray[np.float64], logs: NDArray[np.float64], least: fl
                 break
         else:
             high = middle
+    # At least some of the measurement, or the search would stand still.
     return low if low > 0.0 else high
