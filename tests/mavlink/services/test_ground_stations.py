@@ -32,7 +32,7 @@ def test_coming_and_going_are_said_once_each_and_handed_to_the_process(bench):
         bench.receive(heartbeat())
         bench.run(1.0)
     bench.run(6.0)
-    assert bench.texts() == ["Ground station 255 is here", "Ground station 255 is lost"]
+    assert bench.texts() == ["Ground station 255 connected", "Ground station 255 is lost"]
     notices = bench.telemetry.take_notices()
     assert [(notice.severity, notice.text[-4:]) for notice in notices] == [(6, "here"), (4, "lost")]
     assert bench.telemetry.take_notices() == []
@@ -69,13 +69,13 @@ def test_what_was_said_while_nobody_was_there_is_said_again_once_with_its_age(be
         (2, "stopped: no feedback (10 s ago)"),
         (4, "one line (0 s ago)"),
         (4, "and another (0 s ago)"),
-        (6, "Ground station 255 is here"),
+        (6, "Ground station 255 connected"),
     ]
 
     bench.step(Notice(0, 4, "said to its face"))
     bench.receive(heartbeat(), system=254)
     bench.run(1.0)
-    assert bench.texts() == ["said to its face", "Ground station 254 is here"]
+    assert bench.texts() == ["said to its face", "Ground station 254 connected"]
 
 
 def test_a_ground_station_that_was_lost_hears_why_the_robot_stands(bench):
@@ -86,7 +86,7 @@ def test_a_ground_station_that_was_lost_hears_why_the_robot_stands(bench):
     bench.receive(heartbeat())
     bench.run(1.0)
     lost, stopped, here = bench.texts()
-    assert (lost[:30], here) == ("Ground station 255 is lost (1 ", "Ground station 255 is here")
+    assert (lost[:30], here) == ("Ground station 255 is lost (1 ", "Ground station 255 connected")
     assert stopped == "stopped: no commands (0 s ago)"
 
 
@@ -129,7 +129,7 @@ def test_what_is_said_again_and_again_does_not_hide_why_the_robot_stands(bench):
     assert bench.texts() == [
         "stopped: no feedback (3 s ago)",
         "logging stopped: disk full (2 s ago)",
-        "Ground station 255 is here",
+        "Ground station 255 connected",
     ]
 
 
