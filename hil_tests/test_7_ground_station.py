@@ -30,7 +30,7 @@ def test_the_robots_side_says_who_came(station: GroundStation) -> None:
     # The first station may be greeted before the bench has subscribed to notices; not the next.
     station.link.mav.srcSystem = 254
     station.wait("HEARTBEAT")
-    wanted = "Ground station 254 is here"
+    wanted = "Ground station 254 connected"
     station.rig.wait(
         lambda: wanted in station.rig.notices, PATIENT_S, "the robot's side says so too"
     )

@@ -142,7 +142,7 @@ def test_a_process_that_was_stopped_for_too_long_hung_for_that_cause(watched) ->
     os.kill(part.process.pid, signal.SIGSTOP)
     part.until(lambda: part.exits, "killed")
     words = part.exits[0].words()
-    assert "(it hung, signal 9, SIGKILL: stopped by a signal); starting it again" in words
+    assert "(it hung, signal 9, SIGKILL: stopped by a signal); restarting it" in words
 
 
 def test_a_process_that_was_killed_while_the_computer_was_out_of_memory_says_so(

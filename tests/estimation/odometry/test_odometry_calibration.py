@@ -100,7 +100,7 @@ def test_straights_alone_do_not_say_how_wide_the_track_is():
 
 
 def test_more_numbers_than_references_are_refused():
-    with pytest.raises(ValueError, match="1 references are too few for 3 numbers"):
+    with pytest.raises(ValueError, match="1 references are too few to find 3 numbers"):
         calibrate(DIFFERENTIAL, squares([0.0]), TAPE, MotionNoise())
 
 
