@@ -106,7 +106,7 @@ def test_more_numbers_than_references_are_refused():
 
 def test_a_drive_that_is_far_from_its_file_is_refused():
     small = dataclasses.replace(DIFFERENTIAL, wheel_radius_m=0.03)
-    with pytest.raises(ValueError, match=r"beyond what is looked for around 0\.03"):
+    with pytest.raises(ValueError, match=r"outside the search range around 0\.03"):
         calibrate(small, squares([0.0] * 4 + [1.0, -1.0] * 3), TAPE, MotionNoise())
 
 

@@ -34,7 +34,7 @@ def test_coming_and_going_are_said_once_each_and_handed_to_the_process(bench):
     bench.run(6.0)
     assert bench.texts() == ["Ground station 255 connected", "Ground station 255 is lost"]
     notices = bench.telemetry.take_notices()
-    assert [(notice.severity, notice.text[-4:]) for notice in notices] == [(6, "here"), (4, "lost")]
+    assert [(notice.severity, notice.text[-4:]) for notice in notices] == [(6, "cted"), (4, "lost")]
     assert bench.telemetry.take_notices() == []
 
 

@@ -321,7 +321,7 @@ def test_a_part_of_a_board_is_pointed_out(recordings: Path) -> None:
     picture = recordings / "camera" / "left02.jpg"
     for columns, said in ((8, True), (9, False)):
         result = calibrated(floor=picture, board=Board(columns, 6, 0.025), at=SE2())
-        notes = [note for note in result.notes if "as if it had 9 x 6 inner corners" in note]
+        notes = [note for note in result.notes if "seems to have 9 x 6 inner corners" in note]
         assert bool(notes) == said
 
 

@@ -106,7 +106,7 @@ def test_another_room_is_no_fit():
     readings = readings_in_the_box(1500, 0.01, rng)
     other = WallMap(BOX.segments * 0.6 + 0.7)
     expectations = EchoExpectations(other, AHEAD, BEAM, reach_m(readings))
-    with pytest.raises(ValueError, match=r"do not fit to the room|readings with a range"):
+    with pytest.raises(ValueError, match=r"do not match the room|readings with a range"):
         fit_sensor(expectations, readings)
 
 
