@@ -49,7 +49,6 @@ STATE_MAX_AGE_NS: Final = 200_000_000
 PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
 """Time without a report from telemetry after which there is no ground station [ns]."""
 
-_HOLD: Final = "hold: "
 """Prefix of a message on a hold that nobody requested."""
 
 _UNSEEN: Final = (
@@ -171,7 +170,7 @@ class NavigationAdapter:
         command = VelocityCommand(
             now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
         )
-        if out.message != self._message and enabled and out.message.startswith(_HOLD):
+        if out.message != self._message and enabled and out.held:
             self._notices.append(out.message)
         self._message = out.message
         state = NavigationState(

@@ -88,6 +88,8 @@ class NavigationOutputs(NamedTuple):
     message: str
     item_s_m: float
     """Distance along an item that is a path or a wall [m]."""
+    held: bool = False
+    """Whether `message` says why the robot went to HOLD by itself."""
 
 
 class Navigator:
@@ -159,6 +161,8 @@ class Navigator:
         self._sticks: StickRequest | None = None
         self._behaviour: Rejoining | None = None
         self._ended = ""
+        self._held = False
+        """Whether `_ended` says why the robot went to HOLD by itself."""
         self._refused = ""
         self._enabled = False
         """As of the last step with a control state."""
@@ -259,7 +263,7 @@ class Navigator:
             self._crumbs.record(pose)
         if self._mode is Mode.RTL and (reason := self.refusal(Mode.RTL)):
             self._change_mode(Mode.HOLD)
-            self._ended = f"hold: {reason}"
+            self._ended, self._held = f"hold: {reason}", True
 
     def _fall_back(self, inputs: NavigationInputs, now_ns: int, *, stopped: bool) -> None:
         """Go to HOLD where a robot must not drive, or drive on, by itself, and say why."""
@@ -274,7 +278,7 @@ class Navigator:
             reason = _interruption(inputs, now_ns - self._last_ns)
         if reason:
             self._change_mode(Mode.HOLD)
-            self._ended = f"hold: {reason}"
+            self._ended, self._held = f"hold: {reason}", True
 
     def _take(self, request: Request, enabled: bool, now_ns: int) -> None:
         """Take one request; of what was asked for until a stop was heard of nothing that drives."""
@@ -301,6 +305,7 @@ class Navigator:
         self._pause()
         self._mode = mode
         self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
+        self._held = False
         if mode is Mode.AUTO and self._runner is not None:
             self._runner.begin()
         if mode is Mode.RTL:
@@ -350,6 +355,7 @@ class Navigator:
             bool(runner.failure) if runner else False,
             f"refused: {self._refused}" if self._refused else step.text,
             runner.item_s_m if runner else 0.0,
+            self._held and not self._refused and step.text == self._ended,
         )
 
 

@@ -295,7 +295,8 @@ def test_armed_again_after_a_stop_the_robot_does_not_drive_on_by_itself(robot, m
         out = run.step()
         assert (out.v_m_s, out.omega_rad_s, out.mode) == (0.0, 0.0, Mode.HOLD)
     assert out.message == "hold: the robot was stopped"
-    run.step(AUTO)
+    assert out.held
+    assert not run.step(AUTO).held
     run.until(lambda out: out.mission_completed, 10.0)
 
 
