@@ -63,6 +63,25 @@ def test_the_robot_drives_with_it_and_stops_by_its_name_when_it_dies(sensing: Ri
     assert sensing.control.nodes[-1].problem.startswith("imu (node 4): no heartbeat for")
 
 
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        ("tilted pitch=40", FaultCode.ROBOT_TILTED),
+        ("tilted pitch=0 roll=-40", FaultCode.ROBOT_TILTED),
+        ("carried", FaultCode.PICKED_UP),
+        ("imu_stuck", FaultCode.IMU_STUCK),
+        ("gyro_biased rate=1", FaultCode.GYRO_CONTRADICTS),
+    ],
+)
+def test_the_robot_stops_by_what_its_imu_says(sensing: Rig, fault: str, code: FaultCode) -> None:
+    sensing.arm()
+    sensing.drive(0.2, 0.4, 0.3)
+    sensing.inject(fault)
+    sensing.velocity(0.2, 0.4, 5.0)
+    state = sensing.wait_for_state(SafetyState.FAULT)
+    assert state.fault is code, state.reason
+
+
 def test_without_the_imu_that_it_must_have_the_robot_does_not_arm(sensing: Rig) -> None:
     sensing.inject("node_silent node=imu duration=3600")
     state = sensing.wait_for_state(SafetyState.BOOT)

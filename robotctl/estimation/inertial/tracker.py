@@ -17,6 +17,9 @@ from robotctl.model.sensors.imu import ImuConfig
 
 GRAVITY_M_S2: Final = 9.80665
 
+GRAVITY_TOLERANCE: Final = 0.05
+"""A scale or bias that is more off is no accelerometer's [share of gravity]."""
+
 TILT_S: Final = 1.5
 """Time in which the accelerometer corrects the attitude [s]: braking takes less."""
 
@@ -82,6 +85,9 @@ class InertialTracker:
         self._rate: Vector = (0.0, 0.0, 0.0)
         self._bias: Vector = (0.0, 0.0, 0.0)
         self._readings_at_rest = 0
+        self._at_rest = False
+        self._gravity_m_s2 = GRAVITY_M_S2
+        """What the accelerometer reads at rest."""
         self._up: Vector | None = None
         self._ahead_rad = self._rise_m_s = self._slip_rad = self._corrected_rad = 0.0
         self._apart_rad = 0.0
@@ -134,7 +140,7 @@ class InertialTracker:
         self._rate = rate
         if not 0.0 < dt_s <= GAP_S:
             return 0.0
-        at_rest = self._is_at_rest(rate)
+        at_rest = self._at_rest = self._is_at_rest(rate)
         if at_rest:
             self._learn_bias(rate, dt_s)
         bias = self._bias
@@ -189,7 +195,9 @@ class InertialTracker:
                 up[1] + share * (fy / size - up[1]),
                 up[2] + share * (fz / size - up[2]),
             )
-        lift_m_s2 = fx * up[0] + fy * up[1] + fz * up[2] - GRAVITY_M_S2
+        if self._at_rest and abs(size - GRAVITY_M_S2) < GRAVITY_TOLERANCE * GRAVITY_M_S2:
+            self._gravity_m_s2 += (size - self._gravity_m_s2) * dt_s / BIAS_S
+        lift_m_s2 = fx * up[0] + fy * up[1] + fz * up[2] - self._gravity_m_s2
         self._rise_m_s += lift_m_s2 * dt_s - self._rise_m_s * dt_s / RISE_S
         self.latest = ImuFeedback(
             self._force_ns,

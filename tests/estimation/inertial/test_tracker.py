@@ -168,3 +168,20 @@ def test_turning_by_hand_at_rest_is_no_bias() -> None:
     for _ in range(500):
         imu = carrier.step((0.0, 0.0, 0.06), wheels=0.0)
     assert imu.bias_rad_s == pytest.approx(BIAS)
+
+
+@pytest.mark.parametrize("reads", [GRAVITY_M_S2 + 0.4, GRAVITY_M_S2 - 0.4])
+def test_an_accelerometer_that_is_off_does_not_rise(reads: float) -> None:
+    carrier = Carrier()
+    for _ in range(500):
+        carrier.step(force=(0.0, 0.0, reads))
+    worst = max(abs(carrier.step(force=(0.0, 0.0, reads), v=0.3).rise_m_s) for _ in range(300))
+    assert worst < 0.01
+
+
+def test_lying_in_a_hand_that_sinks_is_not_taken_for_a_light_gravity() -> None:
+    carrier = Carrier()
+    carrier.rest()
+    for _ in range(10):
+        imu = carrier.step(force=(0.0, 0.0, GRAVITY_M_S2 - 2.0))
+    assert imu.rise_m_s < -0.3
