@@ -7,8 +7,15 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+
+from pymavlink.dialects.v20 import common
 
 from firmware_sim.faults.catalogue import describe
+from robotctl.mavlink.config import MavlinkConfig
+from robotctl.mavlink.context import Context, TelemetryRobot
+from robotctl.mavlink.service import Microservice
+from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import SafetyState
 from robotctl.safety.state_machine import POWERED, TRANSITIONS, SafetyMachine
 
@@ -40,6 +47,36 @@ def diagram() -> str:
     )
 
 
+def microservices() -> str:
+    """Return the table of all MAVLink microservices."""
+    context = Context(MavlinkConfig(), TelemetryRobot(), SimpleNamespace(count=0))
+    rows = [_row(make(context)) for make in SERVICES]
+    return "\n".join(
+        ("| service | takes | answers | sends | capability |", "|---|---|---|---|---|", *rows)
+    )
+
+
+def _row(service: Microservice) -> str:
+    """Return what a microservice says of itself."""
+    columns = (
+        [type(service).__name__],
+        [common.mavlink_map[number].msgname for number in sorted(service.handles)],
+        [_name("MAV_CMD", number) for number in sorted(service.commands)],
+        [common.mavlink_map[stream.message_id].msgname for stream in service.streams()],
+        [
+            _name("MAV_PROTOCOL_CAPABILITY", 1 << bit)
+            for bit in range(32)
+            if service.capabilities >> bit & 1
+        ],
+    )
+    return "| " + " | ".join(", ".join(words) for words in columns) + " |"
+
+
+def _name(enum: str, value: int) -> str:
+    """Return the name of an entry of a MAVLink enumeration, without that of the enumeration."""
+    return str(common.enums[enum][value].name).removeprefix(f"{enum}_")
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """One generated part of one page."""
@@ -64,11 +101,12 @@ class Part:
 
 STATES = Part(DOCS / "safety.md", diagram)
 FAULTS = Part(DOCS / "faults.md", describe)
+MICROSERVICES = Part(DOCS / "mavlink.md", microservices)
 
 
 def main() -> int:
     """Rewrite the pages."""
-    for part in (STATES, FAULTS):
+    for part in (STATES, FAULTS, MICROSERVICES):
         text = part.page.read_text(encoding="utf-8")
         part.page.write_text(part.put_into(text), encoding="utf-8")
     return 0

@@ -10,16 +10,17 @@ from firmware_sim.faults.catalogue import CATALOGUE
 from firmware_sim.faults.faults import check
 from firmware_sim.faults.scenario import load_scenario
 from robotctl.config.robot_file import find_file
+from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import SafetyState
 from robotctl.safety.plausibility_config import PlausibilityConfig
 from robotctl.safety.state_machine import TRANSITIONS, SafetyConfig
-from write_docs import BEGIN, END, FAULTS, STATES, diagram
+from write_docs import BEGIN, END, FAULTS, MICROSERVICES, STATES, diagram, microservices
 
 SAFETY = STATES.page.read_text(encoding="utf-8")
 FAULTS_PAGE = FAULTS.page.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("part", [STATES, FAULTS], ids=lambda part: part.page.name)
+@pytest.mark.parametrize("part", [STATES, FAULTS, MICROSERVICES], ids=lambda part: part.page.name)
 def test_the_page_shows_what_is_present(part):
     text = part.page.read_text(encoding="utf-8")
     assert part.put_into(text) == text, "run .venv/bin/python tools/write_docs.py"
@@ -29,6 +30,16 @@ def test_the_page_shows_what_is_present(part):
 def test_a_page_without_its_marks_is_refused(text):
     with pytest.raises(ValueError, match="once each"):
         FAULTS.put_into(text)
+
+
+def test_every_microservice_has_its_row_with_all_that_it_says():
+    header, _, *rows = (line.split("|")[1:-1] for line in microservices().splitlines())
+    assert [row[0].strip() for row in rows] == [service.__name__ for service in SERVICES]
+    by_name = {row[0].strip(): dict(zip(header, row, strict=True)) for row in rows}
+    assert by_name["Arming"][" answers "] == " DO_FLIGHTTERMINATION, COMPONENT_ARM_DISARM "
+    assert by_name["Poses"][" sends "] == " ATTITUDE, LOCAL_POSITION_NED, ODOMETRY "
+    assert by_name["GroundStations"][" takes "] == " HEARTBEAT "
+    assert by_name["AutopilotVersion"][" capability "] == " MAVLINK2 "
 
 
 def test_every_transition_is_an_arrow_and_every_arrow_a_transition():
