@@ -101,6 +101,7 @@ def next_acceleration(
     # The conjugate form of sqrt(change^2 + 2 j e) - change: no cancellation near the set-point.
     twice = 2.0 * jerk_max * distance
     wanted = twice / (math.sqrt(change * change + twice) + change)
+    # The formula comes near the set-point without ever meeting it exactly.
     if distance < _LANDED:
         wanted = distance / dt_s
     wanted = min(wanted, acceleration_max)

@@ -97,6 +97,7 @@ def steer_round(
     if not (math.isfinite(bearing_rad) and distance_m > 0.0):
         return SteeringDemand(0.0, True)
     inside = distance_m < config.radius_m
+    # asin does not exist inside the circle; pi/2 continues it from the rim.
     half_width = math.pi / 2 if inside else math.asin(config.radius_m / distance_m)
     tangent = bearing_rad - half_width if side == "left" else bearing_rad + half_width
     demand = config.kp * tangent

@@ -223,8 +223,10 @@ class WallFollower:
         """Return the turning rate for the estimated distance and heading."""
         config = self.config
         pull = config.kp * (self.distance_est_m - config.distance_m)
+        # Damping kd sin(heading) balances a pull of this size at the steepest approach.
         pull_max = config.kd * math.sin(config.approach_max_rad)
         pull = min(max(pull, -pull_max), pull_max)
+        # Over the path: the pull changes its sign with the direction of travel, damping does not.
         damping = config.kd * math.sin(self.heading_est_rad)
         omega = self._side * pull * v_m_s - damping * abs(v_m_s)
         return min(max(omega, -config.omega_max_rad_s), config.omega_max_rad_s)
@@ -242,10 +244,12 @@ class WallFollower:
         """Correct the estimate with a reading, unless it is an outlier."""
         config = self.config
         if self.lost:
+            # No heading is known from one reading: assume the robot parallel to the wall.
             self.heading_est_rad = 0.0
             self._start(range_m)
             return
         innovation = range_m - self.distance_est_m
+        # An outlier: an open door, a person. If such readings agree for long, the wall has moved.
         if abs(innovation) > config.gate_m:
             # nan compares false, so the first outlier starts its own clock.
             if not abs(range_m - self._candidate_m) <= config.gate_m:

@@ -227,6 +227,7 @@ def fit_feedforward(
         raise ValueError(f"record: {u.size} usable samples found, at least 10 needed")
     columns = np.column_stack([w, np.sign(w), a])
     scale = np.sqrt(np.mean(columns**2, axis=0))
+    # Columns of unit size: otherwise the condition number would depend on the units.
     if np.any(scale == 0.0) or np.linalg.cond(columns / scale) > 100.0:
         raise ValueError(
             "record: kv, ks and ka cannot be told apart; drive at several speeds and accelerate"
@@ -235,6 +236,7 @@ def fit_feedforward(
     free = [0, 1, 2]
     while True:
         gains[free] = np.linalg.lstsq(columns[:, free], u, rcond=None)[0]
+        # A negative friction or inertia is noise; kv may not be removed, so it is checked below.
         worst = int(np.argmin(gains * scale))
         if worst == 0 or gains[worst] >= 0.0:
             break

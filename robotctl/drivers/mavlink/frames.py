@@ -64,6 +64,7 @@ class FrameReader:
         Frames split over datagrams are put together, since bridges from serial lines send them.
         """
         messages: list[Message] = []
+        # A datagram that begins with a marker is not the rest of the earlier frame.
         if self._buffer and data[:1] in (b"\xfd", b"\xfe"):
             self._scan(messages, final=True)
         messages += self.feed(data, now_ns)
@@ -112,6 +113,7 @@ class FrameReader:
         if available < HEADER_V1:
             return HEADER_V1
         kind = common.mavlink_map.get(buffer[start + 5])
+        # A payload longer than the definition of its message: garbage that looks like a header.
         if kind is not None and buffer[start + 1] > kind.unpacker.size:
             return 0
         return HEADER_V1 + buffer[start + 1] + 2

@@ -1,4 +1,4 @@
-"""Cells of a large area of which little is known, in tiles: only those that say something exist."""
+"""Cells of a large area of which little is known, in tiles: only tiles with evidence exist."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 SIDE: Final = 64
-"""Of a tile [cells]."""
+"""Side of a tile [cells]."""
 
 
 class CellTiles:
-    """Tiles of int8 cells at multiples of `SIDE`; what has no tile is 0."""
+    """Tiles of int8 cells at multiples of `SIDE`; cells without a tile are 0."""
 
     def __init__(self) -> None:
         self._tiles: dict[tuple[int, int], NDArray[np.int8]] = {}
@@ -27,7 +27,7 @@ class CellTiles:
             yield row, column, cells
 
     def put(self, cells: NDArray[np.int8], corner: NDArray[np.int64]) -> None:
-        """Put cells in place of those that are there.
+        """Replace cells.
 
         Parameters
         ----------

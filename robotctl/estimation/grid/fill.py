@@ -17,9 +17,9 @@ from robotctl.compiled import compiled
 from robotctl.estimation.grid.config import STEPS
 
 COS, SIN, FREE, ECHO = range(4)
-"""Columns of `beams`: direction, how far it is free, and where its echo is [cells]."""
+"""Columns of `beams`: direction, free length, and range of the echo [cells]."""
 GRAZING = 5.67
-"""Neighbouring beams end on one surface that is met at up to atan(5.67) = 80 degrees from square:
+"""Neighbouring beams end on one surface, hit at up to atan(5.67) = 80 degrees from its normal, if
 their lengths differ by at most this multiple of the distance between them."""
 
 MIRROR = (1 << 31) - 1
@@ -34,7 +34,7 @@ _TO = np.tril(_ALL).view(np.uint64)
 
 @compiled
 def free_fans(beams: NDArray[np.float64], fan_sin: float, fans: NDArray[np.float64]) -> None:
-    """Put into `fans`, (n, 2), how far the fans before and after each beam reach along it.
+    """Put into `fans`, (n, 2), how far the fans on either side of each beam reach along it.
 
     Two beams that end on one surface have free space up to the line between their ends. Else
     something hides between them, and only what is nearer than both ends is free. 0 if there is
@@ -75,7 +75,7 @@ def outline_of(
     fans: NDArray[np.float64],
     corners: NDArray[np.float64],
 ) -> int:
-    """Put the corners of the fans' outline into `corners`, (>= 3 n + 1, 3); return their number.
+    """Write the corners of the fans' outline to `corners`, (>= 3 n + 1, 3); return their number.
 
     Each row is x, y, and 1 or -1 for the side that ends there: the sense in which it goes round.
     Each fan is a triangle with its tip at (x, y). The side that two neighbours share cancels, but
@@ -119,7 +119,7 @@ def cross_rows(
     firsts: NDArray[np.int32],
     crossings: NDArray[np.int64],
 ) -> None:
-    """Put where the outline crosses the middles of rows into the rows' sorted lists.
+    """Insert the outline's crossings of the middles of rows into the rows' sorted lists.
 
     `firsts` holds the place of each row's first crossing in `crossings`, 0 for none. A crossing is
     twice its column, plus 1 if upwards, in the upper 32 bits, and the place of the next below.
@@ -162,10 +162,10 @@ def lower_inside(
     middle_row: int,
     miss: int,
 ) -> None:
-    """Lower each cell whose centre the outlines go round; empty the lists.
+    """Lower each cell whose centre is inside the outlines; empty the lists.
 
-    Whole blocks of 16 cells are lowered, which the processor does at once, and what was not meant
-    at both ends is put back.
+    Whole blocks of 16 cells are lowered, which the processor does at once; cells beyond the ends
+    are restored.
     """
     lowest, step = np.int8(miss - STEPS), np.int8(miss)
     words = cells.view(np.uint64)

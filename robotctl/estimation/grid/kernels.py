@@ -1,11 +1,10 @@
-"""The inner loops of the occupancy grid: what one scan, or one sonar, says of which cells.
+"""Inner loops of the occupancy grid: the evidence of one scan, or one sonar, for each cell.
 
 Coordinates are in cells: x along the columns, y along the rows, cell (r, c) covers [c, c + 1) x
 [r, r + 1). Evidence and cells are steps of the stored log odds, in [-127, 127].
 
-Within a scan a cell changes once, without any mark in it: cells that are treated singly are
-computed from their old values before the free space is filled and written after, the stronger rule
-last.
+Within a scan a cell changes once, without being marked: cells treated singly are computed from
+their old values before the free space is filled and written afterwards, the stronger rule last.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ MARGIN = math.sqrt(0.5)
 
 
 class Space(NamedTuple):
-    """Where one scan is worked on.
+    """Working memory for one scan.
 
     `firsts` and `crossings` are the lists of `cross_rows`, the lists empty; `fans` and `corners` as
-    of `free_fans` and `outline_of`; `single` the places of cells that are treated singly, and
-    `became` what they become.
+    of `free_fans` and `outline_of`; `single` the indices of cells treated singly, and `became`
+    their new values.
     """
 
     firsts: NDArray[np.int32]
@@ -61,10 +60,10 @@ def measure_scans(
     range_limit_m: float,
     no_echo_m: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return what each beam says, and which cells each scan reaches.
+    """Return each beam's free length and echo, and the cells that each scan reaches.
 
-    Free space ends half a cell's diagonal before an echo: nearer than the echo is a cell that lies
-    nearer as a whole.
+    Free space ends half a cell's diagonal before an echo: a cell counts as nearer only if all of it
+    is nearer.
 
     Parameters
     ----------
@@ -82,10 +81,10 @@ def measure_scans(
     Returns
     -------
     beams : (b, 4)
-        cos and sin of the direction, how far it is free, and where its echo is [cells]; the two
-        are negative if there is none.
+        cos and sin of the direction, free length and range of the echo [cells]; negative if there
+        is none.
     bounds : (n, 4) [cells]
-        First row and column, and the rows and columns behind the last, with a cell to spare.
+        First row and column, and the row and column after the last, with a margin of one cell.
     """
     beams = np.empty((len(ranges_m), 4))
     bounds = np.empty((len(ends), 4), np.int64)
@@ -132,13 +131,14 @@ def add_scans(
     Parameters
     ----------
     cells
-        (rows, columns) log odds [steps]; holds all that the scans reach; columns a multiple of 16.
+        (rows, columns) log odds [steps]; contains all that the scans reach; columns a multiple of
+        16.
     corner
         Row and column of the first of `cells`, in the numbers of poses and bounds.
     ends, poses, beams, bounds
         As of `measure_scans`.
     fan_sin
-        Sine of the greatest angle between beams that are filled between.
+        Sine of the largest angle between two beams whose gap is filled.
     hit, miss
         Evidence of an echo and of a beam that passes [steps], both > 0.
     """
@@ -165,7 +165,7 @@ def add_scans(
 def _space_for(
     ends: NDArray[np.int64], beams: NDArray[np.float64], bounds: NDArray[np.int64]
 ) -> Space:
-    """Return room enough for each of some scans."""
+    """Return working memory large enough for each of the scans."""
     rows, most, reach, begin = 0, 0, 0.0, 0
     for k in range(len(ends)):
         reached = 0.0
@@ -205,6 +205,7 @@ def _add_scan(
     free_fans(beams, fan_sin, fans[:n])
     count = 0
     for i in range(n):
+        # The part of a beam inside a fan is filled with the fan; only the rest is walked.
         begin = max(fans[i, 0], fans[i, 1])
         if beams[i, FREE] > begin:
             count = _walk(cells, x, y, beams[i], begin, miss, single, became, count)
@@ -215,6 +216,7 @@ def _add_scan(
             single[count] = row * cells.shape[1] + column
             became[count] = min(cells[row, column] + hit, STEPS)
             count += 1
+    # The free space is filled after the single cells were computed from their old values.
     corners = outline_of(x, y - first_row, beams, fans, space.corners)
     middle = int(y - first_row)
     cross_rows(space.corners[:corners], middle, space.firsts, space.crossings)
@@ -235,7 +237,7 @@ def _walk(
     became: NDArray[np.int8],
     count: int,
 ) -> int:
-    """Note each cell that a beam passes from a distance to its end; return the new count.
+    """Note each cell that a beam passes, from `begin` to its end; return the new count.
 
     The exact traversal of Amanatides and Woo, "A fast voxel traversal algorithm" (1987).
     """
@@ -278,13 +280,13 @@ def add_cone(
     Parameters
     ----------
     cells
-        (rows, columns) log odds [steps]; holds the cone.
+        (rows, columns) log odds [steps]; contains the cone.
     heading_rad, half_width_rad
         Axis of the cone in the array's frame, and half its opening [rad].
     distance, band
-        Range, and half the thickness of the arc that counts as being there [cells].
+        Range, and half the thickness of the arc that counts as occupied [cells].
     echo
-        Whether there is something at the range.
+        Whether there was an echo at that range.
     hit, miss
         Evidence [steps], both > 0.
     """

@@ -1,4 +1,4 @@
-"""How well an occupancy grid shows known walls: precision and recall of its occupied cells.
+"""Precision and recall of an occupancy grid's occupied cells against known walls.
 
 The walls are drawn into the grid's own cells: a cell is a wall cell if a wall passes it. A cell of
 one kind counts as found if there is one of the other kind at most one cell away, diagonals

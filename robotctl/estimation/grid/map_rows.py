@@ -1,4 +1,4 @@
-"""The map of an occupancy grid, row by row: that of a campus need not fit into memory."""
+"""The map of an occupancy grid, row by row: the map of a campus need not fit into memory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Parts: TypeAlias = Callable[
 
 
 class MapRows:
-    """The map of a grid, whose rows are made when they are asked for; see `model.CellRows`.
+    """The map of a grid, whose rows are computed when they are read; see `model.CellRows`.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class MapRows:
         self.origin = SE2(x_m, y_m)
 
     def rows(self, begin: int, end: int) -> NDArray[np.int8]:
-        """Return the rows from one on to before another, (end - begin, columns)."""
+        """Return the rows from `begin` to before `end`, (end - begin, columns)."""
         result = np.full((end - begin, self.shape[1]), UNKNOWN, np.int8)
         corner = self._first + np.array([begin, 0])
         for part, cells in self._parts(corner, corner + np.array(result.shape)):
@@ -56,7 +56,7 @@ class MapRows:
         return result
 
     def whole(self) -> GridMap:
-        """Return the map with all its cells."""
+        """Return the whole map."""
         return GridMap(self.rows(0, self.shape[0]), self.resolution_m, self.origin)
 
 

@@ -2,14 +2,14 @@
 
 Each cell holds the log odds of being occupied, ln P(O) / P(E); 0 is P = 0.5, unknown. A measurement
 z = d adds a constant: negative to the cells that the beam passes closer than d, positive to those
-around d, nothing beyond d. This takes the cells as independent and the poses as exact.
+around d, nothing beyond d. Cells are assumed independent, poses exact.
 
 Within one scan a cell changes at most once, by the strongest rule that it meets: a cell with an
 echo is not lowered by the beams beside it, however many pass. Without that, the many beams of one
 scan near the sensor would count as independent looks, which they are not.
 
-A building fits into one array, the window. Over a campus, of which little is known, the window goes
-where the robot is, and what it leaves is kept in tiles.
+A building fits into one array, the window. Over a campus, of which little is known, the window
+follows the robot, and the cells it leaves are kept in tiles.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 
 MAX_CELLS = 200_000_000
-"""A map of more is refused: a pose far off would ask for all memory."""
+"""A larger map is refused: one wrong pose far away would take all memory."""
 WINDOW_CELLS = 4096 * 4096
 """A larger area is kept in tiles."""
 _NEW_WINDOW = 2048
-"""Least side of a window that goes elsewhere [cells]."""
+"""Minimum side of a window that has moved [cells]."""
 MAX_AWAY = 1e9
-"""Poses farther from the world's origin are refused [cells]."""
+"""Poses further from the origin of `world` are refused [cells]."""
 MARGIN_M = 0.5
-"""Of unknown cells around a cropped map, more or less [m]."""
+"""Approximate margin of unknown cells around a cropped map [m]."""
 _STRIP = 256
-"""Rows that are worked on together."""
+"""Rows processed together."""
 BATCH = 512
-"""Scans that are prepared together: the more, the less Python each costs."""
+"""Scans prepared together: larger batches spread the cost of Python over more scans."""
 
 
 @dataclass(frozen=True, slots=True)
 class GridFigures:
-    """How much of a grid is known.
+    """Statistics of what is known of a grid.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class OccupancyGrid:
             self._add(poses[begin : begin + BATCH], scans[begin : begin + BATCH])
 
     def _add(self, poses: NDArray[np.float64], scans: Sequence[RangeScan]) -> None:
-        """Add scans that are prepared together."""
+        """Add one batch of scans."""
         config = self.config
         ends = np.cumsum([len(scan.ranges_m) for scan in scans])
         starts, pattern = _pattern(scans)
@@ -137,6 +137,7 @@ class OccupancyGrid:
         )
         first, end = bounds.min(axis=0)[:2], bounds.max(axis=0)[2:]
         self._check_reach(first, end)
+        # Scans of distant places do not fit into one window: add them in two halves.
         if len(scans) > 1 and np.prod(end - first) > WINDOW_CELLS:
             half = len(scans) // 2
             self._add(poses[:half], scans[:half])
@@ -179,6 +180,7 @@ class OccupancyGrid:
         echo = range_m < config.sonar_range_m
         free_m = config.sonar_no_echo_m if math.isinf(range_m) else config.sonar_range_m
         distance = (range_m if echo else free_m) / side_m
+        # A thinner arc could pass between the centres of cells.
         band = max(config.sonar_band_m / side_m, math.sqrt(0.5))
         x, y = sensor.x_m / side_m, sensor.y_m / side_m
         middle, reach = np.array([y, x]), distance + band + 2.0
@@ -200,12 +202,12 @@ class OccupancyGrid:
         )
 
     def _check_reach(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> None:
-        """Take note of which cells are reached, from a (row, column) to behind another.
+        """Extend the reached rectangle by cells from `first` to before `end`, each (row, column).
 
         Raises
         ------
         ValueError
-            If a map of all that was ever reached would have more than `MAX_CELLS`.
+            If a map of everything reached so far would have more than `MAX_CELLS`.
         """
         if self._reach is not None:
             first, end = np.minimum(first, self._reach[0]), np.maximum(end, self._reach[1])
@@ -218,11 +220,11 @@ class OccupancyGrid:
         self._reach = first, end
 
     def _hold(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> None:
-        """Let the window hold the world's cells from a (row, column) to behind another.
+        """Make the window hold the cells from `first` to before `end`, each (row, column) in world.
 
-        A side that must grow grows by half of what there is, so that the cost of copying stays in
-        proportion to the area. A window that would become too large goes elsewhere instead. Cells
-        stay where they are in the world.
+        A side that must grow grows by half its length, so that the cost of copying stays
+        proportional to the area. A window that would become too large moves instead. Cells keep
+        their positions in world.
         """
         shape = np.array(self._cells.shape)
         old_first = self._corner if self._cells.size else first
@@ -235,8 +237,10 @@ class OccupancyGrid:
         goes = bool(np.prod(new_end - new_first) > WINDOW_CELLS) and self._cells.size > 0
         if goes:
             self._tiles.put(self._cells, self._corner)
+            # Room on all sides, so that the window does not move again at once.
             around = np.maximum(_NEW_WINDOW - (end - first), 0) // 2
             new_first, new_end = first - around, end + around
+        # Whole tiles, so that what leaves the window can be put away as it is.
         new_first, new_end = new_first // SIDE * SIDE, -(-new_end // SIDE) * SIDE
         rows, columns = (int(size) for size in new_end - new_first)
         cells = np.zeros((rows, columns), np.int8)
@@ -270,15 +274,15 @@ class OccupancyGrid:
     def map_rows(
         self, occupied_above: float = 0.65, free_below: float = 0.4, strays: float | None = None
     ) -> MapRows:
-        """Return the map row by row; it shows the grid as it is when the rows are asked for.
+        """Return the map row by row, each as the grid is when the row is read.
 
         Parameters
         ----------
         occupied_above, free_below
             See `to_map`.
         strays
-            None: the rectangle of `to_map`. Else it is cropped at each side while that cuts off
-            no more than this share of the known cells, and gets a margin of `MARGIN_M`.
+            None: the rectangle of `to_map`. Otherwise each side is cropped while that cuts off no
+            more than this share of the known cells, and gets a margin of `MARGIN_M`.
 
         Raises
         ------
@@ -308,7 +312,7 @@ class OccupancyGrid:
         value: NDArray[np.int8],
         strays: float,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return a rectangle without the strays at its sides; see `to_map`."""
+        """Return a rectangle without the strays at its sides; see `map_rows`."""
         counts = [np.zeros(size, np.int64) for size in (end - first).tolist()]
         for (rows, columns), cells in self.parts(first, end):
             known = value.take(cells.view(np.uint8)) != UNKNOWN
@@ -324,7 +328,7 @@ class OccupancyGrid:
         )
 
     def figures(self) -> GridFigures:
-        """Return how much is known; a cell counts as seen while its log odds are not 0."""
+        """Return how much is known; a cell counts as seen if its log odds are not 0."""
         first, end = self._known()
         counts = np.zeros(256, np.int64)
         for _, cells in self.parts(first, end):
@@ -344,7 +348,7 @@ class OccupancyGrid:
         )
 
     def _pieces(self) -> Iterator[tuple[int, int, NDArray[np.int8]]]:
-        """Yield first row and column in world of pieces that hold all evidence, and their cells."""
+        """Yield the pieces that hold all evidence: first row and column in world, and cells."""
         if len(self._tiles):
             self._tiles.put(self._cells, self._corner)
             yield from self._tiles
@@ -361,7 +365,7 @@ class OccupancyGrid:
     ) -> Iterator[tuple[tuple[slice, slice], NDArray[np.int8]]]:
         """Yield the parts of a rectangle with evidence, and their cells [steps].
 
-        The rectangle is from a (row, column) in world to behind another.
+        The rectangle goes from `first` to before `end`, each (row, column) in world.
         """
         height, width = (int(size) for size in end - first)
         for row, column, cells in self._pieces():
@@ -373,7 +377,7 @@ class OccupancyGrid:
                 yield (slice(top, bottom), slice(left, right)), inside
 
     def _known(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the smallest rectangle around all evidence: its first cell, and behind its last.
+        """Return the smallest rectangle around all evidence: its first cell, and the end.
 
         Without evidence it is one cell.
         """
@@ -391,7 +395,7 @@ class OccupancyGrid:
 def _pattern(scans: Sequence[RangeScan]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return where each scan's directions begin, (n,), in cos and sin of directions, (p, 2).
 
-    Scans of one sensor often share one array of angles, which is then needed once.
+    Scans of one sensor often share one array of angles, which is then stored once.
     """
     arrays = {id(scan.angles_rad): scan.angles_rad for scan in scans}
     begins = np.cumsum([0, *(len(angles) for angles in arrays.values())])

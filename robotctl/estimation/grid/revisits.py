@@ -1,7 +1,7 @@
-"""Whether poses are right where a robot comes by again: then its scans agree there.
+"""Check of poses by revisits: if they are right, scans of two visits to a place agree.
 
-Poses by odometry drift, so that a place looks moved when the robot is back; poses that were
-corrected put it where it was.
+With poses from odometry, which drift, a place seems to have moved when the robot returns; with
+corrected poses it is where it was.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robotctl.model.sensors.range_scan import RangeScan
 _LATER_M: Final = 20.0
 """Minimum distance travelled between two visits [m]."""
 _NEAR_M, _NEAR_RAD = 1.0, 0.6
-"""Maximum difference of two poses that see the same [m], [rad]."""
+"""Maximum difference between two poses that count as the same place [m], [rad]."""
 _AGREES_M: Final = 0.2
 _SEEN_M: Final = 15.0
 """Range beyond which echoes move too much with a small turn [m]."""
@@ -28,10 +28,10 @@ _TRIED, _PAIRS, _LEAST_PAIRS, _LEAST_ECHOES = 400, 60, 3, 20
 
 
 def revisit_agreement(scans: Sequence[RangeScan], poses: Sequence[SE2]) -> float | None:
-    """Return which share of the echoes of a later visit is where the former one saw some.
+    """Return the share of a later visit's echoes that lie near echoes of the earlier visit.
 
-    It is the median over pairs of visits, 0 to 1; of right poses above 0.6, of drifting ones below
-    0.2. None if the robot hardly ever comes by again.
+    Median over pairs of visits, 0 to 1: above 0.6 for right poses, below 0.2 for drifting ones.
+    None if the robot hardly ever returns to a place.
     """
     rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]).reshape(-1, 3)
     shares = []
@@ -44,7 +44,7 @@ def revisit_agreement(scans: Sequence[RangeScan], poses: Sequence[SE2]) -> float
 
 
 def _visits(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Return pairs of poses that see the same, at a former and at a later visit."""
+    """Return pairs of poses (earlier visit, later visit) at the same place."""
     if len(poses) < 2:
         return []
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
@@ -60,7 +60,7 @@ def _visits(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
 
 
 def _echoes(scan: RangeScan, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where the echoes of a scan are, (n, 2) [m]."""
+    """Return the positions of a scan's echoes in world, (n, 2) [m]."""
     points = scan.points_base()
     points = points[np.hypot(points[:, 0], points[:, 1]) < _SEEN_M]
     c, s = math.cos(pose[2]), math.sin(pose[2])

@@ -281,17 +281,21 @@ class PoseEkf:
         if not np.all(np.isfinite(z)):
             raise ValueError(f"{sensor}: a measurement must be finite, found {z.tolist()}")
         measurement = _Measurement(stamp_ns, sensor, z, R, expectation, residual)
+        # Newer than the state: it waits for the odometry that moves the state to its time.
         if stamp_ns > self._stamp_ns:
             insort(self._waiting, measurement, key=lambda each: each.end_ns)
             return None
         if stamp_ns < self._oldest_ns:
             self.too_late += 1
             return None
+        # A late measurement: return to the state before its time, apply it, then apply again what
+        # came after it.
         again: list[_Motion | _Measurement] = []
         while self._steps and self._steps[-1].what.end_ns > stamp_ns:
             step = self._steps.pop()
             self._kalman.set(step.x, step.P)
             again.append(step.what)
+        # The measurement may lie within a motion: that is cut in two at its time.
         first = again[-1] if again else None
         if isinstance(first, _Motion) and first.begin_ns < stamp_ns:
             before, again[-1] = first.cut(stamp_ns)
@@ -307,6 +311,7 @@ class PoseEkf:
             raise ValueError(
                 f"time goes back: {motion.end_ns} ns after {motion.begin_ns} ns, the state's time"
             )
+        # A motion in no time would need an infinite velocity.
         if motion.end_ns == motion.begin_ns and (motion.distance_m or motion.turn_rad):
             raise ValueError(f"motion without time at {motion.end_ns} ns")
         found = []
@@ -347,6 +352,7 @@ class PoseEkf:
         if expected is None:
             return None
         h, H = expected
+        # Models of the pose return columns for the pose only; velocities and bias get zeros.
         if H.shape[1] < self._size:
             H = np.concatenate([H, np.zeros((len(H), self._size - H.shape[1]))], axis=1)
         nis, weight = kalman.update(what.z, h, H, what.R, what.residual)
@@ -370,6 +376,7 @@ def checked_covariance(covariance: Array) -> Array:
         raise ValueError(f"covariance must be (3, 3) and finite, found {covariance.tolist()}")
     symmetric: Array = 0.5 * (covariance + covariance.T)
     least = float(np.linalg.eigvalsh(symmetric)[0])
+    # Rounding may leave a matrix slightly asymmetric; more than that is an error of the sender.
     if not np.allclose(symmetric, covariance, rtol=1e-6, atol=1e-12) or least <= 0.0:
         raise ValueError(
             f"covariance must be symmetric with positive eigenvalues, found {covariance.tolist()}"

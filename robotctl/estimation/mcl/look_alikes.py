@@ -69,9 +69,11 @@ def look_alikes(
     if len(others) == 0:
         return None
     led = _led(_best(others, remembered(others), _LED), remembered, config, rng)
+    # The belief is led to its peak too: otherwise the others would win only by being at theirs.
     own = _led(held, remembered, config, rng)
     if led is None or own is None:
         return None
+    # Some may have been led into the place where the search ended.
     led = led[are_apart(led, belief.best)]
     logs = remembered(led)
     near = logs > remembered(own).max() - _BEHIND * len(remembered)

@@ -72,6 +72,8 @@ class ParticleBelief:
 
     def advance(self, way: OdometrySegment, rng: np.random.Generator) -> None:
         """Resample where the belief calls for it, then move all particles by the odometry."""
+        # Resampling after every measurement would lose particles to chance; while the weights are
+        # nearly equal it gains nothing.
         uneven = effective_size(self.weights) < self._config.resample_below * len(self.weights)
         if uneven or self.searching:
             self._resample(self._wanted_particles(rng), rng)
@@ -102,6 +104,7 @@ class ParticleBelief:
         """
         weights, evidence = posterior(self.weights, logs)
         least = self._config.n_eff_floor * len(logs)
+        # Few particles would carry all the weight: apply only a part of the measurement.
         if evidence > -math.inf and effective_size(weights) < least:
             exponent = bearable_exponent(self.weights, logs, least)
             weights, _ = posterior(self.weights, exponent * logs)
@@ -112,6 +115,7 @@ class ParticleBelief:
     def _judge(self, *, fits: bool) -> None:
         """Find the clusters, and count how long the belief has been compact."""
         self.clusters = self._found_clusters()
+        # A single compact measurement may be chance, so consecutive ones count.
         self.agreed = self.agreed + 1 if fits and self._is_compact() else 0
 
     def _found_clusters(self) -> list[Cluster]:
@@ -127,6 +131,7 @@ class ParticleBelief:
 
     def _inject_random_poses(self, sample_free: SampleFree, rng: np.random.Generator) -> None:
         """Mix random poses into the belief."""
+        # All injected poses together get the weight `share`, so that they do not dilute the belief.
         share, count = self._config.random_injection, self._config.most_searching
         injected = sample_free(rng, math.ceil(share * count))
         alike = np.full(len(injected), share / len(injected))
@@ -141,6 +146,7 @@ class ParticleBelief:
     def _wanted_particles(self, rng: np.random.Generator) -> int:
         config = self._config
         most = config.most_searching if self.searching else config.max_particles
+        # A fixed number: KLD sampling has nothing to choose.
         if config.min_particles == most:
             return most
         return kld_size(

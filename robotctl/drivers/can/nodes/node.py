@@ -105,6 +105,7 @@ class Node:
         state = data[0] & 0x7F
         self._nmt_state = state
         self._heartbeat_ns = stamp_ns
+        # CANopen: a node that has sent its boot-up message is in pre-operational (CiA 301).
         if state == NMT_BOOT_UP:
             self._boots += 1
             self._nmt_state = NMT_PRE_OPERATIONAL
@@ -161,6 +162,7 @@ class Node:
 
     def read_back(self, now_ns: int) -> None:
         """Start reading the next setting of a node in service, if no transfer is in progress."""
+        # Continuous requests of a tool must not keep settings from being checked for ever.
         if now_ns < self._quiet_ns and now_ns - self._read_ns < QUIET_MAX_NS:
             return
         if self.phase is NodePhase.READY and self._sdo.idle and self._kept:
@@ -259,6 +261,7 @@ class Node:
         """Take the node out of service if a setting differs or is unreadable."""
         self._is_reading = self.busy = False
         setting = self._kept[0]
+        # No answer is no proof of a change: only several in a row count.
         if response.value is None:
             self._unread += 1
             if self._unread > UNREAD_MAX:

@@ -153,6 +153,7 @@ class CanRobot:
 
         def on_heartbeat(data: bytes, stamp_ns: int) -> None:
             if data == b"\0":
+                # A restarted node begins its counters at the start; that is no sign of lost frames.
                 for receiver in self._receivers.get(node_id, ()):
                     receiver.reset()
             node.on_heartbeat(data, stamp_ns)
@@ -222,6 +223,7 @@ class CanRobot:
         if self._stop_source is not None:
             self.emergency_stop(self._stop_source)
         self._send_command(command)
+        # SYNC last: the drive latches its encoders at it and answers in time for the next tick.
         self._port.send(self._codec.sync_id, b"")
         self._serve(now_ns)
 
@@ -242,6 +244,7 @@ class CanRobot:
         except (ValueError, OverflowError):
             self._refused_commands += 1
             data = encode(alive.value, 0, 1, 0.0, 0.0, self._steering_rad)
+        # A counter that advanced without a frame would look like a lost frame to the drive.
         if self._port.send(self._codec.command_id, data):
             alive.advance()
 
