@@ -13,6 +13,7 @@ from benchmarks import (
     control_quality,
     ekf_cost,
     flight_recorder,
+    global_planning,
     grid_mapping,
     landmark_accuracy,
     localisation_accuracy,
@@ -53,6 +54,7 @@ SUBJECTS = {
     "mcl": localisation_accuracy.run,
     "mcl-sonar": localisation_sonar.run,
     "places": place_recognition.run,
+    "planning": global_planning.run,
     "camera-homography": camera_homography.run,
 }
 

@@ -25,6 +25,7 @@ from robotctl.planning.global_planning.hybrid_search import (
     drive,
     expand,
     make_nodes,
+    price_cells,
 )
 from robotctl.planning.global_planning.obstructions import blocked_end, no_path
 from robotctl.planning.global_planning.plan import (
@@ -92,17 +93,15 @@ class HybridPlanner:
     def _world(self, space: PlanningMap, goal: NDArray[np.float64]) -> HybridMap:
         """Return the map with prices, and what is left to the goal from each coarse cell."""
         config, side_m = self._config, space.grid.resolution_m
-        comfort = np.float32(config.comfort_m / side_m)
-        room = space.clearance - np.float32(space.inscribed + config.margin_m / side_m)
-        prices = np.ones(space.shape)
-        if comfort > 0.0:
-            prices += config.comfort_weight * np.clip(1.0 - room / comfort, 0.0, 1.0)
-        prices[space.clearance < max(space.inscribed - 1.0, 0.0)] = math.inf
         factor = max(1, round(_COARSE_M / side_m))
-        rows, columns = (math.ceil(each / factor) for each in space.shape)
-        padded = np.full((rows * factor, columns * factor), math.inf)
-        padded[: space.shape[0], : space.shape[1]] = prices
-        coarse = padded.reshape(rows, factor, columns, factor).min(axis=(1, 3)) * factor
+        prices, coarse = price_cells(
+            space.clearance,
+            max(space.inscribed - 1.0, 0.0),
+            space.inscribed + config.margin_m / side_m,
+            config.comfort_m / side_m,
+            config.comfort_weight,
+            factor,
+        )
         to_go = cost_to_go(coarse, int(goal[1]) // factor, int(goal[0]) // factor)
         radius = config.turning_radius_m / side_m
         return HybridMap(

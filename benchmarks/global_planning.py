@@ -1,0 +1,199 @@
+"""Global planners beside others' on the same maps, in turn.
+
+Peers are measured where they are installed: `uv pip install pyastar2d tcod ompl`. ROBOTCTL_DATA
+names the folder of MovingAI's maps and of nav2's.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+import os
+import time
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import machine
+from robotctl.config.robot_file import config_directory, load_robot
+from robotctl.maps.localisation_map import load_localisation_map
+from robotctl.maps.map_file import load_map
+from robotctl.maps.moving_ai import load_moving_ai
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.grid_search import octile_length, search_cells
+from robotctl.planning.global_planning.plan import Plan, PlannerConfig
+from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.planning.guard.body import body_outline
+
+SIZE = 1000
+FREE = np.where(np.arange(256) < 253, 1.0, math.inf)
+SEEDS = 10
+WAREHOUSE = (
+    ((-10.5, -20.0, 90.0), (12.0, 20.0, 0.0)),
+    ((-13.5, -22.0, 0.0), (-8.0, 23.0, 90.0)),
+    ((13.0, -23.0, 90.0), (-13.0, 15.0, 90.0)),
+)
+"""Start and goal, m and degrees."""
+
+
+def run(rounds: int, _seconds: float) -> None:
+    """Measure all."""
+    folder = Path(os.environ.get("ROBOTCTL_DATA", machine.ROOT.parent / "shared" / "data"))
+    _grids(rounds)
+    if (folder / "movingai").is_dir():
+        _published(folder / "movingai")
+        _rooms(folder / "movingai")
+    else:
+        machine.note(f"movingai: not measured, no {folder / 'movingai'}; set ROBOTCTL_DATA")
+    _office()
+    if (folder / "maps").is_dir():
+        _warehouse(folder / "maps", rounds)
+    else:
+        machine.note(f"warehouse: not measured, no {folder / 'maps'}; set ROBOTCTL_DATA")
+
+
+def boxes(seed: int) -> np.ndarray:
+    """Return a map with random boxes, free in two corners."""
+    rng = np.random.default_rng(seed)
+    grid = np.zeros((SIZE, SIZE), np.uint8)
+    for _ in range(200):
+        (height, width), (row, column) = rng.integers(10, 60, 2), rng.integers(0, SIZE, 2)
+        grid[row : row + height, column : column + width] = 254
+    grid[:90, :90] = grid[-90:, -90:] = 0
+    return grid
+
+
+def _peers(grid: np.ndarray) -> dict[str, Callable[[], Any]]:
+    """Return the peers that are installed, each as a search from corner to corner."""
+    free = grid < 253
+    peers: dict[str, Callable[[], Any]] = {}
+    if find_spec("pyastar2d"):
+        pyastar2d = import_module("pyastar2d")
+        weights = np.where(free, 1, np.inf).astype(np.float32)
+        last = (SIZE - 1, SIZE - 1)
+        peers["pyastar2d"] = lambda: pyastar2d.astar_path(weights, (0, 0), last, True)
+    if find_spec("tcod"):
+        tcod = import_module("tcod.path")
+        peers["tcod"] = lambda: tcod.path2d(
+            free.astype(np.int8),
+            start_points=[(0, 0)],
+            end_points=[(SIZE - 1, SIZE - 1)],
+            cardinal=10000,
+            diagonal=14142,
+        )
+    for name in {"pyastar2d", "tcod"} - peers.keys():
+        machine.note(f"{name}: not measured, it is not installed")
+    return peers
+
+
+def _grids(rounds: int) -> None:
+    rows = []
+    for seed in (1, 2):
+        grid = boxes(seed)
+        ends = (0, 0), (SIZE - 1, SIZE - 1)
+        works = {"robotctl": lambda g=grid, e=ends: search_cells(g, FREE, *e).cells, **_peers(grid)}
+        times: dict[str, list[float]] = {name: [] for name in works}
+        paths = {name: work() for name, work in works.items()}
+        for _ in range(rounds):
+            for name, work in works.items():
+                began = time.perf_counter()
+                work()
+                times[name].append(1e3 * (time.perf_counter() - began))
+        own = machine.median(times["robotctl"])
+        for name in works:
+            ratio = machine.median(times[name]) / own
+            length = octile_length(np.asarray(paths[name], np.int64))
+            rows.append((f"boxes {seed}", name, machine.spread(times[name], 1), f"{ratio:.2f}",
+                         f"{length:.2f}"))  # fmt: skip
+    heads = ("map", "planner", "ms", "times robotctl", "length, cells")
+    machine.table("A* on 1000 x 1000 cells, corner to corner", heads, rows)
+
+
+def _problems(folder: Path, name: str) -> list[list[str]]:
+    text = gzip.decompress((folder / f"{name}.map.scen.gz").read_bytes()).decode()
+    return [line.split("\t") for line in text.splitlines()[1:] if "\t" in line]
+
+
+def _published(folder: Path) -> None:
+    rows = []
+    for path in sorted(folder.glob("*.map.gz")):
+        name = path.name.removesuffix(".map.gz")
+        grid = load_moving_ai(path)
+        costs = np.where(grid.occupied(), 254, 0).astype(np.uint8)[::-1]
+        worst, problems = 0.0, _problems(folder, name)
+        began = time.perf_counter()
+        for words in problems:
+            x0, y0, x1, y1 = map(int, words[4:8])
+            found = search_cells(np.ascontiguousarray(costs), FREE, (y0, x0), (y1, x1))
+            worst = max(worst, abs(found.cost - float(words[8])))
+        spent_s = time.perf_counter() - began
+        rows.append(
+            (name, str(len(problems)), f"{worst:.1e}", f"{1e3 * spent_s / len(problems):.2f}")
+        )
+    heads = ("map", "problems", "greatest difference, cells", "ms a problem")
+    machine.table("A* and MovingAI's published lengths, all problems", heads, rows)
+
+
+def _rooms(folder: Path) -> None:
+    words = _problems(folder, "32room_000")[-1]
+    space = PlanningMap(load_moving_ai(folder / "32room_000.map.gz"), Footprint())
+    rows_of_map = space.shape[0]
+    ends = [SE2(int(words[i]) + 0.5, rows_of_map - 0.5 - int(words[i + 1]), 0.0) for i in (4, 6)]
+    _trees("32room_000, the hardest problem", space, ends, float(words[8]), 10.0)
+
+
+def _office() -> None:
+    robot = load_robot(config_directory() / "diff_drive.toml")
+    grid = load_localisation_map("office", Path()).grid
+    space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
+    ends = [SE2(1.0, 4.0, 0.0), SE2(20.0, 11.0, 1.57)]
+    best = PLANNERS["astar"](PlannerConfig(comfort_weight=0.0)).plan(space, *ends)
+    assert isinstance(best, Plan)
+    _trees("office", space, ends, best.length_m, 10.0)
+
+
+def _trees(title: str, space: PlanningMap, ends: list[SE2], best: float, limit_s: float) -> None:
+    rows = []
+    for name in ("rrt", "rrt-connect", "rrtstar"):
+        times, ratios = [], []
+        for seed in range(-1, SEEDS):
+            config = PlannerConfig(seed=max(seed, 0), margin_m=0.0 if best > 100 else 0.05)
+            began = time.perf_counter()
+            answer = PLANNERS[name](config).plan(
+                space, *ends, lambda began=began: time.perf_counter() - began < limit_s
+            )
+            if seed >= 0:  # the first is compiled
+                times.append(1e3 * (time.perf_counter() - began))
+                ratios.append(answer.length_m / best if isinstance(answer, Plan) else math.nan)
+        found = sum(not math.isnan(each) for each in ratios)
+        rows.append(
+            (name, f"{found} of {SEEDS}", machine.spread(times, 0), machine.spread(ratios, 2))
+        )
+    heads = ("planner", "found", "ms", "length / that of A*")
+    machine.table(f"Random trees: {title}", heads, rows)
+
+
+def _warehouse(folder: Path, rounds: int) -> None:
+    robot = load_robot(config_directory() / "ackermann.toml")
+    grid: GridMap = load_map(folder / "warehouse.yaml")
+    space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
+    config = PlannerConfig(turning_radius_m=robot.drive.min_turning_radius_m)
+    rows = []
+    for start, goal in WAREHOUSE:
+        times: list[float] = []
+        for _ in range(rounds + 1):
+            began = time.perf_counter()
+            answer = PLANNERS["hybrid"](config).plan(
+                space, *(SE2(x, y, math.radians(deg)) for x, y, deg in (start, goal))
+            )
+            times.append(1e3 * (time.perf_counter() - began))
+        length = f"{answer.length_m:.1f}" if isinstance(answer, Plan) else answer.text
+        rows.append((f"{start} to {goal}", length, machine.spread(times[1:], 0)))
+    machine.table("Hybrid A* in nav2's warehouse, Ackermann", ("problem", "length, m", "ms"), rows)
