@@ -74,6 +74,9 @@ class Recording:
         In the order of their times.
     odometry
         Poses in the frame of the odometry; None if the log has velocities only.
+    gyro_turns_rad
+        By how much a gyro, and not the wheels, has turned the odometry up to each of its poses,
+        (n,) [rad]; (0,) where it is of the wheels alone.
     twist_stamps_ns, twists
         (m,) and (m, 2): from this time on, v [m/s] and omega [rad/s] of `base`; m may be 0.
     reference
@@ -100,6 +103,7 @@ class Recording:
     name: str
     scans: tuple[RecordedScan, ...] = ()
     odometry: Trajectory | None = None
+    gyro_turns_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     twist_stamps_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     twists: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     reference: Trajectory | None = None

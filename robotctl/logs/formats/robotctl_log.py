@@ -24,6 +24,7 @@ import numpy as np
 from mcap.records import Channel, Message
 from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
 
 from robotctl.logs.formats.log_format import LogFormat, ReadOptions
 from robotctl.logs.formats.log_text import LogFormatError
@@ -130,6 +131,7 @@ def read_own(path: Path, *, with_sonars: bool = True) -> Recording:
         name=path.name,
         scans=tuple(_scan(*each, odometry, reference, path) for each in content.lidar),
         odometry=odometry,
+        gyro_turns_rad=_gyro_turns_rad(content),
         reference=reference,
         believed=_believed(content.believed, odometry),
         sonars=tuple(_while_logged(sonars.readings, odometry)),
@@ -211,6 +213,18 @@ def _odometry(content: _Content) -> tuple[Trajectory, list[tuple[int, LoggedStat
     ]  # fmt: skip
     rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses])
     return Trajectory(stamps_ns, rows), in_time
+
+
+def _gyro_turns_rad(content: _Content) -> NDArray[np.float64]:
+    """Return by how much the gyro has turned the odometry, (n,) [rad]; (0,) without an IMU."""
+    found = [state.corrected_rad for _, state in content.control]
+    if not any(found):
+        return np.empty(0)
+    last_rad, turns_rad = 0.0, []
+    for corrected_rad in found:
+        last_rad = last_rad if corrected_rad is None else corrected_rad
+        turns_rad.append(last_rad)
+    return np.array(turns_rad)
 
 
 def _of_one_robot(

@@ -30,12 +30,15 @@ class LoggedState:
         Last range of each sonar [m]; inf: no echo, nan: no valid reading.
     sonar_stamp_ns
         When each came [ns].
+    corrected_rad
+        By how much its gyro has turned the odometry so far [rad]; None while it tells nothing.
     """
 
     stamp_ns: int
     T_odom_base: SE2
     sonar_m: tuple[float, ...] = ()
     sonar_stamp_ns: tuple[int, ...] = ()
+    corrected_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +81,15 @@ class _Sonar(msgspec.Struct):
         return math.inf if self.out_of_range else self.range_m
 
 
+class _Imu(msgspec.Struct):
+    corrected_rad: float = 0.0
+
+
 class _State(msgspec.Struct):
     stamp_ns: int
     T_odom_base: _Pose
     sonars: list[_Sonar] = []
+    imu: _Imu | None = None
 
 
 class _OldState(_Pose):
@@ -135,6 +143,7 @@ def logged_state(data: bytes) -> LoggedState:
         state.T_odom_base.value(),
         tuple(each.heard_m() for each in state.sonars),
         tuple(each.stamp_ns for each in state.sonars),
+        None if state.imu is None else state.imu.corrected_rad,
     )
 
 

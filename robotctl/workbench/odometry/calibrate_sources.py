@@ -177,7 +177,7 @@ def wheels_of(
     """Return times (n + 1,) [ns] and wheels (n, 3) of a recording, as `OdometryRun` has them.
 
     From counts where there are any, else from odometry poses, else from velocities; these two are
-    taken to be made with the nominal drive.
+    taken to be made with the nominal drive. What a gyro has turned of the odometry is taken off.
 
     Raises
     ------
@@ -194,7 +194,10 @@ def wheels_of(
         turns = np.diff(ticks[:, 1:], axis=0) * math.tau / model.nominal.counts_per_revolution
         return ticks[:, 0], np.column_stack([turns, np.zeros(len(turns))])
     if recording.odometry is not None and len(recording.odometry.stamps_ns) > 1:
-        return recording.odometry.stamps_ns, model.wheels(_arcs(recording.odometry))
+        arcs = _arcs(recording.odometry)
+        if len(recording.gyro_turns_rad):
+            arcs[:, 1] -= np.diff(recording.gyro_turns_rad)
+        return recording.odometry.stamps_ns, model.wheels(arcs)
     if len(recording.twists) > 1:
         stamps_ns = recording.twist_stamps_ns
         spans_s = 1e-9 * np.diff(stamps_ns)

@@ -104,7 +104,9 @@ class Campaign:
             If it does not come to the end.
         """
         mission = find_file(f"calibrate_{shape}", "missions")
-        run = LockstepRun(SimOptions(self.robot, mission, seed=seed, overrides=self.overrides))
+        # The odometry of the wheels alone is wanted.
+        overrides = (*self.overrides, "imu.enabled=false")
+        run = LockstepRun(SimOptions(self.robot, mission, seed=seed, overrides=overrides))
         truth = run.stack.simulation.truth()
         start = SE2(truth.x_m, truth.y_m, truth.theta_rad)
         stamps_ns, poses, done, why = [], [], False, ""

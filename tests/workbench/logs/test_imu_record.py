@@ -1,6 +1,7 @@
 """What an IMU says is in log, record and replay, as the bus brought it."""
 
 import json
+import math
 from pathlib import Path
 
 import can
@@ -12,8 +13,11 @@ from mcap.reader import make_reader
 
 from robotctl.app.simulation.lockstep import run_lockstep
 from robotctl.app.simulation.sim_options import SimOptions
-from robotctl.config.robot_file import config_directory, find_file
+from robotctl.config.robot_file import config_directory, find_file, load_robot
+from robotctl.estimation.odometry.model import OdometryModel
+from robotctl.logs.formats.robotctl_log import read_own
 from robotctl.workbench.logs.export import export_csv
+from robotctl.workbench.odometry.calibrate_sources import wheels_of
 from robotctl.workbench.replay.replay import replay_file
 from tests.app.simulation.missions import PATROL
 
@@ -23,13 +27,19 @@ GYRO, ACCELEROMETER = 0x184, 0x284
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
-    overrides = ("imu.enabled=true", "imu.yaw_deg=90")
+    overrides = ("imu.enabled=true", "imu.yaw_deg=90", "simulation.errors.track_width=0.1")
     run_lockstep(
         SimOptions(
-            find_file("diff_drive"), PATROL, record=folder, max_seconds=6.0, overrides=overrides
+            find_file("diff_drive"), PATROL, record=folder, max_seconds=20.0, overrides=overrides
         )
     )
     return folder
+
+
+def exported_counts(run: Path) -> Path:
+    folder = run / "csv"
+    export_csv(run / "control-0001.rec", folder, lambda done, total: None)
+    return folder / "wheels.csv"
 
 
 def test_a_record_holds_each_frame_of_gyro_and_accelerometer(run: Path, tmp_path: Path) -> None:
@@ -68,3 +78,18 @@ def test_the_log_tells_attitude_and_rates_in_base(run: Path) -> None:
     assert forces[:, 2].mean() == pytest.approx(9.8, abs=0.2)
     assert np.array([imu["up"] for imu in imus])[:, 2].min() > 0.99
     assert {"rate_rad_s", "bias_rad_s", "rise_m_s", "slip_rad"} <= imus[-1].keys()
+
+
+def test_calibration_sees_the_wheels_alone(run: Path) -> None:
+    """The gyro hides in the odometry what calibration looks for: how wrongly the wheels turn it."""
+    recording, config = read_own(run), load_robot(find_file("diff_drive"))
+    assert recording.odometry is not None
+    corrected_rad = abs(recording.gyro_turns_rad[-1])
+    assert corrected_rad > 0.05
+    _, wheels = wheels_of(recording, OdometryModel(config.drive))
+    counted = pd.read_csv(exported_counts(run))
+    turns = [
+        np.diff(np.unwrap(counted[name], period=1 << 16)).sum() * math.tau / 2400
+        for name in ("count1", "count2")
+    ]
+    assert wheels[:, :2].sum(axis=0) == pytest.approx(turns, rel=0.01)
