@@ -123,7 +123,7 @@ class FlightDumps:
             remove_parts(directory, f"{kind}-*.rec")
 
     def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
-        """Take in what was published; return a sentence for each dump or its failure."""
+        """Take published messages; return a sentence for each dump or its failure."""
         for message in messages:
             if isinstance(message, ControlState):
                 latched = message.state in LATCHED

@@ -1,4 +1,4 @@
-"""The motion of a recorded drive, noise put on it on purpose, and where it starts."""
+"""The motion of a recorded drive, noise added on purpose, and its start."""
 
 from __future__ import annotations
 
@@ -108,10 +108,10 @@ def known_from_ns(recording: Recording) -> int:
 
 
 def start_pose(recording: Recording, stamp_ns: int) -> SE2 | None:
-    """Return where the drive begins, at a time: by the reference; None if it does not say.
+    """Return the drive's start at a time, by the reference; None if the reference has none.
 
-    Up to one second before and after the reference its ends count. Where it has no heading, that
-    one is taken which makes the odometry of the first metre fit to it best.
+    Up to one second before and after the reference its ends count. If it has no heading, the one
+    with which the odometry of the first metre fits it best is taken.
     """
     reference = recording.reference
     if reference is None:

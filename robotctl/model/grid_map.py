@@ -88,7 +88,7 @@ class GridMap:
             raise ValueError("origin must be finite")
 
     def cell_of(self, points_world: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return (row, column) of each point (n, 2) [m], (n, 2); may lie outside of the map."""
+        """Return (row, column) of each point (n, 2) [m], (n, 2); may be outside the map."""
         c, s = math.cos(self.origin.theta_rad), math.sin(self.origin.theta_rad)
         x = points_world[:, 0] - self.origin.x_m
         y = points_world[:, 1] - self.origin.y_m

@@ -14,7 +14,7 @@ from robotctl.model.sensors.sonar import SonarMount, SonarReading
 from robotctl.model.trajectory import Trajectory
 
 UNKNOWN_LANDMARK: Final = -1
-"""Of a sighting that does not say which landmark was seen."""
+"""Id of a sighting of an unknown landmark."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """A recorded drive; what a format does not carry is empty or None.
+    """A recorded drive; fields that a format does not have are empty or None.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ class _Timespec(ctypes.Structure):
 
 
 def wall_offset_ns(now_ns: Callable[[], int] = time.monotonic_ns) -> int:
-    """Return what the wall clock is ahead of another, by default CLOCK_MONOTONIC [ns].
+    """Return how far the wall clock is ahead of another, by default CLOCK_MONOTONIC [ns].
 
     The two are read one after the other; of three tries the one with the least time between counts.
     """

@@ -27,7 +27,7 @@ class Ticker(Protocol):
     """
 
     def receive(self, now_ns: int) -> None:
-        """Take in what arrived."""
+        """Take the inputs that arrived."""
 
     def control(self, now_ns: int) -> None:
         """Compute the outputs."""

@@ -17,7 +17,7 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _PR_SET_TIMERSLACK = 29
 
 MAX_CPU: Final = 8191
-"""Linux has at most 8192 processors; which of them are there, `robotctl doctor` finds out."""
+"""Linux has at most 8192 processors; `robotctl doctor` finds out which exist."""
 
 IDLE_STATES: Final = Path("/dev/cpu_dma_latency")
 """Linux's PM QoS interface: the process that holds it open limits the wake-up latency."""
@@ -72,7 +72,7 @@ class LoopConfig:
 
 
 def acquire_realtime(config: LoopConfig) -> list[str]:
-    """Take what the machine grants and return one sentence for each right it refused.
+    """Take the rights that the machine grants; return one sentence for each that it refuses.
 
     Memory is locked as pages are touched (MCL_ONFAULT), which keeps the untouched stacks of
     library threads out of the resident set. The garbage collector is frozen and disabled: the

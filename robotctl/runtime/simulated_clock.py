@@ -22,7 +22,7 @@ _POLL_NS: Final = 500_000
 
 
 class SimulatedClock:
-    """Reads the time of a simulated run, which every process of it goes by.
+    """Reads the time of a simulated run, common to all its processes.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class SimulatedClock:
         return now_ns
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Block until `deadline_ns` of simulated time; return at once where it has passed."""
+        """Block until `deadline_ns` of simulated time; return at once if it has passed."""
         words = self._words
         if self._paces:
             words[_DEADLINE] = deadline_ns

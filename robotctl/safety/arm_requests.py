@@ -1,4 +1,4 @@
-"""Requests to arm: those that wait, and what was answered last."""
+"""Requests to arm: those that wait, and the last answer."""
 
 from __future__ import annotations
 

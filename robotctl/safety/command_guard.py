@@ -15,7 +15,7 @@ TOLERANCE: Final = 1e-6
 
 
 class GuardedCommand(NamedTuple):
-    """The command that may be sent; `fault` says briefly what was wrong; empty if nothing."""
+    """The command that may be sent; `fault` says briefly what was wrong, empty if nothing was."""
 
     enable: bool
     duty1: float

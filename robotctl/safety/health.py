@@ -65,7 +65,7 @@ _DRIVE: Final = "drive"
 
 
 class AgeLimit(NamedTuple):
-    """How old what a node reports may be.
+    """Maximum age of a node's reports.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class Health:
         self._pause_over_ns = _NEVER_NS
 
     def update(self, feedback: Feedback) -> None:
-        """Take in what a tick brought."""
+        """Take the inputs of one tick."""
         wheels = feedback.wheels
         if wheels is not None and wheels.timestamp_us != self._latch_us:
             self._latch_us = wheels.timestamp_us
@@ -207,7 +207,7 @@ class Health:
             self._bus_fault = Fault(code, f"the CAN bus is {_words(bus.state)}")
 
     def _take_nodes(self, nodes: tuple[NodeStatus, ...]) -> None:
-        """Keep what is known of the nodes, which changes with their heartbeats only."""
+        """Store the nodes' state, which changes only with their heartbeats."""
         self.nodes = nodes
         self._heartbeats_ns = span_ns([node.heartbeat_ns for node in nodes])
         # There are some, and none has a problem but perhaps its age.
@@ -218,7 +218,7 @@ class Health:
         return is_fresh(self._wheels_ns, now_ns, self._wheels_limit_ns)
 
     def is_fresh(self, field: str, now_ns: int) -> bool:
-        """Return whether what is judged by its age alone has come, and is not too old."""
+        """Return whether inputs judged by age alone have arrived and are fresh."""
         stamp_ns = self._others_ns.get(field)
         return stamp_ns is not None and is_fresh(stamp_ns, now_ns, self._ages[field].limit_ns)
 
@@ -256,7 +256,7 @@ class Health:
         return Fault(FaultCode.COMMAND_LOSS, _command_loss_text(drive), _DRIVE)
 
     def node_problem(self, now_ns: int) -> Fault | None:
-        """Return what keeps a node from service, or None when all are in service."""
+        """Return the fault that keeps a node out of service, or None if all are in service."""
         problems = self._node_problems(now_ns)
         return problems[0] if problems else None
 
@@ -321,7 +321,7 @@ class Health:
         return faults
 
     def _battery_faults(self, now_ns: int) -> list[Fault]:
-        """Return what is wrong with the battery."""
+        """Return the battery's faults."""
         battery = self.battery
         if battery is None:
             return [Fault(FaultCode.BATTERY_MISSING, "the battery has not reported yet")]
@@ -346,7 +346,7 @@ class Health:
         ]
 
     def _node_problems(self, now_ns: int) -> list[Fault]:
-        """Return what keeps each node from service."""
+        """Return the faults that keep nodes out of service."""
         limit_ns = self._heartbeat_limit_ns
         if self._in_service and are_fresh(self._heartbeats_ns, now_ns, limit_ns):
             return []
@@ -370,7 +370,7 @@ class Health:
 
 
 def is_fresh(stamp_ns: int, now_ns: int, limit_ns: int) -> bool:
-    """Return whether a stamp lies within `limit_ns` of now, inclusive [ns].
+    """Return whether a stamp is within `limit_ns` of now, inclusive [ns].
 
     A stamp from the future by more than that would never grow old, so it is not fresh either.
     """
@@ -412,7 +412,7 @@ def _motor_fault(motor: MotorStatus) -> Fault | None:
 
 
 def _command_loss_text(drive: DriveStatus) -> str:
-    """Return the text that says how long the motor controller received nothing."""
+    """Return the text on how long the motor controller received nothing."""
     return f"the motor controller had no valid command for {drive.command_age_ms} ms"
 
 

@@ -65,7 +65,7 @@ class Motion(Protocol):
 
     @property
     def imu(self) -> ImuFeedback | None:
-        """What the IMU says; None on a robot without one."""
+        """Latest IMU reading; None on a robot without an IMU."""
 
 
 class MonitorInputs(msgspec.Struct, frozen=True, gc=False):

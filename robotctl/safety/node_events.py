@@ -36,7 +36,7 @@ class NodeEvents:
         self._told: set[tuple[int, int]] = set()
 
     def take(self, feedback: Feedback, now_ns: int) -> Events | None:
-        """Return what is new since last asked; None in most periods."""
+        """Return the events since the last call; None in most periods."""
         nodes = feedback.nodes
         if nodes is self._nodes and not feedback.emergencies:
             return None

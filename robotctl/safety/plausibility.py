@@ -1,4 +1,4 @@
-"""Plausibility: what the inputs say of each other.
+"""Plausibility: consistency of the inputs with each other.
 
 An input can be fresh, undamaged and wrong. Each monitor here compares inputs that come from
 different sensors:
@@ -109,7 +109,7 @@ class WheelMonitor:
 
     @property
     def tolerance_rad_s(self) -> float:
-        """How far the two speeds may lie apart now [rad/s]."""
+        """Present tolerance between the two speeds [rad/s]."""
         config = self._config
         faster = max(abs(self.counted_rad_s), abs(self.electrical_rad_s))
         return config.speed_tolerance_rad_s + config.speed_tolerance_share * faster
@@ -158,7 +158,7 @@ class WheelMonitor:
         self.is_off = self._off.lasts_ns(excess > 1.0, stamp_ns) * excess > self._speed_ns
 
     def encoder_fault(self) -> Fault | None:
-        """Return what is wrong with the encoder; None if nothing."""
+        """Return the encoder's fault; None if there is none."""
         if not self.is_off:
             return None
         counted, electrical = self.counted_rad_s, self.electrical_rad_s
@@ -175,7 +175,7 @@ class WheelMonitor:
         return Fault(code, text, self.name)
 
     def push_fault(self, now_ns: int) -> Fault | None:
-        """Return what holds the wheel; None if nothing."""
+        """Return the fault of a blocked wheel; None if it is free."""
         counted, push_v = self.counted_rad_s, self._config.push_v
         push = (self._drop_v > push_v) - (self._drop_v < -push_v)
         if push != self._push:
@@ -230,7 +230,7 @@ class Plausibility:
     def reset(self) -> None:
         """Reset: the robot is armed."""
         self.fault: Fault | None = None
-        """What contradicts what; stays until `reset`."""
+        """The contradiction found; stays until `reset`."""
         for wheel in self._wheels:
             wheel.reset()
         self._pair = PersistenceTimer()

@@ -25,7 +25,7 @@ STUCK_READINGS: Final = 25
 
 
 class ImuMonitor:
-    """Judges what the IMU says.
+    """Judges readings of the IMU.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class ImuMonitor:
         self._same = 0
 
     def update(self, inputs: MonitorInputs) -> Fault | None:
-        """Take the inputs of one tick; return what is wrong, None if nothing is."""
+        """Take the inputs of one tick; return the fault, None if there is none."""
         imu = inputs.motion.imu
         if imu is None or imu.stamp_ns == self._newest_ns:
             return None
@@ -57,7 +57,7 @@ class ImuMonitor:
         return self.judge(imu)
 
     def judge(self, imu: ImuFeedback) -> Fault | None:
-        """Return what a single reading says against driving, None if nothing does."""
+        """Return the fault in a single reading, None if there is none."""
         if imu.tilt_rad > self._tilt_max_rad:
             degrees, most = math.degrees(imu.tilt_rad), math.degrees(self._tilt_max_rad)
             text = f"the robot is tilted by {degrees:.0f} degrees, {most:g} are allowed"

@@ -1,4 +1,4 @@
-"""Sonar against odometry: what a sonar sees along the path must come closer as the robot drives.
+"""Sonar against odometry: an obstacle ahead must come closer as the robot drives.
 
 Only sonars that look along the path can be judged, and only by what a passer-by cannot imitate: a
 range that stays the same to the millimetre over the whole distance (the sensor is stuck), a near
@@ -141,7 +141,7 @@ class SonarMonitor:
         return _stuck(track)
 
     def _judge(self, track: _Track, range_m: float, nearer_m: float, stamp_ns: int) -> Fault | None:
-        """Return what is wrong after driving `nearer_m` towards what the sonar sees [m]."""
+        """Return the fault after driving `nearer_m` towards an obstacle that the sonar sees [m]."""
         spread_m = track.farthest_m - track.nearest_m
         if spread_m <= SPREAD_M and nearer_m > 0.0 and track.farthest_m < NEAR_M:
             text = (

@@ -60,7 +60,7 @@ LATCHED = frozenset({SafetyState.FAULT, SafetyState.EMERGENCY_STOP})
 
 @dataclass(frozen=True, slots=True)
 class SafetyConfig:
-    """Limits of what the robot trusts: an age for every input, beyond which it is not used.
+    """Maximum ages of inputs: an older input is not used.
 
     An age is counted from reception by the host's monotonic clock; an input from further in the
     future than its limit is as little trusted as an old one.

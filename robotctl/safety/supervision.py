@@ -70,7 +70,7 @@ class Supervision:
         """Time of the last command that allows power [ns]."""
 
     def compare(self, feedback: Feedback, command: WheelCommand, motion: Motion) -> None:
-        """Let the monitors see what came, while the robot is powered."""
+        """Pass the inputs to the monitors while the robot is powered."""
         drive = self.health.drive
         supply_v = None if drive is None else drive.bus_voltage_v
         inputs = MonitorInputs(feedback, command, supply_v, motion)

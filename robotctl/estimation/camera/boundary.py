@@ -118,7 +118,7 @@ def find_boundary(
 
 
 def wall_feet(walls: NDArray[np.float32], horizon: int) -> NDArray[np.intp]:
-    """Return how far down what reaches above the horizon goes, (columns,); n: nothing does.
+    """Return the lowest row of what reaches above the horizon, (columns,); n if nothing does.
 
     From above the horizon downwards evidence is summed; the sum is largest at the foot. So a wall
     that hardly differs from the floor is found by all of its height.

@@ -1,4 +1,4 @@
-"""How the floor looks: densities of colour, learned from the free patch.
+"""The floor's appearance: densities of colour, learned from the free patch.
 
 A colour is log brightness and two log ratios of its channels. A nearer lamp, a shadow or another
 exposure changes all channels equally, also behind the camera's gamma, so it moves the brightness
@@ -135,7 +135,7 @@ def overlap(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
 def log_densities(
     floor: NDArray[np.float32], above: NDArray[np.float32], log_prior: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return what each colour says, as logarithms of densities, (6, bins).
+    """Return the logarithms of each colour's densities, (6, bins).
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def log_densities(
 def evidence(
     logs: NDArray[np.float32], bins: NDArray[np.int32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return how much cells speak for an obstacle, in the light that they are in.
+    """Return the cells' evidence for an obstacle, given their illumination.
 
     Light changes slowly over the floor, apart from the edges of shadows. From row to row it is
     taken as a step of brightness brighter or darker where the floor's colours fit better so.

@@ -10,7 +10,7 @@ from robotctl.errors import InvalidValue
 
 @dataclass(frozen=True, slots=True)
 class GroundCameraConfig:
-    """How floor is distinguished from objects, and how far to trust it.
+    """Settings to distinguish floor from objects, and their trust.
 
     Parameters
     ----------

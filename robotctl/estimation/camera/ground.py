@@ -1,4 +1,4 @@
-"""Seeing with a camera on a known floor (notes, section 6.2): picture in, ranges and things out."""
+"""Camera above a known floor (notes, section 6.2): picture in, ranges and objects out."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from robotctl.model.sensors.camera_geometry import CameraGeometry
 from robotctl.model.sensors.range_scan import RangeScan
 
 _FAMILIAR: Final = 0.3
-"""A patch that has less in common with the known floor is another floor, or none."""
+"""A patch that has less than this in common with the known floor is another floor, or no floor."""
 _SAME_ABOVE: Final = 0.6
 """Share above the horizon, where there is no floor, that may look like it before nothing is
 judged."""
 _LEARN_EVERY: Final = 4
-"""Once the floor is known, it is learned from each fourth picture."""
+"""Once the floor is known, it is learned from every fourth picture."""
 _MOST_SHIFT: Final = 10
 _SHIFT_AGREES: Final = 2.0
 
@@ -56,7 +56,7 @@ class GroundView:
 
 
 class GroundCamera:
-    """Learns how the floor looks and measures where it ends.
+    """Learns the floor's colours and measures where the floor ends.
 
     Parameters
     ----------
@@ -93,13 +93,13 @@ class GroundCamera:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the floor; it is learnt again from the next picture."""
+        """Forget the floor; it is learned again from the next picture."""
         self._floor: NDArray[np.float32] | None = None
         self._light: NDArray[np.int32] | None = None
         self._number = 0
 
     def step(self, image_bgr: NDArray[np.uint8], stamp_ns: int) -> GroundView:
-        """Return what a picture says, and learn from it.
+        """Return the result of a picture, and learn from the picture.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class GroundCamera:
             self._floor = (1 - a) * self._floor + a * new
 
     def _blind(self, stamp_ns: int, why: str) -> GroundView:
-        """Return a view that judges nothing."""
+        """Return a view without a verdict."""
         nothing = np.full(len(self.strip.bearings_rad), np.nan)
         scan = beam_scan(
             self.strip, ColumnRanges(nothing, nothing, nothing, nothing), stamp_ns, self._config
@@ -189,7 +189,7 @@ class GroundCamera:
 
 
 def _parts(patch: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Return which part of the patch each coarse cell belongs to; -1: none."""
+    """Return the part of the patch to which each coarse cell belongs; -1: none."""
     parts = np.full(patch.shape, -1, np.int8)
     rows = np.flatnonzero(patch.any(axis=1))
     for i in rows:

@@ -16,28 +16,29 @@ from robotctl.estimation.camera.scan import ColumnRanges
 from robotctl.estimation.camera.strip import GroundStrip
 
 _GAP_SHARE: Final = 0.03
-"""Ranges of one thing may differ by this share of them more than the gap, from column to column."""
+"""Ranges of one object may differ between columns by the gap plus this share of the range."""
 _BRIDGED: Final = 2
 """Columns without a matching range that do not split one object."""
 _BESIDE: Final = 8
 _BEHIND: Final = 3
-"""How many of how many columns beside an object must show floor behind it."""
+"""How many columns beside an object must show floor behind it, and of how many."""
 _YES: Final = 1
 _NO: Final = 0
 _CUT: Final = -1
-"""Nothing is known of the floor there: the picture ends."""
+"""The picture ends there, so nothing is known of the floor."""
 _LEAST_COLUMNS: Final = 2
 _CERTAIN: Final = 1.0
-"""Mean evidence of a thing, at least."""
+"""Minimum mean evidence of an object."""
 _INDISTINCT_M: Final = 0.15
-"""An object like the wall and hardly unlike the floor must be at least this wide."""
+"""Minimum width of an object that resembles the wall and hardly differs from the floor."""
 _ASPECT_SIGMA: Final = 0.25
-"""A thing is as deep as it is wide; the standard deviation of its middle is this share of it."""
+"""An object is assumed as deep as it is wide; the standard deviation of its middle is this share of
+the width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundObstacle:
-    """One thing on the floor.
+    """One object on the floor.
 
     Attributes
     ----------
@@ -132,7 +133,7 @@ def find_obstacles(
 
 
 def _extent(strip: GroundStrip, columns: ColumnRanges, mine: NDArray[np.intp]) -> float:
-    """Return how far apart the two ends of a boundary are [m]."""
+    """Return the distance between the two ends of a boundary [m]."""
     ends = mine[[0, -1]]
     bearings, ranges = strip.bearings_rad[ends], columns.ranges_m[ends]
     return math.hypot(
@@ -143,7 +144,7 @@ def _extent(strip: GroundStrip, columns: ColumnRanges, mine: NDArray[np.intp]) -
 def _certain(
     evidence: NDArray[np.float32], cells: NDArray[np.intp], mine: NDArray[np.intp]
 ) -> bool:
-    """Return whether an object on a boundary is an obstacle of its own."""
+    """Return whether an object on a boundary is a separate obstacle."""
     second = np.minimum(cells + 1, len(evidence) - 1)
     body = np.maximum(evidence[cells, mine], evidence[second, mine])
     return bool(body.mean() >= _CERTAIN)
@@ -174,7 +175,7 @@ def _goes_on_behind(
     gap_m: float,
     distinct: bool,
 ) -> int:
-    """Tell whether the floor beside an end goes on behind it: `_YES`, `_NO` or `_CUT`.
+    """Return whether the floor beside an end continues behind it: `_YES`, `_NO` or `_CUT`.
 
     Where floor and wall are hardly told from each other, only what is `distinct` from both stands
     free: such a wall comes in pieces.
@@ -209,7 +210,7 @@ def _measure(
     mine: NDArray[np.intp],
     cut: bool,
 ) -> GroundObstacle:
-    """Return place and size of the thing in some columns."""
+    """Return position and size of the object in some columns."""
     first, last = int(mine[0]), int(mine[-1])
     bearing = (strip.bearings_rad[first] + strip.bearings_rad[last]) / 2
     third = max(1, len(mine) // 6)

@@ -1,4 +1,4 @@
-"""Whether the free patch is free: the safe side of learning the floor from it."""
+"""Check that the free patch is free before the floor is learned from it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from robotctl.estimation.camera.colour import C_BINS, L_BINS
 
 PARTS: Final = 3
-"""Parts of the patch that are compared, in depth and across."""
+"""Number of parts of the patch to compare, in depth and across."""
 _COARSER_RATIO: Final = 2
 _COARSER_LIGHT: Final = 4
 _MISFIT: Final = 0.5
-"""A part of which less than this is seen elsewhere in the patch is no part of the floor."""
+"""A part that has less than this share in common with the rest of the patch is not floor."""
 _MOST_MISFITS: Final = 4
 _COMMON: Final = 0.01
 """Colours that are rarer than this elsewhere in the patch are not learned."""
@@ -44,7 +44,7 @@ class PatchVerdict:
 def judge_patch(
     bins: NDArray[np.int32], means: NDArray[np.float32], parts: NDArray[np.int8]
 ) -> PatchVerdict:
-    """Return which part of the patch is floor, judged by itself.
+    """Return the part of the patch that is floor, judged from the patch alone.
 
     Each part must look like the others, and what is farther like what is nearer: an obstacle that
     stands in the patch covers its far side first.
@@ -92,7 +92,7 @@ def judge_patch(
 def _small_histograms(
     bins: NDArray[np.int32], which: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """Return a coarser place for each colour, and a histogram of those for each part."""
+    """Return a coarser bin for each colour, and a histogram of these bins for each part."""
     light, ratios = bins % L_BINS, bins // L_BINS
     per = (_COARSER_RATIO, _COARSER_RATIO, _COARSER_LIGHT)
     shape = (C_BINS // per[0], C_BINS // per[1], L_BINS // per[2])
@@ -105,7 +105,7 @@ def _small_histograms(
 
 
 def _seen_in(others: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return for each colour whether a histogram has it or a neighbour."""
+    """Return for each colour whether a histogram contains it or a neighbour."""
     wide = cv2.dilate(np.ascontiguousarray(others), np.ones((3, 3), np.uint8))
     flat = wide.reshape(-1, wide.shape[-1])
     near = cv2.dilate(flat, np.ones((1, 3), np.uint8)).reshape(others.shape)

@@ -21,7 +21,7 @@ _TOGETHER: Final = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnRanges:
-    """How far the floor goes in each column of the strip.
+    """Length of the free floor in each column of the strip.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class ColumnRanges:
 def column_ranges(
     strip: GroundStrip, boundary: Boundary, config: GroundCameraConfig
 ) -> ColumnRanges:
-    """Return how far it is to the lowest boundary of each column.
+    """Return the distance to the lowest boundary of each column.
 
     To first order: with r = h / tan d, of the camera's height h and the depression d below the
     horizon, dr/dd = -(r^2 + h^2) / h and dr/dh = r / h.

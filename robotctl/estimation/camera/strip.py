@@ -1,4 +1,4 @@
-"""The picture as a level camera without distortion would show it: one column for each bearing.
+"""The picture that a level camera without distortion would take: one column for each bearing.
 
 All points above one another have one bearing, so an object on the floor is upright in one column,
 and the first row of the column that is not floor is its foot. A row is an angle below the horizon,
@@ -20,9 +20,10 @@ from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 ABOVE_HORIZON_ROWS: Final = 32
-"""Rows above the horizon that are used: floor cannot be there."""
+"""Rows used above the horizon, where there can be no floor."""
 _CELL_SHARE: Final = 0.375
-"""Of the least obstacle: a coarse cell, so that two lie within it wherever it begins."""
+"""Size of a coarse cell as a share of the smallest obstacle: wherever that begins, two cells fit
+within it."""
 _DENSE: Final = 4000
 _SMALL_STEP: Final = 0.006
 
@@ -166,7 +167,7 @@ class GroundStrip:
         return rows
 
     def _no_floor(self) -> ValueError:
-        """Return the error of a camera that looks elsewhere."""
+        """Return the error for a camera that does not see the floor."""
         mount = self.camera.mount
         return ValueError(
             f"the camera sees no floor ahead: height {mount.z_m} m, pitch "

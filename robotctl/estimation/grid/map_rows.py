@@ -61,7 +61,7 @@ class MapRows:
 
 
 def inner(counts: NDArray[np.int64], strays: float) -> tuple[int, int]:
-    """Return the first of counts, and behind the last, that hold all but so many at each side."""
+    """Return the range of counts, first and end, that leaves out at most `strays` at each side."""
     from_low, from_high = np.cumsum(counts), np.cumsum(counts[::-1])
     low = int(np.searchsorted(from_low, strays, side="right"))
     high = int(np.searchsorted(from_high, strays, side="right"))

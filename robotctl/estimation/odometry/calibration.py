@@ -1,9 +1,9 @@
 """Calibration of odometry: generalised least squares against references, with honest intervals.
 
 The fit uses the white innovations of `innovations.py`, so that errors that accumulate are weighted
-by their correlation. Two steps take turns: least squares over what the drive is (Huber's loss), and
-maximum likelihood over the noises e, f, g of odometry and those of the reference, which set the
-weights. A change of the drive that the data do not determine is reported and left at 0.
+by their correlation. Two steps alternate: least squares over the parameters of the drive (Huber's
+loss), and maximum likelihood over the noises e, f, g of odometry and those of the reference, which
+set the weights. A change of the drive that the data do not determine is reported and left at 0.
 
 Squares driven in both directions and a straight line follow Borenstein and Feng, "Measurement and
 correction of systematic odometry errors in mobile robots", IEEE T-RA 12(6), 1996 (UMBmark); here
@@ -54,16 +54,16 @@ class Calibration:
     model
         The nominal drive.
     change, change_half_width
-        Change of the drive, (3,), and half the width of its 95 % interval; nan if the data do
-        not show it, the change is 0 then.
+        Change of the drive, (3,), and half the width of its 95 % interval: nan if the data do not
+        show the change, which is then 0.
     covariance
-        Of the change, (3, 3); 0 if not shown.
+        Of the change, (3, 3); 0 if the data do not show it.
     quantile
         Of Student's distribution: half an interval in standard deviations.
     lever_m, lever_half_width_m
-        Point of `base` that the reference follows, (2,) [m]; nan if not shown.
+        Point of `base` that the reference follows, (2,) [m]; nan if the data do not show it.
     delay_s, delay_half_width_s
-        How old the reference is [s].
+        Age of the reference's data [s].
     noise
         e, f and g.
     noise_fold
@@ -72,7 +72,7 @@ class Calibration:
     reference
         Noise of the reference.
     outliers, references
-        Innovations beyond three deviations, and how many there are at all.
+        Number of innovations beyond three deviations, and of all references.
     """
 
     model: OdometryModel
@@ -133,8 +133,8 @@ class Calibration:
 def widened(found: Calibration, parts: Sequence[Calibration]) -> Calibration:
     """Return a calibration whose intervals contain the results of parts of the data.
 
-    Where parts differ by more than chance, something is not as modelled: a camera whose scale is
-    another in another place, a floor that is another. Intervals from one fit do not know it.
+    If parts differ by more than chance, the model is wrong somewhere: a camera whose scale varies
+    with the place, another floor. The intervals of one fit do not include that.
     """
     width = found.change_half_width
     for part in parts:
@@ -157,19 +157,19 @@ def calibrate(
     Parameters
     ----------
     nominal
-        The drive with which the wheel angles are interpreted so far.
+        The drive with which the wheel angles were interpreted so far.
     runs
-        At least one; those of unknown start each add three numbers to be found.
+        At least one; each run of unknown start adds three unknowns.
     reference
         Its prior.
     noise
-        Where the search for the noises begins.
+        Start of the search for the noises.
 
     Raises
     ------
     ValueError
-        If there are too few references for what is to be found, the drive is farther off than is
-        looked for, or the data show none of its keys.
+        If there are too few references for the unknowns, the true drive is outside the search
+        range, or the data determine none of its keys.
     """
     fit = OdometryFit(OdometryModel(nominal), runs, reference)
     known = 3 if any(np.isfinite(run.reference[:, 2]).any() for run in runs) else 2
@@ -190,7 +190,7 @@ def calibrate(
 
 
 def _check(fit: OdometryFit, values: Array) -> None:
-    """Refuse what a search found at the end of its reach, or a search that found nothing."""
+    """Refuse a result at the limit of the search range, or a search that determined nothing."""
     keys, reach = fit.model.keys, fit.model.reach
     if not np.any(fit.free[:3]):
         raise ValueError(
@@ -208,7 +208,7 @@ def _check(fit: OdometryFit, values: Array) -> None:
 
 
 def _alternate(fit: OdometryFit, noise: MotionNoise) -> tuple[Array, Array]:
-    """Fit the drive and the noises in turns; return all numbers and the noises' logarithms."""
+    """Fit the drive and the noises alternately; return all numbers and the noises' logarithms."""
     found, noises = fit.begin(), fit.noise_begin(noise)
     for _ in range(_ROUNDS):
         found = fit.drive_step(found, noises)

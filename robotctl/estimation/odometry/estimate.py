@@ -1,4 +1,4 @@
-"""Odometry as an estimate of its own: a pose by dead reckoning, with a covariance that grows.
+"""Odometry as the only estimate: a pose by dead reckoning, with a covariance that grows.
 
 For the navigation process. It adds a covariance to odometry; the control process's own
 `odometry.py` knows the pose alone.
@@ -23,9 +23,9 @@ class OdometryEstimate:
     """Pose of `base` in `world` by dead reckoning, with the covariance of notes, section 3.
 
     Each motion is an arc with the errors e, f and g all along it (`motion_noise.py`), so neither
-    pose nor covariance depends on how the path is cut. The errors are taken as white: a track width
-    that is wrong makes an error of another kind, which no covariance here covers; calibrate first.
-    The status is always LOCALISED: odometry never doubts itself.
+    pose nor covariance depends on how the path is divided. The errors are assumed white: a wrong
+    track width causes an error of another kind, which this covariance does not include; calibrate
+    first. The status is always LOCALISED: odometry never doubts itself.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class OdometryEstimate:
         self.reset(start)
 
     def reset(self, estimate: PoseEstimate) -> None:
-        """Continue from another pose and covariance, with the odometry as before."""
+        """Continue from another pose and covariance; the odometry continues."""
         self._stamp_ns = estimate.stamp_ns
         self._pose = estimate.pose
         self._covariance: NDArray[np.float64] = estimate.covariance
@@ -76,7 +76,8 @@ class OdometryEstimate:
         drive
             Kinematics.
         turns_rad
-            Turn of wheel 1 and wheel 2 since the last call [rad]; 0 for a wheel that is not there.
+            Turn of wheel 1 and wheel 2 since the last call [rad]; 0 for a wheel that does not
+            exist.
         steering_rad
             Angle reported by the steering servo meanwhile [rad].
         stamp_ns
@@ -88,12 +89,12 @@ class OdometryEstimate:
     def follow(self, odometry: SE2, stamp_ns: int) -> PoseEstimate:
         """Move as an odometry moved since the last call; the first call only takes its pose.
 
-        The pose moves exactly as the odometry, the covariance along the arc that leads there.
+        The pose moves exactly as the odometry, the covariance along the arc between the poses.
 
         Parameters
         ----------
         odometry
-            `base` in the frame of the odometry, which may stand anywhere.
+            `base` in the frame of the odometry, whose origin may be anywhere.
         stamp_ns
             Time of it [ns].
         """
@@ -110,10 +111,10 @@ class OdometryEstimate:
 
 
 def arc_between(T_last_now: SE2) -> tuple[float, float]:
-    """Return length [m] and turn [rad] of the arc that leads nearest to a relative pose.
+    """Return length [m] and turn [rad] of the arc that ends nearest to a relative pose.
 
-    Backwards where the robot came to stand behind itself. A turn beyond half a circle between two
-    poses cannot be seen.
+    Negative length if the robot moved backwards. A turn beyond half a circle between two poses
+    cannot be recognised.
     """
     angle_rad = T_last_now.theta_rad
     half = 0.5 * angle_rad

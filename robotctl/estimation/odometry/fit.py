@@ -1,4 +1,4 @@
-"""The numbers of a calibration of odometry and what they must explain."""
+"""Unknowns and residuals of a calibration of odometry."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Array: TypeAlias = NDArray[np.float64]
 CONFIDENCE = 0.95
 
 _BEFORE = np.array([0.15, 0.15, 0.15, 0.3, 0.3, 0.3])
-"""How little is known before of the changes, the lever arm [m] and the delay [s]: deviations."""
+"""Prior standard deviations of the changes, the lever arm [m] and the delay [s]."""
 
 _NOISE_FOLD = 300.0
-"""Factor above and below the initial noises within which they are searched."""
+"""The noises are searched up to this factor above and below their initial values."""
 
 _NOISE_SIGMA = 2.0
-"""How little is known of a noise before: the deviation of its logarithm."""
+"""Prior standard deviation of a noise's logarithm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +40,10 @@ class Reference:
     sigma_m, sigma_rad, sigma_s
         Standard deviation of its position on each axis [m], its heading [rad] and its time [s].
     fixed
-        Whether these are known (a tape measure) or to be estimated, from where they start.
+        Whether these are known (a tape measure); otherwise they are initial values of an estimate.
     follows_base
-        Whether it follows `base` itself at once; else a lever arm and a delay are estimated.
+        Whether it measures `base` itself without delay; otherwise lever arm and delay are
+        estimated.
     """
 
     sigma_m: float = 0.01
@@ -58,7 +59,7 @@ class Reference:
 
 
 class OdometryFit:
-    """The numbers to be found and what they must explain.
+    """The unknowns and the data that they must explain.
 
     The numbers: 3 changes of the drive, 2 of the lever arm, the delay, 3 for each unknown start.
     """
@@ -77,11 +78,11 @@ class OdometryFit:
 
     @property
     def size(self) -> int:
-        """How many numbers are free."""
+        """Number of free unknowns."""
         return int(np.count_nonzero(self.free))
 
     def begin(self) -> Array:
-        """Return where the search begins."""
+        """Return the start of the search."""
         values = [0.0] * 6
         for run in self.runs:
             if run.start is None:
@@ -131,7 +132,7 @@ class OdometryFit:
         return np.concatenate(rows), log_det
 
     def _residuals(self, values: Array, noises: Array) -> Array:
-        """Return innovations, and how far the numbers are from what is likely before."""
+        """Return innovations, and the deviations of the numbers from their prior."""
         weak = values[:6] / _BEFORE
         return np.concatenate([self.innovations(values, noises)[0], weak[self.free[:6]]])
 
@@ -169,7 +170,7 @@ class OdometryFit:
         return np.asarray(solution.x)
 
     def _cost(self, values: Array, noises: Array) -> float:
-        """Return -2 log likelihood, beyond outliers growing linearly."""
+        """Return -2 log likelihood, growing only linearly for outliers."""
         r, log_det = self.innovations(values, noises)
         size = np.abs(r)
         square = np.where(size <= OUTLIER, r * r, OUTLIER * (2.0 * size - OUTLIER))

@@ -1,4 +1,4 @@
-"""How a reference contradicts dead reckoning: the innovations of a Kalman filter.
+"""Innovations of a Kalman filter: reference minus dead reckoning.
 
 Odometry errors accumulate, so the gaps between dead reckoning and a reference are correlated
 throughout, and least squares over them would state intervals far too narrow. The innovations of the
@@ -131,7 +131,7 @@ def _correct(
     outlier: float,
     white: NDArray[np.float64],
 ) -> float:
-    """Take in one reference; write its white innovation, return the log determinant.
+    """Apply one reference; write its white innovation, return the log determinant.
 
     `variance` is that of the position on each axis, of the heading, and along the way on top.
     With S = L L^T, the innovation r and G = P H^T L^-T, the white innovation is L^-1 r, the pose

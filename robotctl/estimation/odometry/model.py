@@ -25,7 +25,7 @@ from robotctl.model.drives.drives import DifferentialDrive, Drive, TricycleDrive
 Array: TypeAlias = NDArray[np.float64]
 
 REACH = 0.3
-"""Changes are looked for up to this size: a factor of 1.35, or 0.3 rad of the steering."""
+"""Changes are searched up to this size: a factor of 1.35, or 0.3 rad of the steering."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class OdometryModel:
 
     @property
     def reach(self) -> Array:
-        """Largest change that is looked for, (3,)."""
+        """Largest change in the search, (3,)."""
         if isinstance(self.nominal, DifferentialDrive):
             return np.full(3, REACH)
         most_rad = self.nominal.steering_max_rad
@@ -65,7 +65,7 @@ class OdometryModel:
         return dataclasses.replace(self.nominal, **values)
 
     def arcs(self, change: Array, wheels: Array) -> Array:
-        """Return length [m] and turn [rad] that the changed drive makes of turned wheels, (n, 2).
+        """Return length [m] and turn [rad] of the changed drive for turns of the wheels, (n, 2).
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class OdometryModel:
         return np.asarray(np.mean(np.abs(wheels[:, : len(radii_m)]) * radii_m, axis=1))
 
     def wheels(self, arcs: Array) -> Array:
-        """Return how the wheels turned where the nominal odometry moved by `arcs`, (n, 3).
+        """Return the turns of the wheels for which the nominal odometry moves by `arcs`, (n, 3).
 
         The inverse of `arcs` for no change, so a log of odometry poses is as good as one of
         wheels, if it was made with the nominal drive.

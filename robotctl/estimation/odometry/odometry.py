@@ -37,7 +37,7 @@ class Odometry:
         self._angle2_rad = angle2_rad
 
     def update(self, angle1_rad: float, angle2_rad: float, steering_rad: float) -> None:
-        """Move the pose by the growth of the wheel angles [rad] at the steering angle [rad]."""
+        """Move the pose by the change of the wheel angles [rad] at the steering angle [rad]."""
         turn1_rad = angle1_rad - self._angle1_rad
         turn2_rad = angle2_rad - self._angle2_rad
         if turn1_rad == 0.0 and turn2_rad == 0.0:
@@ -51,6 +51,6 @@ class Odometry:
         self.turned_rad += turned_rad
 
     def correct_heading(self, turn_rad: float) -> None:
-        """Turn the pose by what the wheels have missed [rad]."""
+        """Turn the pose by an angle that the wheels did not show [rad]."""
         pose = self.pose_odom_base
         self.pose_odom_base = SE2(pose.x_m, pose.y_m, wrap_angle(pose.theta_rad + turn_rad))

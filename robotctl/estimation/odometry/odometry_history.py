@@ -1,4 +1,4 @@
-"""Where the odometry was a moment ago: measurements are older than the newest state."""
+"""Recent poses of the odometry: measurements are older than the newest state."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class OdometryHistory:
         return self._poses[-1][0] if self._poses else None
 
     def at(self, stamp_ns: int) -> SE2 | None:
-        """Return the pose at a time, interpolated; the last where it is newer than all.
+        """Return the pose at a time, interpolated; the last pose if the time is newer than all.
 
         None if it is older than all.
         """

@@ -21,7 +21,7 @@ _SPEED_S = 0.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryRun:
-    """One drive: how the wheels turned, and where a reference saw the robot.
+    """One drive: turns of the wheels, and poses of the robot by a reference.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ class OdometryRun:
             raise ValueError(f"{self.name}: wheels and positions must be finite")
 
     def speed_m_s(self, arcs: Array) -> Array:
-        """Return how fast the robot drove at each reference, over half a second, (m,) [m/s]."""
+        """Return the robot's speed at each reference, over half a second, (m,) [m/s]."""
         distance_m = np.concatenate([[0.0], np.cumsum(arcs[:, 0])])
         ahead = np.interp(self.reference_s + _SPEED_S, self.stamps_s, distance_m)
         behind = np.interp(self.reference_s - _SPEED_S, self.stamps_s, distance_m)
         return np.asarray((ahead - behind) / (2.0 * _SPEED_S))
 
     def part(self, begin_s: float, end_s: float) -> OdometryRun | None:
-        """Return what lies within two times [s], with an unknown start; None if too little."""
+        """Return the part between two times [s], with an unknown start; None if it is too short."""
         steps = (self.stamps_s[:-1] >= begin_s) & (self.stamps_s[1:] <= end_s)
         first, last = np.flatnonzero(steps)[[0, -1]] if np.any(steps) else (0, -1)
         stamps_s = self.stamps_s[first : last + 2]
@@ -136,7 +136,7 @@ def _chords(d: Array, alpha: Array, theta: Array) -> Array:
 
 
 def points_at(poses: Array, lever_m: Array) -> Array:
-    """Return where a point of `base` is at poses (k, 3), (k, 2)."""
+    """Return the positions of a point of `base` at poses (k, 3): (k, 2)."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x, y = lever_m
     return np.stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y], axis=1)
@@ -155,7 +155,7 @@ def align(points: Array, wanted: Array) -> SE2:
 
 
 def guess_start(run: OdometryRun, arcs: Array) -> SE2:
-    """Return about where a run starts: its first metres laid onto the reference."""
+    """Return a run's approximate start: its first metres fitted to the reference."""
     if not math.isnan(run.reference[0, 2]):
         x, y, theta = run.reference[0].tolist()
         seen = SE2(x, y, theta)
@@ -184,7 +184,7 @@ def dead_reckoning_error_m(run: OdometryRun, arcs: Array, lever_m: Array, delay_
 
 
 def end_of(run: OdometryRun, arcs: Array) -> SE2:
-    """Return where dead reckoning ends, from the start of the run."""
+    """Return the end of dead reckoning from the start of the run."""
     pose = run.start or SE2()
     for d, alpha in arcs.tolist():
         pose = arc(pose, d, alpha)

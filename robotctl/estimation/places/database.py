@@ -42,9 +42,9 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 
 _ONE_PLACE_M: Final = 0.5
-"""Visits to one place are no farther apart."""
+"""Maximum distance between visits to one place [m]."""
 _APART_RAD: Final = math.radians(25.0)
-"""Headings nearer than a sonar's cone are one."""
+"""Headings closer than the width of a sonar's cone count as one."""
 
 
 class PlaceBook:
@@ -93,7 +93,7 @@ class PlaceBook:
         ) / spread
 
     def _own_and_other(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return how much each visit differs from the most like one of its place, and of others."""
+        """Return each visit's difference from the most similar one of its place, and of others."""
         mine = self._owner[:, np.newaxis] == self._owner
         own = np.where(mine, self._least, np.inf).min(axis=1, initial=np.inf)
         other = np.where(mine, np.inf, self._least).min(axis=1, initial=np.inf)
@@ -158,11 +158,11 @@ class PlaceBook:
         return Recognition(self._candidates(which, differences), refusal, self.threshold)
 
     def compare(self, signature: Signature) -> Comparison:
-        """Return a signature beside those of all visits, in their order."""
+        """Return a signature's comparison with those of all visits, in their order."""
         return self._index.compare(signature)
 
     def worth_comparing(self, comparison: Comparison) -> NDArray[np.int64]:
-        """Return the indices of the visits with which a signature is compared in full.
+        """Return the indices of the visits to compare in full with a signature.
 
         Left out are those whose depth histograms alone differ by too much to be a candidate, or
         to make the best one doubtful.
@@ -174,7 +174,7 @@ class PlaceBook:
         return np.flatnonzero(bounds <= limit)
 
     def _refusal(self, which: NDArray[np.int64], least: NDArray[np.float64]) -> str:
-        """Return why the most like place is not accepted; "" if it is."""
+        """Return why the most similar place is not accepted; "" if it is."""
         best = int(np.argmin(least))
         name, difference = self._visits[which[best]][0].name, float(least[best])
         if difference > self.threshold:
@@ -299,7 +299,7 @@ class PlaceBook:
 
 
 def _finite(differences: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return those that could be measured."""
+    """Return the values that could be measured."""
     return differences[np.isfinite(differences)]
 
 
@@ -316,5 +316,5 @@ def _spread(samples: NDArray[np.float64], prior: Spread, strength: float) -> Spr
 
 
 def _alike(a: Candidate, b: Candidate) -> bool:
-    """Whether two candidates are one."""
+    """Return whether two candidates are the same."""
     return a.place == b.place and abs(wrap_angle(a.rotation_rad - b.rotation_rad)) < _APART_RAD

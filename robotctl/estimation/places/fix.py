@@ -22,7 +22,7 @@ from robotctl.estimation.ranging.log_likelihood import LogLikelihood
 
 @dataclass(frozen=True, slots=True)
 class PlaceFixConfig:
-    """How far a recognition is trusted.
+    """Trust in a recognised place.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 
 ANY_HEADING: Final = math.pi**2 / 3.0
-"""Variance of a heading that is not known [rad^2]."""
+"""Variance of an unknown heading [rad^2]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class RecognitionConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visit:
-    """A signature, and where `base` stood at its end: in `world`, or in the frame of the place."""
+    """A signature, and the pose of `base` at its end: in `world`, or in the frame of the place."""
 
     pose: SE2
     signature: Signature
@@ -122,7 +122,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A place where the robot may be, and how it is turned there.
+    """A place where the robot may be, and its heading there.
 
     Parameters
     ----------

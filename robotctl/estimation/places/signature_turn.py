@@ -1,4 +1,4 @@
-"""A signature from sonar readings during a turn on the spot, by odometry."""
+"""Sonar signature from readings during a turn on the spot, placed by odometry."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robotctl.model.sensors.sonar import SonarMount, SonarReading
 from robotctl.model.sensors.sonar_mounts import mount_rows
 
 _MOST_READINGS: Final = 2000
-"""Older ones are forgotten: those of 50 s, where sonars fire 40 times a second."""
+"""Readings kept: 50 s of sonars that fire 40 times a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +100,12 @@ class TurnCollector:
 
     @property
     def turned_rad(self) -> float:
-        """How far the robot has turned on the spot where it stands now [rad], >= 0."""
+        """Angle turned on the present spot [rad], >= 0."""
         headings = [heading for _, heading, _ in self._heard]
         return max(headings) - min(headings) if headings else 0.0
 
     def add(self, reading: SonarReading, odometry: SE2) -> Turn | None:
-        """Take in a reading and where the odometry was; return the turn that it completes.
+        """Add a reading and the odometry's pose at its time; return the turn that it completes.
 
         Raises
         ------

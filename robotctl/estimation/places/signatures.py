@@ -125,7 +125,7 @@ class Signature:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Bearings at which a sonar looked, (n,)."""
+        """Bearings with a reading, (n,)."""
         return ~np.isnan(self.silence)
 
     @property
@@ -215,7 +215,7 @@ class SignatureIndex:
         return len(self._known.mean)
 
     def compare(self, signature: Signature) -> Comparison:
-        """Return a new signature beside the known ones.
+        """Return a new signature, ready for comparison with the known ones.
 
         Raises
         ------
@@ -234,14 +234,14 @@ class SignatureIndex:
 
 
 class Comparison:
-    """A new signature beside known ones; made by `SignatureIndex.compare`."""
+    """Comparison of a new signature with known ones; made by `SignatureIndex.compare`."""
 
     def __init__(self, known: _Spectra, new: _Spectra, config: SignatureConfig) -> None:
         self._known, self._new = known, new
         self._config = config
 
     def bounds(self) -> NDArray[np.float64]:
-        """Return for each known signature what its difference is at least, at any shift, (k,).
+        """Return a lower bound of each known signature's difference at any shift, (k,).
 
         By the depth histograms, which know no bearing; 0 if a bearing is missing in one of both.
         """

@@ -19,7 +19,8 @@ from robotctl.estimation.places.signatures import Signature, SignatureConfig
 from robotctl.model.geometry.angles import wrap_angle
 
 _STEEPEST: Final = 1.5
-"""Where the depth grows faster with the bearing, in depths a radian, another surface begins."""
+"""If the depth grows faster with the bearing than this, in depths per radian, another surface
+begins."""
 
 
 def rotation(
@@ -44,7 +45,7 @@ def rotation(
 def position_covariance(
     known: Signature, heading_rad: float, difference: float, config: SignatureConfig
 ) -> NDArray[np.float64]:
-    """Return how far the robot may stand from a visit, (2, 2) [m^2].
+    """Return the covariance of the robot's position relative to a visit, (2, 2) [m^2].
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ def position_covariance(
 
 
 def _nearer(depth_m: NDArray[np.float64], heading_rad: float) -> NDArray[np.float64]:
-    """Return by how much the echo of each bearing comes nearer for a step in x and in y, (2, n).
+    """Return how much nearer the echo at each bearing comes per step in x and in y, (2, n).
 
     That is n / (n . u) for a surface of normal n at bearing u, or u - (r' / r) t with t across u
     and r' the slope of the depth over the bearing, by the neighbours of the same surface; where

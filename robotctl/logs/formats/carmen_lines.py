@@ -1,4 +1,4 @@
-"""Lines of CARMEN logs, sorted by kind and read into numbers; `carmen_log` says what they mean.
+"""Lines of CARMEN logs, sorted by kind and parsed; `carmen_log` interprets them.
 
 Each line ends with the time of the message, a host, and the time of the logger. Read are PARAM,
 ODOM, FLASER, RLASER, ROBOTLASER1 and ROBOTLASER2; lines of other kinds are passed over.

@@ -94,7 +94,7 @@ def lego_files(path: Path) -> tuple[Path, ...]:
 
 
 def _part(path: Path) -> str:
-    """Return what a file is by its name: `motors` of `robot4_motors.txt.gz`."""
+    """Return the kind of a file by its name: `motors` of `robot4_motors.txt.gz`."""
     name = path.name.removesuffix(".gz")
     return name.rpartition("_")[2].removesuffix(".txt") if name.endswith(".txt") else ""
 

@@ -11,7 +11,7 @@ from robotctl.model.recording import Recording
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """How a log is read; a format ignores what it has no use for.
+    """Options for reading a log; a format ignores those it does not need.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ class LogText:
         return self.ends_open and line == len(self.lines)
 
     def notes(self) -> tuple[str, ...]:
-        """Return what people should know of the text as a whole."""
+        """Return remarks on the text as a whole."""
         if not self.is_cut:
             return ()
         return (f"{self.path}: the compressed file is cut short after line {len(self.lines)}",)
@@ -155,7 +155,7 @@ def _first_odd(lines: Sequence[str]) -> int:
 
 
 def _decoded(data: bytes) -> str:
-    """Return text without the mark of its encoding, if it has one; what is none is replaced."""
+    """Return text without its byte order mark; invalid bytes are replaced."""
     utf_16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
     return data.decode("utf-16" if utf_16 else "utf-8-sig", errors="replace")
 
@@ -197,7 +197,7 @@ def inflated(raw: bytes) -> tuple[bytes, bool, str]:
 
 
 def _up_to_damage(member: zlib._Decompress, raw: bytes) -> bytes:
-    """Return what comes out of damaged data before the damage, which is found byte by byte."""
+    """Return the decompressed data before the damage, which is found byte by byte."""
     found = b""
     for at in range(len(raw)):
         try:
@@ -311,7 +311,7 @@ def _is_finite(word: str) -> bool:
 
 
 def hint(word: str) -> str:
-    """Return what a word that is no number is like; empty if it is like nothing known."""
+    """Return what a word that is no number resembles; empty if nothing known."""
     if ";" in word:
         return "; the columns are separated by ';', needed are spaces"
     if _DECIMAL_COMMA.fullmatch(word):

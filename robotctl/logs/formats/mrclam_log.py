@@ -44,7 +44,7 @@ def robot_of(file: Path) -> int | None:
 
 
 def read_mrclam(folder: Path, robot: int, unit: str = "s") -> Recording:
-    """Read what one robot recorded, with times of a unit (`log_times`).
+    """Read one robot's records, with times in a unit (`log_times`).
 
     Sightings of other robots are left out and counted in the notes, so are those of bar codes that
     belong to none. Without a ground truth of the robot there is no reference.
@@ -124,7 +124,7 @@ def _timed(
 
 
 def _reference(folder: Path, robot: int, unit: str, notes: list[str]) -> Trajectory | None:
-    """Return what motion capture saw of the robot."""
+    """Return the robot's poses by motion capture."""
     name = f"Robot{robot}_Groundtruth"
     if not any((folder / f"{name}.dat{packed}").exists() for packed in ("", ".gz")):
         return None
@@ -140,7 +140,7 @@ def _sightings(
     landmarks: dict[int, tuple[float, float]],
     notes: list[str],
 ) -> tuple[Sighting, ...]:
-    """Return what the robot saw of landmarks."""
+    """Return the robot's sightings of landmarks."""
     name = f"Robot{robot}_Measurement"
     stamps_ns, rows = _timed(folder, name, _MEASUREMENT, unit, notes)
     found, robots, strangers, empty = [], 0, 0, 0

@@ -25,7 +25,7 @@ log is one, a single reading is enough."""
 
 _UNKNOWN_REACH_M: Final = 81.83
 _DENIED, _FEW = 0.01, 5
-"""A stated maximum range is wrong if more than this share of the echoes lie beyond it."""
+"""A stated maximum range is wrong if more than this share of the echoes are beyond it."""
 _TOLERANCE_M: Final = 1e-6
 _BIN_M: Final = 0.001
 _WIDTH: Final = 120
@@ -177,7 +177,7 @@ def _lengths(scans: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 def _of_places(
     scans: Sequence[NDArray[np.float64]], places: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Return one scan of each place that the robot comes to."""
+    """Return one scan from each place that the robot visits."""
     chosen, last = [], (math.inf, math.inf)
     for scan, (x, y) in zip(scans, places.tolist(), strict=True):
         if not math.hypot(x - last[0], y - last[1]) < _PLACE_M:
@@ -250,5 +250,5 @@ def _pile_around(
 
 
 def _is_near(bins: NDArray[np.int64], one: int, last: int, mode: int) -> bool:
-    """Return whether a bin follows the last of a pile closely enough, and lies near its mode."""
+    """Return whether a bin follows the last of a pile closely enough, and is near its mode."""
     return bool(abs(bins[one] - bins[last]) <= _LINK and abs(bins[one] - bins[mode]) < _WIDTH)

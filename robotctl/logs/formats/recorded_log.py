@@ -135,7 +135,7 @@ def is_log(path: Path) -> bool:
 
 
 def _found(path: Path, word: str) -> str:
-    """Return what a file is that is no log, by its first word."""
+    """Return what kind of file something that is no log is, by its first word."""
     if word.removesuffix(":") in _OF_MAPS:
         return "a ROS map, which is for --map"
     with path.open("rb") as file:

@@ -171,7 +171,7 @@ def logged_scan(data: bytes) -> LoggedScan:
 
 
 def _range_m(written: float | None) -> float:
-    """Return a range of a scan [m]; inf: nothing came back, nan: no valid reading."""
+    """Return a range of a scan [m]; inf: no echo, nan: no valid reading."""
     if written is None or written >= OUT_OF_RANGE_M:
         return math.inf
     return math.nan if written <= -OUT_OF_RANGE_M else written

@@ -35,7 +35,7 @@ _IN_FRAME: Final = 4
 """Sonars of one frame."""
 
 _Frames: TypeAlias = dict[tuple[int, int], SonarFeedback]
-"""By the time when they came [ns] and the index of their first sonar."""
+"""By time of arrival [ns] and index of the first sonar."""
 
 
 class _Robot(msgspec.Struct):
@@ -169,7 +169,7 @@ def _stamp_ns(state: tuple[int, LoggedState]) -> int:
 
 
 def _heard(frames: _Frames, stamp_ns: int, index: int) -> float | None:
-    """Return the range of a sonar that came at a time [m]; None if it is in no frame."""
+    """Return the range of a sonar received at a time [m]; None if it is in no frame."""
     frame = frames.get((stamp_ns, index - index % _IN_FRAME))
     return None if frame is None else frame.ranges_m[index % _IN_FRAME]
 

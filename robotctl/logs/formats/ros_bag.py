@@ -180,7 +180,7 @@ def _name(frame: str) -> str:
 
 
 def _stamp_ns(content: _Content, header: Any, log_ns: int) -> int:
-    """Return the time of a message [ns]; where it has none, that of the log."""
+    """Return the time of a message [ns]; the log's time if it has none."""
     stamp_ns = int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
     if stamp_ns == 0:
         content.unstamped += 1
@@ -188,7 +188,7 @@ def _stamp_ns(content: _Content, header: Any, log_ns: int) -> int:
 
 
 def _se3(translation: Any, rotation: Any) -> SE3:
-    """Return a pose of ROS; its quaternion may be all 0, which says nothing."""
+    """Return a pose of ROS; its quaternion may be all 0, an unknown orientation."""
     quaternion = tuple(float(getattr(rotation, key)) for key in "wxyz")
     w, x, y, z = quaternion if any(quaternion) else (1.0, 0.0, 0.0, 0.0)
     return SE3((float(translation.x), float(translation.y), float(translation.z)), (w, x, y, z))
@@ -224,7 +224,7 @@ def _odometry(path: Path, content: _Content) -> tuple[str, Trajectory, str, str]
 
 
 def _base(content: _Content) -> str | None:
-    """Return the frame of the robot that tf knows."""
+    """Return the robot's frame in tf."""
     return next((base for base in _BASES if len(content.frames.chain(base)) > 1), None)
 
 

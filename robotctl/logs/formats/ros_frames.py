@@ -1,4 +1,4 @@
-"""The frames of a ROS bag over time: what its tf messages say."""
+"""The frames of a ROS bag over time, from its tf messages."""
 
 from __future__ import annotations
 

@@ -152,12 +152,12 @@ def ordered_stamps(
 
 
 def wraps(what: str, unit: str) -> str:
-    """Return what to say of a clock that wraps."""
+    """Return a remark on a clock that wraps."""
     return f"{what}: their clock wraps after 2^32 {unit} and was unwrapped"
 
 
 def note_pairs(times: NDArray[np.float64], what: str, notes: list[str]) -> None:
-    """Note how many of some times are those of the one before, if it is not all of them."""
+    """Note how many times equal the one before, unless all do."""
     same = int(np.count_nonzero(np.diff(times) == 0.0))
     if 0 < same < len(times) - 1:
         notes.append(f"{same} of {len(times)} {what} have the time of the previous one")

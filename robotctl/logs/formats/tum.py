@@ -54,7 +54,7 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 
 
 def read_tum(path: Path) -> Trajectory:
-    """Read a trajectory; its heading is the yaw of the quaternion, what is not planar is dropped.
+    """Read a trajectory; its heading is the yaw of the quaternion, the rest is dropped.
 
     Raises
     ------

@@ -108,7 +108,7 @@ class LogEntries:
         """Those that are in the file."""
 
     def of(self, message: Published) -> Iterator[Entry]:
-        """Yield what a message brings, the first what shows the whole file as well."""
+        """Yield the entries of a message, the first with those for the whole file."""
         wall_ns = message.stamp_ns + self._epoch_ns
         if not self._is_begun:
             self._is_begun = True
@@ -117,7 +117,7 @@ class LogEntries:
         yield from self._of(wall_ns, message)
 
     def _of(self, wall_ns: int, message: Published) -> Iterator[Entry]:
-        """Yield what a message brings."""
+        """Yield the entries of a message."""
         match message:
             case ControlState():
                 yield from self._of_control(wall_ns, message)

@@ -58,7 +58,7 @@ def localisation_schema() -> JsonSchema:
 
 
 def localisation_content(state: LocalisationState) -> dict[str, Any]:
-    """Return what the localiser believes; the covariance is that of `base` in `world`."""
+    """Return the localiser's estimate; the covariance is that of `base` in `world`."""
     content: dict[str, Any] = plain(state)
     content["T_world_odom"] = {key: content.pop(key) for key in _POSE}
     return content
@@ -78,7 +78,7 @@ def camera_schema() -> JsonSchema:
 
 
 def camera_content(view: CameraView) -> dict[str, Any]:
-    """Return what the camera saw, beam by beam."""
+    """Return the camera's ranges, beam by beam."""
     content: dict[str, Any] = plain(view)
     for key in _BEAMS:
         content.pop(key, None)

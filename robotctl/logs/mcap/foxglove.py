@@ -60,7 +60,7 @@ class Quaternion(msgspec.Struct, frozen=True, gc=False):
 
 
 class Pose(msgspec.Struct, frozen=True, gc=False):
-    """Where a frame or a thing is, and how it is turned."""
+    """Position and orientation of a frame or an object."""
 
     position: Vector3
     orientation: Quaternion
@@ -145,7 +145,7 @@ class LaserScan(msgspec.Struct, frozen=True):
 
 
 class Log(msgspec.Struct, frozen=True):
-    """A line of text: what log panels show."""
+    """A line of text, for log panels."""
 
     timestamp: Time
     level: int
@@ -205,7 +205,7 @@ def pose_in(wall_ns: int, frame: str, pose: SE2) -> PoseInFrame:
 
 
 def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
-    """Return a scan; None if a driver sent what is none.
+    """Return a scan; None if a driver sent an invalid one.
 
     It stands in `base`, at the lidar's place there, so that it is right where a log that was cut
     has lost the frame `lidar`.
@@ -229,7 +229,7 @@ def laser_scan(wall_ns: int, scan: LidarScan) -> LaserScan | None:
 
 
 def scan_ranges(ranges_m: Iterable[float]) -> list[float]:
-    """Return ranges to 0.1 mm for JSON, which knows neither infinity nor nan [m].
+    """Return ranges to 0.1 mm for JSON, which has neither infinity nor nan [m].
 
     `OUT_OF_RANGE_M` stands for infinity, its negative for nan: no valid reading.
     """

@@ -1,4 +1,4 @@
-"""The continuous log: what the processes publish, as MCAP with JSON messages.
+"""The continuous log: the processes' messages, as MCAP with JSON.
 
 docs/logs.md lists its topics. A chunk ends at each `flush`, so that a file cut anywhere holds all
 that came before its last flush. Such a file has no index: strict readers want it recovered first.
@@ -51,7 +51,7 @@ class LogInUseError(McapLogError):
 
 
 class McapLog:
-    """Writes published messages to an MCAP file, and what a viewer needs to show them in space.
+    """Writes published messages to an MCAP file, and the frames that a viewer needs to show them.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class RecoveredLog:
     was_intact: bool = False
 
     def loss(self) -> str:
-        """Return what was left out, to follow another sentence; empty if that is nothing."""
+        """Return a note on omitted messages, to follow another sentence; empty if none."""
         if self.kept_aside is None:
             return ""
         lost = sum(gap.length for gap in self.gaps)
@@ -214,7 +214,7 @@ def log_records(source: BinaryIO) -> Iterator[McapRecord | Gap]:
 
 
 def _definitions() -> Iterator[Schema | Channel]:
-    """Yield what each log of ours begins with."""
+    """Yield the first entries of each of our logs."""
     file = io.BytesIO()
     log = McapLog(file, 0, "")
     log.add(Notice(0, 6, ""))  # without a message, definitions are not written

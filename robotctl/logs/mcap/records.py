@@ -1,4 +1,4 @@
-"""The whole records of an MCAP file, and where it was cut or damaged.
+"""The complete records of an MCAP file, and where it was cut or damaged.
 
 After damage, reading continues at the next chunk that proves valid: its lengths agree, it
 decompresses, and its CRC-32 is right. Records between chunks carry no checksum; they count as
@@ -210,7 +210,7 @@ def _is_proven(source: BinaryIO, place: int, size: int) -> bool:
 
 
 def _is_cut(source: BinaryIO, place: int, size: int, error: BaseException) -> bool:
-    """Return whether the rest of a file, without a chunk, is what a kill or a power cut leaves.
+    """Return whether the rest of a file, without a chunk, is typical of a kill or power cut.
 
     That is the beginning of a record, or nothing but zeros, which had not come to the disk.
     """

@@ -29,7 +29,7 @@ from robotctl.model.sensors.sonar import SonarMount
 
 
 class Scene:
-    """The frames of a robot, and the maps that it goes by.
+    """The frames of a robot, and the maps that it uses.
 
     Attributes
     ----------

@@ -88,7 +88,7 @@ def _words(kind: type[enum.IntEnum | enum.IntFlag]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a message, or a part of it, with the names of its fields and without what is missing.
+    """Return a message, or a part of it, with the names of its fields, without missing ones.
 
     The encoder itself would write the values of some messages without names, and null for nan and
     infinity. Returns None for a part that is to be left out.

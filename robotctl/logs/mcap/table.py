@@ -23,7 +23,7 @@ _NAMES: Final = ("name", "child_frame_id")
 """Field that identifies the parts of a list, if any."""
 
 _PASSED_OVER: Final = ("timestamp", "data", "fields")
-"""The time of the message itself; bytes, and what stands in them."""
+"""The time of the message itself; bytes, and their content."""
 
 _SUFFIXES: Final = {
     "_rad_s": "rad/s",

@@ -70,7 +70,7 @@ def steering_angle_rad(
 
 
 def within_linkage(angle_rad: float, limit_rad: float) -> float:
-    """Return the servo's angle clamped to what the linkage allows on both sides [rad].
+    """Return the servo's angle clamped to the range that the linkage allows on both sides [rad].
 
     A nan stays one, which is for the command guard to find.
     """

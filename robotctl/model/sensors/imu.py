@@ -1,4 +1,4 @@
-"""An inertial measurement unit: whether there is one, and where it sits."""
+"""An inertial measurement unit: whether there is one, and its mount."""
 
 from __future__ import annotations
 

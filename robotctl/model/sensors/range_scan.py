@@ -1,4 +1,4 @@
-"""A scan of a planar range sensor: lidar, or what a camera makes of the floor's boundary."""
+"""A scan of a planar range sensor: a lidar, or the floor's boundary in a camera's picture."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ _WHOLE_RUN: Final = Checkpoint(0)
 
 
 class Tick(msgspec.Struct, frozen=True, array_like=True, gc=False, tag=1):
-    """One step: its time, all that went in and came out, and how punctual it was.
+    """One step: its time, all inputs and outputs, and its punctuality.
 
     `lag_ns` is the wake-up behind the deadline, `step_ns` the time from waking to having sent.
     """
@@ -110,7 +110,7 @@ class Replayed:
 
 
 class Recorder:
-    """Encodes a run, or what of it is to come, and hands it on.
+    """Encodes a run, or the rest of it, and passes it on.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def replay_steps(
     name: str,
     fields: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> Iterator[ReplayedStep]:
-    """Step a core through recorded inputs, whatever comes of it.
+    """Step a core through recorded inputs, whatever the result.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Claims: what only one process of this computer may have, such as the commands on a bus.
+"""Claims: resources for only one process of this computer, such as the commands on a bus.
 
 A claim is an abstract Unix socket (unix(7)). Its name belongs to the network namespace, as CAN
 interfaces do, whoever the user is; the kernel frees it when the process ends, however it ends.
@@ -27,7 +27,7 @@ def claim_bus(interface: str, channel: str) -> socket.socket:
 
 
 def claim(what: str) -> socket.socket:
-    """Claim `what` for as long as the returned socket is open.
+    """Claim `what` while the returned socket is open.
 
     Raises
     ------

@@ -51,7 +51,7 @@ def write_whole(target: Path, content: str | bytes) -> None:
 
 
 def remove_parts(folder: Path, pattern: str) -> None:
-    """Remove what writers of targets like `pattern` left when they died."""
+    """Remove temporary files left by dead writers of targets like `pattern`."""
     for path in folder.glob(f"{pattern}{_PART}"):
         with suppress(OSError):  # it ended just now, or may not be removed
             remove_dead(path)

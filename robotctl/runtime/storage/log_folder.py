@@ -63,7 +63,7 @@ class LogConfig:
 
 
 def make_folder(directory: Path) -> None:
-    """Make a folder of logs and those above it, where it is missing.
+    """Make a folder of logs and its parents, if missing.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def make_folder(directory: Path) -> None:
 
 
 def age_rank(status: os.stat_result) -> tuple[bool, int]:
-    """Return what sorts files, the oldest first.
+    """Return a sort key that puts the oldest file first.
 
     What is dated after now was written before the clock was put back, as that of a computer
     without a battery is at each start: it is older than whatever has been written since.

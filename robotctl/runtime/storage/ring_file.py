@@ -1,4 +1,4 @@
-"""Whose a flight ring or a log is: the lock of its writer; where the ring of a dead process goes.
+"""Owner of a flight ring or log (its writer's lock), and the place for a dead process's ring.
 
 A ring is locked by its writer as long as that lives. Before renaming or removing one, lock it, then
 check that the path still leads to the locked file: another process may have replaced it in between.
@@ -26,7 +26,7 @@ _PROBE_S: Final = 0.002
 
 
 def crashed(path: Path) -> Path:
-    """Return where the ring of a process goes that did not end in order."""
+    """Return the path to which the ring of a process that crashed is moved."""
     return path.with_name(f"{path.name}.crashed")
 
 

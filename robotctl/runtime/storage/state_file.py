@@ -158,7 +158,7 @@ class StateFile(Generic[T]):
             system.close(descriptor)
 
     def _content(self, path: Path) -> bytes | None:
-        """Return what a file holds, of a fifo nothing; None if it is missing."""
+        """Return the content of a file, nothing for a fifo; None if it is missing."""
         system = self._system
         flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK  # a fifo is not waited for
         try:

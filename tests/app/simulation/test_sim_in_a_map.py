@@ -59,10 +59,12 @@ def test_a_mission_is_driven_in_the_map_beside_its_file(mission: Path, tmp_path:
         localisation=('localisation.method="mcl"', "localisation.mapping=true"),
     )
     (tmp_path / "logs").mkdir()
-    said: list[str] = []
-    report = run_lockstep(options, said.append)
+    notices: list[str] = []
+    report = run_lockstep(options, notices.append)
     assert report.mission_completed, report.message
-    assert (report.world, report.collisions, said) == ("room", 0, [])
+    # A first run on a computer compiles its estimators, and says so.
+    others = [notice for notice in notices if not notice.startswith("compiling")]
+    assert (report.world, report.collisions, others) == ("room", 0, [])
     assert report.localisation is not None
     assert report.localisation.error.max_m < 0.1
     assert report.map_quality is not None

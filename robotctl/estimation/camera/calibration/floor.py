@@ -22,7 +22,7 @@ _MAX_SIDE_PX = 8000
 
 @dataclass(frozen=True, slots=True)
 class FloorWindow:
-    """The part of the floor that is shown, and how large; x is up and y is left.
+    """The part of the floor to show, and its scale; x is up and y is left.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class FloorWindow:
 def view_from_above(
     picture: NDArray[np.uint8], camera: CameraGeometry, view: FloorWindow
 ) -> NDArray[np.uint8]:
-    """Return the floor as seen from above; what the camera does not see is grey.
+    """Return the floor seen from above; parts outside the camera's view are grey.
 
     Objects on the floor are smeared away from the camera: only the floor is rectified.
 

@@ -1,4 +1,4 @@
-"""The floor homography: from points of the floor to pixels, from known places only.
+"""The floor homography, from points of the floor to pixels, computed from known places alone.
 
 Notes, section 6.1: (u, v, 1) ~ H (x, y, 1). The linear least squares of the notes with H's last
 entry set to 1 fail where that entry is 0, the horizon through the origin (errata). Here H has norm
@@ -26,7 +26,7 @@ _LEAST_REDUNDANT = 5
 
 @dataclass(frozen=True, slots=True)
 class PointNoise:
-    """How well correspondences are known.
+    """Uncertainty of correspondences.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def floor_covariance(
 def fit_homography(
     ground: NDArray[np.float64], pixels: NDArray[np.float64], noise: PointNoise = PointNoise()
 ) -> Homography:
-    """Return the homography of least squares; each point counts, so none may be wrong.
+    """Return the least-squares homography; all points count, so none may be wrong.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def find_homography(
     rng: np.random.Generator,
     noise: PointNoise = PointNoise(),
 ) -> tuple[Homography, NDArray[np.bool_]]:
-    """Return the homography on which most points agree, and which points those are.
+    """Return the homography on which most points agree, and these points.
 
     Parameters
     ----------

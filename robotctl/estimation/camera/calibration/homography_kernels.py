@@ -292,7 +292,7 @@ def _deviation(points: Array, chosen: NDArray[np.bool_], left_out: int) -> float
 
 @compiled
 def least_deviation(points: Array) -> tuple[float, float, int]:
-    """Return how far points, (n, 2), are from lying on a line, all or all but one.
+    """Return how far points, (n, 2), are from one line, all or all but one.
 
     Returns
     -------
@@ -317,7 +317,7 @@ def least_deviation(points: Array) -> tuple[float, float, int]:
 def agreeing(
     h: Array, ground: Array, pixels: Array, sigma_u: float, sigma_x: float, gate: float
 ) -> tuple[NDArray[np.bool_], float]:
-    """Return which points lie within `gate` squared standard deviations, on the side of most.
+    """Return which points are within `gate` squared standard deviations, on the side of most.
 
     Returns
     -------

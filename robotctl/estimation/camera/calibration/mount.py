@@ -1,4 +1,4 @@
-"""The mount of a camera, from places on the floor and where they are seen.
+"""The mount of a camera, from places on the floor and their pixels.
 
 First the floor homography, on which points must agree (`camera_homography.py`); it gives a pose
 (Zhang 2000, appendix) from which the residuals in the picture, lens and all, are minimised. Six

@@ -41,7 +41,7 @@ def draw_correspondences(
     predicted: NDArray[np.float64],
     agree: NDArray[np.bool_],
 ) -> None:
-    """Draw measured pixels, (n, 2), green where they agree, else red with a line to the predicted.
+    """Draw measured pixels, (n, 2): green if they agree, else red with a line to the predicted.
 
     The line is left out where the predicted pixel, (n, 2), is nan.
     """

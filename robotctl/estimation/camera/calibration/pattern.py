@@ -70,7 +70,7 @@ class Board:
         return np.column_stack([np.repeat(x_m, self.columns), np.tile(y_m, self.rows)])
 
     def turned(self, corners: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return found corners, (n, 2), in each order in which the board could lie there.
+        """Return found corners, (n, 2), in each order that is possible for the board.
 
         Turned by half, and by quarters if it is square; its looks do not say which it is.
         """
@@ -121,7 +121,7 @@ def find_corners(picture: NDArray[np.uint8], board: Board) -> NDArray[np.float64
 
 
 def larger_board(picture: NDArray[np.uint8], board: Board) -> Board | None:
-    """Return the board that a picture, (height, width, 3), shows, where `board` is a part of it.
+    """Return the board in a picture, (height, width, 3), of which `board` is a part.
 
     Up to two corners more on a side; None: there is none. Where the board ends at something dark
     it may see a row too many: ask, do not refuse.
@@ -172,7 +172,7 @@ def find_markers(picture: NDArray[np.uint8], family: str) -> dict[int, NDArray[n
 
 
 def draw_board(board: Board) -> NDArray[np.uint8]:
-    """Return a chessboard to print, grey, at `PX_PER_MM`, with an arrow and its size in words.
+    """Return a chessboard to print, grey, at `PX_PER_MM`, with an arrow and its size as text.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How far a calibration can be trusted where it was not made, and which markers would help.
+"""Expected error of a calibration away from its markers, and which markers would help.
 
 To first order: the covariance of the calibration, carried to the floor. A sheet near the robot says
 little of the floor at 3 m, where a tenth of a degree of pitch is 5 cm.
@@ -73,7 +73,7 @@ def expected_errors(fit: MountFit, sigma_px: float) -> tuple[Expected, ...]:
 
 
 def recommend(fit: MountFit, noise: PointNoise) -> Advice | None:
-    """Return where more markers help most, until all is within `ALLOWED`; None: it is already.
+    """Return where more markers help most, until all errors are within `ALLOWED`; None if they are.
 
     One after the other, each where it lowers the largest expected error, as a share of the
     distance, most; up to six, and none that helps by less than a tenth.
