@@ -19,6 +19,7 @@ allowed after a "no" and an emergency stop as well, since the drive may have mis
 
 from __future__ import annotations
 
+import enum
 from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
@@ -73,17 +74,42 @@ class Allowed(NamedTuple):
     power_ns: int
 
 
+class Kind(enum.Enum):
+    """What the robot did."""
+
+    POWER = enum.auto()
+    STEERING = enum.auto()
+    SPEED = enum.auto()
+    TURN_RATE = enum.auto()
+
+
+class Since(enum.Enum):
+    """What ended the permission to have power, in words that follow "behind"."""
+
+    NOTHING = ""
+    LAST_COMMAND = "the last command"
+    ENABLE_0 = "Enable=0"
+    EMERGENCY_STOP = "an emergency stop"
+    NOT_ARMED = "a stop, without a new arming"
+
+    def __str__(self) -> str:
+        """Return the words."""
+        return self.value
+
+
 class Unsafe(NamedTuple):
-    """One unauthorised motion: start and reason."""
+    """One unauthorised motion: start, kind, what forbade it, and all that in words."""
 
     stamp_ns: int
+    kind: Kind
+    since: Since
     reason: str
 
 
 class _Objection(NamedTuple):
     """A present objection to the robot: its kind, and its size."""
 
-    kind: str
+    kind: Kind
     reason: str
 
 
@@ -110,7 +136,7 @@ class SafetyMonitor:
         self._crc_start = data_id_crc(wire.data_id(wire.MOTOR_COMMAND))
         self._counter = -1
         self._allowed_ns: int | None = None
-        self._why = ""
+        self._since = Since.NOTHING
         self._held_rad: float | None = None
         """Steering angle when the wheels lost their permission."""
         self._said_yes = False
@@ -118,7 +144,7 @@ class SafetyMonitor:
         self._now_ns = 0
         self._armings: dict[int, int] | None = None
         """When each was reported [ns]."""
-        self._present = ""
+        self._present: Kind | None = None
 
     def on_arming(self, number: int) -> None:
         """Note a deliberate arming, by a number of its own."""
@@ -133,7 +159,7 @@ class SafetyMonitor:
         """Process a frame that has passed the bus, whoever received it."""
         if frame.arbitration_id in FORBIDS:
             self._cleared = self._said_no = False
-            self._why = "an emergency stop"
+            self._since = Since.EMERGENCY_STOP
 
     def on_delivery(self, frame: Frame) -> None:
         """Hear a frame that was delivered to the drive's controller."""
@@ -161,17 +187,17 @@ class SafetyMonitor:
                 # A frame delivered now may have waited since before the youngest of them.
                 since_ns = stamp_ns - self._allowed.power_ns
                 self._armings = {n: ns for n, ns in self._armings.items() if ns > since_ns}
-            self._said_yes, self._why = False, "Enable=0"
+            self._said_yes, self._since = False, Since.ENABLE_0
             return
         if not new:
             return
         self._said_yes = True
         if not (self._cleared and self._said_no):
-            self._why = "an emergency stop"
+            self._since = Since.EMERGENCY_STOP
         elif self._armings is not None and not self._armings:
-            self._why = "a stop, without a new arming"
+            self._since = Since.NOT_ARMED
         else:
-            self._allowed_ns, self._why = stamp_ns, "the last command"
+            self._allowed_ns, self._since = stamp_ns, Since.LAST_COMMAND
 
     def look(self, now_ns: int) -> None:
         """Judge the robot as it is now [ns]."""
@@ -181,10 +207,10 @@ class SafetyMonitor:
             self.power_off_ns = now_ns
         self._powered = motion.powered
         objection = self._objection(motion, now_ns)
-        kind = "" if objection is None else objection.kind
+        kind = None if objection is None else objection.kind
         if objection is not None and kind != self._present:
             self.count += 1
-            self.findings.append(Unsafe(now_ns, objection.reason))
+            self.findings.append(Unsafe(now_ns, objection.kind, self._since, objection.reason))
         self._present = kind
 
     def _objection(self, motion: Motion, now_ns: int) -> _Objection | None:
@@ -192,27 +218,27 @@ class SafetyMonitor:
         allowed, v_m_s, omega_rad_s = self._allowed, motion.v_m_s, motion.omega_rad_s
         forbidden = self._objection_to_power(now_ns)
         if forbidden and motion.powered:
-            return _Objection("power", forbidden)
+            return _Objection(Kind.POWER, forbidden)
         if not forbidden:
             self._held_rad = None
         elif self._held_rad is None:
             self._held_rad = motion.steering_rad
         elif abs(moved_rad := motion.steering_rad - self._held_rad) > STEERED_RAD:
-            return _Objection("steering", f"steering moved by {moved_rad:.2f} rad in a stop")
+            return _Objection(Kind.STEERING, f"steering moved by {moved_rad:.2f} rad in a stop")
         if abs(v_m_s) > OVERSPEED * allowed.v_max_m_s:
-            return _Objection("speed", f"speed {v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}")
+            return _Objection(Kind.SPEED, f"speed {v_m_s:.2f} m/s, allowed {allowed.v_max_m_s:g}")
         if abs(omega_rad_s) > OVERSPEED * allowed.omega_max_rad_s:
             reason = f"turn rate {omega_rad_s:.2f} rad/s, allowed {allowed.omega_max_rad_s:g}"
-            return _Objection("turn rate", reason)
+            return _Objection(Kind.TURN_RATE, reason)
         return None
 
     def _objection_to_power(self, now_ns: int) -> str:
         """Return why the wheels should be without power, or nothing."""
         if self._allowed_ns is None:
-            if not self._why:
+            if self._since is Since.NOTHING:
                 return "power without any command"
-            return f"power that was never allowed, behind {self._why}"
+            return f"power that was never allowed, behind {self._since}"
         after_ns = now_ns - self._allowed_ns
         if after_ns <= self._allowed.power_ns + GRACE_NS:
             return ""
-        return f"power {after_ns / 1e6:.0f} ms after it was last allowed, behind {self._why}"
+        return f"power {after_ns / 1e6:.0f} ms after it was last allowed, behind {self._since}"

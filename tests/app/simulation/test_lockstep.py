@@ -7,6 +7,7 @@ import pytest
 from mcap.reader import make_reader
 
 from firmware_sim.config.config import SafetySection
+from firmware_sim.faults.monitor import Since
 from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.lockstep_stack import make_simulation
 from robotctl.app.simulation.sim_options import SimOptions, SimulatorError
@@ -69,7 +70,7 @@ def test_an_arming_that_the_robot_refused_is_no_leave_to_drive() -> None:
     assert ack.reasons[0].code == FaultCode.BATTERY_LOW
     for _ in range(20):
         run.stack.open_loop_tick(lambda _: WheelCommand(enable=True, duty1=0.2, duty2=0.2))
-    assert "without a new arming" in run.stack.simulation.truth().unsafe_reason
+    assert run.stack.simulation.monitor.findings[-1].since is Since.NOT_ARMED
 
 
 def test_a_recorded_run_replays_bit_for_bit_with_its_own_configuration(tmp_path: Path) -> None:

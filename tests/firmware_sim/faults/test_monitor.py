@@ -7,7 +7,7 @@ import pytest
 from firmware_sim.bus.faults import Cut, Drop
 from firmware_sim.bus.frame import REMOTE_FLAG, Frame
 from firmware_sim.config.config import load_robot
-from firmware_sim.faults.monitor import GRACE_NS, Allowed, Motion, SafetyMonitor
+from firmware_sim.faults.monitor import GRACE_NS, Allowed, Kind, Motion, SafetyMonitor, Since
 from firmware_sim.nodes.drive_state import DriveState
 from firmware_sim.nodes.e2e import Protector, crc8, data_id_crc
 from firmware_sim.simulation import Simulation
@@ -117,8 +117,8 @@ def test_a_repeated_enable_0_forbids_as_a_new_one_does(scene):
     scene.protector.counter = (scene.protector.counter - 1) % 15  # that of the last command
     scene.command(enable=False)
     scene.run(200, enable=True)
-    (reason,) = scene.reasons
-    assert reason.endswith("behind a stop, without a new arming")
+    (found,) = scene.monitor.findings
+    assert (found.kind, found.since) == (Kind.POWER, Since.NOT_ARMED)
 
 
 def test_power_that_goes_on_behind_enable_0_is_unsafe(scene):
@@ -202,8 +202,8 @@ def test_where_armings_are_told_of_power_after_a_stop_needs_a_new_one(scene):
     scene.run(50, enable=False)
     scene.power()
     scene.run(100, enable=True)
-    (reason,) = scene.reasons
-    assert reason.endswith("behind a stop, without a new arming")
+    (found,) = scene.monitor.findings
+    assert (found.kind, found.since) == (Kind.POWER, Since.NOT_ARMED)
     scene.power(False)
     scene.run(50, enable=False)
     scene.monitor.on_arming(2)
@@ -330,6 +330,13 @@ class Host:
         assert self.simulation.truth().v_m_s > 0.1
 
 
+def last(host):
+    """Return kind and cause of the last unsafe motion."""
+    found = host.simulation.monitor.findings[-1]
+    assert found.reason == host.simulation.truth().unsafe_reason
+    return found.kind, found.since
+
+
 def test_the_simulated_drive_is_safe_when_its_host_falls_silent():
     host = Host()
     host.drive()
@@ -348,7 +355,7 @@ def test_a_drive_without_its_time_out_is_found_out():
     host.run(500)
     truth = host.simulation.truth()
     assert truth.unsafe_motions == 1
-    assert "behind the last command" in truth.unsafe_reason
+    assert last(host) == (Kind.POWER, Since.LAST_COMMAND)
     late_ns = host.simulation.monitor.findings[0].stamp_ns
     assert late_ns - (host.simulation.now_ns - 500_000_000) <= TIMEOUT_NS + GRACE_NS + PERIOD_NS
 
@@ -362,7 +369,7 @@ def test_a_drive_that_goes_on_without_hearing_its_commands_is_found_out(fault):
     host.simulation.drive._timeout_ns = 10**12
     host.simulation.bus.inject(fault)
     host.run(150, enable=True)
-    assert "behind the last command" in host.simulation.truth().unsafe_reason
+    assert last(host) == (Kind.POWER, Since.LAST_COMMAND)
 
 
 def test_a_drive_whose_supply_failed_and_that_booted_unheard_may_drive_after_a_no_again():
@@ -390,7 +397,7 @@ def test_a_drive_that_loses_its_latch_by_a_warm_reset_is_found_out():
     host.port.send(0x000, b"\x01\x00")
     host.run(20, enable=False)
     host.run(50, enable=True)
-    assert "behind an emergency stop" in host.simulation.truth().unsafe_reason
+    assert last(host) == (Kind.POWER, Since.EMERGENCY_STOP)
 
 
 @pytest.mark.parametrize("timeout_ms", [60, 90, 300])
@@ -411,4 +418,4 @@ def test_a_drive_that_does_not_obey_the_emergency_stop_is_found_out():
     host.simulation.drive._handlers.pop(STOP)
     host.port.send(STOP, b"\x01")
     host.run(200, enable=True)
-    assert "behind an emergency stop" in host.simulation.truth().unsafe_reason
+    assert last(host) == (Kind.POWER, Since.EMERGENCY_STOP)
