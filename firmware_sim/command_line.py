@@ -53,7 +53,7 @@ def tell(line: str) -> None:
 
 
 def file_among(folder: str, *suffixes: str) -> Callable[[str], Path]:
-    """Return what reads an argument as a file: a path, or a name with or without its suffix.
+    """Return a parser of an argument as a file: a path, or a name with or without its suffix.
 
     A file in the working directory precedes a built-in configuration in `folder` ("": robots) with
     the first of the suffixes.

@@ -82,7 +82,7 @@ def _takes_files(folder: Path) -> bool:
 
 
 def _remove_old(parent: Path) -> None:
-    """Remove what no running process can still be writing: folders older than a day."""
+    """Remove folders older than a day, which no running process can still be writing."""
     for old in parent.glob("compiled-*"):
         if time.time() - old.stat().st_mtime > 86_400.0:
             shutil.rmtree(old, ignore_errors=True)

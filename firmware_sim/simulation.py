@@ -175,7 +175,7 @@ class Simulation:
         return self.bus.now_ns
 
     def warm(self) -> None:
-        """Compile, or load from the cache, what the first steps would wait for."""
+        """Compile, or load from the cache, the functions for which the first steps would wait."""
         self.plant.warm()
         self._ring.warm()
 
@@ -248,7 +248,7 @@ class Simulation:
         return plant.x_m, plant.y_m, plant.theta_rad
 
     def truth(self, *, origin_ns: int = 0, late: int = 0, late_max_ns: int = 0) -> Truth:
-        """Return what really is, at the present time.
+        """Return the ground truth at the present time.
 
         Parameters
         ----------
@@ -302,7 +302,7 @@ class Simulation:
         )
 
     def camera_frame(self, *, origin_ns: int = 0) -> Picture | None:
-        """Return a picture from where the robot is now; None if it has no camera.
+        """Return a picture from the robot's present pose; None if it has no camera.
 
         The first takes seconds: the camera is made ready for this world. `origin_ns` is added to
         the time stamp, as in `truth`. The caller applies `[simulation.camera] latency_ms`.

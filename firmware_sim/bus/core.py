@@ -191,7 +191,7 @@ class Bus:
         return self._state.meter.load(self._state.now_ns)
 
     def schedule(self, due_ns: int, action: Callable[[], None]) -> None:
-        """Have `action` called when time reaches `due_ns` (at once where it has passed).
+        """Have `action` called when time reaches `due_ns` (at once if it has passed).
 
         For the timers of nodes. The action may send, attach and detach, but not advance the bus.
         It runs before a frame that is complete at the same instant.

@@ -1,4 +1,4 @@
-"""Faults of the bus as values: what goes wrong, with whom, when, how often.
+"""Faults of the bus as values: kind, nodes concerned, time and frequency.
 
 A `FaultPlan` is data: two runs with the same plan, seed and traffic are the same bit by bit.
 Times are times of the bus (ns). Where several faults fit one frame, the first of the plan that

@@ -1,4 +1,4 @@
-"""Faults of frames: which frame a fault strikes, and what becomes of the frame."""
+"""Faults of frames: which frame a fault strikes, and the result."""
 
 from __future__ import annotations
 

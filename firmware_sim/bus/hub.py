@@ -183,7 +183,7 @@ class Hub:
                 self._remove(client)
 
     def _handle(self, client: Client, events: int) -> None:
-        """Do for a client what its socket is ready for."""
+        """Read from or write to a client, as its socket is ready."""
         if events & select.EPOLLOUT:
             client.flush(self.bus.now_ns + self.origin_ns)
         if events & select.EPOLLHUP and client.port is not None:
@@ -245,7 +245,7 @@ class Hub:
         return free
 
     def _remove(self, client: Client) -> None:
-        """Forget a client; what it has sent still goes out on the bus."""
+        """Forget a client; frames it has sent still go out on the bus."""
         del self._clients[client.connection.fileno()]
         self._epoll.unregister(client.connection.fileno())
         client.connection.close()
@@ -253,7 +253,7 @@ class Hub:
             client.port.close()
 
     def close(self) -> None:
-        """Disconnect all clients and take the channel away."""
+        """Disconnect all clients and remove the channel."""
         for client in self.clients:
             client.gone = True
             if client.port is not None:

@@ -100,7 +100,7 @@ class Client:
         self._epoll.modify(self.connection.fileno(), events)
 
     def flush(self, now_ns: int) -> None:
-        """Pass on what waits, and word of what has been lost; `now_ns` is CLOCK_MONOTONIC."""
+        """Pass on waiting frames, and notice of lost ones; `now_ns` is CLOCK_MONOTONIC."""
         backlog = self._backlog
         try:
             while backlog:
@@ -116,7 +116,7 @@ class Client:
             self.receive(Frame(*overflow_message(), now_ns), 0)
 
     def read(self) -> None:
-        """Take what the client has sent, as far as its queue on the bus has room."""
+        """Take frames from the client while its queue on the bus has room."""
         for _ in range(_READS_PER_SERVICE):
             port = self.port
             if port is not None and not port.room and port.state is not ErrorState.BUS_OFF:

@@ -86,7 +86,7 @@ class Injector:
         self._bus.rewire()
 
     def _refresh(self, port: PortState) -> None:
-        """Set what the present faults make of a port."""
+        """Apply the present faults to a port."""
         faults = [fault for fault in self._active if fault.node in (None, port.name)]
         kinds = {type(fault) for fault in faults}
         port.acknowledges = AckLess not in kinds

@@ -1,4 +1,4 @@
-"""Writes what happens on a bus as a candump log (`candump -L`), readable by python-can.
+"""Writes the traffic of a bus as a candump log (`candump -L`), readable by python-can.
 
 One line a frame, `(seconds.microseconds) channel id#data`, time being that of the bus and an epoch.
 The same run writes the same bytes. There are no comment lines: readers of the format do not know
@@ -77,7 +77,7 @@ def next_log(path: Path) -> Path:
 
 
 def _opened(path: Path) -> TextIO:
-    """Open a log, locked for as long as it is open: so others see that it is being written."""
+    """Open a log, locked while it is open, so that others see that it is being written."""
     file = path.open("w", encoding="ascii")
     with suppress(OSError):  # some network disks know no locks
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -269,7 +269,7 @@ class SimCanBus(can.BusABC):
         return self.socket.fileno()
 
     def shutdown(self) -> None:
-        """Leave the bus; what has been sent still goes out."""
+        """Leave the bus; frames already sent still go out."""
         super().shutdown()
         self.socket.close()
 

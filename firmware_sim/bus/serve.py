@@ -22,7 +22,7 @@ class Service(Protocol):
         """Return the descriptor that is readable when `service` has something to do."""
 
     def service(self, now_ns: int) -> None:
-        """Do what can be done without waiting; `now_ns` is CLOCK_MONOTONIC."""
+        """Do all work that needs no waiting; `now_ns` is CLOCK_MONOTONIC."""
 
 
 def sharpen_timers() -> None:

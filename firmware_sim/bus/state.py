@@ -162,7 +162,7 @@ class PortState:
         return filters is None or any(entry.passes(arbitration_id) for entry in filters)
 
     def discard_queue(self) -> None:
-        """Throw away what waits."""
+        """Discard waiting frames."""
         self.statistics.discarded += len(self.queue)
         self.queue.clear()
 
@@ -239,13 +239,13 @@ class BusState:
     timer_number: int = 0
 
     def schedule(self, due_ns: int, action: Callable[[], None]) -> None:
-        """Have `action` called when time reaches `due_ns` (at once where it has passed)."""
+        """Have `action` called when time reaches `due_ns` (at once if it has passed)."""
         self.timer_number += 1
         heapq.heappush(self.timers, (max(due_ns, self.now_ns), self.timer_number, action))
         self.timer_ns = self.timers[0][0]
 
     def rewire(self) -> None:
-        """Recompute what depends on the nodes on the bus and their states."""
+        """Recompute everything that depends on the nodes on the bus and their states."""
         self.hopeless = False
         ports = self.ports.values()
         answering = [port for port in ports if port.answers]

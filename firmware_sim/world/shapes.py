@@ -68,7 +68,7 @@ class Thing:
 @closed
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """A polyline, or a row of rectangles about its parts where it has a thickness."""
+    """A polyline, or a row of rectangles about its parts if it has a thickness."""
 
     points: Annotated[tuple[Point, ...], Field(min_length=2)]
     closed: bool = False

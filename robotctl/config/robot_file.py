@@ -46,7 +46,8 @@ FINEST_RAD: Final = 1e-9
 """No encoder of a wheel resolves less [rad]."""
 
 FOUND_SHARE: Final = 0.5
-"""By this share of what its motor reaches at least, a wheel with a stuck encoder is found out."""
+"""A wheel with a stuck encoder is detected at this share of the speed that its motor reaches at
+least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +241,7 @@ def camera_of(config: RobotConfig, file: Path) -> CameraConfig:
 
 
 def _contradictions(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield conflicts between keys: the key to blame and what is wrong."""
+    """Yield conflicts between keys: the key at fault and the reason."""
     for name, problem in config.control.wrong_loops(config.drive.wheel_names):
         yield ("control", name), problem
     two_periods_ms = 2 * config.runtime.period_ns / 1e6
@@ -319,7 +320,7 @@ def _beyond_the_nose(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str
 
 
 def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield what no motor can do, and what the bridges are too slow for."""
+    """Yield demands that no motor can meet, and those for which the bridges are too slow."""
     limits = config.limits
     fastest_rad_s = fastest_wheel_rad_s(config.drive, limits)
     needed_v = config.plausibility.back_emf_v_s_rad * fastest_rad_s
@@ -343,7 +344,7 @@ def _beyond_the_motors(config: RobotConfig) -> Iterator[tuple[toml_source.Key, s
 
 
 def _hidden_run_away(config: RobotConfig) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield a tolerance within which a motor runs away while its encoder is stuck."""
+    """Yield a tolerance so wide that a motor with a stuck encoder could run away."""
     drive, monitor = config.drive, config.plausibility
     # At least this fast is any motor: the limits are driven, and the supply has a floor.
     motor_rad_s = max(

@@ -8,7 +8,7 @@ import msgspec
 
 
 class Verdict(enum.StrEnum):
-    """How a check came out."""
+    """Result of a check."""
 
     OK = "ok"
     WARN = "warn"

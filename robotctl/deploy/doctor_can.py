@@ -35,7 +35,7 @@ def read_link(channel: str) -> dict[str, Any] | str:
 
 
 def check_link(config: CanConfig, link: dict[str, Any] | str) -> list[Finding]:
-    """Check the device of `config` by what `read_link` returned."""
+    """Check the device of `config` by the result of `read_link`."""
     channel = config.channel
     if isinstance(link, str):
         fix = bring_up(config)

@@ -21,7 +21,7 @@ MIN_FREE_BYTES: Final = 1_000_000_000
 """A day of logs [B]."""
 
 MIN_WRITE_BYTES_S: Final = 2_000_000
-"""Ten times what the logs of a robot need [B/s]."""
+"""Ten times the rate of a robot's logs [B/s]."""
 
 _GOOD_CLOCKS: Final = ("tsc", "arch_sys_counter", "kvm-clock")
 _BLOCK = 1_000_000

@@ -37,7 +37,7 @@ def watch_imu(
 
 
 def check_imu(imu: ImuFeedback | None, config: ImuConfig) -> Finding:
-    """Check what the IMU of a robot at rest says."""
+    """Check the IMU of a robot at rest."""
     check = "IMU"
     if imu is None:
         return fail(check, "sends no readings", "check its power and cable")

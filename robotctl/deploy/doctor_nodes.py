@@ -109,7 +109,7 @@ def check_node(node: NodeStatus, wire_version: int) -> Finding:
 
 
 def check_traffic(bus: BusStatus) -> Finding:
-    """Check what the bus did to our frames meanwhile."""
+    """Check the bus's errors with our frames meanwhile."""
     check = "CAN traffic"
     words = (
         f"{bus.state.name.lower().replace('_', ' ')}, {bus.received} frames received, "

@@ -154,7 +154,7 @@ def uninstall(root: Path, *, dry_run: bool = False) -> tuple[list[str], list[str
 
 
 def _change(file: ServiceFile, root: Path) -> str:
-    """Return in a word what installing does to a file."""
+    """Return in a word the effect of installing on a file."""
     found = _digest(root / file.path)
     if found is None:
         return "new"

@@ -1,4 +1,4 @@
-"""The files of a deployed robot: what `robotctl install` writes, made from `configs/systemd/`."""
+"""The files of a deployed robot that `robotctl install` writes, made from `configs/systemd/`."""
 
 from __future__ import annotations
 

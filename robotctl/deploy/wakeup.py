@@ -54,7 +54,7 @@ class _Idle:
     """A tick in which nothing is done."""
 
     def receive(self, now_ns: int) -> None:
-        """Take in nothing."""
+        """Do nothing with inputs."""
 
     control = send = publish = receive
 

@@ -23,9 +23,9 @@ from PIL import Image, UnidentifiedImageError
 from robotctl.errors import ConfigError
 
 _FORMATS: Final = ("PNG", "JPEG", "PPM", "BMP", "WEBP", "TIFF", "GIF", "TGA", "JPEG2000", "AVIF")
-"""Of all that Pillow knows, those that hold pixels: some others start programs (Ghostscript)."""
+"""Of Pillow's formats, those with pixels: some others start programs (Ghostscript)."""
 _CUT_SHORT: Final = ("truncated", "Truncated", "EOF", "not enough", "requires a buffer of")
-"""How Pillow and struct say that a file ends too soon."""
+"""Errors by which Pillow and struct report that a file ends too soon."""
 _ORIENTATION: Final = 0x0112
 """The tag of EXIF and TIFF (TIFF 6.0, section 8); 1 is upright, the others turn and mirror."""
 

@@ -53,7 +53,7 @@ def misfit(config: RobotConfig, robot: Path, world: Path, walls: WallMap) -> str
 
 
 def shares_near(grid: GridMap, walls: WallMap) -> tuple[float, float]:
-    """Return how much of a map's obstacles has a wall near by, and how much of the walls those."""
+    """Return the share of a map's obstacles near a wall, and the share of walls near obstacles."""
     from scipy.spatial import cKDTree  # type: ignore[import-untyped] # noqa: PLC0415 - it is slow
 
     shown, stands = grid.centre_of(np.argwhere(grid.occupied())), _points(walls)

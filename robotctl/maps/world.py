@@ -24,7 +24,7 @@ from robotctl.maps.map_file import refuse_image
 from robotctl.model.wall_map import WallMap
 
 FARTHEST_M: Final = 500.0
-"""Of any wall from the origin: a map has cells for all that lies between."""
+"""Of any wall from the origin: a map has cells for everything between."""
 _TOUCHING_M: Final = 1.0e-6
 
 Point: TypeAlias = tuple[float, float]
@@ -48,7 +48,7 @@ def find_world(name: str, beside: Path | None = None) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class _Wall:
-    """A polyline, or a row of rectangles about its parts where it has a thickness."""
+    """A polyline, or a row of rectangles about its parts if it has a thickness."""
 
     points: tuple[Point, ...]
     closed: bool = False
@@ -185,7 +185,7 @@ def load_walls(world: Path) -> WallMap:
 
 
 def _misplaced(file: _WorldFile) -> Iterator[tuple[toml_source.Key, str]]:
-    """Yield what is too far away, and sides without length."""
+    """Yield walls too far away, and sides without length."""
     for key, outline in file.outlines():
         # The comparison is so that a coordinate that is not a number is refused too.
         far = [each for point in outline for each in point if not abs(each) <= FARTHEST_M]

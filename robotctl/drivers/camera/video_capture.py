@@ -57,7 +57,7 @@ def open_camera(source: str, size: Size, rate_hz: float, clock: Clock) -> Camera
 
 
 class VideoFile:
-    """A video or a sequence of images as if a camera gave it now, at its own pace.
+    """A video or a sequence of images, played as if from a camera, at its own rate.
 
     After its last picture nothing comes. Parameters and errors as `open_camera`.
     """

@@ -1,4 +1,4 @@
-"""The bus-load budget: what share of the wire the protocol of the DBC takes at a loop rate.
+"""The bus-load budget: the share of the bus that the protocol of the DBC takes at a loop rate.
 
 Frame lengths are the worst case of bit stuffing (Davis, Burns, Bril, Lukkien, "Controller Area
 Network (CAN) schedulability analysis", 2007, eq. 1): a classic frame with an 11-bit identifier and

@@ -76,7 +76,7 @@ OpenDescriptor = Callable[[], Descriptor]
 
 
 def opener(config: CanConfig, arbitration_ids: Collection[int]) -> OpenDescriptor:
-    """Return what opens the bus of `config`, filtered to the given identifiers.
+    """Return the function that opens the bus of `config`, filtered to the given identifiers.
 
     The first call goes through `can.Bus`, which looks the interface up among the installed ones;
     later calls build the same class directly, without that search. A network device that is not
@@ -222,7 +222,7 @@ class SocketPort:
             self._meter.state = BusState.DOWN
 
     def _fail(self) -> None:
-        """Give up the descriptor; the next attempt to open it is `RETRY_NS` away."""
+        """Close the descriptor; the next attempt to open it is after `RETRY_NS`."""
         self._meter.state = BusState.DOWN
         self._retry_ns = self._clock.now_ns() + RETRY_NS
         self._send = _refuse
@@ -271,7 +271,7 @@ class SocketPort:
             self._take(now_ns, stamp_ns, frames)
 
     def _wall_offset_ns(self) -> int:
-        """Return what the wall clock is ahead of this port's [ns]."""
+        """Return how far the wall clock is ahead of this port's [ns]."""
         return time.time_ns() - self._clock.now_ns()
 
     def _take(self, now_ns: int, stamp_ns: int, frames: list[Frame]) -> None:

@@ -40,7 +40,7 @@ _SAMPLES: Final = (5, 1, 0x81)
 
 _SAMPLE_BYTES: Final = 5
 _PWM: Final = 660
-"""Of the motor of an A2 or A3, out of 1023: what the maker's own software sets."""
+"""Of the motor of an A2 or A3, out of 1023: the value that the maker's own software sets."""
 
 _ANSWER_NS: Final = 1_000_000_000
 _RESET_NS: Final = 2_000_000_000
@@ -58,7 +58,7 @@ _OPEN_ERRORS: Final = (OSError, ValueError, termios.error)
 
 
 class Samples(NamedTuple):
-    """Samples as they came, (n,) each."""
+    """Samples in the order received, (n,) each."""
 
     begins: np.ndarray
     """Whether a revolution begins with it."""
@@ -196,7 +196,7 @@ class Rplidar:
             self._serial.dtr = not on
 
     def _stop(self) -> None:
-        """End a scan of before, and forget what it sent."""
+        """End an earlier scan, and discard its data."""
         self._serial.write(STOP)
         self._serial.flush()
         self._wait(_STOP_NS)

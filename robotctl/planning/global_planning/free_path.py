@@ -20,7 +20,7 @@ _COMFORT_M: Final = 0.4
 """Distance to a wall below which a path costs more [m]."""
 
 _TIGHT: Final = 2.0
-"""Cost factor right beside the wall."""
+"""Cost factor next to the wall."""
 
 
 class FreePaths:

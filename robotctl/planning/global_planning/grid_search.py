@@ -245,7 +245,7 @@ def _step_cost(
     right: int,
     rule: int,
 ) -> float:
-    """Return what the step to a neighbour takes; inf if it is not allowed."""
+    """Return the cost of the step to a neighbour; inf if it is not allowed."""
     factor: float = factors[costs[cell + down + right]]
     if down == 0 or right == 0 or factor == np.inf:
         return factor

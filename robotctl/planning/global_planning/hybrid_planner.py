@@ -91,7 +91,7 @@ class HybridPlanner:
         return PlanFailure(Reason.OUT_OF_TIME, text, None, expanded)
 
     def _world(self, space: PlanningMap, goal: NDArray[np.float64]) -> HybridMap:
-        """Return the map with prices, and what is left to the goal from each coarse cell."""
+        """Return the map with prices, and the remaining cost to the goal from each coarse cell."""
         config, side_m = self._config, space.grid.resolution_m
         factor = max(1, round(_COARSE_M / side_m))
         prices, coarse = price_cells(

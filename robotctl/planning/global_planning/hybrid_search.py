@@ -28,23 +28,23 @@ _RIGHT: Final = np.array([1, -1, 0, 0, 1, -1, 1, -1])
 _STEERINGS: Final = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """As shares of the largest curvature."""
 _REVERSE: Final = 2.0
-"""What a unit of length costs in reverse, as a multiple."""
+"""Cost of a unit of length in reverse, as a multiple of that forwards."""
 _GEAR_CHANGE: Final = 8.0
-"""What a change of gear costs [cells]."""
+"""Cost of a change of gear [cells]."""
 _STEERING_CHANGE: Final = 0.2
-"""What it costs to steer from straight to the limit [cells]."""
+"""Cost of steering from straight to the limit [cells]."""
 _GREED: Final = 1.1
-"""What is left counts by so much more: paths cost up to 10 % more than the best, and are found in
-a fraction of the time."""
+"""Weight of the remaining cost (weighted A*): paths cost up to 10 % more than the best, and are
+found in a fraction of the time."""
 _ENOUGH: Final = 1.05
-"""A path is good enough if no other can cost less than its share of this: the turn to the heading
-at the goal is in no bound, and to look for a cheaper one would take long."""
+"""A path is good enough if no other can be cheaper by more than this factor: no bound includes the
+turn to the heading at the goal, so searching for a cheaper path would take long."""
 _CHECK: Final = 1.0
-"""Between two poses at which the body is checked [cells]."""
+"""Distance between two poses at which the body is checked [cells]."""
 
 
 class HybridMap(NamedTuple):
-    """What the robot drives in."""
+    """The space in which the robot drives."""
 
     blocked: NDArray[np.bool_]
     clearance: NDArray[np.float32]
@@ -156,7 +156,7 @@ def price_cells(
     weight: float,
     factor: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Return what a unit of length costs in each cell, and what each coarse cell costs to cross.
+    """Return the cost of a unit of length in each cell, and the cost of crossing each coarse cell.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Why there is no path: what blocks an end, where it is too narrow, what is unknown."""
+"""Why there is no path: a blocked end, a narrow passage, or unknown cells."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def no_path(space: PlanningMap, start: SE2, goal: SE2, expanded: int) -> PlanFai
 
 
 def _enclosed(space: PlanningMap, ends: dict[str, tuple[int, int]], expanded: int) -> PlanFailure:
-    """Return which end lies in a closed area, the smaller of the two."""
+    """Return the failure for the end in a closed area, the smaller of the two."""
     labels, _ = ndimage.label(~space.blocked)
     sizes = np.bincount(labels.ravel())
     name = min(ends, key=lambda each: int(sizes[labels[ends[each]]]))
@@ -116,7 +116,7 @@ def _gap(space: PlanningMap, here: SE2, cell_world: Point) -> float:
 
 
 def _half_width(space: PlanningMap, place: NDArray[np.int64], width: float) -> float:
-    """Return half the width of a passage whose middle may lie between the centres of cells."""
+    """Return half the width of a passage whose middle may be between the centres of cells."""
     radius = math.ceil(width) + 2
     low = np.maximum(place - radius, -1)
     near = np.argwhere(np.pad(space.blocked, 1, constant_values=True)[
@@ -169,7 +169,7 @@ def _between(
     start: tuple[int, int],
     goal: tuple[int, int],
 ) -> int:
-    """Return which cell of the bridge lies on the widest path, the first from the start."""
+    """Return the cell of the bridge on the widest path, the first from the start."""
     from robotctl.planning.global_planning.grid_search import search_cells  # noqa: PLC0415
 
     costs = np.where(inside, np.where(labels == 0, 1, 0), 254).astype(np.uint8)
@@ -193,7 +193,7 @@ def _joined(
 def _entry(
     space: PlanningMap, unknown: NDArray[np.bool_], ends: tuple[tuple[int, int], tuple[int, int]]
 ) -> Point:
-    """Return the unknown cell next to what the start can reach that is nearest to the goal."""
+    """Return the unknown cell nearest to the goal, next to cells reachable from the start."""
     labels, _ = ndimage.label(~space.blocked)
     reached = labels == labels[ends[0]]
     edge = np.argwhere(unknown & ndimage.binary_dilation(reached))

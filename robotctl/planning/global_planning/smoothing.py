@@ -99,7 +99,7 @@ def line(
     x1: float,
     y1: float,
 ) -> tuple[float, float]:
-    """Return what a straight piece costs and the least clearance of the cells that it touches.
+    """Return the cost of a straight piece and the least clearance of the cells that it touches.
 
     Cells are visited in order (Amanatides and Woo 1987); where it passes a corner exactly, both
     cells beside the corner count for the clearance.

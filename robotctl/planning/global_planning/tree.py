@@ -1,4 +1,4 @@
-"""Trees of points that grow over a map: nearest points, what is in sight, and how trees grow.
+"""Trees of points that grow over a map: nearest points, lines of sight, and growth.
 
 RRT: LaValle, "Rapidly-exploring random trees", 1998. RRT-Connect: Kuffner and LaValle 2000. RRT*:
 Karaman and Frazzoli 2011; informed samples: Gammell, Srinivasa, Barfoot 2014. All lengths are in

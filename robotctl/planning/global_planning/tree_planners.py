@@ -108,7 +108,7 @@ class TreePlanner(ABC):
 
 
 class _Search:
-    """What a tree grows in."""
+    """The space in which a tree grows."""
 
     def __init__(
         self, clearance: NDArray[np.float32], radius: float, ends: tuple[SE2, SE2], seed: int

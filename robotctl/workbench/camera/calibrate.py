@@ -241,7 +241,7 @@ def _fitted(
     nominal_deg = 0.0 if config.camera is None else config.camera.mount.yaw_deg
 
     def doubt(variant: tuple[FloorPoints, MountFit]) -> tuple[int, float]:
-        """Count points that disagree, then the angle to where the camera should look."""
+        """Count points that disagree, then the angle to the expected direction of the camera."""
         fit = variant[1]
         turned = math.remainder(fit.mount.yaw_deg - nominal_deg, 360.0)
         return int(np.sum(~fit.agree)), abs(turned)
@@ -255,7 +255,7 @@ def _about(
     points: FloorPoints,
     picture: NDArray[np.uint8] | None,
 ) -> list[str]:
-    """Return what people should know of a fit."""
+    """Return remarks on a fit."""
     notes = []
     if options.markers is not None:
         unseen = markers_unseen(options.markers, points)

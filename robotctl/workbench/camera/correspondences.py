@@ -1,4 +1,4 @@
-"""Points of the floor and where a camera sees them: clicked, of markers, of a board."""
+"""Points of the floor and their pixels: clicked, of markers, of a board."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _name(number: int) -> str:
 
 
 def board_seen(picture: NDArray[np.uint8], file: Path, board: Board, at: SE2) -> list[FloorPoints]:
-    """Return the corners of a board that lies at a place in `base`, in each order it could lie.
+    """Return the corners of a board at a place in `base`, in each order that is possible.
 
     Raises
     ------

@@ -49,7 +49,7 @@ def intervals(result: CameraCalibrateResult) -> dict[str, float]:
 
 
 def patch_text(result: CameraCalibrateResult) -> str:
-    """Return the TOML, under comments that say where it comes from and how good it is."""
+    """Return the TOML, with comments on its origin and quality."""
     options = result.options
     lens = result.lens
     sources = [] if lens is None else [f"{len(lens.rms_px)} pictures"]

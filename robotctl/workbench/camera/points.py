@@ -113,7 +113,7 @@ def _refuse_separator(
 
 
 def _found(cells: Sequence[str], place: int) -> str:
-    """Return what a cell holds that is no number."""
+    """Return the content of a cell that is no number."""
     if place >= len(cells):
         return f"{len(cells)} cells in the line"
     text = cells[place].strip()

@@ -224,5 +224,5 @@ def report_entry(seen: SeenPicture, name: str, rows: list[dict[str, Any]]) -> di
 
 
 def _number(value: float) -> float | None:
-    """Return a number to a tenth of a millimetre; None for what is none, or endless."""
+    """Return a number to a tenth of a millimetre; None if it is nan or infinite."""
     return round(float(value), 4) if math.isfinite(value) else None

@@ -133,7 +133,7 @@ def _made(
     moments: Sequence[_Moment],
     rng: np.random.Generator,
 ) -> tuple[MonteCarloLocaliser, MapSensors]:
-    """Return a localiser and what weighs its particles, with compiled kernels."""
+    """Return a localiser and its measurement model, with compiled kernels."""
     config = MclConfig()
     most, noise = options.max_particles, config.motion.noise
     if options.odometry is not None:

@@ -23,7 +23,7 @@ from robotctl.toml_source import nearest
 METHODS: Final = ("mcl", "ekf")
 START_SIGMA_M: Final = 0.25
 START_SIGMA_RAD: Final = 0.1
-"""How well a known start is known: standard deviations of x and y, and of the heading."""
+"""Standard deviations of a known start: of x and y, and of the heading."""
 
 TRACKING_PARTICLES: Final = 2000
 SEARCHING_PARTICLES: Final = 20_000
@@ -132,7 +132,7 @@ def known_start(
     rng: np.random.Generator,
     reference: SE2 | None = None,
 ) -> PoseEstimate:
-    """Return where the drive begins, and how well it is known.
+    """Return the start of the drive and its uncertainty.
 
     The start of a reference is made as wrong as a known start may be; one that is told is taken as
     it is.

@@ -1,4 +1,4 @@
-"""How far an estimated trajectory is from a reference: the report of `robotctl localize`."""
+"""Error of an estimated trajectory against a reference: the report of `robotctl localize`."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def position_errors(run: Run) -> NDArray[np.float64]:
 
 
 def report(run: Run, with_nees: bool) -> dict[str, Any]:
-    """Return the report; what cannot be known is None.
+    """Return the report; unknown values are None.
 
     Errors count from the beginning where the start was known, else from the first estimate on that
     is said to be localised (of a run that never is, from the beginning too). They are differences
@@ -165,7 +165,7 @@ def is_lost(run: Run) -> bool:
 
 
 def _first_localised(run: Run) -> int | None:
-    """Return the index of the first estimate that says it is localised."""
+    """Return the index of the first estimate with status LOCALISED."""
     return next(
         (
             index

@@ -17,7 +17,7 @@ COLUMNS: Final = (
     "var_theta_rad2", "reference_x_m", "reference_y_m", "reference_theta_rad", "error_m",
     "heading_error_rad", "confidently_wrong", "echoes_on_map",
 )  # fmt: skip
-"""Covariances are those of x, y and theta in `world`; what is not known is empty."""
+"""Covariances are those of x, y and theta in `world`; unknown values are empty."""
 
 
 def write_table(path: Path, run: Run) -> None:

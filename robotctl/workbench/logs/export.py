@@ -38,7 +38,7 @@ class TopicFile:
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What became of an export; `notes` say what of the recording could not be read."""
+    """Result of an export; `notes` name the parts of the recording that could not be read."""
 
     files: tuple[TopicFile, ...]
     notes: tuple[str, ...]
@@ -89,7 +89,7 @@ def export_csv(run: Path, folder: Path, tell: Callable[[int, int], None]) -> Exp
 
 
 def _writer(stack: ExitStack, path: Path, topic: Topic) -> Callable[[Any], Any]:
-    """Return what writes a row of a new file, whose heading is written."""
+    """Return the function that writes a row of a new file, whose heading is written."""
     file = stack.enter_context(path.open("w", encoding="utf-8", newline=""))
     write: Callable[[Any], Any] = csv.writer(file).writerow
     write((*TIMES, *map(header_of, topic.columns)))

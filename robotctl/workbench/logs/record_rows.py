@@ -1,4 +1,4 @@
-"""A record of the control loop as rows of tables: what each tick brought, did, and led to."""
+"""A record of the control loop as rows of tables: inputs, outputs and states of each tick."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ TopicRow: TypeAlias = tuple[str, int, Row]
 """Topic, time [ns], and the values by column."""
 
 _EVENTS: Final = ("wheels", "motor", "drive", "battery", "gyro", "accelerometer")
-"""What of the feedback is new in a tick that has it."""
+"""Parts of the feedback that are new in a tick that has them."""
 
 _NO_FIGURES: Final = LoopStatistics()
 
 
 def record_rows(file: Path, notes: list[str], topics: Collection[str] | None) -> Iterator[TopicRow]:
-    """Yield what each tick brought and did, and the states that follow from it.
+    """Yield inputs and outputs of each tick, and the resulting states.
 
     Times are those of the logs; in a record of an older version they are the robot's own.
 
@@ -80,7 +80,7 @@ def _up_to_damage(entries: Iterator[Entry], notes: list[str]) -> Iterator[Entry]
 
 
 def _of_tick(tick: Tick, sonar_names: Sequence[str]) -> Iterator[TopicRow]:
-    """Yield what one tick brought and did, each at its own time."""
+    """Yield inputs and outputs of one tick, each at its own time."""
     feedback, outputs = tick.inputs.feedback, tick.outputs
     done = {"lag_ns": tick.lag_ns, "step_ns": tick.step_ns, "command": plain(outputs.command)}
     stop = outputs.emergency_stop
@@ -99,7 +99,7 @@ def _of_tick(tick: Tick, sonar_names: Sequence[str]) -> Iterator[TopicRow]:
 
 
 def _of_feedback(feedback: Feedback, sonar_names: Sequence[str]) -> Iterator[TopicRow]:
-    """Yield what came over the bus."""
+    """Yield the rows of messages from the bus."""
     for topic in _EVENTS:
         message = getattr(feedback, topic)
         if message is not None:

@@ -32,12 +32,12 @@ TOLD: Final = 5_000
 
 
 class RecordingError(RobotctlError):
-    """A recording cannot be read, or has not what is wanted of it."""
+    """A recording cannot be read, or does not have the data requested."""
 
 
 @dataclass(slots=True)
 class Topic:
-    """What is known of a topic: its columns in order, which are texts, and how many rows it has."""
+    """Columns of a topic in order, which of them are texts, and the number of rows."""
 
     columns: list[str] = field(default_factory=list)
     texts: set[str] = field(default_factory=set)
@@ -63,7 +63,7 @@ class Topic:
 
 @dataclass(slots=True)
 class Survey:
-    """What a recording holds.
+    """Content of a recording.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def log_files(run: Path) -> list[Path]:
 def log_rows(
     file: Path, notes: list[str], topics: Collection[str] | None = None
 ) -> Iterator[TopicRow]:
-    """Yield what a file holds, of some topics or of all.
+    """Yield the rows of a file, of some topics or of all.
 
     Parameters
     ----------

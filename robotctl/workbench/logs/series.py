@@ -233,7 +233,7 @@ def _breaks(time_s: NDArray[np.float64], begins: Sequence[int]) -> list[int]:
 def _stretches(
     states: Sequence[Cell | None], time_s: NDArray[np.float64], begins: Sequence[int]
 ) -> list[Stretch]:
-    """Return how long the robot was in each state; gaps are left out."""
+    """Return the time spent in each state, without gaps."""
     found: list[Stretch] = []
     breaks = set(_breaks(time_s, begins))
     for index, state in enumerate(states):

@@ -1,4 +1,4 @@
-"""What odometry errs before and after a calibration, and whether there is any sense in one."""
+"""Errors of odometry before and after a calibration, and whether calibrating makes sense."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class OdometryCalibrateResult:
 
     @property
     def objections(self) -> list[str]:
-        """What is worse with the new values than with the present ones; empty: nothing."""
+        """Remarks on what is worse with the new values than with the present ones."""
         return [
             f"{check.what}: {check.after_m:.4f} m, before {check.before_m:.4f} m"
             for check in self.checks
@@ -109,7 +109,7 @@ class OdometryCalibrateResult:
 
     @property
     def hidden(self) -> list[str]:
-        """What the data do not determine, as text; empty: nothing."""
+        """Text on what the data do not determine; empty if they determine everything."""
         found = self.found
         words = [
             f"{key} cannot be determined from these data and stays "

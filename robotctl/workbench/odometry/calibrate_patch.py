@@ -37,7 +37,7 @@ def patch_values(result: OdometryCalibrateResult) -> dict[str, dict[str, float]]
 
 
 def patch_text(result: OdometryCalibrateResult) -> str:
-    """Return the TOML, under comments that say where it comes from."""
+    """Return the TOML, with comments on its origin."""
     options = result.options
     words = [f"--robot {options.robot.name}"]
     words += [f"--log {options.log.name}"] if options.log is not None else []

@@ -29,7 +29,7 @@ _LEAST = 12
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRun:
-    """A drive from a mark on the floor, and where it ended by the tape.
+    """A drive from a mark on the floor, and its end by tape measure.
 
     Parameters
     ----------

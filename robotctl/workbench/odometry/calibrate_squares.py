@@ -36,7 +36,7 @@ LEFT: Final = "left"
 RIGHT: Final = "right"
 STRAIGHTS: Final = 3
 SQUARES: Final = 5
-"""Drives of each kind; five squares each way are what Borenstein and Feng drive."""
+"""Drives of each kind; Borenstein and Feng drive five squares in each direction."""
 
 _TOLD = MeasuredRuns((MeasuredRun("", 0.0, 0.0),))
 """The errors of tape and placing, as a file of measured runs has them by default."""
@@ -46,17 +46,17 @@ Progress: TypeAlias = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """What to drive, and with what.
+    """The drives, and the robot.
 
     Parameters
     ----------
     robot
         The robot's file.
     overrides
-        `key=value` settings on top of it; those of `simulation.` disturb the true robot alone,
-        those of `drive.` what the controller believes.
+        `key=value` settings on top of it; those of `simulation.` disturb only the true robot, those
+        of `drive.` only the controller's model.
     seed
-        Seed of the drives; each has its own, made of it.
+        Seed from which each drive's own seed is derived.
     """
 
     robot: Path
@@ -69,7 +69,7 @@ class Campaign:
         Raises
         ------
         CalibrationError
-            If the robot does not come to the end of one.
+            If the robot does not finish one.
         """
         shapes = STRAIGHTS * [STRAIGHT] + SQUARES * [LEFT, RIGHT]
         for i, shape in enumerate(shapes):
@@ -81,7 +81,7 @@ class Campaign:
             yield measured_run(f"{shape} {i + 1}", stamps_ns, wheels, told, _TOLD)
 
     def gaps_m(self, progress: Progress) -> dict[str, tuple[float, float]]:
-        """Drive each square twice; return how far from odometry's word it ends, as `shape_gap`."""
+        """Drive each square twice; return the errors of odometry at their ends, as `shape_gap`."""
         gaps: dict[str, tuple[float, float]] = {}
         for shape in (LEFT, RIGHT):
             ends = []
@@ -96,7 +96,7 @@ class Campaign:
         return gaps
 
     def drive(self, shape: str, seed: int) -> tuple[Trajectory, SE2]:
-        """Return the robot's odometry and where it really ended, as seen from its start.
+        """Return the robot's odometry and its true end, both relative to its start.
 
         Raises
         ------

@@ -75,7 +75,7 @@ def live_turn(
 
 
 def _live_step(turns: StateTurns, control: ControlState, robot: RobotConfig) -> Turn | None:
-    """Take in a state of a running robot; its sonars must be those of the file."""
+    """Take a state of a running robot; its sonars must be those of the file."""
     if len(control.sonar_m) != len(robot.sonar):
         raise PlaceError(
             f"the running robot has {len(control.sonar_m)} sonars, that of the file "

@@ -140,7 +140,7 @@ def learn(name: str, book: Path, source: PlaceSource, progress: Progress) -> Lea
 
 
 def recognise(book: Path, source: PlaceSource, progress: Progress) -> list[Recognised]:
-    """Return what each turn on the spot is recognised as.
+    """Return the recognised place of each turn on the spot.
 
     Raises
     ------

@@ -77,7 +77,7 @@ def simulated_turn(
 
 
 def _wish(stack: LockstepStack, omega_rad_s: float) -> tuple[ControlRequest, ...]:
-    """Return what the simulated robot is asked for: to arm, then to turn."""
+    """Return the requests to the simulated robot: to arm, then to turn."""
     now_ns, state = stack.clock.now_ns() + stack.period_ns, stack.core.machine.state
     if state in POWERED:
         return (VelocityCommand(now_ns, now_ns + _COMMAND_NS, 0.0, omega_rad_s),)

@@ -21,7 +21,7 @@ from robotctl.model.sensors.new_sonar_readings import NewSonarReadings
 from robotctl.model.sensors.sonar import SonarMount
 
 Progress: TypeAlias = Callable[[float], None]
-"""Told how far the robot has turned [rad]."""
+"""Called with the angle that the robot has turned [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,11 +50,11 @@ class StateTurns:
 
     @property
     def turned_rad(self) -> float:
-        """How far the robot has turned where it stands now [rad]."""
+        """Angle turned on the present spot [rad]."""
         return self._collector.turned_rad
 
     def step(self, control: ControlState) -> Turn | None:
-        """Take in a state; return the turn that it completes."""
+        """Take a state; return the turn that it completes."""
         self._history.add(control.stamp_ns, control.T_odom_base)
         done = None
         for reading in self._notices.take(

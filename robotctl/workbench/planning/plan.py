@@ -1,4 +1,4 @@
-"""A path through a map, and its figures: what `robotctl plan` does."""
+"""A path through a map, and its figures: the work of `robotctl plan`."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class PlanOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanResult:
-    """A plan or a failure with what it was made of.
+    """A plan or a failure, with its inputs.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def _compile(planner: Planner, footprint: Footprint) -> None:
 
 
 def min_clearance_m(space: PlanningMap, plan: Plan) -> float:
-    """Return the smallest gap between the body and what is blocked, along a path [m]."""
+    """Return the smallest gap between the body and blocked cells along a path [m]."""
     poses = np.array([
         [each.x_m, each.y_m, each.theta_rad]
         for each in (space.to_cells(SE2(*pose)) for pose in plan.poses.tolist())

@@ -25,7 +25,7 @@ from robotctl.runtime.flight.recorder import (
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """What a replay showed.
+    """Result of a replay.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def differences(difference: Difference) -> list[tuple[str, str, str]]:
 
 
 def robot_of(header: RecordHeader, path: Path) -> tuple[RobotConfig, StackOptions]:
-    """Return the robot of a record and where it started.
+    """Return the robot of a record and its start.
 
     Raises
     ------

@@ -117,7 +117,7 @@ class Characterisation:
 
     @property
     def hidden(self) -> list[str]:
-        """What the data do not determine, as text."""
+        """Text on what the data do not determine."""
         named = [(_NAMES.get(key, key), value) for key, value in self.fit.ranges.values.items()]
         named.append(("max_incidence_deg", self.fit.incidence.limit))
         if self.source.sensor == SONAR:
@@ -128,7 +128,7 @@ class Characterisation:
 def characterise(
     options: CharacteriseOptions, progress: Progress = lambda _line: None
 ) -> Characterisation:
-    """Gather readings, fit, and try on them what follows for the localiser.
+    """Gather readings, fit, and test the result for the localiser on them.
 
     Raises
     ------

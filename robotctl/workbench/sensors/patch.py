@@ -31,7 +31,7 @@ def patch_values(result: Characterisation) -> dict[str, dict[str, float]]:
 
 
 def patch_text(result: Characterisation) -> str:
-    """Return the TOML, under comments that say where it comes from."""
+    """Return the TOML, with comments on its origin."""
     told = (
         f"a reading tells the true place from others by {result.told_after:.2f} nat, with the "
         f"present settings by {result.told_before:.2f}"
@@ -49,7 +49,7 @@ def patch_text(result: Characterisation) -> str:
 
 
 def _words(result: Characterisation, table: str, key: str) -> str:
-    """Return what was measured of a key."""
+    """Return the measurement of a key."""
     fit = result.fit
     if (table, key) in {("localisation.lidar", "sigma_m"), ("localisation.grid", "sonar_band_m")}:
         typical_m = fit.ranges.typical_m
@@ -69,7 +69,7 @@ def _words(result: Characterisation, table: str, key: str) -> str:
 
 
 def _command(result: Characterisation) -> str:
-    """Return what was typed."""
+    """Return the command line."""
     options = result.options
     words = ["robotctl", "characterise", "--robot", options.robot.name]
     words += ["--log", options.log.name] if options.log is not None else []

@@ -27,7 +27,7 @@ from robotctl.model.sensors.sonar_mounts import mount_rows
 from robotctl.model.trajectory import Trajectory
 
 _BEAMS: Final = 24
-"""Beams used of each scan, evenly spaced: neighbours see and err alike."""
+"""Beams used of each scan, evenly spaced: neighbours have correlated errors."""
 _LIDAR_BEAM_RAD: Final = math.radians(0.1)
 
 Mounts = Sequence[SonarMount]
@@ -56,7 +56,7 @@ class SensorKind:
 def motion_between(
     odometry: Trajectory, begin_ns: int, end_ns: int, noise: MotionNoise
 ) -> MotionMeasurement | None:
-    """Return what the wheels say of a time; None if there is no odometry."""
+    """Return the wheels' motion between two times; None if there is no odometry."""
     begin, end = odometry.at(begin_ns), odometry.at(end_ns)
     if begin is None or end is None:
         return None

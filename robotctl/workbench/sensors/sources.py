@@ -34,25 +34,25 @@ Progress: TypeAlias = Callable[[str], None]
 
 SENSORS: Final = tuple(SENSOR_KINDS)
 MISSION: Final = "patrol"
-"""What the simulated robot drives."""
+"""Mission of the simulated robot."""
 
 _TELL_EVERY_NS: Final = 20_000_000_000
 _DENSE_NS: Final = 100_000_000
 """Between poses no farther apart the robot moves evenly."""
 _SURE: Final = (0.02, 0.02, 0.02)
-"""Greatest standard deviations of what odometry adds to a pose [m, m, rad]."""
+"""Maximum standard deviations that odometry adds to a pose [m, m, rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """Readings of one kind of sensor, and what is known of where they were taken.
+    """Readings of one kind of sensor, and the poses where they were taken.
 
     Parameters
     ----------
     sensor
         `sonar` or `lidar`.
     recording
-        The drive; of its scans those that were measured with.
+        The drive; only the scans that were used.
     poses
         `base` in `world` over time.
     world_map

@@ -47,7 +47,7 @@ _SKIP_CYCLES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class WheelFit:
-    """What the experiments say of one wheel.
+    """Result of the experiments for one wheel.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def _weighted(values: Array, half_window: int) -> Array:
 
 
 def _between(values: Array) -> Array:
-    """Return the means of neighbours: what holds from tick k to the next; nan at the end."""
+    """Return the means of neighbours: the value between tick k and the next; nan at the end."""
     following: Array = np.append(values[1:], np.nan)
     return 0.5 * (values + following)
 

@@ -1,4 +1,4 @@
-"""Experiments past the control core: duties sent to the wheels, and what the wheels did."""
+"""Experiments without the control core: duties sent to the wheels, and the wheels' response."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _RELAY_SWITCHES: Final = 40
 
 @dataclass(frozen=True, slots=True)
 class OpenLoopRecord:
-    """What the wheels did under given duties. Wheel arrays have the shape (n, wheels).
+    """The wheels' response to given duties. Wheel arrays have the shape (n, wheels).
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ class OpenLoop:
         return WheelCommand(True, False, duty, duty if self._second else 0.0, 0.0)
 
     def record(self) -> OpenLoopRecord:
-        """Return all that was driven so far, the last tick left out."""
+        """Return everything driven so far, without the last tick."""
         rows = np.array(self._rows, dtype=np.float64)
         n = len(self._wheels)
         return OpenLoopRecord(

@@ -26,7 +26,7 @@ ROOM_M: Final = 24.0
 """Straight floor ahead of the start [m]."""
 
 READY_S: Final = 3.0
-"""How long the nodes may take until the robot can be armed [s]."""
+"""Maximum time of the nodes until the robot can be armed [s]."""
 
 _REST_S: Final = 0.1
 _COMMAND_NS: Final = 100_000_000
@@ -35,12 +35,12 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class ExperimentError(RobotctlError):
-    """An experiment could not be carried out; says why."""
+    """An experiment could not be carried out; the message says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where and with what an experiment takes place.
+    """Setting of an experiment: robot and track.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Track:
     charge: float | None = None
 
     def stack(self, config: RobotConfig) -> LockstepStack:
-        """Return a fresh robot, controlled as `config` says, at the start of the track."""
+        """Return a fresh robot, controlled by `config`, at the start of the track."""
         overrides = self.overrides
         if self.charge is not None:
             overrides = (*overrides, f"simulation.battery.charge={float(self.charge)}")

@@ -112,7 +112,7 @@ class TuneResult:
 
     @property
     def objections(self) -> list[str]:
-        """What is worse with the new gains than with the present ones; empty: nothing."""
+        """Remarks on what is worse with the new gains than with the present ones."""
         return [
             f"{problem} at {response.charge:.0%} battery"
             for before, response in zip(self.before, self.after, strict=True)
@@ -121,7 +121,7 @@ class TuneResult:
 
     @property
     def shortcomings(self) -> list[str]:
-        """What is not good even with the new gains; empty: nothing."""
+        """Remarks on what is not good even with the new gains."""
         return [
             f"{problem} at {response.charge:.0%} battery"
             for response in self.after
@@ -151,7 +151,7 @@ Progress: TypeAlias = Callable[[str], None]
 
 
 def tune(options: TuneOptions, progress: Progress = lambda _line: None) -> TuneResult:
-    """Measure, identify, compute and measure again; `progress` is called with what begins.
+    """Measure, identify, compute and measure again; `progress` is called with each step's name.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def responses(options: TuneOptions, config: RobotConfig) -> tuple[StepResponse, 
 def identify(
     options: TuneOptions, config: RobotConfig, wheels: tuple[str, ...], progress: Progress
 ) -> dict[str, WheelFit]:
-    """Return what open-loop experiments say of each wheel; slow wheels get longer steps.
+    """Identify each wheel by open-loop experiments; slow wheels get longer steps.
 
     Raises
     ------

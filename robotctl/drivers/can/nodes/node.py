@@ -42,7 +42,7 @@ QUIET_MAX_NS: Final = 1_000_000_000
 
 
 class NodePhase(enum.Enum):
-    """How far a node has come."""
+    """Phases of a node's commissioning."""
 
     SILENT = "not heard"
     WAKING = "leaves NMT stopped"
@@ -176,7 +176,7 @@ class Node:
         self.busy = True
 
     def withdraw(self) -> None:
-        """Give up a transfer beside the script."""
+        """Abandon a transfer beside the script."""
         if self._extra is not None:
             self._sdo.cancel()
             self._extra = None

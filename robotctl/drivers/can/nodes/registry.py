@@ -27,6 +27,6 @@ def wanted_nodes(parameters: NodeParameters) -> tuple[CanNode, ...]:
 def age_limits(
     parameters: NodeParameters, safety: SafetyConfig, period_ns: int
 ) -> tuple[AgeLimit, ...]:
-    """Return how old what the nodes of a robot report may be; control period [ns]."""
+    """Return the maximum ages of the reports of a robot's nodes; control period [ns]."""
     nodes = wanted_nodes(parameters)
     return tuple(limit for node in nodes for limit in node.ages(safety, period_ns))

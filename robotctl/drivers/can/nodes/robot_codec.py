@@ -1,4 +1,4 @@
-"""The codec of the robot's own messages: what `robot_can` needs of the DBC, checked and compiled.
+"""The codec of the robot's own messages: the DBC as `robot_can` needs it, checked and compiled.
 
 Everything that the host relies on (messages, signals, value tables, protection) is looked up here,
 at the start, so that a DBC that does not fit is refused before any frame is sent.
