@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from robotctl.compiled import compiled
 from robotctl.planning.costmap.planning_map import body_hits
 from robotctl.planning.global_planning.curves import along, reeds_shepp
+from robotctl.planning.global_planning.heap import pop, push
 
 GOING_ON, FULL, ENDED, FOUND = 0, 1, 2, 3
 HEADINGS: Final = 72
@@ -111,43 +112,6 @@ def make_nodes(shape: tuple[int, int], capacity: int) -> Nodes:
 
 
 @compiled
-def _push(
-    keys: NDArray[np.float64], items: NDArray[np.int32], count: int, key: float, item: int
-) -> int:
-    """Put an item into a binary heap of so many; return how many there are then."""
-    at = count
-    while at > 0:
-        above = (at - 1) >> 1
-        if keys[above] <= key:
-            break
-        keys[at], items[at] = keys[above], items[above]
-        at = above
-    keys[at], items[at] = key, item
-    return count + 1
-
-
-@compiled
-def _pop(keys: NDArray[np.float64], items: NDArray[np.int32], count: int) -> int:
-    """Take the item with the least key, which is returned, out of a heap of so many, at least 1."""
-    top = items[0]
-    last = count - 1
-    key, item = keys[last], items[last]
-    at = 0
-    while True:
-        below = 2 * at + 1
-        if below >= last:
-            break
-        if below + 1 < last and keys[below + 1] < keys[below]:
-            below += 1
-        if keys[below] >= key:
-            break
-        keys[at], items[at] = keys[below], items[below]
-        at = below
-    keys[at], items[at] = key, item
-    return int(top)
-
-
-@compiled
 def price_cells(
     clearance: NDArray[np.float32],
     least: float,
@@ -204,10 +168,10 @@ def cost_to_go(coarse: NDArray[np.float64], goal_row: int, goal_column: int) -> 
     cost = np.full((rows, columns), np.inf)
     keys, items = np.empty(8 * rows * columns + 8), np.empty(8 * rows * columns + 8, np.int32)
     cost[goal_row, goal_column] = 0.0
-    count = _push(keys, items, 0, 0.0, goal_row * columns + goal_column)
+    count = push(keys, items, 0, 0.0, goal_row * columns + goal_column)
     while count > 0:
         key = keys[0]
-        cell = _pop(keys, items, count)
+        cell = pop(keys, items, count)
         count -= 1
         row, column = cell // columns, cell % columns
         if key > cost[row, column]:
@@ -219,7 +183,7 @@ def cost_to_go(coarse: NDArray[np.float64], goal_row: int, goal_column: int) -> 
             new = key + coarse[r, c] * (1.0 if k < 4 else _SQRT2)
             if new < cost[r, c]:
                 cost[r, c] = new
-                count = _push(keys, items, count, new, r * columns + c)
+                count = push(keys, items, count, new, r * columns + c)
     return cost
 
 
@@ -253,7 +217,7 @@ def _reach(
     if before >= 0:
         nodes.closed[before] = True
     key = cost + _GREED * world.to_go[row, column]
-    nodes.counts[ENTRY] = _push(nodes.keys, nodes.heap, nodes.counts[ENTRY], key, node)
+    nodes.counts[ENTRY] = push(nodes.keys, nodes.heap, nodes.counts[ENTRY], key, node)
 
 
 @compiled
@@ -337,7 +301,7 @@ def expand(
             return FOUND if nodes.found[0] < np.inf else FULL
         if _ENOUGH * nodes.keys[0] >= nodes.found[0]:
             return FOUND
-        node = _pop(nodes.keys, nodes.heap, nodes.counts[ENTRY])
+        node = pop(nodes.keys, nodes.heap, nodes.counts[ENTRY])
         nodes.counts[ENTRY] -= 1
         if nodes.closed[node]:
             continue
@@ -352,7 +316,7 @@ def expand(
             key = nodes.cost[node] + np.abs(path[1]).sum() * world.radius
             if key > nodes.cost[node] + _GREED * to_go:  # its turn comes later
                 count = nodes.counts[ENTRY]
-                nodes.counts[ENTRY] = _push(nodes.keys, nodes.heap, count, key, node)
+                nodes.counts[ENTRY] = push(nodes.keys, nodes.heap, count, key, node)
                 continue
         nodes.closed[node] = True
         nodes.counts[EXPANDED] = expanded + 1

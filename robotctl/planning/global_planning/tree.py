@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
+from robotctl.planning.global_planning.heap import pop, push
 
 FOUND, GOING_ON, FULL = 2, 1, 0
 _LEAST_STEP: Final = 0.25
@@ -66,6 +67,13 @@ def add_point(tree: Tree, side: float, x: float, y: float, parent: int, cost: fl
     tree.links[node] = tree.heads[row, column]
     tree.heads[row, column] = node
     return int(node)
+
+
+@compiled
+def add_points(tree: Tree, side: float, points: NDArray[np.float64]) -> None:
+    """Add points (n, 2) without parents; there must be room for them."""
+    for i in range(len(points)):
+        add_point(tree, side, points[i, 0], points[i, 1], -1, 0.0)
 
 
 @compiled
@@ -364,6 +372,54 @@ def _rewire(
             and (free_share(clearance, radius, x, y, tree.xy[other, 0], tree.xy[other, 1]) >= 1.0)
         ):
             tree.parent[other], tree.cost[other] = node, cost
+
+
+@compiled
+def rejoin(
+    tree: Tree,
+    side: float,
+    clearance: NDArray[np.float32],
+    radius: float,
+    goal: int,
+    reach: float,
+) -> NDArray[np.int32]:
+    """Return the points of the shortest path from point 0 to another, in any order of growth.
+
+    Points that see each other within `reach` are joined: Dijkstra's algorithm, which looks at a
+    piece only when it would make a path shorter. Empty where there is no path.
+    """
+    count = tree.size[0]
+    cost = np.full(count, np.inf)
+    came = np.full(count, -1, np.int32)
+    keys, items = np.empty(64 * count), np.empty(64 * count, np.int32)
+    near = np.empty(256, np.int32)
+    cost[0] = 0.0
+    entries = push(keys, items, 0, 0.0, 0)
+    while entries > 0:
+        key = keys[0]
+        node = pop(keys, items, entries)
+        entries -= 1
+        if node == goal:
+            break
+        if key > cost[node]:
+            continue
+        x, y = tree.xy[node, 0], tree.xy[node, 1]
+        for k in range(_points_near(tree, side, x, y, reach, near)):
+            other = near[k]
+            ox, oy = tree.xy[other, 0], tree.xy[other, 1]
+            new = key + np.hypot(ox - x, oy - y)
+            if new >= cost[other] or free_share(clearance, radius, x, y, ox, oy) < 1.0:
+                continue
+            if entries == len(keys):
+                return np.empty(0, np.int32)
+            cost[other], came[other] = new, node
+            entries = push(keys, items, entries, new, other)
+    if cost[goal] == np.inf:
+        return np.empty(0, np.int32)
+    path = [goal]
+    while path[-1] != 0:
+        path.append(came[path[-1]])
+    return np.array(path[::-1], np.int32)
 
 
 def branch(tree: Tree, node: int) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ are narrow, which uniform samples hardly ever hit. The same seed gives the same 
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import ABC, abstractmethod
 from typing import Final
@@ -30,12 +31,14 @@ from robotctl.planning.global_planning.tree import (
     FOUND,
     FULL,
     Tree,
+    add_points,
     branch,
     free_share,
     grow_both,
     grow_optimal,
     grow_single,
     make_tree,
+    rejoin,
     shorten,
 )
 
@@ -53,6 +56,8 @@ _NARROW: Final = 6
 """A passage up to this wide is narrow [cells]."""
 _OPTIMAL_ROUNDS: Final = 20_000
 """Of RRT*, once a path is known."""
+_NEIGHBOURS: Final = 30
+"""Of a point, as many may be joined to it when the shortest path over all points is found."""
 _SHORTENINGS: Final = 400
 _TRIES: Final = 30
 """Trees with one circle: the body may not pass on the path of the first."""
@@ -91,7 +96,7 @@ class TreePlanner(ABC):
                 path = shorten(path, space.clearance, radius, search.rng, _SHORTENINGS)
                 poses = straight_poses(path, *ends)
                 if not len(collisions(space, poses)):
-                    length_m = float(np.hypot(*np.diff(path, axis=0).T).sum() * side_m)
+                    length_m = _length(path) * side_m
                     return Plan(space.to_world(poses), length_m, expanded + search.expanded)
             if not goes_on():
                 expanded += search.expanded
@@ -130,13 +135,25 @@ class _Search:
         """Return a tree that begins at a point."""
         return make_tree(self.clearance.shape, _CAPACITY, _BUCKET, root)
 
+    def shortest(self, path: NDArray[np.float64], *trees: Tree) -> NDArray[np.float64]:
+        """Return the shortest path over all points of the trees and those along a path."""
+        points = np.vstack([tree.xy[: tree.size[0]] for tree in trees])
+        per_point = len(self.free) / len(points)
+        reach = max(math.sqrt(_NEIGHBOURS * per_point / math.pi), _BUCKET)
+        way = _dense(path, 0.9 * reach)
+        points = np.vstack([way, points])
+        joined = make_tree(self.clearance.shape, len(points), _BUCKET, self.start)
+        add_points(joined, _BUCKET, points[1:])
+        found = rejoin(joined, _BUCKET, self.clearance, self.radius, len(way) - 1, reach)
+        return points[found] if len(found) else path
+
     def sees(self, a: Point, b: Point) -> bool:
         """Return whether the straight piece between two points is free."""
         return bool(free_share(self.clearance, self.radius, *a, *b) >= 1.0)
 
 
 class Rrt(TreePlanner):
-    """One tree from the start, until it sees the goal."""
+    """One tree from the start, until it sees the goal; then the shortest path over its points."""
 
     def _grow(self, search: _Search, goes_on: GoesOn) -> NDArray[np.float64] | None:
         if search.sees(search.start, search.goal):
@@ -149,11 +166,13 @@ class Rrt(TreePlanner):
                 search.free, search.narrow, search.rng, _LONGEST, _ROUNDS,
             )  # fmt: skip
         search.expanded += int(tree.size[0])
-        return np.vstack([branch(tree, node), search.goal]) if status == FOUND else None
+        if status != FOUND:
+            return None
+        return search.shortest(np.vstack([branch(tree, node), search.goal]), tree)
 
 
 class RrtConnect(TreePlanner):
-    """Two trees, from start and goal, that grow to each other."""
+    """Two trees, from start and goal, that grow to each other; then the same."""
 
     def _grow(self, search: _Search, goes_on: GoesOn) -> NDArray[np.float64] | None:
         if search.sees(search.start, search.goal):
@@ -168,7 +187,8 @@ class RrtConnect(TreePlanner):
         search.expanded += int(trees[0].size[0] + trees[1].size[0])
         if status != FOUND:
             return None
-        return np.vstack([branch(trees[0], one), branch(trees[1], other)[::-1]])
+        path = np.vstack([branch(trees[0], one), branch(trees[1], other)[::-1]])
+        return search.shortest(path, *trees)
 
 
 class RrtStar(TreePlanner):
@@ -193,6 +213,20 @@ class RrtStar(TreePlanner):
         rest = np.hypot(*(np.array(search.goal) - tree.xy[nodes]).T)
         node = int(nodes[np.argmin(tree.cost[nodes] + rest)])
         return np.vstack([branch(tree, node), search.goal])
+
+
+def _length(points: NDArray[np.float64]) -> float:
+    """Return the length of a path (n, 2) [cells]."""
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def _dense(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return the points of a path (n, 2) with others between them, at most so far apart."""
+    dense = [path[:1]]
+    for a, b in itertools.pairwise(path):
+        count = max(1, math.ceil(math.dist(a, b) / spacing))
+        dense.append(a + np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis] * (b - a))
+    return np.concatenate(dense)
 
 
 def _narrow(passable: NDArray[np.bool_]) -> NDArray[np.bool_]:

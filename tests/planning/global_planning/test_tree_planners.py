@@ -147,6 +147,22 @@ def test_a_tree_that_is_optimal_comes_near_the_shortest_path():
 
 
 @pytest.mark.parametrize("planner", TREES)
+def test_paths_through_many_rooms_are_near_the_shortest(planner):
+    rng = np.random.default_rng(3)
+    cells = np.zeros((129, 129), np.int8)
+    cells[::16] = cells[:, ::16] = 100
+    for k in range(16, 128, 16):  # a door of one cell in each wall of each room
+        for at in range(0, 128, 16):
+            cells[k, at + rng.integers(2, 14)] = cells[at + rng.integers(2, 14), k] = 0
+    space = PlanningMap(GridMap(cells, 1.0), Footprint())
+    ends = SE2(8.5, 8.5, 0.0), SE2(120.5, 120.5, 0.0)
+    best = PLANNERS["astar"](POINT).plan(space, *ends).length_m
+    for seed in range(3):
+        answer = PLANNERS[planner](PlannerConfig(0.0, 0.0, seed=seed)).plan(space, *ends)
+        assert 0.92 * best <= answer.length_m <= 1.3 * best
+
+
+@pytest.mark.parametrize("planner", TREES)
 def test_no_time_and_no_way_are_reasons(planner):
     cells = walls(3)
     space = PlanningMap(GridMap(cells, 0.05), ROBOT)
