@@ -109,16 +109,23 @@ class EncoderMotion:
 
     def _count(self, wheels: WheelFeedback, *, anew: bool) -> None:
         """Update velocities and odometry; `anew`: after a gap of unknown length."""
-        counts = wheels.count1, wheels.count2
-        for wheel, count in zip(self._wheels, counts, strict=False):  # of a single one the first
-            if not self._has_counts:
-                wheel.estimator.reset(count, wheels.timestamp_us)
-            elif anew:
-                wheel.estimator.resume(count, wheels.timestamp_us)
-            wheel.estimator.update(count, wheels.timestamp_us)
-        self._has_counts = True
         first, last = self._estimators
+        if anew or not self._has_counts:
+            self._begin_counts(wheels)
+        first.update(wheels.count1, wheels.timestamp_us)
+        if last is not first:  # a robot with a single driven wheel has the first count alone
+            last.update(wheels.count2, wheels.timestamp_us)
         self.odometry.update(first.position_rad, last.position_rad, self.steering_rad)
         self.twist = self._drive.forward(
             first.velocity_rad_s, last.velocity_rad_s, self.steering_rad
         )
+
+    def _begin_counts(self, wheels: WheelFeedback) -> None:
+        """Take counts for the first, or as going on after a gap."""
+        counts = wheels.count1, wheels.count2
+        for wheel, count in zip(self._wheels, counts, strict=False):
+            if self._has_counts:
+                wheel.estimator.resume(count, wheels.timestamp_us)
+            else:
+                wheel.estimator.reset(count, wheels.timestamp_us)
+        self._has_counts = True
