@@ -35,9 +35,8 @@ class ImuMonitor:
 
     def __init__(self, imu: ImuConfig) -> None:
         self._tilt_max_rad = math.radians(imu.tilt_max_deg)
-        self._newest_ns = 0
-        self._before: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
-        self._same = 0
+        self._before: ImuFeedback | None = None
+        self.reset()
 
     def reset(self) -> None:
         """Reset: the robot is armed."""
@@ -45,13 +44,14 @@ class ImuMonitor:
 
     def update(self, inputs: MonitorInputs) -> Fault | None:
         """Take the inputs of one tick; return the fault, None if there is none."""
-        imu = inputs.motion.imu
-        if imu is None or imu.stamp_ns == self._newest_ns:
+        imu, before = inputs.motion.imu, self._before
+        if imu is None or imu is before:
             return None
-        self._newest_ns = imu.stamp_ns
-        said = imu.rate_rad_s, imu.force_m_s2
-        self._same = self._same + 1 if said == self._before else 0
-        self._before = said
+        self._before = imu
+        if before is not None and _read(imu) == _read(before):
+            self._same += 1
+        else:
+            self._same = 0
         if self._same >= STUCK_READINGS:
             return Fault(FaultCode.IMU_STUCK, "the IMU repeats the same reading", "imu")
         return self.judge(imu)
@@ -73,3 +73,8 @@ class ImuMonitor:
             )
             return Fault(FaultCode.GYRO_CONTRADICTS, text)
         return None
+
+
+def _read(imu: ImuFeedback) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return what the sensors read."""
+    return imu.rate_rad_s, imu.force_m_s2

@@ -1,5 +1,6 @@
 """What `Health` keeps, for how long, and in which words it refuses; each bound from both sides."""
 
+import dataclasses
 import math
 
 import msgspec
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from robotctl.drivers.can.config import NodeParameters
 from robotctl.drivers.can.nodes.registry import age_limits
 from robotctl.messages.control import (
+    AccelerometerFeedback,
     BatteryFeedback,
     BusState,
     BusStatus,
@@ -17,6 +19,7 @@ from robotctl.messages.control import (
     DriveState,
     DriveStatus,
     Feedback,
+    GyroFeedback,
     MotorStatus,
     NodeStatus,
     SonarFeedback,
@@ -500,3 +503,81 @@ def test_stamps_are_fresh_together_if_each_of_them_is(
 ) -> None:
     each = all(is_fresh(stamp_ns, now_ns, limit_ns) for stamp_ns in stamps_ns)
     assert are_fresh(span_ns(stamps_ns), now_ns, limit_ns) == each
+
+
+# What is judged by its age alone: gyro and accelerometer.
+INERTIAL = msgspec.structs.replace(
+    GOOD,
+    gyro=GyroFeedback(NOW, 0.0, 0.0, 0.1),
+    accelerometer=AccelerometerFeedback(NOW, 0.0, 0.0, 9.8),
+)
+IMU_SAFETY = dataclasses.replace(SAFETY, imu_timeout_ms=70)
+WITH_IMU = dataclasses.replace(WANTED, imu=True)
+
+
+def inertial(*feedback: Feedback) -> Health:
+    kept = Health(age_limits(WITH_IMU, IMU_SAFETY, PERIOD_NS), 350 * MS, NAMES)
+    for each in feedback:
+        kept.update(each)
+    return kept
+
+
+def test_a_robot_with_an_imu_is_healthy_while_both_sensors_report() -> None:
+    kept = inertial(INERTIAL)
+    assert kept.refusals(NOW) == ()
+    assert kept.is_fresh("gyro", NOW)
+    assert kept.is_fresh("accelerometer", NOW + 70 * MS)
+    assert not kept.is_fresh("gyro", NOW + 70 * MS + 1)
+    assert not kept.is_fresh("no such field", NOW)
+
+
+@pytest.mark.parametrize("silent", ["gyro", "accelerometer"])
+def test_each_sensor_of_the_imu_has_an_age_of_its_own(silent: str) -> None:
+    kept = inertial(INERTIAL)
+    for later_ns in (20 * MS, 40 * MS, 60 * MS, 71 * MS):
+        at_ns = NOW + later_ns
+        newer = {
+            name: replace(getattr(INERTIAL, name), stamp_ns=at_ns)
+            for name in ("gyro", "accelerometer")
+            if name != silent
+        }
+        wheels = replace(GOOD.wheels, stamp_ns=at_ns, timestamp_us=77 + later_ns // 1000)
+        kept.update(replace(GOOD, wheels=wheels, **newer))
+        expected = f"the {silent}'s report is older than 70 ms"
+        said = (Fault(FaultCode.IMU_STALE, expected, "imu"),) if later_ns > 70 * MS else ()
+        assert kept.refusals(at_ns) == said
+        assert kept.fault(at_ns) == (said[0] if said else None)
+
+
+def test_an_imu_that_never_reported_is_said_twice() -> None:
+    assert [fault.code for fault in inertial(GOOD).refusals(NOW)] == [FaultCode.IMU_STALE] * 2
+    assert not inertial().is_fresh("gyro", NOW)
+
+
+def test_a_pause_of_control_explains_an_imu_that_is_not_heard() -> None:
+    kept = inertial(INERTIAL)
+    kept.step(NOW)
+    kept.step(NOW + 100 * MS)
+    newer = replace(GOOD.wheels, stamp_ns=NOW + 100 * MS, timestamp_us=99)
+    kept.update(replace(GOOD, wheels=newer))
+    fault = kept.fault(NOW + 100 * MS)
+    assert fault is not None
+    assert fault.code is FaultCode.CONTROL_HELD_UP
+    assert str(fault).endswith("ms: the gyro's report is older than 70 ms")
+
+
+def test_commands_that_are_lost_are_a_fault_of_the_drive() -> None:
+    lost = Fault(
+        FaultCode.COMMAND_LOSS, "the motor controller had no valid command for 60 ms", "drive"
+    )
+    kept = health(drive(command_age_ms=60))
+    assert kept.command_loss(NOW) == lost
+    assert lost in kept.refusals(NOW)
+
+
+def test_a_drive_that_is_not_enabled_is_a_fault_of_the_drive() -> None:
+    kept = health()
+    kept.armed(NOW - 101 * MS)
+    fault = kept.fault(NOW)
+    assert fault is not None
+    assert (fault.code, fault.part) == (FaultCode.DRIVE_NOT_ENABLED, "drive")
