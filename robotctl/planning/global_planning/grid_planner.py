@@ -18,7 +18,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.cost_map import LETHAL
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.global_planning.grid_search import CellPath, search_cells
-from robotctl.planning.global_planning.obstructions import blocked_end, no_path
+from robotctl.planning.global_planning.obstructions import blocked_ends, no_path
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
@@ -54,10 +54,9 @@ class GridPlanner:
         self, space: PlanningMap, start: SE2, goal: SE2, goes_on: GoesOn = lambda: True
     ) -> Plan | PlanFailure:
         """Return the cheapest path, or why there is none."""
-        for name, pose in (("start", start), ("goal", goal)):
-            failure = blocked_end(space, name, pose)
-            if failure is not None:
-                return failure
+        failure = blocked_ends(space, start, goal)
+        if failure is not None:
+            return failure
         side_m = space.grid.resolution_m
         margin = self._config.margin_m / side_m
         expanded = 0

@@ -27,7 +27,7 @@ from robotctl.planning.global_planning.hybrid_search import (
     make_nodes,
     price_cells,
 )
-from robotctl.planning.global_planning.obstructions import blocked_end, no_path
+from robotctl.planning.global_planning.obstructions import blocked_ends, no_path
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
@@ -61,10 +61,9 @@ class HybridPlanner:
         self, space: PlanningMap, start: SE2, goal: SE2, goes_on: GoesOn = lambda: True
     ) -> Plan | PlanFailure:
         """Return the cheapest path that the robot can drive, or why there is none."""
-        for name, pose in (("start", start), ("goal", goal)):
-            failure = blocked_end(space, name, pose)
-            if failure is not None:
-                return failure
+        failure = blocked_ends(space, start, goal)
+        if failure is not None:
+            return failure
         ends = [
             np.array([end.x_m, end.y_m, end.theta_rad])
             for end in (space.to_cells(start), space.to_cells(goal))

@@ -18,7 +18,7 @@ from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.obstructions import blocked_end, no_path
+from robotctl.planning.global_planning.obstructions import blocked_ends, no_path
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
@@ -79,10 +79,9 @@ class TreePlanner(ABC):
         self, space: PlanningMap, start: SE2, goal: SE2, goes_on: GoesOn = lambda: True
     ) -> Plan | PlanFailure:
         """Return a path, or why there is none."""
-        for name, pose in (("start", start), ("goal", goal)):
-            failure = blocked_end(space, name, pose)
-            if failure is not None:
-                return failure
+        failure = blocked_ends(space, start, goal)
+        if failure is not None:
+            return failure
         ends = space.to_cells(start), space.to_cells(goal)
         side_m = space.grid.resolution_m
         margin = self._config.margin_m / side_m
