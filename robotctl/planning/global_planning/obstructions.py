@@ -16,16 +16,13 @@ _HALVINGS = 24
 """Of the width of a passage: beyond the resolution of any map."""
 
 
-def blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None:
-    """Return why a robot cannot stand at the start or the goal; None if it can.
+def blocked_ends(space: PlanningMap, start: SE2, goal: SE2) -> PlanFailure | None:
+    """Return why a robot cannot stand at one of two poses of `world`; None if it can."""
+    return _blocked_end(space, "start", start) or _blocked_end(space, "goal", goal)
 
-    Parameters
-    ----------
-    name
-        start or goal.
-    pose
-        In `world`.
-    """
+
+def _blocked_end(space: PlanningMap, name: str, pose: SE2) -> PlanFailure | None:
+    """Return why a robot cannot stand at a pose that is called start or goal."""
     here = space.to_cells(pose)
     place = (pose.x_m, pose.y_m)
     said = f"the {name} at x {pose.x_m:.2f} m, y {pose.y_m:.2f} m"
