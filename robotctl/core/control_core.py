@@ -180,7 +180,7 @@ class ControlCore:
         self._health.step(now_ns)
 
     def _take_feedback(self, feedback: Feedback, now_ns: int) -> None:
-        """Update estimates and monitors from what the bus brought."""
+        """Update estimates and monitors from the feedback."""
         feedback = self.motion.update(feedback)
         self._health.update(feedback)
         if self.machine.powered:
@@ -350,7 +350,7 @@ class ControlCore:
         return changed
 
     def snapshot(self, now_ns: int, loop: LoopStatistics) -> ControlState:
-        """Return what other processes may know."""
+        """Return the state for other processes."""
         health, motion, wheels = self._health, self.motion, self._wheels
         pose, reference = motion.pose_odom_base, self._driving.reference
         motor, drive = health.fresh_motor(now_ns), health.fresh_drive(now_ns)

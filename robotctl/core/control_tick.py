@@ -38,7 +38,7 @@ class ControlTick:
         self._operator = operator
 
     def receive(self, now_ns: int) -> None:
-        """Take in frames and requests."""
+        """Take frames and requests."""
         requests = tuple(self._operator.ask())
         objections: tuple[Fault, ...] = ()
         if requests and any(isinstance(request, Arm) and request.arm for request in requests):

@@ -69,7 +69,7 @@ class EncoderMotion:
 
     @property
     def jumps(self) -> int:
-        """Impossible jumps of the counts so far."""
+        """Number of impossible jumps of the counts so far."""
         return sum([wheel.estimator.jumps for wheel in self._wheels])
 
     @property
@@ -78,7 +78,7 @@ class EncoderMotion:
         return self.odometry.pose_odom_base
 
     def update(self, feedback: Feedback) -> Feedback:
-        """Take in what the bus brought; return it without counts of another time."""
+        """Take the feedback; return it without counts of another time."""
         wheels = feedback.wheels
         latch = Latch.NEXT if wheels is None else self._latches.judge(wheels)
         if latch is Latch.HELD_BACK:
@@ -93,7 +93,7 @@ class EncoderMotion:
         return feedback
 
     def _feel(self, inertial: InertialTracker, feedback: Feedback) -> None:
-        """Follow the attitude, and turn odometry by what the wheels have missed."""
+        """Track the attitude, and turn odometry by rotation that the wheels did not show."""
         gyro, accelerometer, odometry = feedback.gyro, feedback.accelerometer, self.odometry
         turn_rad = inertial.update(gyro, accelerometer, self.twist.v_m_s, odometry.turned_rad)
         if turn_rad != 0.0:

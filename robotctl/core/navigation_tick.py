@@ -38,20 +38,20 @@ class Estimation(Protocol):
         poses: Sequence[ExternalPose],
         now_ns: int,
     ) -> LocalisationState | None:
-        """Take in all that came since the last step; return what the localiser believes."""
+        """Take all inputs since the last step; return the localiser's estimate."""
 
     def pictures(self, now_ns: int) -> Sequence[ParticleCloud | LiveMap]:
-        """Return what people see of the estimators, if it is time."""
+        """Return the estimators' data for display, if it is time."""
 
     def given_map(self, now_ns: int) -> Sequence[GivenMap]:
         """Return the localiser's map, if it is time to publish it again."""
 
     def take_notices(self) -> Sequence[str]:
-        """Return sentences on what has changed since the last call."""
+        """Return sentences on changes since the last call."""
 
 
 class NavigationTick:
-    """States, scans and requests in, a velocity out, and what others should know of it.
+    """States, scans and requests in; a velocity and messages for others out.
 
     It reads no clock and knows no sockets: the same inputs at the same times give the same outputs.
 

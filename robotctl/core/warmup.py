@@ -70,7 +70,7 @@ def rehearse(core: ControlCore, period_ns: int) -> bool:
 
 
 def _feedback(now_ns: int, *, enabled: bool) -> Feedback:
-    """Return what a healthy robot at rest reports."""
+    """Return the feedback of a healthy robot at rest."""
     return Feedback(
         wheels=WheelFeedback(now_ns, now_ns // 1000 & 0xFFFFF, 0, 0),
         motor=MotorStatus(

@@ -20,7 +20,7 @@ senders must not delay a stop. The others are told to ask again."""
 
 
 class Command(NamedTuple):
-    """A command and where it came from.
+    """A command and its origin.
 
     `params` are param1 to param7; of a COMMAND_INT, 5 and 6 are its integers x and y.
     `confirmation` counts how often the sender has sent it before; COMMAND_INT does not say.

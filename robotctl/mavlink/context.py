@@ -113,7 +113,7 @@ class Context:
         self.world = WorldPose(has_localiser=self.robot.has_localiser)
 
     def take(self, state: State) -> None:
-        """Take in one message of another process."""
+        """Take one message of another process."""
         if isinstance(state, ControlState):
             self.control = state
             self.acks.extend(state.acks)

@@ -42,7 +42,7 @@ class Microservice:
         raise NotImplementedError
 
     def step(self, now_ns: int) -> None:
-        """Do what time or the robot's state asks for."""
+        """Do what time or the robot's state requires."""
 
 
 def catalogue_of(services: Sequence[Microservice]) -> Catalogue:

@@ -13,7 +13,7 @@ from robotctl.messages.mavlink_port import MavlinkPort
 
 
 class Telemetry:
-    """The robot as MAVLink sees it: a step depends on its inputs and on what the links bring.
+    """The robot as MAVLink sees it: a step depends on its inputs and on messages from the links.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Telemetry:
         self._context.say(now_ns, text, Severity.CRITICAL)
 
     def take_notices(self) -> list[Notice]:
-        """Return what telemetry itself had to say since the last call.
+        """Return telemetry's own notices since the last call.
 
         The ground stations have it already: do not hand it to `step` again.
         """

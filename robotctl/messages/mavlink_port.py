@@ -166,7 +166,7 @@ class MavlinkPort(Protocol):
         """Queue `message` for every peer of `links` (None: all); dropped first where room ends."""
 
     def reply(self, message: Message, peer: Peer) -> None:
-        """Queue `message` for one peer; nothing happens where it has gone."""
+        """Queue `message` for one peer; ignored if the peer is gone."""
 
     def flush(self) -> None:
         """Pass the queue to the operating system, as far as it accepts it."""

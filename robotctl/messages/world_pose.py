@@ -35,7 +35,7 @@ class WorldPose:
         """The last message of status LOCALISED."""
 
     def localise(self, state: LocalisationState) -> None:
-        """Take in what the localiser believes."""
+        """Take an estimate of the localiser."""
         self._has_localiser = True
         self.latest = state
         if state.status is LocalisationStatus.LOCALISED:

@@ -57,7 +57,7 @@ class Motion(Protocol):
 
     @property
     def jumps(self) -> int:
-        """Impossible jumps of the counts so far."""
+        """Number of impossible jumps of the counts so far."""
 
     @property
     def pose_odom_base(self) -> SE2:

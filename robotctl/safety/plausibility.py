@@ -293,7 +293,7 @@ class Plausibility:
         speeds_rad_s
             Speed of each wheel by its encoder [rad/s].
         jumps
-            Impossible jumps of the counts so far.
+            Number of impossible jumps of the counts so far.
         """
         if not command.enable:
             return

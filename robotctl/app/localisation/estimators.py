@@ -127,7 +127,7 @@ class Estimators:
         poses: Sequence[ExternalPose],
         now_ns: int,
     ) -> LocalisationState | None:
-        """Take in all that came since the last step; return what the localiser believes."""
+        """Take all inputs since the last step; return the localiser's estimate."""
         if control.odom_epoch_ns != self._odom_epoch_ns:
             self._odom_epoch_ns = control.odom_epoch_ns
             if self.localiser is not None:
@@ -193,7 +193,7 @@ class Estimators:
         return good
 
     def take_notices(self) -> list[str]:
-        """Return sentences on what has changed since the last call."""
+        """Return sentences on changes since the last call."""
         said, self._notices = self._notices, []
         said += [] if self.localiser is None else self.localiser.take_notices()
         if self._state is not None and self._state.status is not self._status:
@@ -205,7 +205,7 @@ class Estimators:
         return said
 
     def pictures(self, now_ns: int) -> list[Picture]:
-        """Return what people see of the estimators, twice a second."""
+        """Return the estimators' data for display, twice a second."""
         if now_ns - self._pictured_ns < _PICTURE_NS:
             return []
         self._pictured_ns = now_ns

@@ -21,7 +21,7 @@ from robotctl.model.sensors.sonar import SonarReading
 
 _EXTERNAL_SIGMA_M: Final = 0.1
 _EXTERNAL_SIGMA_RAD: Final = 0.1
-"""Of a pose from outside that comes without covariance."""
+"""Of an external pose without covariance."""
 
 _LEAST_VARIANCE: Final = 1e-6
 """Nobody measures better than 1 mm and 1 mrad [m^2, rad^2]."""

@@ -69,7 +69,7 @@ class MapSensors:
         return self._sonars.measurement(np.array(reading.ranges_m))
 
     def rehearsal(self, *, camera: bool) -> list[LogLikelihood]:
-        """Return a measurement of no meaning by each sensor, to compile what it takes."""
+        """Return a dummy measurement of each sensor, to compile the functions for it."""
         measurements = [self.scan(_SCAN)]
         if camera:
             # Vague ranges, so that the fields for them are made now.

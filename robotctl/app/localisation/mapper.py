@@ -24,7 +24,7 @@ _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
 """A robot at rest sees the same again, which is no new evidence."""
 _VAGUE_M: Final = 0.1
-"""A range of the camera that is less sure is not drawn [m]."""
+"""Maximum standard deviation of a camera's range in the map [m]."""
 _OCCUPIED_ABOVE: Final = 0.85
 """Live, walls are seen many times: one or two echoes are not yet one."""
 
@@ -56,7 +56,7 @@ class Mapper:
         """Where the odometry was when each sonar was last taken in."""
 
     def step(self, localisation: LocalisationState | None, seen: LocaliserInput) -> None:
-        """Add what is new, where the robot knows its place; without a localiser it does."""
+        """Add new scans while the robot is localised; without a localiser, always."""
         T_world_odom = SE2()
         if localisation is not None:
             if localisation.status is not LocalisationStatus.LOCALISED:
@@ -73,7 +73,7 @@ class Mapper:
                 self._add_sonars(T_world_odom, reading)
 
     def _add_scan(self, T_world_odom: SE2, scan: RangeScan, last: SE2 | None) -> SE2 | None:
-        """Add a scan where it was taken, unless `last` was there; return the last place."""
+        """Add a scan at its pose, unless `last` was there; return the last pose."""
         odometry = self._history.at(scan.stamp_ns)
         if odometry is None or not _moved(last, odometry):
             return last

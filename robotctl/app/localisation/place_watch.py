@@ -56,7 +56,7 @@ class PlaceWatch:
         return None if fix is None else Fix(turn.stamp_ns, fix)
 
     def take_notices(self) -> list[str]:
-        """Return sentences on what was recognised since the last call."""
+        """Return sentences on places recognised since the last call."""
         notices, self._notices = self._notices, []
         return notices
 

@@ -1,4 +1,4 @@
-"""The camera process: pictures in, what they say of the floor out.
+"""The camera process: pictures in, free floor and obstacles out.
 
 A picture is never kept: of those that came while one was looked at only the newest counts.
 """
@@ -35,7 +35,7 @@ class CameraNotices:
         self._told_ns = 0
 
     def step(self, trouble: str, now_ns: int) -> Notice | None:
-        """Return what to say of the present trouble, empty for none; None: nothing new, or later.
+        """Return the notice on the present trouble, empty for none; None: nothing new, or later.
 
         A borderline floor would fill a slow link with a verdict per picture.
         """

@@ -96,7 +96,7 @@ def _rehearse() -> None:
 
 
 def camera_view(view: GroundView, nearest_m: NDArray[np.float64], step_us: float) -> CameraView:
-    """Return what was seen as a message; floor nearer than `nearest_m` (n,) is not in sight."""
+    """Return a view as a message; floor nearer than `nearest_m` (n,) is not in sight."""
     scan = view.scan
     sigmas = np.full(len(scan.ranges_m), np.nan) if scan.sigmas_m is None else scan.sigmas_m
     return CameraView(
@@ -115,7 +115,7 @@ def camera_view(view: GroundView, nearest_m: NDArray[np.float64], step_us: float
 
 
 def _seen(obstacle: GroundObstacle) -> SeenObstacle:
-    """Return a thing on the floor as a message."""
+    """Return an object on the floor as a message."""
     (xx, xy), (_, yy) = obstacle.foot_covariance.tolist()
     x_m, y_m = obstacle.foot_base.tolist()
     return SeenObstacle(x_m, y_m, (xx, xy, yy), float(obstacle.width_m))

@@ -40,7 +40,7 @@ class LidarScans:
             self._hidden |= (angles - begin) % (2.0 * math.pi) <= (end - begin) % (2.0 * math.pi)
 
     def attend(self, control: ControlState) -> None:
-        """Take in where the odometry is."""
+        """Take a pose of the odometry."""
         self._odometry.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
 
     def scan(self, sweep: LidarSweep) -> LidarScan:

@@ -36,7 +36,7 @@ _Heard: TypeAlias = LidarScan | CameraView | Notice
 def resume(
     navigator: Navigator, options: StackOptions, saved: StoredProgress | None
 ) -> tuple[str, ...]:
-    """Let the mission stand where it was before this process started again; return notices."""
+    """Restore the mission's progress from before this process restarted; return notices."""
     if saved is None or not saved.fits(options):
         return ()
     try:

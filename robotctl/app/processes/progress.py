@@ -29,7 +29,7 @@ NAME: Final = "progress.json"
 _SAVE_NS: Final = 5_000_000_000
 """Maximum loss in a power cut while driving [ns]."""
 _SAY_NS: Final = 10_000_000_000
-"""Between two sentences that say that saving fails [ns]."""
+"""Interval of notices that saving fails [ns]."""
 _SAVE_AT_REST_NS: Final = 1_000_000_000
 _SILENCE_NS: Final = 300_000_000
 """Silence after which a process may be about to restart [ns]."""
@@ -90,7 +90,7 @@ class StoredProgress(msgspec.Struct, frozen=True):
 
 
 def progress_file(directory: Path) -> StateFile[StoredProgress]:
-    """Return the file in a state directory, which is made where it is missing.
+    """Return the file in a state directory, which is created if missing.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def mission_crc(options: StackOptions) -> int:
 
 
 def load_progress(options: StackOptions) -> tuple[StoredProgress | None, tuple[str, ...]]:
-    """Return what was saved in the state directory, and a sentence for each damaged file.
+    """Return the progress saved in the state directory, and a sentence for each damaged file.
 
     If the disk cannot be read, the odometer is nan, which is never saved over the true one.
     """
@@ -226,7 +226,7 @@ class ProgressKeeper:
         """When a failed save was last reported [ns]."""
 
     def step(self, messages: Sequence[object], now_ns: int) -> tuple[str, ...]:
-        """Take in what was published; return a sentence where saving fails."""
+        """Take published messages; return a sentence if saving fails."""
         for message in messages:
             if isinstance(message, ControlState):
                 self._control = message
@@ -249,7 +249,7 @@ class ProgressKeeper:
         return self._save(progress, self._tried_ns)
 
     def _present(self) -> StoredProgress | None:
-        """Return what there is to save.
+        """Return the progress to save.
 
         None before anything was received, without odometer, and for values that would be refused on
         reading.

@@ -84,11 +84,11 @@ class RobotRecorder:
         return PERIOD_NS if self._logs is None else self._listen_ns
 
     def look_back(self, now_ns: int) -> tuple[str, ...]:
-        """Dump a crash of the run before; return what people should know of what that run left."""
+        """Dump a crash of the previous run; return notices on the data that it left."""
         return self._left + (() if self._dumps is None else self._dumps.step([], now_ns))
 
     def listen(self, now_ns: int) -> tuple[str, ...]:
-        """Empty what would overflow before the next `step`."""
+        """Empty queues that would overflow before the next `step`."""
         return () if self._logs is None else self._logs.listen(now_ns)
 
     def step(self, messages: list[Published], now_ns: int) -> tuple[str, ...]:
@@ -103,7 +103,7 @@ class RobotRecorder:
         return notes
 
     def finish(self, receive: Callable[[], list[Published]], clock: Clock) -> tuple[str, ...]:
-        """Take in the end of the control process, which removes its ring; then close everything.
+        """Handle the end of the control process, which removes its ring; then close everything.
 
         Returns what people should know, as `step`.
         """
@@ -223,7 +223,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
 
 
 def _finish(recording: RobotRecorder, receive: Callable[[], list[Published]], clock: Clock) -> None:
-    """End a recording; who listened to its notices may have ended, so its last words go here."""
+    """End a recording; the subscribers of its notices may have ended, so the last ones go here."""
     for note in recording.finish(receive, clock):
         with suppress(OSError):  # whoever does not read it
             print(f"robotctl recorder: {note}", file=sys.stderr)  # noqa: T201

@@ -54,7 +54,7 @@ def node_parameters(config: RobotConfig) -> NodeParameters:
 
 
 def feedback_ages(config: RobotConfig) -> tuple[AgeLimit, ...]:
-    """Return how old what the nodes of a robot report may be."""
+    """Return the maximum ages of the reports of a robot's nodes."""
     return age_limits(node_parameters(config), config.safety, config.runtime.period_ns)
 
 
@@ -72,7 +72,7 @@ def make_robot(config: RobotConfig, clock: Clock) -> CanRobot:
 
 
 def record_header(config: RobotConfig, options: StackOptions) -> RecordHeader:
-    """Return what a replay needs to make the same core again."""
+    """Return the data from which a replay builds the same core."""
     return RecordHeader(
         version=robotctl.__version__,
         robot_json=robot_to_json(config),

@@ -1,4 +1,4 @@
-"""What the process of a sensor has beside the sensor: sockets and a heartbeat."""
+"""Sockets and heartbeat of a sensor's process."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class SensorSockets:
         self._heartbeat = ProcessHeartbeat(os.environ)
 
     def beat(self) -> None:
-        """Tell the supervisor that the process goes on."""
+        """Send the supervisor a heartbeat."""
         self._heartbeat.beat()
 
     def states(self) -> list[ControlState]:
-        """Return what control has published since last asked: where the robot was when."""
+        """Return the control states since the last call: poses over time."""
         return [each for each in self._states.receive() if isinstance(each, ControlState)]
 
     def __enter__(self) -> SensorSockets:

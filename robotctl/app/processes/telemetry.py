@@ -33,12 +33,12 @@ from robotctl.runtime.ipc.topics import (
 RATE_HZ: Final = 100
 
 FAREWELL_NS: Final = 200_000_000
-"""How long it continues when asked to end, for the last notices of processes that end as well [ns].
+"""Time it continues when asked to end, for the last notices of processes that also end [ns].
 """
 
 
 def described(config: RobotConfig) -> TelemetryRobot:
-    """Return what telemetry knows of the robot before any message."""
+    """Return telemetry's knowledge of the robot before any message."""
     return TelemetryRobot(
         name=config.robot.name,
         version=robotctl.__version__,

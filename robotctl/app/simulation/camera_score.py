@@ -1,4 +1,4 @@
-"""How well the camera saw: its ranges and the things it found, against the simulator's truth."""
+"""Score of the camera: its ranges and objects against the simulator's truth."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.estimation import CameraView
 
 _REACH_M: Final = 2.0
-"""Things on the floor are to be found up to here from below the camera [m]."""
+"""Objects on the floor are to be found up to this distance from the camera's foot point [m]."""
 _WHOLE: Final = 0.95
-"""Share of a foot that must be in sight for its thing to be one that should be found."""
+"""Share of an object's foot that must be in sight for it to count as one to be found."""
 _SAME_M: Final = 0.15
 """Distance between a reported and the true foot that counts as found; extra range of a ray that
 proves nothing stands there [m]."""
@@ -98,7 +98,7 @@ class CameraScore:
             self._false += int(np.sum(goes_m > np.hypot(at[:, 0], at[:, 1]) + _SAME_M))
 
     def _distance_m(self, thing: Sighting) -> float:
-        """Return how far a thing is from below the camera [m]."""
+        """Return an object's distance from the camera's foot point [m]."""
         return math.hypot(thing.near_x_m - self._mount.x_m, thing.near_y_m - self._mount.y_m)
 
     def result(self) -> CameraReport | None:

@@ -1,4 +1,4 @@
-"""How long the computer of a simulated run stalled, as text for the user."""
+"""Stalls of the computer in a simulated run, as text for the user."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class HeldUp:
         return (self.words(),)
 
     def words(self) -> str:
-        """Return what it meant for the run."""
+        """Return the effect on the run."""
         meant = (
             "simulated time paused meanwhile"
             if isinstance(self._clock, SimulatedClock)

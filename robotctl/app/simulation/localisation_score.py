@@ -1,4 +1,4 @@
-"""How well the localiser knew where the robot was."""
+"""Score of the localiser: its estimates against the truth."""
 
 from __future__ import annotations
 

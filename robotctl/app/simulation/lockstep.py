@@ -156,7 +156,7 @@ class LockstepRun:
             self._log_trouble = logs.trouble or self._log_trouble
 
     def _log(self, logs: LockstepLogs | None) -> None:
-        """Log what was published since last asked."""
+        """Log the messages published since the last call."""
         if self._heard and logs is not None:
             logs.states(self._heard, self.stack.clock.now_ns())
         self._heard.clear()
@@ -181,7 +181,7 @@ class LockstepRun:
     def _navigate(
         self, control: ControlState
     ) -> tuple[NavigationState, tuple[ControlRequest, ...]]:
-        """Do what the navigation process and the operator do, 20 times a second."""
+        """Run the steps of the navigation process and the operator, 20 times a second."""
         now_ns, monitor, tick = control.stamp_ns, self.stack.simulation.monitor, self._tick
         for ack in control.acks:
             if not ack.accepted:
@@ -207,7 +207,7 @@ class LockstepRun:
         return [] if mode is None else [mode]
 
     def _hear(self, message: Published) -> None:
-        """Take in what was published."""
+        """Take published messages."""
         self._heard.append(message)
         match message:
             case NavigationState():
@@ -220,7 +220,7 @@ class LockstepRun:
                 self._score.map(message)
 
     def _see(self, control: ControlState) -> list[LidarScan | CameraView]:
-        """Return what camera and lidar have seen since the last step."""
+        """Return views and scans since the last step."""
         now_ns, simulation = control.stamp_ns, self.stack.simulation
         self._score.truth(StampedPose(now_ns, *simulation.pose()))
         self._score.control(control)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class LockstepCamera:
-    """Looks at the camera's rate; what it sees is there when the camera's latency has passed.
+    """Takes pictures at the camera's rate; a view is available after the camera's latency.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ class LockstepLogs:
             self._give_up(error)
 
     def states(self, messages: Sequence[Published], now_ns: int) -> None:
-        """Log what the processes would publish."""
+        """Log the messages that the processes would publish."""
         if self.trouble:
             return
         try:

@@ -90,7 +90,7 @@ class LockstepStack:
         return tick.outputs
 
     def open_loop_tick(self, law: Callable[[Inputs], WheelCommand]) -> Inputs:
-        """Let one period pass and send what `law` makes of it past the core, for identification."""
+        """Let one period pass and send the command of `law` past the core, for identification."""
         now_ns = self._advance()
         self._requests = ()
         self.control.receive(now_ns)

@@ -62,7 +62,7 @@ class RunScore:
         self._truths: list[StampedPose] | None = [] if is_recorded else None
 
     def truth(self, pose: StampedPose) -> None:
-        """Take in a true pose."""
+        """Take a true pose."""
         if self._truths is not None:
             self._truths.append(pose)
         self._pose.truth(pose)
@@ -71,7 +71,7 @@ class RunScore:
             self._camera.truth(pose)
 
     def control(self, control: ControlState) -> SE2 | None:
-        """Take in a state of the control process; return its pose in `world`, if that is known."""
+        """Take a state of the control process; return its pose in `world`, if known."""
         self._control = control
         pose = self._world.pose(control)
         if pose is not None:
@@ -79,7 +79,7 @@ class RunScore:
         return pose
 
     def localisation(self, state: LocalisationState) -> None:
-        """Take in what the localiser believes."""
+        """Take an estimate of the localiser."""
         self._world.localise(state)
         control = self._control
         if control is not None and control.odom_epoch_ns == state.odom_epoch_ns:
@@ -91,27 +91,27 @@ class RunScore:
             )
 
     def view(self, view: CameraView) -> None:
-        """Take in what the camera saw."""
+        """Take a view of the camera."""
         if self._camera is not None:
             self._camera.view(view)
 
     def map(self, message: LiveMap) -> None:
-        """Take in the map as it is now."""
+        """Take the present map."""
         self._map = grid_of(message)
 
     @property
     def pose_error(self) -> PoseError:
-        """Error of the pose that the robot goes by."""
+        """Error of the pose that the robot uses."""
         return self._pose.result()
 
     @property
     def localisation_report(self) -> LocalisationReport | None:
-        """How well the localiser did; None without one."""
+        """Score of the localiser; None without one."""
         return self._localisation.result()
 
     @property
     def map_quality(self) -> MapQuality | None:
-        """How well the map shows the walls; None without one."""
+        """Quality of the map; None without one."""
         if self._map is None:
             return None
         from robotctl.estimation.grid.map_quality import map_quality  # noqa: PLC0415
@@ -121,7 +121,7 @@ class RunScore:
 
     @property
     def camera_report(self) -> CameraReport | None:
-        """How well the camera saw; None without one."""
+        """Score of the camera; None without one."""
         return None if self._camera is None else self._camera.result()
 
     def save(self, folder: Path, run: int, epoch_ns: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""How well a run went: the mission, the estimate against the truth, the loop and the bus."""
+"""Score of a run: the mission, the estimate against the truth, the loop and the bus."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PoseError(msgspec.Struct, frozen=True):
 
 
 class LocalisationReport(msgspec.Struct, frozen=True):
-    """How well the localiser did.
+    """Score of the localiser.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class Report(msgspec.Struct, frozen=True):
 
     @property
     def failed_faults(self) -> tuple[str, ...]:
-        """Those of `faults` that did not begin: the run has not tested what it was to test."""
+        """Those of `faults` that did not begin: the run has not tested them."""
         return tuple(each for each in self.faults if FAILED in each)
 
     @property
@@ -185,7 +185,7 @@ def is_over(control: ControlState | None, navigation: NavigationState | None) ->
 
 
 def run_message(control: ControlState, navigation: NavigationState | None) -> str:
-    """Return the line on the state of a run: why it cannot drive, otherwise what it does."""
+    """Return the line on the state of a run: why it cannot drive, otherwise what it is doing."""
     if control.state not in POWERED:
         refused = control.acks[-1].reasons if control.acks else ()
         reason = control.reason or "; ".join(map(str, refused))
@@ -232,12 +232,12 @@ class TruthMatcher(Generic[T]):
         return self._matched()
 
     def pose(self, pose: StampedPose, what: T) -> Iterator[tuple[StampedPose, T, StampedPose]]:
-        """Add a pose with what belongs to it; yield the pairs that are complete now."""
+        """Add a pose with its data; yield the pairs that are now complete."""
         self._poses.append((pose, what))
         return self._matched()
 
     def _matched(self) -> Iterator[tuple[StampedPose, T, StampedPose]]:
-        """Yield each pose that lies between two truths."""
+        """Yield each pose between two true ones."""
         truths, poses = self._truths, self._poses
         while poses and truths and truths[-1].stamp_ns >= poses[0][0].stamp_ns:
             pose, what = poses.popleft()

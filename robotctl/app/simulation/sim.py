@@ -379,7 +379,7 @@ class SimRun:
         self._to_navigation.send(self._operator.set_mode(self._clock.now_ns(), mode))
 
     def _ask(self, progress: RunStatus) -> None:
-        """Ask for what has not been yet: arming, then mode AUTO."""
+        """Request the next of arming and mode AUTO."""
         waits = progress.control is not None and progress.navigation is None
         if waits and progress.elapsed_s > _SAY_S and not self._said_waiting:
             self._said_waiting = True
@@ -391,7 +391,7 @@ class SimRun:
             self._to_navigation.send(mode)
 
     def _listen(self) -> None:
-        """Take in what the processes published."""
+        """Take published messages."""
         progress = self.progress
         self._listen_to_firmware()
         for truth in self._truths.receive():
@@ -422,7 +422,7 @@ class SimRun:
                     progress.lines.append(message.text)
 
     def _listen_to_firmware(self) -> None:
-        """Take in whether it is ready, and which faults have begun."""
+        """Take readiness and begun faults."""
         while not self._said.empty():
             line = self._said.get() or ""
             self._is_ready |= line.startswith(_READY)

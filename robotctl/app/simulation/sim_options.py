@@ -124,7 +124,7 @@ def simulation_overrides(overrides: Sequence[str]) -> list[str]:
 
 
 def simulated_robot(robot: Path, overrides: Sequence[str] = ()) -> SimulatedRobot:
-    """Return what firmware_sim reads of a robot's file, after the user's settings.
+    """Return the part of a robot's file that firmware_sim reads, after the user's settings.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from robotctl.messages.control import Notice, Severity
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, endpoint_directory
 
 _KEPT_NS: Final = 10_000_000_000
-"""How long notices are kept for new subscribers, above all for the process they are about [ns]."""
+"""Time for which notices are kept for new subscribers, mainly for the process concerned [ns]."""
 
 
 class Announcer:
@@ -54,7 +54,7 @@ class Announcer:
             self._greet()
 
     def _greet(self) -> None:
-        """Send what is kept, as one notice, to each new subscriber."""
+        """Send the kept notices, as one, to each new subscriber."""
         if self._publisher is None:
             return
         if not self._kept:

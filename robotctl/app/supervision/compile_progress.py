@@ -41,7 +41,7 @@ class _Listener(event.Listener):
             self._say(COMPILING)
 
     def on_end(self, event: Any) -> None:
-        """Say now and then how far it is."""
+        """Report progress from time to time."""
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith(_OURS):
             self._done.add(f"{function.__module__}.{function.__qualname__}")

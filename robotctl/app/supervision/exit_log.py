@@ -38,7 +38,7 @@ class ExitLog:
         self._path = directory / NAME
 
     def write(self, ended: Exit | Pause, now: dt.datetime) -> str:
-        """Append one end or pause at wall time `now`; return what went wrong, or nothing."""
+        """Append one end or pause at wall time `now`; return the error, empty if none."""
         known = {key: value for key, value in msgspec.to_builtins(ended).items() if value != ""}
         line = {"time": now.isoformat(timespec="milliseconds"), **known}
         try:
@@ -54,6 +54,6 @@ class ExitLog:
         return ""
 
     def note(self, events: Sequence[Exit | Pause]) -> list[str]:
-        """Append what has just happened; return what went wrong."""
+        """Append the latest events; return the errors."""
         now = dt.datetime.now().astimezone()
         return [trouble for each in events if (trouble := self.write(each, now))]

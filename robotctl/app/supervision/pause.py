@@ -48,7 +48,7 @@ class Pause:
 
 
 def state_of(pid: int) -> str:
-    """Return what a process does now, as text; empty if the kernel does not report it."""
+    """Return what a process is doing, as text; empty if the kernel does not report it."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text()
     except OSError:

@@ -48,7 +48,7 @@ class ServiceNotifier:
         self._send("WATCHDOG=1")
 
     def status(self, line: str) -> None:
-        """Say in one line how things stand; the same line twice is sent once."""
+        """Report the state in one line; a repeated line is sent once."""
         if line != self._status and self._send("STATUS=" + line.replace("\n", " ")):
             self._status = line
 

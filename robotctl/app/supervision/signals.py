@@ -39,6 +39,6 @@ class EmergencySignal:
         self._asked = True
 
     def take(self) -> bool:
-        """Return whether the signal came since the last call."""
+        """Return whether the signal was received since the last call."""
         asked, self._asked = self._asked, False
         return asked

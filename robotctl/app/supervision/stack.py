@@ -46,7 +46,7 @@ LIDAR_ROLE: Final = Role(LIDAR, RestartPolicy(crashes=5), stall_s=5.0, held_s=1.
 _BAD_INPUT = 2
 _END_S = 3.0
 _TICKS_TO_STOP = 2
-"""A signal that came in a tick is answered in the next one."""
+"""A signal received in a tick is answered in the next one."""
 
 
 class StackError(RobotctlError):

@@ -18,7 +18,7 @@ from robotctl.app.supervision.restart import CrashBudget, RestartPolicy
 from robotctl.runtime.ipc.heartbeat import VARIABLE, HeartbeatMonitor
 
 _LONGEST_STEP_S: Final = 0.5
-"""Cap on a pause of the supervisor itself, which says nothing about the others [s]."""
+"""Longest step that counts as silence of a process [s]; beyond it the supervisor itself paused."""
 
 _FIRST_VICTIM: Final = "500"
 """`oom_score_adj` of what the robot can do without for a while."""
@@ -246,7 +246,7 @@ class Supervised:
         return None
 
     def _pause(self, process: subprocess.Popen[bytes], paused_s: float, *, over: bool) -> Pause:
-        """Return what there is to say of a pause."""
+        """Return the notice on a pause."""
         return Pause(self.role.name, process.pid, paused_s, self._cause, over)
 
     def _ended(self, pid: int, status: int, now_s: float) -> Exit:
@@ -276,7 +276,7 @@ class Supervised:
         )
 
     def _forget(self) -> None:
-        """Release what belongs to one life."""
+        """Release the resources of one run of the process."""
         self._process = None
         monitor, self._monitor = self._monitor, None
         if monitor is not None:

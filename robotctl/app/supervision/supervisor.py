@@ -104,7 +104,7 @@ class Supervisor:
         return [pause.words(), *([] if self._log is None else self._log.note([pause]))]
 
     def _log_exits(self) -> list[str]:
-        """Log the ends and pauses of this step; return what went wrong with that."""
+        """Log the ends and pauses of this step; return the errors of doing so."""
         return [] if self._log is None else self._log.note(self._stack.exits)
 
     def _feed(self, now_s: float) -> None:

@@ -1,4 +1,4 @@
-"""Pictures on a local socket: those of firmware_sim's camera, the twin of a real one.
+"""Pictures on a local socket, from firmware_sim's camera, the counterpart of a real one.
 
 The camera process publishes a real camera's there too, so that others can look on.
 """
@@ -27,7 +27,7 @@ class _Picture(msgspec.Struct, frozen=True, tag="CameraFrame"):
 
 
 def picture_message(frame: CameraFrame) -> bytes:
-    """Return a picture as it goes over the socket."""
+    """Return a picture in the format of the socket."""
     height, width = frame.image.shape[:2]
     pixels = frame.image.data.cast("B")
     return msgspec.msgpack.encode(
@@ -36,7 +36,7 @@ def picture_message(frame: CameraFrame) -> bytes:
 
 
 class SimulatedCamera:
-    """Listens to a simulated camera, which may start later or restart.
+    """Receives from a simulated camera, which may start later or restart.
 
     Parameters
     ----------

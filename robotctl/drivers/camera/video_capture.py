@@ -178,7 +178,7 @@ class LiveCamera:
 
 
 def _opened(source: str) -> cv2.VideoCapture:
-    """Open a source; OpenCV's own warnings are silenced, because our error says more."""
+    """Open a source; OpenCV's own warnings are silenced, because our error is more precise."""
     loud = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:

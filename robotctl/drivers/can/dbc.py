@@ -124,7 +124,7 @@ class Dbc:
             ) from None
 
     def expect_values(self, message: str, signal: str, kind: type[IntEnum]) -> None:
-        """Check that a value table says the same as an enumeration; `ConfigError` as `message`."""
+        """Check that a value table equals an enumeration; `ConfigError` as `message`."""
         for member in kind:
             raw = self.value(message, signal, member.name.lower())
             if raw != member.value:
@@ -179,7 +179,7 @@ def load_dbc(path: Path) -> Dbc:
 
 
 def _message_problems(found: Any) -> Iterator[str]:
-    """Yield what the codec or the E2E protection cannot do with a message of cantools."""
+    """Yield the properties of a cantools message that codec or E2E protection do not support."""
     name = found.name
     if found.is_extended_frame:
         yield f"{name}: has a 29-bit identifier, only 11 bits are supported"

@@ -202,7 +202,7 @@ class SocketPort:
         self._fail()
 
     def _connect(self) -> None:
-        """Open the bus; raises what the socket or python-can raises."""
+        """Open the bus; raises the exceptions of the socket or python-can."""
         descriptor = self._open()
         pending = descriptor.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if pending:
@@ -231,7 +231,7 @@ class SocketPort:
             self._descriptor = None
 
     def _drain(self, descriptor: socket.socket, now_ns: int, frames: list[Frame]) -> None:
-        """Take frames of simcan: a can_frame, then its CLOCK_MONOTONIC stamp where it has one.
+        """Take frames of simcan: a can_frame, then its CLOCK_MONOTONIC stamp if it has one.
 
         Leaves by `BlockingIOError` when there are no more.
         """

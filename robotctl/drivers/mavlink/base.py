@@ -163,7 +163,7 @@ class Link(ABC):
         self._back_off.succeeded()
 
     def new_channel(self) -> Channel:
-        """Return a channel for a peer not known so far."""
+        """Return a channel for a new peer."""
         self._last_peer += 1
         return Channel(Peer(self.number, self._last_peer), self.hub)
 
@@ -195,7 +195,7 @@ class Link(ABC):
         )
 
     def open_errors(self) -> tuple[type[Exception], ...]:
-        """Return what `open` may raise."""
+        """Return the exceptions that `open` may raise."""
         return (OSError,)
 
     def bound_port(self) -> int:

@@ -62,7 +62,7 @@ class MavlinkLinks:
         return self._selector.fileno()
 
     def poll(self, now_ns: int, timeout_s: float = 0.0) -> list[Received]:
-        """Keep the links alive and return what came.
+        """Keep the links alive and return received messages.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class MavlinkLinks:
                 link.broadcast(message)
 
     def reply(self, message: Message, peer: Peer) -> None:
-        """Queue `message` for one peer; nothing happens where it has gone."""
+        """Queue `message` for one peer; ignored if the peer is gone."""
         self._links[peer.link].reply(message, peer.number)
 
     def flush(self) -> None:

@@ -1,4 +1,4 @@
-"""Host names without waiting: a name server that is away must not stop the other links."""
+"""Host names without waiting: an unreachable name server must not stop the other links."""
 
 from __future__ import annotations
 

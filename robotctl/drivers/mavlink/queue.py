@@ -1,4 +1,4 @@
-"""Bounded output of a stream: what a slow reader cannot take is dropped, oldest first."""
+"""Bounded output of a stream: if the reader is slow, the oldest data are dropped."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 
 CHUNK = 4096
-"""Bytes handed to one write [B]; what was begun is finished, frames are never cut."""
+"""Bytes passed to one write [B]; a frame begun is always finished."""
 
 
 class OutputQueue:

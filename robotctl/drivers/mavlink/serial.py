@@ -11,7 +11,7 @@ from robotctl.drivers.mavlink.stream import Stream
 from robotctl.messages.mavlink_port import LinkConfig, Message
 
 QUEUE_S = 0.5
-"""How much telemetry may wait, as time on the line [s]; older telemetry is of no use."""
+"""Maximum queue of telemetry, as time on the line [s]; older telemetry is useless."""
 
 
 class SerialLink(Link):
@@ -23,7 +23,7 @@ class SerialLink(Link):
         self._stream: Stream | None = None
 
     def open_errors(self) -> tuple[type[Exception], ...]:
-        """Return what pyserial raises for absent, busy and unsuitable devices."""
+        """Return the exceptions of pyserial for absent, busy and unsuitable devices."""
         return (OSError, ValueError, termios.error)
 
     def is_open(self) -> bool:
@@ -54,7 +54,7 @@ class SerialLink(Link):
             self._stream.send(message, answer=True)
 
     def flush(self) -> None:
-        """Write what the line takes."""
+        """Write as much as the line accepts."""
         if self._stream is not None:
             self._stream.flush()
 

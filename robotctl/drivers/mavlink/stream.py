@@ -85,7 +85,7 @@ class Stream:
         self._link.counters.dropped += self._queue.dropped - dropped
 
     def flush(self) -> None:
-        """Write what the kernel takes; the selector tells when it takes more."""
+        """Write as much as the kernel accepts; the selector reports when it accepts more."""
         if self._queue and self._write_error is None:
             try:
                 self._queue.write(self._write)

@@ -158,7 +158,7 @@ class UdpLink(Link):
         return int(self._socket.getsockname()[1])
 
     def close(self) -> None:
-        """Close the socket; a server opened again knows its peers when they come."""
+        """Close the socket; a server opened again learns its peers from their messages."""
         self._lookup = None
         self._broken = False
         for sender in list(self._peers):

@@ -1,1 +1,1 @@
-"""Which commands count: copies, late ones and those of a link that was away."""
+"""Which commands count: handling of copies, late ones and those of a link that was down."""

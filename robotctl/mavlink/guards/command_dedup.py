@@ -36,7 +36,7 @@ class _Answered(NamedTuple):
 
 
 class LateCopies:
-    """Remembers the answers to commands for as long as copies of them may come."""
+    """Remembers the answers to commands while copies of them may arrive."""
 
     def __init__(self) -> None:
         self._answered: dict[tuple[tuple[int, int], Hashable], _Answered] = {}

@@ -72,7 +72,7 @@ class SenderClocks:
         self._streams: dict[Hashable, _Stream] = {}
 
     def late_ns(self, key: Hashable, boot_ms: int, now_ns: int) -> int:
-        """Return how much later than the fastest one a message came [ns], 0 if not known.
+        """Return a message's delay relative to the fastest one [ns], 0 if unknown.
 
         Parameters
         ----------

@@ -40,7 +40,7 @@ FLIGHT_TERMINATION: int = common.MAV_CMD_DO_FLIGHTTERMINATION
 FORCE = 21196.0
 
 ANSWER_NS = 1_000_000_000
-"""How long the answer may take after the control process has given up trying [ns]."""
+"""Maximum time of the answer after the control process has given up [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ class Arming(Microservice):
 
 
 def _meaning(command: Command) -> tuple[float, bool]:
-    """Return what tells requests apart: param1, and whether param2 is "force".
+    """Return what distinguishes requests: param1, and whether param2 is "force".
 
     Senders may fill what they do not use with NaN, which differs from itself.
     """

@@ -1,4 +1,4 @@
-"""AUTOPILOT_VERSION: which robot this is, its software, and what it is able to do."""
+"""AUTOPILOT_VERSION: the robot's identity, software and capabilities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HEARTBEAT: once a second, what the robot is, its mode and its state.
+"""HEARTBEAT: once a second, the robot's type, mode and state.
 
 The robot claims to be an ArduPilot rover with its mode numbers, since that is what makes ground
 stations offer the functions of a rover.

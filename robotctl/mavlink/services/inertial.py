@@ -1,4 +1,4 @@
-"""SCALED_IMU: what gyro and accelerometer measure."""
+"""SCALED_IMU: gyro and accelerometer."""
 
 from __future__ import annotations
 

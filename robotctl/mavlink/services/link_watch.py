@@ -15,7 +15,7 @@ PATIENCE_NS = 1_000_000_000
 
 @dataclass
 class _Seen:
-    """What was seen of one link: how often it has opened, since when it fails, whether told."""
+    """Known state of one link: times it opened, since when it fails, whether that was reported."""
 
     opened: int = 0
     failing_ns: int | None = None
@@ -38,7 +38,7 @@ class LinkWatch(Microservice):
             self._look(status, seen, now_ns)
 
     def _look(self, status: LinkStatus, seen: _Seen, now_ns: int) -> None:
-        """Compare one link with what was seen of it before."""
+        """Compare one link with its last known state."""
         if status.opened != seen.opened:
             seen.opened, seen.failing_ns = status.opened, None
             if seen.told:

@@ -28,7 +28,7 @@ from robotctl.messages.requests import REQUEST_LIFE_NS
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
 CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 TIMEOUT_NS = REQUEST_LIFE_NS + 100_000_000
-"""How long the navigation process may take [ns].
+"""Maximum time of the navigation process's answer [ns].
 
 It drops the request by itself after `REQUEST_LIFE_NS`; one that it took just before then is in its
 next state, which is here in time.
@@ -106,7 +106,7 @@ class Modes(Microservice):
         return copy
 
     def _holds(self, mode: Mode, now_ns: int) -> bool:
-        """Say whether the robot does what `mode` asks for; AUTO is over at the mission's end."""
+        """Return whether the robot is in `mode`; AUTO is over at the mission's end."""
         navigation = self._context.fresh_navigation(now_ns)
         if navigation is None or navigation.mode != mode:
             return False
@@ -134,7 +134,7 @@ class Modes(Microservice):
         return True
 
     def _ask(self, sender: tuple[int, int], mode: Mode, now_ns: int) -> bool:
-        """Ask for a mode; return whether there is room to wait for what becomes of it.
+        """Request a mode; return whether there is room to wait for the result.
 
         Where there is none, the mode has been asked for; HOLD is carried out all the same.
         """

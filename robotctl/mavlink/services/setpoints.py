@@ -50,7 +50,7 @@ SAY_AGAIN_NS = 30_000_000_000
 
 
 class Used(NamedTuple):
-    """What a type_mask does not tell to ignore; vectors need both horizontal parts."""
+    """The fields that a type_mask does not ignore; vectors need both horizontal parts."""
 
     position: int
     velocity: int
@@ -65,7 +65,7 @@ class Wanted(NamedTuple):
     v_m_s: float
     omega_rad_s: float = 0.0
     heading_rad: float | None = None
-    """Turned to by the navigator, which knows at each step how far that still is."""
+    """The navigator turns to it, which knows the remaining angle at each step."""
 
 
 class Refused(ValueError):  # noqa: N818 - says what happened to the set-point
@@ -169,7 +169,7 @@ def position_target(message: Message, used: Used, sent_ns: int) -> PositionTarge
 
 
 def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wanted:
-    """Return what a velocity set-point asks for.
+    """Return the request of a velocity set-point.
 
     Parameters
     ----------

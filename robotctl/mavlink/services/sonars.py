@@ -1,4 +1,4 @@
-"""DISTANCE_SENSOR: what each sonar measures."""
+"""DISTANCE_SENSOR: the range of each sonar."""
 
 from __future__ import annotations
 

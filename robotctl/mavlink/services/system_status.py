@@ -64,7 +64,7 @@ def system_status(state: ControlState | None, robot: TelemetryRobot) -> list[Mes
 
 
 def _health(state: ControlState) -> int:
-    """Return the bits of what works."""
+    """Return the bits of working sensors."""
     health = 0
     if state.state in _SOUND_STATES:
         health |= _MOTORS

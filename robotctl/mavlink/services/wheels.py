@@ -1,4 +1,4 @@
-"""WHEEL_DISTANCE: how far each wheel has rolled."""
+"""WHEEL_DISTANCE: distance rolled by each wheel."""
 
 from __future__ import annotations
 

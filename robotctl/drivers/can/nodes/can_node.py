@@ -14,7 +14,7 @@ from robotctl.safety.health import AgeLimit
 from robotctl.safety.state_machine import SafetyConfig
 
 Value: TypeAlias = object
-"""What a frame says: the type of its field in `Feedback`, or of an element of it."""
+"""Content of a frame: the type of its field in `Feedback`, or of an element of it."""
 
 
 class FrameReader(Protocol):

@@ -1,4 +1,4 @@
-"""Node 4, the inertial measurement unit: gyro and accelerometer, where `imu.enabled` says so."""
+"""Node 4, the inertial measurement unit: gyro and accelerometer, if `imu.enabled` is set."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ Handler = Callable[[bytes, int], None]
 
 
 class CanRobot:
-    """The nodes of a robot behind one CAN port: those of `CAN_NODES` that it wants.
+    """The nodes of a robot on one CAN port: those of `CAN_NODES` that its file enables.
 
     Parameters
     ----------
@@ -80,8 +80,7 @@ class CanRobot:
         self._read_back_ns = 0
         self._closed = False
         self._steering_rad = 0.0
-        """Where the steering was last, as far as a command can say it: motors that go off leave it
-        there."""
+        """Last steering angle, within the range of commands: motors switched off leave it there."""
         timeout_ns = parameters.heartbeat_timeout_ms * 1_000_000
         wanted = wanted_nodes(parameters)
         self._nodes = [
@@ -105,7 +104,7 @@ class CanRobot:
     # Receiving ----------------------------------------------------------------------------------
 
     def receive(self, now_ns: int) -> Feedback:
-        """Return what arrived since the last call, and the present state of nodes and bus."""
+        """Return the data received since the last call, and the present state of nodes and bus."""
         values = self._values
         values[:] = _NOTHING
         handlers = self._handlers
@@ -306,7 +305,7 @@ class CanRobot:
 def _guarded(
     receiver: E2eReceiver, read: Callable[[bytes, int], Value], values: list[Any], index: int
 ) -> Handler:
-    """Return a handler that keeps the newest value of what the receiver accepts."""
+    """Return a handler that keeps the newest value that the receiver accepts."""
     accept = receiver.accept
 
     def handle(data: bytes, stamp_ns: int) -> None:
@@ -319,7 +318,7 @@ def _guarded(
 def _guarded_all(
     receiver: E2eReceiver, read: Callable[[bytes, int], Value], values: list[Any], index: int
 ) -> Handler:
-    """Return a handler that keeps all values of what the receiver accepts."""
+    """Return a handler that keeps all values that the receiver accepts."""
     accept = receiver.accept
 
     def handle(data: bytes, stamp_ns: int) -> None:
