@@ -67,6 +67,20 @@ class Footprint:
         """Radius of the circle about `base` that holds the outline [m]."""
         return max((math.hypot(*corner) for corner in self.corners), default=0.0)
 
+    def discs(self) -> NDArray[np.float64]:
+        """Return circles that cover the body, in a row along its longer side, (n, 3): x, y, r."""
+        if not self.corners:
+            return np.zeros((1, 3))
+        low, high = np.min(self.corners, axis=0), np.max(self.corners, axis=0)
+        sides = high - low
+        longer = int(np.argmax(sides))
+        count = math.ceil(2.0 * sides[longer] / sides[1 - longer])
+        discs = np.empty((count, 3))
+        discs[:, :2] = 0.5 * (low + high)
+        discs[:, longer] = low[longer] + sides[longer] * (np.arange(count) + 0.5) / count
+        discs[:, 2] = 0.5 * math.hypot(sides[longer] / count, sides[1 - longer])
+        return discs
+
     def samples(self, spacing_m: float) -> NDArray[np.float64]:
         """Return points of the body, outline included, at most a spacing apart, (n, 2) [m]."""
         if not self.corners:

@@ -47,5 +47,8 @@ def test_points_lie_in_the_outline_and_leave_no_hole(count, radius_m, spacing_m,
     rng = np.random.default_rng(0)
     weights = rng.dirichlet(np.ones(count), 50)
     inside = weights @ np.array(footprint.corners)
+    discs = footprint.discs()
+    apart = np.hypot(*(inside[:, np.newaxis] - discs[:, :2]).transpose(2, 0, 1))
+    assert (apart <= discs[:, 2] + 1e-9).any(axis=1).all(), "the circles cover it"
     away = np.hypot(*(inside[:, np.newaxis] - points).transpose(2, 0, 1)).min(axis=1)
     assert away.max() <= spacing_m

@@ -21,6 +21,11 @@ _EDGE: float = 0.5
 """From a cell's centre to its edge [cells]: what a wall beside it is nearer than its centre."""
 
 
+_APART: float = 0.93
+"""A point is up to 0.71 from the centre of its cell, and a corner up to 0.21 nearer than the
+clearance says [cells]."""
+
+
 class PlanningMap:
     """A map, what of it is blocked, and the robot that must pass.
 
@@ -53,6 +58,7 @@ class PlanningMap:
         """From each cell's centre to the nearest edge of a blocked cell, (rows, columns) [cells];
         up to 0.21 more than it is where that is a corner."""
         self.samples = footprint.samples(0.5 * grid.resolution_m) / grid.resolution_m
+        self.discs = footprint.discs() / grid.resolution_m
         self.inscribed = footprint.inscribed_m / grid.resolution_m
         self.circumscribed = footprint.circumscribed_m / grid.resolution_m
 
@@ -85,7 +91,7 @@ class PlanningMap:
     def collides(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return for each pose (n, 3) [cells, cells, rad] whether the body is in a blocked cell."""
         hits: NDArray[np.bool_] = _collide(
-            self.blocked, self.clearance, self.samples, self.circumscribed, poses
+            self.blocked, self.clearance, self.samples, self.discs, poses
         )
         return hits
 
@@ -114,14 +120,14 @@ def _collide(
     blocked: NDArray[np.bool_],
     clearance: NDArray[np.float32],
     samples: NDArray[np.float64],
-    circumscribed: float,
+    discs: NDArray[np.float64],
     poses: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Look at each point of the body, unless nothing is near."""
     result = np.zeros(len(poses), np.bool_)
     for i in range(len(poses)):
         result[i] = body_hits(
-            blocked, clearance, samples, circumscribed, poses[i, 0], poses[i, 1], poses[i, 2]
+            blocked, clearance, samples, discs, poses[i, 0], poses[i, 1], poses[i, 2]
         )
     return result
 
@@ -131,20 +137,24 @@ def body_hits(
     blocked: NDArray[np.bool_],
     clearance: NDArray[np.float32],
     samples: NDArray[np.float64],
-    circumscribed: float,
+    discs: NDArray[np.float64],
     x: float,
     y: float,
     theta: float,
 ) -> bool:
     """Return whether a point of the body at a pose lies in a blocked cell or off the map."""
     rows, columns = blocked.shape
-    row, column = int(np.floor(y)), int(np.floor(x))
-    if not (0 <= row < rows and 0 <= column < columns):
-        return True
-    # The pose is up to 0.71 from the centre of its cell, and a corner up to 0.21 nearer than said.
-    if clearance[row, column] > circumscribed + 0.93:
-        return False
     c, s = np.cos(theta), np.sin(theta)
+    is_far = True
+    for k in range(len(discs)):  # they cover the body: where nothing is near, it is free
+        px, py = discs[k, 0], discs[k, 1]
+        row, column = int(np.floor(y + s * px + c * py)), int(np.floor(x + c * px - s * py))
+        inside = 0 <= row < rows and 0 <= column < columns
+        if not inside or clearance[row, column] < discs[k, 2] + _APART:
+            is_far = False
+            break
+    if is_far:
+        return False
     for k in range(len(samples)):
         px, py = samples[k, 0], samples[k, 1]
         r = int(np.floor(y + s * px + c * py))

@@ -104,7 +104,7 @@ class HybridPlanner:
         to_go = cost_to_go(coarse, int(goal[1]) // factor, int(goal[0]) // factor)
         radius = config.turning_radius_m / side_m
         return HybridMap(
-            space.blocked, space.clearance, prices, space.samples, space.circumscribed,
+            space.blocked, space.clearance, prices, space.samples, space.discs,
             to_go, float(factor), radius,
         )  # fmt: skip
 

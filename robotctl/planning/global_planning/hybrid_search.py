@@ -53,7 +53,8 @@ class HybridMap(NamedTuple):
     """(rows, columns): what a unit of length costs."""
     samples: NDArray[np.float64]
     """Points of the body."""
-    circumscribed: float
+    discs: NDArray[np.float64]
+    """Circles that cover it, (n, 3)."""
     to_go: NDArray[np.float64]
     """(rows, columns) of coarse cells: least cost from there to the goal; inf: no way."""
     side: float
@@ -267,7 +268,7 @@ def _try_curve(world: HybridMap, nodes: Nodes, node: int, path: NDArray[np.float
         px = x + c * poses[i, 0] - s * poses[i, 1]
         py = y + s * poses[i, 0] + c * poses[i, 1]
         if body_hits(
-            world.blocked, world.clearance, world.samples, world.circumscribed,
+            world.blocked, world.clearance, world.samples, world.discs,
             px, py, theta + poses[i, 2],
         ):  # fmt: skip
             return
@@ -339,7 +340,7 @@ def _expand_node(world: HybridMap, nodes: Nodes, node: int, step: float) -> None
             for i in range(1, checks + 1):
                 ex, ey, eth = drive(x, y, theta, curvature, gear * step * i / checks)
                 if body_hits(
-                    world.blocked, world.clearance, world.samples, world.circumscribed, ex, ey, eth
+                    world.blocked, world.clearance, world.samples, world.discs, ex, ey, eth
                 ):
                     is_free = False
                     break
