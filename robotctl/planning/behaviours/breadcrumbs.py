@@ -23,9 +23,9 @@ class Crumb(NamedTuple):
     y_m: float
     theta_rad: float
     reverse: bool
-    """The robot came here from the crumb before in reverse gear."""
+    """Whether the robot came here from the previous crumb in reverse gear."""
     gap: bool = False
-    """How it came here from the crumb before is not known."""
+    """Whether the path from the previous crumb is unknown."""
 
 
 class Leg(NamedTuple):
@@ -41,13 +41,13 @@ class Leg(NamedTuple):
 class Breadcrumbs:
     """Remembers the path from home as points `spacing_m` apart.
 
-    Where the robot comes to a place again, the loop in between is forgotten. A drive-and-steer
-    robot returns in reverse gear along its own tracks, since it cannot turn on the spot and may not
-    have room for a U-turn; there a place counts as the same only with the same heading and gear.
-    Beyond `count_max` crumbs every second one is dropped.
+    When the robot returns to a place, the loop in between is forgotten. A drive-and-steer robot
+    returns in reverse gear along its own tracks, since it cannot turn on the spot and may not have
+    room for a U-turn; there a place counts as the same only with the same heading and gear. Beyond
+    `count_max` crumbs every second one is dropped.
 
-    Where a pose is far from the one before (the localiser has found the robot elsewhere, or this
-    process began in the middle of a run) there is a gap: the straight line between them may lead
+    If a pose is far from the previous one (the localiser has found the robot elsewhere, or this
+    process began in the middle of a run), there is a gap: the straight line between them may lead
     through walls. It disappears when the robot reaches a place from before the gap.
 
     Parameters
@@ -59,7 +59,7 @@ class Breadcrumbs:
     spacing_m
         Distance of the crumbs [m], > 0.
     count_max
-        Most crumbs kept.
+        Maximum number of crumbs.
     """
 
     def __init__(
@@ -82,11 +82,12 @@ class Breadcrumbs:
         return any(crumb.gap for crumb in self._crumbs)
 
     def record(self, pose: SE2) -> None:
-        """Take note that the robot is at `pose`."""
+        """Record that the robot is at `pose`."""
         last = self._crumbs[-1]
         dx, dy = pose.x_m - last.x_m, pose.y_m - last.y_m
         if dx * dx + dy * dy < self._spacing * self._spacing:
             return
+        # By the motion, not the command: whoever drove, the robot can return by the same tracks.
         backwards = dx * math.cos(pose.theta_rad) + dy * math.sin(pose.theta_rad) < 0.0
         gap = math.hypot(dx, dy) > max(_JOINED_M, 2.0 * self._spacing)
         crumb = Crumb(pose.x_m, pose.y_m, pose.theta_rad, backwards, gap)
@@ -130,8 +131,9 @@ class Breadcrumbs:
         return legs
 
     def _same_place(self, crumb: Crumb) -> int | None:
-        """Return the earliest crumb at the place of `crumb`, apart from those it comes from."""
+        """Return the earliest crumb at the place of `crumb`, except the latest few."""
         cx, cy = self._cell(crumb)
+        # The latest crumbs are near because the robot has just left them, not because it returned.
         latest = len(self._crumbs) - (0 if crumb.gap else _RECENT)
         near = [
             index
@@ -152,6 +154,7 @@ class Breadcrumbs:
 
     def _thin(self) -> None:
         """Drop every second crumb and double the spacing."""
+        # A gap before a dropped crumb moves to the next one: it must not be forgotten.
         gaps = [False, *(crumb.gap for crumb in self._crumbs)]  # of the one before each
         self._crumbs = [
             crumb._replace(gap=crumb.gap or gaps[index])

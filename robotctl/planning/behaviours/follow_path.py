@@ -129,6 +129,7 @@ class FollowPath(Behaviour):
         """Return the next velocity; fails further off the path than allowed."""
         step = self._pursuit.step(situation.pose, situation.twist)
         joining = self._pursuit.s_m - self._joined_s_m <= _TURN_IN_CIRCLES * self._circle_m
+        # A robot that turns back onto its path needs its turning circle beside it.
         most_m = self._off_path_max + (self._circle_m if joining else 0.0)
         if step.off_path_m > most_m:
             return failed(f"{step.off_path_m:.2f} m off the path, {most_m:g} m are allowed")

@@ -1,4 +1,4 @@
-"""How a robot that was found elsewhere gets back to where its behaviour was interrupted."""
+"""The return of a robot that was found elsewhere to where its behaviour was interrupted."""
 
 from __future__ import annotations
 
@@ -47,6 +47,8 @@ class Rejoin(Behaviour):
     ) -> None:
         config, drive, guard = robot.config.pursuit, robot.drive, robot.guard
         speed_m_s = robot.config.guided_speed_m_s
+        # Corners need not be met exactly: the robot only has to get back to the path of its
+        # behaviour.
         near = replace(config, goal_tolerance_m=max(_NEAR_M, config.goal_tolerance_m))
         self._all: list[Behaviour] = [
             GoTo(x_m, y_m, near, drive, speed_m_s, guard) for x_m, y_m in corners
@@ -79,8 +81,8 @@ class Rejoining(Behaviour):
     """A behaviour that continues from its own place when the robot is found elsewhere.
 
     The robot was carried away, or its localiser had been wrong: the epoch of its pose in `world`
-    changes, or it has had to look around. It drives back on a free path where a map is known, else
-    on a straight line; then the behaviour continues.
+    changes, or it has had to look around. It drives back on a free path if a map is known,
+    otherwise on a straight line; then the behaviour continues.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ class Rejoining(Behaviour):
         self._pose: SE2 | None = None
         """That of the last step."""
         self._epoch: tuple[int, int] | None = None
-        """That of the last step; None: something came between that and the next."""
+        """That of the last step; None after an interruption."""
         self._relocated = False
         self._rejoin: Guarded | None = None
 
@@ -106,12 +108,13 @@ class Rejoining(Behaviour):
         return self._behaviour.s_m
 
     def relocate(self) -> None:
-        """Let a robot that lost and found its place return to where this was interrupted."""
+        """Let a robot that lost and found its pose return to where this was interrupted."""
         self._relocated = True
 
     def resume(self, s_m: float) -> None:
         """Stand where an earlier run was interrupted; the robot may have moved since."""
         self._behaviour.resume(s_m)
+        # At the start of an item there is no earlier place to return to.
         self._relocated = s_m > 0.0
 
     def reset(self) -> None:
@@ -150,7 +153,7 @@ class Rejoining(Behaviour):
         return self._behaviour.step(situation, now_ns)
 
     def _way_back(self, pose: SE2) -> Guarded | None:
-        """Return the path back to where the behaviour was interrupted; None: it is about there."""
+        """Return the path back to the point of interruption; None if the robot is near it."""
         anchor, robot = self._behaviour.anchor(pose), self._robot
         if anchor is None and self._pose is not None:
             anchor = Anchor(self._pose.x_m, self._pose.y_m)
@@ -158,6 +161,7 @@ class Rejoining(Behaviour):
             return None
         off_m = math.hypot(anchor.x_m - pose.x_m, anchor.y_m - pose.y_m)
         turned = anchor.heading_rad is not None and not robot.drive.steered
+        # Near enough for the behaviour itself to continue.
         if off_m <= robot.config.pursuit.off_path_max_m and not turned:
             return None
         goal = (anchor.x_m, anchor.y_m)

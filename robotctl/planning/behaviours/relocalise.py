@@ -1,4 +1,4 @@
-"""Behaviour of a robot that does not know its place: it looks around without hitting anything."""
+"""Behaviour of a robot that does not know its pose: it looks around without hitting anything."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ class _Doing(enum.Enum):
 
 
 class _Way(NamedTuple):
-    """How it may drive."""
+    """Room to drive in one direction."""
 
     v_max_m_s: float
-    """At most [m/s], >= 0."""
+    """Largest speed [m/s], >= 0."""
     turn_rad_m: float
-    """To the left > 0, per distance."""
+    """Turn per distance, left > 0 [rad/m]."""
 
 
 class LookAround:
     """Turns once, then drives wherever there is room; it never ends by itself.
 
-    A drive-and-steer robot cannot turn on the spot: it begins by driving, and where the way is
-    blocked it backs up with the wheels turned, so that it faces the freer side, or straight where
-    its nose has no room to swing out. Only relative poses are used. Nobody told it to move, so it
-    does not back up where no sonar looks back, and where none looks ahead it turns once round, if
-    it can, and stands.
+    A drive-and-steer robot cannot turn on the spot: it begins by driving. If its path is blocked,
+    it backs up with the wheels turned, so that it faces the freer side, or straight if its nose has
+    no room to swing out. Only relative poses are used. Nobody commanded it to move, so it does not
+    back up without a rear sonar, and without a front sonar it turns once round, if it can, and
+    stops.
 
     Parameters
     ----------
@@ -88,6 +88,7 @@ class LookAround:
         """Return the next velocity."""
         self._measure(situation.pose)
         ahead = self._way(1.0)
+        # The sum of small turns: a single wrapped heading would not show a full turn.
         if self._doing is _Doing.ROUND and abs(self._turned_rad) >= math.tau:
             self._begin(_Doing.FORWARD)
         blocked = ahead.v_max_m_s < _BLOCKED_M_S and self._guard.looks(1.0)
@@ -112,7 +113,7 @@ class LookAround:
         self._turned_rad = self._moved_m = 0.0
 
     def _measure(self, pose: SE2) -> None:
-        """Add up what was turned and moved."""
+        """Add up angle and distance."""
         if self._last is not None:
             self._turned_rad += wrap_angle(pose.theta_rad - self._last.theta_rad)
             self._moved_m += math.hypot(pose.x_m - self._last.x_m, pose.y_m - self._last.y_m)
@@ -121,6 +122,8 @@ class LookAround:
     def _has_turned(self, ahead_m_s: float) -> bool:
         """Return whether the path is free after a real turn, or in a niche after any."""
         turned = abs(self._turned_rad)
+        # A niche may be free nowhere: after the largest turn it drives anyway, as far as the guard
+        # allows.
         return turned >= _MOST_TURN_RAD or (turned >= _LEAST_TURN_RAD and ahead_m_s >= self._speed)
 
     def _has_backed(self, behind_m_s: float) -> bool:
@@ -142,7 +145,7 @@ class LookAround:
         return _Way(self._guard.step(direction).v_max_m_s, 0.0)
 
     def _blind(self, *, blocked: bool) -> str:
-        """Return what keeps it from driving where no sonar looks; empty if nothing does."""
+        """Return why it does not drive without a sonar in that direction; empty if it may."""
         if not self._guard.looks(1.0):
             return "no sonar looks ahead"
         if self._drive.steered and blocked and not self._guard.looks(-1.0):

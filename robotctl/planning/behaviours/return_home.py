@@ -58,7 +58,7 @@ class ReturnHome(Behaviour):
         self._begin_leg()
 
     def join(self) -> None:
-        """Go on from the nearest crumb with any heading, which may take a turning circle."""
+        """Continue from the nearest crumb with any heading, which may take a turning circle."""
         self.reset()
         if self._follow is not None:
             self._follow.join()
@@ -74,6 +74,8 @@ class ReturnHome(Behaviour):
         while self._path is not None and self._follow is not None:
             step = self._follow.step(situation, now_ns)
             leg = self._legs[0]
+            # Crumbs behind the robot are removed, so that an interrupted return continues from
+            # here.
             self._crumbs.truncate(leg.last - self._path.segment_at(self._follow.s_m) + 1)
             if step.status is not Status.DONE:
                 return step

@@ -20,13 +20,13 @@ class BehaviourInput(NamedTuple):
     ranges_m: tuple[float, ...]
     """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale."""
     new: tuple[bool, ...]
-    """Which of the ranges have come since the last step."""
+    """Which of the ranges are new since the last step."""
     epoch: tuple[int, int] = (0, 0)
     """Changes when the pose jumps, since the robot was found elsewhere."""
 
 
 class Status(enum.Enum):
-    """How a behaviour is getting on."""
+    """Progress of a behaviour."""
 
     RUNNING = enum.auto()
     DONE = enum.auto()
@@ -61,7 +61,7 @@ class Anchor(NamedTuple):
 
 
 class Behaviour(ABC):
-    """One thing the robot does until it is done or has failed."""
+    """A task that the robot performs until it is done or has failed."""
 
     @property
     def s_m(self) -> float:

@@ -17,9 +17,9 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.guard.obstacle_guard import Point
 
 _REACH_M: Final = 1.5
-"""Farther things are not near."""
+"""Points further away are ignored [m]."""
 _SIGMA_M: Final = 0.1
-"""A range that is less sure does not say where something is."""
+"""Maximum standard deviation of a range that locates an object [m]."""
 _SAME_M: Final = 0.1
 """Distance within which points of two pictures are one object; extra range of a beam that proves
 floor."""
@@ -28,7 +28,7 @@ _CELL_M: Final = 0.05
 
 
 class FloorView(NamedTuple):
-    """Where the floor ends, as the camera sees it."""
+    """The ends of the floor in the camera's view."""
 
     x_m: float
     """The camera in `base` [m]."""
@@ -42,7 +42,7 @@ class FloorView(NamedTuple):
     nearest_m: NDArray[np.float64]
     """Floor nearer than this is below the picture, (n,) [m]."""
     trusted: bool = True
-    """If not, it shows what may be there, but no free floor."""
+    """If not, it shows possible obstacles, but proves no free floor."""
 
 
 class FloorMemory:
@@ -58,13 +58,14 @@ class FloorMemory:
         """Points of the last view, confirmed or not."""
 
     def see(self, T_odom_base: SE2, view: FloorView) -> None:
-        """Take in a view that was seen from a place in the frame of the odometry."""
+        """Add a view, taken at a pose in the frame of the odometry."""
         camera = T_odom_base @ SE2(view.x_m, view.y_m, 0.0)
         hit = (view.ranges_m <= _REACH_M) & (view.sigmas_m <= _SIGMA_M)
         angles = view.angles_rad[hit] + camera.theta_rad
         ahead = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         new = [camera.x_m, camera.y_m] + view.ranges_m[hit, None] * ahead
         kept = self._points
+        # A view that is not trusted may add obstacles but not remove them.
         if view.trusted:
             kept = kept[~_free_now(kept, camera, view)]
         kept = kept[np.hypot(*(kept - [camera.x_m, camera.y_m]).T) <= _REACH_M]
@@ -72,14 +73,14 @@ class FloorMemory:
         self._last = new
 
     def doubt(self, T_odom_base: SE2, nose_m: float, half_width_m: float) -> None:
-        """Take the floor right before the robot for not free until the camera has seen it.
+        """Count the floor immediately ahead of the robot as blocked until the camera has seen it.
 
         Parameters
         ----------
         T_odom_base
-            Where the robot is in the frame of the odometry.
+            The robot's pose in the frame of the odometry.
         nose_m
-            How far it reaches forwards from `base` [m].
+            Distance from `base` to the robot's nose [m].
         half_width_m
             Half of its width [m].
         """
@@ -94,7 +95,7 @@ class FloorMemory:
 
 
 def _free_now(points: NDArray[np.float64], camera: SE2, view: FloorView) -> NDArray[np.bool_]:
-    """Return where a view sees floor instead of a point, (k,)."""
+    """Return for which points a view sees floor instead, (k,)."""
     if len(view.angles_rad) == 0 or len(points) == 0:
         return np.zeros(len(points), np.bool_)
     offset = points - [camera.x_m, camera.y_m]
@@ -118,7 +119,7 @@ def _near(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[n
 
 
 def _once(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return one point for each cell, the last."""
+    """Return the last point of each cell."""
     cells = np.floor(points[::-1] / _CELL_M).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     kept: NDArray[np.float64] = points[::-1][first]

@@ -1,4 +1,4 @@
-"""Which sonar looks where."""
+"""Directions of the sonars."""
 
 from __future__ import annotations
 

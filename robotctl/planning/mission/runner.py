@@ -74,7 +74,7 @@ class MissionRunner:
             self._behaviours[item].resume(s_m)
 
     def relocate(self) -> None:
-        """Let a robot that lost and found its place return to where its item was interrupted."""
+        """Let a robot that lost and found its pose return to where its item was interrupted."""
         if not self.completed:
             self._behaviours[self.index].relocate()
 
