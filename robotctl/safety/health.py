@@ -148,6 +148,7 @@ class Health:
     def update(self, feedback: Feedback) -> None:
         """Take the inputs of one tick."""
         wheels = feedback.wheels
+        # The same latch again is no new measurement, however recent its frame.
         if wheels is not None and wheels.timestamp_us != self._latch_us:
             self._latch_us = wheels.timestamp_us
             self._wheels_ns = wheels.stamp_ns
@@ -192,6 +193,7 @@ class Health:
             for index, range_m in enumerate(sonar.ranges_m, sonar.first):
                 if index < len(self.sonar_m):
                     self.sonar_m[index] = range_m
+                    # A missing measurement does not renew the age of the last one.
                     if not math.isnan(range_m):
                         self.sonar_ns[index] = sonar.stamp_ns
         self._sonars_ns = span_ns(self.sonar_ns)
@@ -288,6 +290,7 @@ class Health:
         drive, battery, bus = self.fresh_drive(now_ns), self.battery, self.bus
         if drive is not None and drive is self._command_loss:
             reasons.append(Fault(FaultCode.COMMAND_LOSS, _command_loss_text(drive), _DRIVE))
+        # The reasons below prevent arming but do not stop a robot that already drives.
         if battery is not None and battery.low and not battery.critical:
             text = f"the battery is low ({battery.voltage_v:.1f} V)"
             reasons.append(Fault(FaultCode.BATTERY_LOW, text))

@@ -61,6 +61,7 @@ def pose_from_landmarks(seen: Iterable[SeenLandmark]) -> tuple[SE2, Array] | Non
     sightings = list(seen)
     world = np.array([each.landmark_world for each in sightings]).reshape(-1, 2)
     base = np.array([each.landmark_base for each in sightings]).reshape(-1, 2)
+    # At most half of the sightings may be dropped: the rest would be no majority.
     least = len(sightings) // 2
     while len(world) > least and float(np.ptp(world, axis=0).sum()) >= _APART_M:
         pose, off_m = _fit(world, base)
