@@ -184,13 +184,13 @@ def test_corners_err_as_much_as_their_covariance_says():
         (lambda: fit_line(np.zeros((1, 2)), np.ones((1, 2, 2))), "n >= 2"),
         (lambda: fit_line(np.zeros((3, 2)), np.ones((2, 2, 2))), r"\(n, 2, 2\)"),
         (lambda: fit_line(np.full((3, 2), np.inf), np.tile(np.eye(2), (3, 1, 1))), "finite"),
-        (lambda: fit_line(np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1))), "alike"),
+        (lambda: fit_line(np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1))), "equally"),
         (
             lambda: fit_line(
                 np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]),
                 np.tile(np.eye(2), (4, 1, 1)),
             ),
-            "alike",
+            "equally",
         ),
         (
             lambda: intersection(
