@@ -1,0 +1,150 @@
+"""Supervision by itself: what it passes to monitors, which fault comes first, power unasked for."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from robotctl.drivers.can.nodes.registry import age_limits
+from robotctl.messages.control import DriveState, Feedback, ImuFeedback, WheelCommand
+from robotctl.messages.faults import Fault, FaultCode
+from robotctl.model.sensors.imu import ImuConfig
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.safety import supervision
+from robotctl.safety.monitor import Monitored, MonitorInputs
+from robotctl.safety.plausibility_config import PlausibilityConfig
+from robotctl.safety.supervision import Supervision
+from tests.safety.test_health import GOOD, MS, NAMES, NOW, PERIOD_NS, SAFETY, WANTED
+
+replace = msgspec.structs.replace
+FIRST = Fault(FaultCode.ENCODER_STUCK, "the first", "left")
+LATER = Fault(FaultCode.ENCODER_WRONG, "a later one", "right")
+MOUNTS = tuple(SonarMount(name, 0.0, 0.1, 90.0) for name in NAMES)
+ROBOT = Monitored(
+    PlausibilityConfig(1.5, 0.45), ("left", "right"), 0.02, 0.0, 50.0, MOUNTS, ImuConfig()
+)
+COMMAND = WheelCommand(enable=True)
+LIMIT_NS = SAFETY.command_timeout_ms * MS + 50 * MS
+
+
+class Told:
+    """A monitor that finds what it is told and keeps what it was given."""
+
+    def __init__(self, _robot: Monitored) -> None:
+        self.found: Fault | None = None
+        self.inputs: list[MonitorInputs] = []
+        self.resets = 0
+
+    def reset(self) -> None:
+        self.resets += 1
+
+    def update(self, inputs: MonitorInputs) -> Fault | None:
+        self.inputs.append(inputs)
+        return self.found
+
+
+@pytest.fixture
+def alone(monkeypatch: pytest.MonkeyPatch) -> Supervision:
+    monkeypatch.setattr(supervision, "MONITORS", (Told, Told))
+    return Supervision(SAFETY, age_limits(WANTED, SAFETY, PERIOD_NS), ROBOT)
+
+
+def enabled(stamp_ns: int) -> Feedback:
+    return replace(GOOD, motor=replace(GOOD.motor, state=DriveState.ENABLED, stamp_ns=stamp_ns))
+
+
+@pytest.mark.parametrize(("late_ns", "is_fault"), [(0, False), (1, True)])
+def test_power_is_unasked_for_once_the_drives_time_out_and_some_grace_are_over(
+    alone: Supervision, late_ns: int, is_fault: bool
+) -> None:
+    alone.powered(NOW)
+    assert alone.unasked() is None, "nothing was heard of the drive"
+    alone.health.update(enabled(NOW + LIMIT_NS + late_ns))
+    expected = "emergency stop: the motor controller is enabled without a command"
+    assert alone.unasked() == (Fault(FaultCode.DRIVES_UNASKED, expected) if is_fault else None)
+
+
+@pytest.mark.parametrize("state", [state for state in DriveState if state != DriveState.ENABLED])
+def test_a_drive_without_power_needs_no_command(alone: Supervision, state: DriveState) -> None:
+    motor = replace(GOOD.motor, state=state, stamp_ns=NOW + 10 * LIMIT_NS)
+    alone.health.update(replace(GOOD, motor=motor))
+    assert alone.unasked() is None
+
+
+def test_before_any_command_the_grace_counts_from_the_start(alone: Supervision) -> None:
+    alone.health.update(enabled(LIMIT_NS))
+    assert alone.unasked() is None
+    alone.health.update(enabled(LIMIT_NS + 1))
+    assert alone.unasked() is not None
+
+
+def test_monitors_get_the_newest_supply_and_all_of_the_tick(alone: Supervision) -> None:
+    motion = object()
+    alone.compare(GOOD, COMMAND, motion)
+    alone.health.update(GOOD)
+    without = replace(GOOD, drive=None)
+    alone.compare(without, COMMAND, motion)
+    for monitor in alone._monitors:
+        assert monitor.inputs == [
+            MonitorInputs(GOOD, COMMAND, None, motion),
+            MonitorInputs(without, COMMAND, GOOD.drive.bus_voltage_v, motion),
+        ]
+
+
+def test_the_first_contradiction_is_kept_until_the_robot_is_armed_again(
+    alone: Supervision,
+) -> None:
+    alone.health.update(enabled(NOW))
+    one, other = alone._monitors
+    assert alone.fault(NOW) is None
+    one.found, other.found = FIRST, LATER
+    alone.compare(GOOD, COMMAND, None)
+    one.found, other.found = LATER, None
+    alone.compare(GOOD, COMMAND, None)
+    assert alone.fault(NOW) == FIRST
+    one.found = None
+    alone.armed(NOW)
+    assert (one.resets, other.resets) == (1, 1)
+    alone.compare(GOOD, COMMAND, None)
+    assert alone.fault(NOW) is None
+
+
+def test_wheels_that_did_not_get_the_command_are_not_to_blame(alone: Supervision) -> None:
+    drive = replace(GOOD.drive, command_age_ms=100)
+    alone.health.update(replace(enabled(NOW), drive=drive))
+    assert alone.fault(NOW) is None, "alone it stops nobody"
+    alone._monitors[0].found = FIRST
+    alone.compare(GOOD, COMMAND, None)
+    assert alone.fault(NOW).code is FaultCode.COMMAND_LOSS
+    stale = NOW + 16 * MS
+    assert alone.fault(stale).code is FaultCode.WHEELS_STALE, "health comes first"
+
+
+def test_a_robot_at_rest_is_armed_and_one_that_tells_nothing_is_not(alone: Supervision) -> None:
+    codes = [fault.code for fault in alone.refusals(NOW, (0.0, 0.0), None, enabled=False)]
+    assert FaultCode.BATTERY_MISSING in codes
+    assert FaultCode.MOTOR_STALE in codes
+    alone.health.update(GOOD)
+    assert alone.refusals(NOW, (0.0, 0.0), None, enabled=False) == ()
+
+
+@pytest.mark.parametrize("lost", ["motor", "drive", "battery"])
+def test_values_are_judged_only_once_all_have_come(alone: Supervision, lost: str) -> None:
+    alone.health.update(replace(GOOD, **{lost: None}))
+    assert len(alone.refusals(NOW, (9.0, 0.0), None, enabled=False)) == 1
+
+
+def test_values_that_cannot_be_speak_against_arming(alone: Supervision) -> None:
+    hot = replace(GOOD, motor=replace(GOOD.motor, temperature1_c=float("nan")))
+    alone.health.update(hot)
+    assert len(alone.refusals(NOW, (0.0, 0.0), None, enabled=False)) >= 1
+
+
+@pytest.mark.parametrize(("up", "codes"), [((0.0, 0.0, 1.0), []), ((0.5, 0.0, 0.866), [123])])
+def test_a_tilted_robot_is_not_armed(
+    alone: Supervision, up: tuple[float, float, float], codes: list[int]
+) -> None:
+    alone.health.update(GOOD)
+    imu = ImuFeedback(NOW, NOW, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81), up)
+    found = alone.refusals(NOW, (0.0, 0.0), imu, enabled=False)
+    assert [fault.code for fault in found] == codes
