@@ -13,10 +13,8 @@ from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
 
-_TURN_RAD: Final = math.radians(3.0)
-"""Between two poses at which the body is checked as it turns."""
 _STEP: Final = 0.25
-"""The same as it drives [cells]."""
+"""The greatest distance that a corner of the body moves between two checks [cells]."""
 _CIRCLES: Final = 4
 """Between that in which the body can turn and that in which it fits."""
 
@@ -56,7 +54,8 @@ def collisions(space: PlanningMap, poses: NDArray[np.float64]) -> NDArray[np.flo
     stuck = []
     for a, b in itertools.pairwise(poses):
         turn = wrap_angle(b[2] - a[2])
-        count = 1 + int(max(math.dist(a[:2], b[:2]) / _STEP, abs(turn) / _TURN_RAD))
+        corner = max(math.dist(a[:2], b[:2]), abs(turn) * space.circumscribed)
+        count = 1 + int(corner / _STEP)
         share = np.linspace(0.0, 1.0, count + 1)[:, np.newaxis]
         between = a + share * np.array([b[0] - a[0], b[1] - a[1], turn])
         hits = space.collides(between)

@@ -80,4 +80,4 @@ def test_poses_go_to_cells_and_back(x_m, y_m, theta, origin_rad):
     assert back[:2] == pytest.approx((x_m, y_m), abs=1e-9)
     assert math.remainder(back[2] - theta, math.tau) == pytest.approx(0.0, abs=1e-9)
     row, column = grid.cell_of(np.array([[x_m, y_m]]))[0]
-    assert (math.floor(there.y_m), math.floor(there.x_m)) == (row, column)
+    assert (there.x_m - column, there.y_m - row) == pytest.approx((0.5, 0.5), abs=0.5 + 1e-9)
