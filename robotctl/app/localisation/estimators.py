@@ -14,8 +14,8 @@ from robotctl.app.localisation.ekf_localiser import make_ekf
 from robotctl.app.localisation.localiser import Localiser, LocaliserBegin, LocaliserInput
 from robotctl.app.localisation.mapper import Mapper, live_map
 from robotctl.app.localisation.mcl_localiser import make_mcl
-from robotctl.app.localisation.scan_messages import camera_scan, lidar_scan
 from robotctl.config.robot_file import RobotConfig
+from robotctl.core.scan_messages import camera_scan, lidar_scan
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.mcl.free_space import free_area_m2
 from robotctl.estimation.mcl.search_size import too_large

@@ -22,9 +22,9 @@ from robotctl.app.localisation.localiser import (
 )
 from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import pose_measurement
-from robotctl.app.localisation.scan_messages import camera_scan, lidar_scan
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
+from robotctl.core.scan_messages import camera_scan, lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.kalman.ekf import checked_covariance

@@ -15,9 +15,9 @@ from firmware_sim.camera.camera import Camera
 from firmware_sim.camera.truth import sightings
 from firmware_sim.config.config import load_robot as load_simulated_robot
 from firmware_sim.world.world import load_world
-from robotctl.app.localisation.scan_messages import camera_scan
 from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.config.robot_file import find_file, load_robot
+from robotctl.core.scan_messages import camera_scan
 from robotctl.errors import ConfigError
 from robotctl.messages.control import SafetyState
 from robotctl.messages.estimation import CameraView

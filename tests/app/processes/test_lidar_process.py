@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import zmq
 
-from robotctl.app.localisation.scan_messages import lidar_scan
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
+from robotctl.core.scan_messages import lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.messages.estimation import LidarScan
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
