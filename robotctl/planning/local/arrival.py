@@ -1,0 +1,153 @@
+"""The last piece of a path: position and heading within tolerance, without dithering.
+
+A robot that turns on the spot drives to the position, then turns once to the heading; small errors
+beside the way are left as they are. One that steers stays on the line through the goal, by feedback
+over the way driven: with the error y beside the line and the error theta of the heading, the change
+of theta per length is -k^2 y - 2 k theta, both errors fading as exp(-k s).
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import Final, NamedTuple
+
+from robotctl.model.drives.drives import Drive
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.local.controller import ControllerConfig
+
+NEAR_M: Final = 0.35
+"""From here on a robot that turns on the spot arrives."""
+NEAR_STEERED_M: Final = 0.6
+_TURN_FIRST: Final = 0.6
+"""A bearing beyond this is turned to on the spot [rad]."""
+_BESIDE: Final = 0.3
+"""Share of the tolerance that the position may be off beside the way."""
+_INSIDE: Final = 0.6
+"""Share of the tolerances within which the robot stops."""
+_GAIN_PER_M: Final = 5.0
+_LEAVES: Final = 1.5
+"""Multiple of the tolerances beyond which it begins again."""
+_CREEP_M_S: Final = 0.05
+_TURN_RATE: Final = 0.15
+"""Slowest turn [rad/s]."""
+
+
+class _Phase(enum.Enum):
+    DRIVE = enum.auto()
+    TURN = enum.auto()
+    STAND = enum.auto()
+
+
+class ArrivalStep(NamedTuple):
+    """What the robot is to do."""
+
+    v_m_s: float
+    omega_rad_s: float
+    arrived: bool
+    missed: bool
+    """Whether it stands and cannot reach the goal from here without another path."""
+
+
+class Arrival:
+    """Drives to the last pose of a path.
+
+    Parameters
+    ----------
+    config
+        Its tolerances and deceleration count.
+    drive
+        Says whether the robot can turn on the spot and how tightly it can drive.
+    omega_max_rad_s, alpha_rad_s2
+        Fastest turn, and deceleration planned for the end of a turn.
+    """
+
+    def __init__(
+        self, config: ControllerConfig, drive: Drive, omega_max_rad_s: float, alpha_rad_s2: float
+    ) -> None:
+        self._config = config
+        self._steered = drive.steered
+        self._radius = drive.min_turning_radius_m
+        self._omega_max = omega_max_rad_s
+        self._alpha = alpha_rad_s2
+        self.near_m = NEAR_STEERED_M if drive.steered else NEAR_M
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again."""
+        self._phase = _Phase.DRIVE
+
+    def step(self, pose: SE2, goal: SE2, speed_m_s: float, *, reverse: bool) -> ArrivalStep:
+        """Return the next velocity for a robot near the goal."""
+        off = pose.inverse() @ goal
+        distance = math.hypot(off.x_m, off.y_m)
+        if self._phase is not _Phase.DRIVE and self._has_left(distance, off.theta_rad):
+            self._phase = _Phase.DRIVE
+        if self._steered:
+            return self._along_line(pose, goal, distance, speed_m_s, reverse=reverse)
+        if self._phase is _Phase.DRIVE:
+            if not self._is_there(off, distance):
+                return self._drive(off, distance, speed_m_s)
+            self._phase = _Phase.TURN
+        if self._phase is _Phase.TURN:
+            error = off.theta_rad
+            if abs(error) > _INSIDE * self._config.heading_tolerance_rad:
+                return ArrivalStep(0.0, self._turn(error), False, False)
+            self._phase = _Phase.STAND
+        return ArrivalStep(0.0, 0.0, True, False)
+
+    def _has_left(self, distance_m: float, error_rad: float) -> bool:
+        """Return whether the robot was carried away from where it had arrived."""
+        config = self._config
+        turned = self._phase is _Phase.STAND
+        return distance_m > _LEAVES * config.position_tolerance_m or (
+            turned and abs(error_rad) > _LEAVES * config.heading_tolerance_rad
+        )
+
+    def _is_there(self, off: SE2, distance_m: float) -> bool:
+        """Return whether the position is reached, or was passed closely enough."""
+        tolerance = self._config.position_tolerance_m
+        beside = abs(off.x_m) < 0.5 * _INSIDE * tolerance and distance_m < 0.9 * tolerance
+        return distance_m < _INSIDE * tolerance or beside
+
+    def _drive(self, off: SE2, distance_m: float, speed_m_s: float) -> ArrivalStep:
+        """Drive to the position, backwards where it lies behind."""
+        gear = 1.0 if off.x_m >= 0.0 else -1.0
+        bearing = math.atan2(gear * off.y_m, abs(off.x_m))
+        if abs(bearing) > _TURN_FIRST:
+            return ArrivalStep(0.0, self._turn(bearing), False, False)
+        way = max(distance_m - 0.25 * self._config.position_tolerance_m, 0.0)
+        v = gear * max(self._speed(way, speed_m_s), _CREEP_M_S)
+        y = off.y_m if abs(off.y_m) > _BESIDE * self._config.position_tolerance_m else 0.0
+        omega = 2.0 * abs(v) * gear * y / max(distance_m, 0.15) ** 2
+        return ArrivalStep(v, min(max(omega, -self._omega_max), self._omega_max), False, False)
+
+    def _speed(self, way_m: float, speed_m_s: float) -> float:
+        """Return the speed from which half the sure deceleration stops in a way [m/s]."""
+        return min(speed_m_s, math.sqrt(self._config.deceleration_m_s2 * way_m))
+
+    def _turn(self, error_rad: float) -> float:
+        """Return the rate that closes an error with half the angular deceleration [rad/s]."""
+        size = abs(error_rad)
+        rate = min(math.sqrt(self._alpha * size), 3.0 * size, self._omega_max)
+        return math.copysign(max(rate, _TURN_RATE), error_rad)
+
+    def _along_line(
+        self, pose: SE2, goal: SE2, distance_m: float, speed_m_s: float, *, reverse: bool
+    ) -> ArrivalStep:
+        """Stay on the line through the goal until it lies abeam."""
+        config = self._config
+        here = goal.inverse() @ pose
+        gear = -1.0 if reverse else 1.0
+        way = -gear * here.x_m
+        error = wrap_angle(here.theta_rad)
+        if self._phase is _Phase.STAND or way < 0.25 * config.position_tolerance_m:
+            self._phase = _Phase.STAND
+            inside = distance_m <= config.position_tolerance_m
+            arrived = inside and abs(error) <= config.heading_tolerance_rad
+            return ArrivalStep(0.0, 0.0, arrived, not arrived)
+        change = -gear * _GAIN_PER_M**2 * here.y_m - 2.0 * _GAIN_PER_M * error
+        change = min(max(change, -1.0 / self._radius), 1.0 / self._radius)
+        v = max(self._speed(way, speed_m_s), _CREEP_M_S)
+        return ArrivalStep(gear * v, v * change, False, False)

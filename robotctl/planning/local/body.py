@@ -1,0 +1,173 @@
+"""Where a body may be: its exact outline among the cells of a map and things that move.
+
+All lengths are in cells of the map, times in seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.compiled import compiled
+from robotctl.model.footprint import Footprint
+
+_APART: Final = 0.93
+"""Distance of a point from blocked cells may be this much smaller than its cell's clearance: the
+point is up to 0.71 from the centre, and a corner up to 0.21 nearer than the clearance says."""
+_SPACING: Final = 0.25
+"""Between two points of the outline."""
+TOUCH: Final = -1e9
+"""The gap of a body that touches something."""
+
+
+class Body(NamedTuple):
+    """A convex body, with a margin round it."""
+
+    outline: NDArray[np.float64]
+    """(n, 2) points of the outline, in order."""
+    discs: NDArray[np.float64]
+    """(k, 3) circles that cover it."""
+    sides: NDArray[np.float64]
+    """(m, 3): unit normals that point outwards, and the distance of the sides from `base`."""
+    reach: float
+    """From `base` to its farthest point."""
+
+
+class Surroundings(NamedTuple):
+    """What a body must not touch."""
+
+    blocked: NDArray[np.bool_]
+    clearance: NDArray[np.float32]
+    """As in `PlanningMap`."""
+    moving: NDArray[np.float64]
+    """(k, 5) x, y, vx, vy, radius."""
+
+
+def make_body(footprint: Footprint, margin_m: float, resolution_m: float) -> Body:
+    """Return a footprint grown by a margin; its corners stay sharp."""
+    sides = []
+    for (ax, ay), (bx, by) in footprint.sides():
+        length = math.dist((ax, ay), (bx, by))
+        nx, ny = (by - ay) / length, (ax - bx) / length
+        sides.append((nx, ny, nx * ax + ny * ay + margin_m))
+    corners = []
+    for (ax, ay, a), (bx, by, b) in zip(sides[-1:] + sides[:-1], sides, strict=True):
+        determinant = ax * by - ay * bx
+        corners.append(((a * by - b * ay) / determinant, (b * ax - a * bx) / determinant))
+    grown = Footprint(tuple(corners))
+    scale = np.array([1.0, 1.0, 1.0 / resolution_m])
+    return Body(
+        _outline(np.array(corners) / resolution_m),
+        grown.discs() / resolution_m,
+        np.array(sides) * scale,
+        grown.circumscribed_m / resolution_m,
+    )
+
+
+def _outline(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points round a polygon, at most `_SPACING` apart, corners included."""
+    points = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = math.ceil(math.dist(a, b) / _SPACING)
+        points.append(a + (b - a) * (np.arange(count) / count)[:, np.newaxis])
+    return np.concatenate(points)
+
+
+@compiled
+def gap(space: Surroundings, body: Body, x: float, y: float, c: float, s: float) -> float:
+    """Return about how far a body is from blocked cells; `TOUCH` where its outline is in one.
+
+    From `_APART` on, it is free to move so far less `_APART`. `c`, `s`: cosine and sine of its
+    heading.
+    """
+    rows, columns = space.clearance.shape
+    near = np.inf
+    for k in range(len(body.discs)):
+        px, py = body.discs[k, 0], body.discs[k, 1]
+        column, row = x + c * px - s * py, y + s * px + c * py
+        clear = -0.5
+        if 0.0 <= row < rows and 0.0 <= column < columns:
+            clear = float(space.clearance[int(row), int(column)])
+        near = min(near, clear - body.discs[k, 2])
+    if near >= _APART:
+        return near
+    k = 0
+    while k < len(body.outline):
+        px, py = body.outline[k, 0], body.outline[k, 1]
+        column, row = x + c * px - s * py, y + s * px + c * py
+        if not (0.0 <= row < rows and 0.0 <= column < columns):
+            return TOUCH
+        clear = float(space.clearance[int(row), int(column)])
+        if clear < 0.0:
+            return TOUCH
+        # Round this point nothing is nearer than that: the next ones in it need no look.
+        k += max(1, int((clear - _APART) / _SPACING))
+    return max(near, 0.0)
+
+
+@compiled
+def gap_to_moving(
+    space: Surroundings, body: Body, x: float, y: float, c: float, s: float, time: float
+) -> float:
+    """Return the gap between a body and what moves, where that is predicted to be at a time.
+
+    Negative where they overlap; at corners up to 1 / sqrt(2) of what it is.
+    """
+    least = np.inf
+    for i in range(len(space.moving)):
+        mx = space.moving[i, 0] + time * space.moving[i, 2] - x
+        my = space.moving[i, 1] + time * space.moving[i, 3] - y
+        px, py = c * mx + s * my, c * my - s * mx
+        outside = -np.inf
+        for k in range(len(body.sides)):
+            outside = max(outside, body.sides[k, 0] * px + body.sides[k, 1] * py - body.sides[k, 2])
+        least = min(least, outside - space.moving[i, 4])
+    return least
+
+
+@compiled
+def can_stop(
+    space: Surroundings,
+    body: Body,
+    pose: tuple[float, float, float],
+    v: float,
+    omega: float,
+    hold_s: float,
+    brake_s: float,
+) -> bool:
+    """Return whether a body may go on with a velocity for some time and then brake on that arc.
+
+    Both velocities fall to 0 evenly in `brake_s`. The way is walked in steps in which no point of
+    the outline moves by more than what is free round it, or by `_SPACING`.
+    """
+    whole_s = hold_s + 0.5 * brake_s
+    angle = omega * whole_s
+    reach = abs(v) * whole_s + abs(angle) * body.reach
+    share = 0.0
+    while True:
+        half = 0.5 * angle * share
+        chord = v * whole_s * share
+        if abs(half) > 1e-4:
+            chord *= np.sin(half) / half
+        x = pose[0] + chord * np.cos(pose[2] + half)
+        y = pose[1] + chord * np.sin(pose[2] + half)
+        c, s = np.cos(pose[2] + 2.0 * half), np.sin(pose[2] + 2.0 * half)
+        free = gap(space, body, x, y, c, s)
+        if free == TOUCH:
+            return False
+        step = max(free - _APART, _SPACING)
+        if len(space.moving):
+            # From the length of the way to the time: even at first, then ever slower.
+            left_s = max(whole_s * (1.0 - share), 0.0)
+            time = whole_s * share
+            if time > hold_s:
+                time = hold_s + brake_s - np.sqrt(2.0 * left_s * brake_s)
+            if gap_to_moving(space, body, x, y, c, s, time) <= 0.0:
+                return False
+            step = min(step, 2.0 * _SPACING)
+        if share >= 1.0 or reach <= 0.0:
+            return True
+        share = min(1.0, share + step / reach)

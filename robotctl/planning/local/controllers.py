@@ -1,0 +1,21 @@
+"""The registry of local controllers: one line adds a controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.model.drives.drives import Drive
+from robotctl.model.footprint import Footprint
+from robotctl.planning.local.controller import Controller, ControllerConfig
+from robotctl.planning.local.dwa import DynamicWindow
+from robotctl.planning.local.follower import Follower
+
+CONTROLLERS: Final[
+    dict[str, Callable[[ControllerConfig, Drive, LimitsConfig, Footprint], Controller]]
+] = {
+    "dwa": lambda config, drive, limits, footprint: Follower(
+        config, drive, limits, footprint, DynamicWindow(config)
+    ),
+}

@@ -1,0 +1,293 @@
+"""Follows a path: what the local controllers share; each brings its own search for a velocity."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.model.drives.drives import Drive
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.local.arrival import Arrival
+from robotctl.planning.local.body import Body, Surroundings, make_body
+from robotctl.planning.local.controller import ControllerConfig, LocalMotion, LocalSituation
+from robotctl.planning.local.rollout import (
+    Motion,
+    Problem,
+    Weights,
+    braked,
+    first_velocity,
+    is_admissible,
+    price,
+)
+from robotctl.planning.local.track import Track
+
+_CREEP_M_S: Final = 0.25
+_TIGHT: Final = 0.25
+"""Least margin [cells]: what the outline's points may miss."""
+_LATERAL_M: Final = 0.5
+_LOOK_M: Final = 0.5
+_PEOPLE_M: Final = 0.5
+_STILL: Final = 1e-3
+"""Below this the robot stands [m/s, rad/s]."""
+_PATIENCE: Final = 10
+"""Steps for which nothing leads on before the robot backs off."""
+_BACK_M: Final = 0.3
+_BACKS: Final = 3
+"""Times that it backs off on one path."""
+BLOCKED: Final = 3.0
+PEOPLE: Final = 2.0
+
+
+class Choice(NamedTuple):
+    """What a search decided."""
+
+    v: float
+    omega: float
+    targets: NDArray[np.float64]
+    """(n, 2) wanted velocities from then on."""
+
+
+class Search(Protocol):
+    """Chooses the next velocity."""
+
+    steps: int
+    """How many the time ahead is cut into."""
+
+    def reset(self) -> None:
+        """Forget the last step."""
+
+    def choose(self, problem: Problem) -> Choice | None:
+        """Return the best admissible velocity; None: only braking is left."""
+
+
+class Follower:
+    """A controller of any kind.
+
+    Parameters
+    ----------
+    config, drive, limits, footprint
+        Of the robot.
+    search
+        Chooses velocities.
+    """
+
+    def __init__(
+        self,
+        config: ControllerConfig,
+        drive: Drive,
+        limits: LimitsConfig,
+        footprint: Footprint,
+        search: Search,
+    ) -> None:
+        self._config = config
+        self._limits = limits
+        self._footprint = footprint
+        self._search = search
+        self._radius = drive.min_turning_radius_m
+        share = min(1.0, config.deceleration_m_s2 / limits.a_max_m_s2)
+        self._turn_brake = share * limits.alpha_max_rad_s2
+        self._arrival = Arrival(config, drive, limits.omega_max_rad_s, self._turn_brake)
+        self._bodies: dict[float, tuple[Body, Body]] = {}
+        self._path: NDArray[np.float64] = np.empty((0, 3))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last step: the path is another one, or the robot was moved."""
+        self._track: Track | None = None
+        self._search.reset()
+
+    def step(self, situation: LocalSituation) -> LocalMotion:
+        """Return the next velocity, from which the robot can always stop before it touches."""
+        track = self._follow(situation)
+        problem = self._problem(situation, track)
+        if track.is_last and self._is_near(situation.pose, track):
+            return self._arrive(situation, track, problem)
+        if self._backing_m > 0.0:
+            return self._back(situation, problem)
+        choice = self._search.choose(problem)
+        if choice is None:
+            v, omega = braked(problem)
+            choice = Choice(v, omega, np.zeros((1, 2)))
+        return self._moving(situation, problem, choice)
+
+    def _follow(self, situation: LocalSituation) -> Track:
+        """Return the track with the robot's place on it."""
+        track, pose = self._track, situation.pose
+        if track is None or situation.path is not self._path:
+            self._path = situation.path
+            track = self._track = Track(situation.path, situation.reverse)
+            self._arrival.reset()
+            self._waited, self._backing_m, self._backs = 0, 0.0, 0
+        track.advance(pose)
+        at_end = track.remaining_m <= self._config.position_tolerance_m
+        if at_end and not track.is_last and abs(situation.twist.v_m_s) < 0.05:
+            track.next_section()
+            track.advance(pose)
+            self._search.reset()
+        return track
+
+    def _is_near(self, pose: SE2, track: Track) -> bool:
+        """Return whether the robot is about to arrive."""
+        goal, near_m = track.goal, self._arrival.near_m
+        distance = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
+        return distance <= near_m and track.remaining_m <= 1.5 * near_m
+
+    def _problem(self, situation: LocalSituation, track: Track) -> Problem:
+        """Return the situation in cells of its map."""
+        config, space, speed = self._config, situation.space, situation.speed_m_s
+        side_m = space.grid.resolution_m
+        if side_m not in self._bodies:
+            tight_m = _TIGHT * side_m
+            self._bodies[side_m] = (
+                make_body(self._footprint, max(config.margin_m, tight_m), side_m),
+                make_body(self._footprint, tight_m, side_m),
+            )
+        body, tight = self._bodies[side_m]
+        v_max = min(speed, self._limits.v_max_m_s)
+        points, ends = track.window(v_max * config.tau_s + 2.0 * _LOOK_M)
+        v_most = v_max
+        if ends:
+            v_most = min(v_max, math.sqrt(2.0 * config.deceleration_m_s2 * track.remaining_m))
+        pose = space.to_cells(situation.pose)
+        return Problem(
+            Surroundings(space.blocked, space.clearance, _in_cells(space, situation.moving)),
+            body,
+            tight,
+            self._motion(v_max, side_m),
+            self._weights(side_m),
+            (pose.x_m, pose.y_m, pose.theta_rad),
+            situation.twist.v_m_s / side_m,
+            float(situation.twist.omega_rad_s),
+            _path_in_cells(space, points),
+            track.section.spacing_m / side_m,
+            ends,
+            -1.0 if track.section.reverse else 1.0,
+            max(1, round(_LOOK_M / track.section.spacing_m)),
+            config.tau_s,
+            self._search.steps,
+            v_most / side_m,
+        )
+
+    def _motion(self, v_max_m_s: float, side_m: float) -> Motion:
+        """Return how the robot moves, in cells."""
+        config, limits = self._config, self._limits
+        return Motion(
+            v_max_m_s / side_m,
+            limits.omega_max_rad_s,
+            limits.a_max_m_s2 / side_m,
+            limits.alpha_max_rad_s2,
+            side_m / self._radius if self._radius > 0.0 else math.inf,
+            config.deceleration_m_s2 / side_m,
+            self._turn_brake,
+            config.reaction_s,
+            _CREEP_M_S / side_m,
+            config.dt_s,
+        )
+
+    def _weights(self, side_m: float) -> Weights:
+        """Return what counts how much, in cells."""
+        config = self._config
+        return Weights(
+            config.goal,
+            config.path,
+            config.clearance,
+            config.heading,
+            config.smoothness,
+            BLOCKED,
+            PEOPLE,
+            _LATERAL_M / side_m,
+            config.comfort_m / side_m,
+            _PEOPLE_M / side_m,
+        )
+
+    def _arrive(self, situation: LocalSituation, track: Track, problem: Problem) -> LocalMotion:
+        """Follow the law of arrival, as far as the way is free."""
+        side_m = situation.space.grid.resolution_m
+        wanted = self._arrival.step(
+            situation.pose, track.goal, situation.speed_m_s, reverse=track.section.reverse
+        )
+        steered = problem.motion.curvature_max != math.inf
+        for share in (1.0, 0.5, 0.25):
+            v, omega = share * wanted.v_m_s / side_m, share * wanted.omega_rad_s
+            turn = omega / v if steered and v != 0.0 else omega
+            v, omega = first_velocity(problem._replace(v_most=problem.motion.v_max), v, turn)
+            if is_admissible(problem, v, omega):
+                motion = self._motion_to(
+                    situation, problem, Choice(v, omega, np.array([[v, turn]]))
+                )
+                text = "the goal is missed, another path leads there" if wanted.missed else ""
+                still = abs(v) * side_m < _STILL and abs(omega) < _STILL
+                return motion._replace(
+                    arrived=wanted.arrived and still, blocked=wanted.missed and still, text=text
+                )
+        v, omega = braked(problem)
+        motion = self._motion_to(situation, problem, Choice(v, omega, np.zeros((1, 2))))
+        return motion._replace(blocked=True, text="something is too near to the goal")
+
+    def _back(self, situation: LocalSituation, problem: Problem) -> LocalMotion:
+        """Back off straight while that is free."""
+        side_m = situation.space.grid.resolution_m
+        v, omega = first_velocity(problem._replace(v_most=math.inf), -_CREEP_M_S / side_m, 0.0)
+        self._backing_m -= self._config.dt_s * abs(v) * side_m
+        if not is_admissible(problem, v, omega):
+            self._backing_m = 0.0
+            v, omega = braked(problem)
+        choice = Choice(v, omega, np.array([[v, 0.0]]))
+        return self._motion_to(situation, problem, choice)._replace(text="backs off")
+
+    def _moving(self, situation: LocalSituation, problem: Problem, choice: Choice) -> LocalMotion:
+        """Return a chosen velocity and say what hinders the robot."""
+        side_m = situation.space.grid.resolution_m
+        motion = self._motion_to(situation, problem, choice)
+        still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
+        self._waited = self._waited + 1 if still else 0
+        people = self._waits_for_people(problem, side_m)
+        if not still:
+            slow = abs(motion.v_m_s) < 0.5 * situation.speed_m_s
+            return motion._replace(text="lets somebody pass" if people and slow else "")
+        if self._waited >= _PATIENCE and self._backs < _BACKS and not people:
+            self._waited, self._backing_m, self._backs = 0, _BACK_M, self._backs + 1
+        text = "waits for somebody to pass" if people else "no way on along the path"
+        return motion._replace(blocked=True, text=text)
+
+    def _waits_for_people(self, problem: Problem, side_m: float) -> bool:
+        """Return whether something that moves is near."""
+        x, y, _ = problem.pose
+        moving = problem.space.moving
+        away = np.hypot(moving[:, 0] - x, moving[:, 1] - y) - moving[:, 4]
+        return bool((away * side_m < 2.0).any())
+
+    def _motion_to(
+        self, situation: LocalSituation, problem: Problem, choice: Choice
+    ) -> LocalMotion:
+        """Return a velocity with the places that it leads through."""
+        ahead = np.empty((problem.steps, 3))
+        ahead[:] = problem.pose
+        price(problem, choice.targets, ahead)
+        space = situation.space
+        v_m_s = float(choice.v) * space.grid.resolution_m
+        return LocalMotion(v_m_s, float(choice.omega), space.to_world(ahead))
+
+
+def _in_cells(space: PlanningMap, moving: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what moves, in the map's frame and cells."""
+    origin, side_m = space.grid.origin, space.grid.resolution_m
+    c, s = math.cos(origin.theta_rad), math.sin(origin.theta_rad)
+    x, y, vx, vy, radius = (moving / side_m).T
+    x, y = x - origin.x_m / side_m, y - origin.y_m / side_m
+    return np.stack([c * x + s * y, c * y - s * x, c * vx + s * vy, c * vy - s * vx, radius], 1)
+
+
+def _path_in_cells(space: PlanningMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return x, y, cosine and sine of each pose in the map's frame."""
+    origin, side_m = space.grid.origin, space.grid.resolution_m
+    c, s = math.cos(origin.theta_rad), math.sin(origin.theta_rad)
+    x, y = (points[:, 0] - origin.x_m) / side_m, (points[:, 1] - origin.y_m) / side_m
+    angles = points[:, 2] - origin.theta_rad
+    return np.stack([c * x + s * y, c * y - s * x, np.cos(angles), np.sin(angles)], 1)

@@ -1,0 +1,268 @@
+"""What velocities lead to: all candidates are driven ahead and priced at once.
+
+A candidate is a sequence of wanted velocities; the robot follows them within its accelerations. It
+is admissible if the robot, after one step with its first velocity, can still stop before it
+touches anything (Fox, Burgard, Thrun, "The dynamic window approach to collision avoidance", 1997).
+All lengths are in cells of the map, times in seconds.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.compiled import compiled
+from robotctl.planning.local.body import TOUCH, Body, Surroundings, can_stop, gap, gap_to_moving
+
+_AHEAD: Final = 6
+"""Points of the path that are looked at for a nearer one."""
+_LET_PASS_S: Final = 0.8
+"""What moves claims the place where it is so long after."""
+
+
+class Motion(NamedTuple):
+    """How the robot moves, in cells and seconds."""
+
+    v_max: float
+    omega_max: float
+    a: float
+    alpha: float
+    curvature_max: float
+    """Of its path: 1 / the smallest turning radius; inf if it turns on the spot."""
+    brake: float
+    """Deceleration that it manages for sure."""
+    turn_brake: float
+    """The same of turning [rad/s^2]."""
+    reaction_s: float
+    creep: float
+    """Up to this speed the margin is not needed."""
+    dt_s: float
+
+
+class Weights(NamedTuple):
+    """What counts how much; lengths in cells."""
+
+    goal: float
+    path: float
+    clearance: float
+    heading: float
+    smoothness: float
+    blocked: float
+    people: float
+    lateral: float
+    """Distance from the path that costs 1."""
+    comfort: float
+    """Gap from which on nearness costs nothing."""
+    people_comfort: float
+
+
+class Problem(NamedTuple):
+    """All that a step depends on."""
+
+    space: Surroundings
+    body: Body
+    """With its margin."""
+    tight: Body
+    """Nearly without."""
+    motion: Motion
+    weights: Weights
+    pose: tuple[float, float, float]
+    v: float
+    omega: float
+    path: NDArray[np.float64]
+    """(n, 4): x, y, cosine and sine of the heading there, from near the robot on."""
+    spacing: float
+    """Between two points of the path."""
+    ends: bool
+    """Whether the robot is to stop at the last point."""
+    gear: float
+    """1, or -1 in reverse."""
+    ahead: int
+    """Points of the path from the nearest to the one that the robot is to look at."""
+    tau_s: float
+    steps: int
+    v_most: float
+    """Speed from which it can stop at the last point, where it is to."""
+
+
+@compiled
+def towards(value: float, target: float, change: float) -> float:
+    """Return a value moved to a target by a change at most."""
+    return min(max(target, value - change), value + change)
+
+
+@compiled
+def first_velocity(problem: Problem, v_target: float, turn: float) -> tuple[float, float]:
+    """Return the velocity after one step towards a target.
+
+    `turn` is the rate, or the curvature of a robot that cannot turn on the spot.
+    """
+    motion = problem.motion
+    target = min(max(v_target, -problem.v_most), problem.v_most)
+    v = towards(problem.v, target, motion.a * motion.dt_s)
+    wanted = turn if motion.curvature_max == np.inf else v * turn
+    return v, _turning(motion, v, problem.omega, wanted, motion.dt_s)
+
+
+@compiled
+def _turning(motion: Motion, v: float, omega: float, wanted: float, time: float) -> float:
+    """Return the turn rate after some time."""
+    omega = towards(omega, wanted, motion.alpha * time)
+    most = motion.omega_max
+    if motion.curvature_max != np.inf:
+        most = min(most, abs(v) * motion.curvature_max)
+    return min(max(omega, -most), most)
+
+
+@compiled
+def braked(problem: Problem) -> tuple[float, float]:
+    """Return the velocity after one step of braking on the present arc."""
+    motion = problem.motion
+    brake_s = max(abs(problem.v) / motion.brake, abs(problem.omega) / motion.turn_brake)
+    share = max(1.0 - motion.dt_s / brake_s, 0.0) if brake_s > 0.0 else 0.0
+    return problem.v * share, problem.omega * share
+
+
+@compiled
+def is_admissible(problem: Problem, v: float, omega: float) -> bool:
+    """Return whether the robot can stop after a step with a velocity, the reaction included."""
+    motion = problem.motion
+    brake_s = max(abs(v) / motion.brake, abs(omega) / motion.turn_brake)
+    body = problem.tight if abs(v) <= motion.creep else problem.body
+    return can_stop(
+        problem.space, body, problem.pose, v, omega, motion.dt_s + motion.reaction_s, brake_s
+    )
+
+
+@compiled
+def nearest(path: NDArray[np.float64], j: int, x: float, y: float) -> int:
+    """Return the path's point nearest to a place, from a near one on."""
+    least = (path[j, 0] - x) ** 2 + (path[j, 1] - y) ** 2
+    best, k = j, j
+    while k < min(best + _AHEAD, len(path) - 1):
+        k += 1
+        squared = (path[k, 0] - x) ** 2 + (path[k, 1] - y) ** 2
+        if squared < least:
+            least, best = squared, k
+    return best
+
+
+@compiled
+def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.float64]) -> float:
+    """Return the cost of wanted velocities (n, 2), of which the last goes on.
+
+    The places that they lead through are written to `drawn` (m, 3), as far as it has room.
+    """
+    motion, weights, path, gear = problem.motion, problem.weights, problem.path, problem.gear
+    x, y, c, s = problem.pose[0], problem.pose[1], np.cos(problem.pose[2]), np.sin(problem.pose[2])
+    v, omega, angle = problem.v, problem.omega, problem.pose[2]
+    last, step_s = len(path) - 1, problem.tau_s / problem.steps
+    j = nearest(path, 0, x, y)
+    begin = _along(path, problem.spacing, gear, j, x, y)
+    lateral = close = people = missing = 0.0
+    along = begin
+    for i in range(problem.steps):
+        k = min(i, len(targets) - 1)
+        if i == 0:
+            v, omega = first_velocity(problem, targets[0, 0], targets[0, 1])
+        else:
+            v = towards(v, targets[k, 0], motion.a * step_s)
+            if problem.ends:
+                most = np.sqrt(2.0 * motion.brake * max(last * problem.spacing - along, 0.0))
+                v = min(max(v, -most), most)
+            wanted = targets[k, 1] if motion.curvature_max == np.inf else v * targets[k, 1]
+            omega = _turning(motion, v, omega, wanted, step_s)
+        turn = omega * step_s
+        # Cosine and sine of half the turn by series: they are right to 1e-6 up to 1 rad.
+        half = 0.25 * turn * turn
+        ch = 1.0 - half * (0.5 - half * (1.0 / 24.0 - half / 720.0))
+        sh = 0.5 * turn * (1.0 - half * (1.0 / 6.0 - half * (1.0 / 120.0 - half / 5040.0)))
+        c, s = c * ch - s * sh, s * ch + c * sh
+        x, y = x + v * step_s * c, y + v * step_s * s
+        c, s = c * ch - s * sh, s * ch + c * sh
+        angle += turn
+        moves = abs(v) + abs(omega) > 1e-9
+        body = problem.tight if abs(v) <= motion.creep else problem.body
+        near = gap(problem.space, body, x, y, c, s)
+        if len(problem.space.moving) and moves:
+            crowded = _crowded(problem, body, (x, y, c, s), (i + 1) * step_s)
+            people += crowded
+            near = TOUCH if crowded > 1.0 else near
+        if near == TOUCH and moves:
+            missing = float(problem.steps - i) / problem.steps
+            for m in range(i, len(drawn)):
+                drawn[m] = drawn[max(i - 1, 0)]
+            break
+        close += max(1.0 - near / weights.comfort, 0.0) ** 2
+        j = nearest(path, j, x, y)
+        along = _along(path, problem.spacing, gear, j, x, y)
+        lateral += abs((y - path[j, 1]) * path[j, 2] - (x - path[j, 0]) * path[j, 3])
+        if i < len(drawn):
+            drawn[i, 0], drawn[i, 1], drawn[i, 2] = x, y, angle
+    count = max(problem.steps * (1.0 - missing), 1.0)
+    full = motion.v_max * problem.tau_s
+    if problem.ends:
+        full = min(full, max(last * problem.spacing - begin, problem.spacing))
+    return (
+        weights.goal * (1.0 - (along - begin) / full)
+        + weights.path * lateral / count / weights.lateral
+        + weights.clearance * close / count
+        + weights.heading * _looking_elsewhere(problem, j, (x, y, c, s))
+        + weights.smoothness * abs(omega - problem.omega) / motion.omega_max
+        + weights.people * people / count
+        + weights.blocked * missing
+    )
+
+
+@compiled
+def _crowded(
+    problem: Problem, body: Body, place: tuple[float, float, float, float], time: float
+) -> float:
+    """Return 0 to 1, the nearer something that moves is, or soon will be; 2 if they touch."""
+    x, y, c, s = place
+    now = gap_to_moving(problem.space, body, x, y, c, s, time)
+    if now <= 0.0:
+        return 2.0
+    later = gap_to_moving(problem.space, body, x, y, c, s, time + _LET_PASS_S)
+    between = gap_to_moving(problem.space, body, x, y, c, s, time + 0.5 * _LET_PASS_S)
+    least = max(min(now, between, later), 0.0)
+    return max(1.0 - least / problem.weights.people_comfort, 0.0) ** 2
+
+
+@compiled
+def _looking_elsewhere(problem: Problem, j: int, place: tuple[float, float, float, float]) -> float:
+    """Return 0 if the robot looks to the path ahead of its point j, 1 if it looks away from it."""
+    x, y, c, s = place
+    path, gear = problem.path, problem.gear
+    target = min(j + problem.ahead, len(path) - 1)
+    on_x, on_y = gear * (path[target, 0] - x), gear * (path[target, 1] - y)
+    length = float(np.hypot(on_x, on_y))
+    aligned = float(c * path[target, 2] + s * path[target, 3])
+    if length > 2.0 * problem.spacing:
+        aligned = (c * on_x + s * on_y) / length
+    return 0.5 * (1.0 - aligned)
+
+
+@compiled
+def _along(
+    path: NDArray[np.float64], spacing: float, gear: float, j: int, x: float, y: float
+) -> float:
+    """Return the length along the path to where a place lies beside it."""
+    on = float(gear * ((x - path[j, 0]) * path[j, 2] + (y - path[j, 1]) * path[j, 3]))
+    return j * spacing + min(max(on, -spacing), spacing)
+
+
+@compiled
+def price_all(problem: Problem, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cost of each candidate (n, steps, 2), (n,); inf if it is not admissible."""
+    costs = np.empty(len(targets))
+    nothing = np.empty((0, 3))
+    for i in range(len(targets)):
+        v, omega = first_velocity(problem, targets[i, 0, 0], targets[i, 0, 1])
+        if is_admissible(problem, v, omega):
+            costs[i] = price(problem, targets[i], nothing)
+        else:
+            costs[i] = np.inf
+    return costs
