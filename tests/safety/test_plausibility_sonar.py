@@ -4,8 +4,11 @@ import math
 
 import pytest
 
+from robotctl.messages.control import Feedback, ImuFeedback, SonarFeedback, WheelCommand
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.safety.monitor import MonitorInputs
 from robotctl.safety.plausibility_sonar import SonarMonitor
 
 MS = 1_000_000
@@ -421,3 +424,50 @@ def test_a_reset_forgets_what_contradicted() -> None:
         backwards(drive, front=True, rear=False)
         drive.monitor.reset()
         assert backwards(drive, front=False, rear=True) == ""
+
+
+# -- what a tick brings ----------------------------------------------------------------------------
+
+
+class Motion:
+    speeds_rad_s = (0.0, 0.0)
+    jumps = 0
+    imu: ImuFeedback | None = None
+
+    def __init__(self, x_m: float) -> None:
+        self.pose_odom_base = SE2(x_m, 0.0, 0.0)
+
+
+def ticks(front_m: tuple[float, float], rear_m: tuple[float, float]) -> Fault | None:
+    """Drive ahead by the way; the rear sonar is the sixth. Ranges go from the first to the last."""
+    monitor = SonarMonitor((RING[0], *(RING[1],) * 4, RING[2]), TRAVEL_M)
+    for number in range(9):
+        share, stamp_ns = number / 8, number * 50 * MS
+        front, rear = (first + share * (last - first) for first, last in (front_m, rear_m))
+        groups = (
+            SonarFeedback(stamp_ns, 0, (front, INF, INF, INF)),
+            SonarFeedback(stamp_ns, 4, (INF, rear, math.nan, math.nan)),
+        )
+        feedback = Feedback(sonars=groups)
+        motion = Motion(number * STEP_M)
+        fault = monitor.update(MonitorInputs(feedback, WheelCommand(), 12.0, motion))
+        assert fault is None or number == 8
+    return fault
+
+
+def test_all_groups_of_a_tick_are_compared_at_its_pose_and_their_time() -> None:
+    assert ticks((1.0, 1.0 - TRAVEL_M), (3.0, 3.0 + TRAVEL_M)) is None
+    reversed_ = ticks((1.0, 1.0 + TRAVEL_M), (3.0, 3.0 - TRAVEL_M))
+    assert reversed_ is not None
+    assert reversed_.code is FaultCode.ODOMETRY_REVERSED
+
+
+def test_a_fault_of_an_earlier_group_is_not_lost_and_names_its_sonar() -> None:
+    slip = ticks((0.5, 0.5), (3.0, 3.0 + TRAVEL_M))
+    stuck = ticks((1.0, 1.0 - TRAVEL_M), (3.0, 3.0))
+    both = ticks((0.5, 0.5), (3.0, 3.0))
+    assert slip == both
+    assert slip is not None
+    assert (slip.code, slip.part) == (FaultCode.WHEELS_SLIP, FRONT)
+    assert stuck is not None
+    assert (stuck.code, stuck.part) == (FaultCode.SONAR_STUCK, REAR)

@@ -51,6 +51,12 @@ def test_every_event_in_every_state(state: str, event: str) -> None:
     assert machine.state == SafetyState[expected]
 
 
+def test_a_machine_begins_in_boot_without_power() -> None:
+    machine = SafetyMachine()
+    assert machine.state is SafetyState.BOOT
+    assert machine.powered is False
+
+
 def test_two_states_are_powered_and_two_others_latch() -> None:
     assert {SafetyState.ARMED, SafetyState.DRIVING} == POWERED
     assert {SafetyState.FAULT, SafetyState.EMERGENCY_STOP} == LATCHED

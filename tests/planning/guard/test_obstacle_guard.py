@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robotctl.errors import InvalidValue
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
 
@@ -235,14 +236,17 @@ def test_a_sonar_at_the_edge_of_the_cone_looks_ahead():
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
 @pytest.mark.parametrize("key", ["margin_m", "reaction_s", "blocked_max_s"])
 def test_a_setting_that_is_not_positive_and_finite_is_refused_by_name(key, value):
-    with pytest.raises(ValueError, match=key):
+    with pytest.raises(InvalidValue) as found:
         GuardConfig(**{key: value})
+    assert (found.value.key, found.value.value) == (key, pytest.approx(value, nan_ok=True))
+    assert found.value.rule == f"{value} found, a finite number > 0 allowed"
 
 
 def test_a_robot_may_be_blocked_for_days_and_not_for_ever():
     GuardConfig(blocked_max_s=1e6)
-    with pytest.raises(ValueError, match="blocked_max_s: 1000001 found, at most 1000000 allowed"):
+    with pytest.raises(InvalidValue, match="1000001 found, at most 1000000 allowed") as found:
         GuardConfig(blocked_max_s=1_000_001)
+    assert (found.value.key, found.value.value) == ("blocked_max_s", 1_000_001)
 
 
 def on_floor(*points, direction=1.0):
