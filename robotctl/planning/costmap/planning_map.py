@@ -6,6 +6,7 @@ corner, and the point (x, y) lies in cell (floor(y), floor(x)). `to_cells` and `
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -56,7 +57,10 @@ class PlanningMap:
         self.blocked = self.obstacle if through_unknown else self.obstacle | (grid.cells < 0)
         self.clearance = clearance_of(self.blocked)
         """From each cell's centre to the nearest edge of a blocked cell, (rows, columns) [cells];
-        up to 0.21 more than it is where that is a corner."""
+        up to 0.21 more than it is where that is a corner. A live map does not look farther than a
+        metre beyond the robot's circle: there it says that much."""
+        self.slowness: NDArray[np.float32] | None = None
+        """How many times longer than elsewhere the robot takes, (rows, columns); None: nowhere."""
         self.samples = footprint.samples(0.5 * grid.resolution_m) / grid.resolution_m
         self.discs = footprint.discs() / grid.resolution_m
         self.inscribed = footprint.inscribed_m / grid.resolution_m
@@ -66,6 +70,19 @@ class PlanningMap:
     def shape(self) -> tuple[int, int]:
         """Number of rows and columns."""
         return self.grid.shape
+
+    def window(self, first: tuple[int, int], last: tuple[int, int]) -> PlanningMap:
+        """Return a copy of a part: from a cell to another, row and column, both included."""
+        part = copy.copy(self)
+        cells = slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
+        side_m = self.grid.resolution_m
+        origin = self.grid.origin @ SE2(first[1] * side_m, first[0] * side_m, 0.0)
+        part.grid = GridMap(self.grid.cells[cells].copy(), side_m, origin)
+        part.obstacle, part.blocked = self.obstacle[cells].copy(), self.blocked[cells].copy()
+        part.clearance = self.clearance[cells].copy()
+        if self.slowness is not None:
+            part.slowness = self.slowness[cells].copy()
+        return part
 
     def to_cells(self, pose: SE2) -> SE2:
         """Return a pose of `world` in the map's frame, in cells."""

@@ -1,0 +1,367 @@
+"""The map that the robot plans on: what it was given, with what its sensors see now.
+
+The map that the robot localises itself in stays for ever. Lidar, sonars and camera each mark and
+clear cells in a layer of their own: a lidar that looks over a box does not clear what the camera
+sees of it. What is not seen again is forgotten. Points that the map explains are not marked, so
+that a small error of the pose does not make walls thicker.
+
+It is right while the pose is: after a jump, `forget`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.errors import InvalidValue
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.grid_map import OCCUPIED, UNKNOWN, GridMap
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.costmap import marks
+from robotctl.planning.costmap.clearance import Clearance
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.zones import Zone, cells_of
+
+_OCCUPIED_PERCENT: Final = 50
+_BEYOND_M: Final = 1.0
+"""Clearance is known up to this beyond the circle in which the robot turns [m]: more than any
+planner's margin and comfort."""
+_FARTHEST_M: Final = 10.0
+"""What a lidar sees beyond is left for later [m]."""
+_AGREE_M: Final = 0.1
+"""A point this near to an obstacle of the map is that [m], and farther away as the heading errs:"""
+_AGREE_PER_M: Final = 0.015
+_SONAR_FREE_M: Final = 2.5
+"""A sonar's cone is wide beyond this: it clears nothing there [m]."""
+_NO_ECHO_M: Final = 1.0
+"""What a sonar without echo clears [m]: smooth walls at an angle return none."""
+_SONAR_BAND_M: Final = 0.05
+"""Half the depth of the arc that a sonar's echo marks [m]."""
+_FLOOR_REACH_M: Final = 1.5
+"""`FloorMemory` has all points within this of the robot [m]."""
+_BESIDE_M: Final = 0.15
+"""Points this near to a moving obstacle's circle belong to it [m]."""
+
+NOTHING_MOVES: Final = np.empty((0, 5))
+
+
+@dataclass(frozen=True, slots=True)
+class LayersConfig:
+    """How long the map remembers, and what it may assume.
+
+    Parameters
+    ----------
+    decay_s
+        What no sensor has seen again for this long is forgotten [s], 0.1 to 86400.
+    through_unknown
+        Whether the robot may pass where neither map nor sensors know anything.
+    sonar_beam_deg
+        Opening of a sonar's cone, from edge to edge [deg], 1 to 90.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    decay_s: float = 30.0
+    through_unknown: bool = False
+    sonar_beam_deg: float = 25.0
+
+    def __post_init__(self) -> None:
+        for key, low, high in (("decay_s", 0.1, 86400.0), ("sonar_beam_deg", 1.0, 90.0)):
+            value = getattr(self, key)
+            if not low <= value <= high:
+                raise InvalidValue(key, f"{value} found, {low:g} to {high:g} allowed", value)
+
+
+class LayeredMap:
+    """The live map.
+
+    Parameters
+    ----------
+    grid
+        The map that the robot localises itself in; everything beyond it is blocked.
+    footprint
+        Of the robot.
+    config
+        See there.
+    zones
+        Parts of it that the robot keeps out of or passes slowly.
+    full_speed_m_s
+        Of the robot where no zone limits it [m/s], > 0.
+    """
+
+    def __init__(
+        self,
+        grid: GridMap,
+        footprint: Footprint,
+        config: LayersConfig | None = None,
+        zones: Sequence[Zone] = (),
+        full_speed_m_s: float = 1.0,
+    ) -> None:
+        self.config = config or LayersConfig()
+        self._given = grid.cells.copy()
+        static = grid.occupied(_OCCUPIED_PERCENT)
+        for zone in zones:
+            if zone.speed_m_s == 0.0:
+                self._given[cells_of(zone, grid)] = OCCUPIED
+        live = GridMap(self._given.copy(), grid.resolution_m, grid.origin)
+        self._space = space = PlanningMap(
+            live,
+            footprint,
+            through_unknown=self.config.through_unknown,
+            occupied_percent=_OCCUPIED_PERCENT,
+        )
+        self._limits_m_s = _limits(grid, zones)
+        if self._limits_m_s is not None:
+            slowness = np.maximum(full_speed_m_s / self._limits_m_s, 1.0)
+            space.slowness = slowness.astype(np.float32)
+        reach = math.ceil((footprint.circumscribed_m + _BEYOND_M) / grid.resolution_m) + 1
+        self._clearance = Clearance(space.blocked, space.clearance, reach)
+        self._cells = marks.Cells(
+            self._given.copy(),
+            live.cells,
+            space.obstacle,
+            space.blocked,
+            np.zeros(grid.shape, np.uint8),
+            _distances(static),
+            self._clearance.stale,
+            reach,
+            _OCCUPIED_PERCENT,
+            self.config.through_unknown,
+        )
+        self._lidar = _layer(grid.shape, 1, gain=3, needed=1, most=3)
+        # One echo of a sonar in seven has nothing to do with the world: two must agree.
+        self._sonar = _layer(grid.shape, 2, gain=2, needed=3, most=6)
+        self._floor = _layer(grid.shape, 4, gain=1, needed=1, most=1)
+        self._warm_up()
+
+    @classmethod
+    def without_map(
+        cls,
+        low: tuple[float, float],
+        high: tuple[float, float],
+        resolution_m: float,
+        footprint: Footprint,
+        decay_s: float = 30.0,
+    ) -> LayeredMap:
+        """Return a map of which nothing is known, and that the robot may pass until it sees more.
+
+        Parameters
+        ----------
+        low, high
+            Its corners in `world` [m]; beyond, everything is blocked.
+        """
+        shape = tuple(math.ceil((high[i] - low[i]) / resolution_m) for i in (1, 0))
+        grid = GridMap(np.full(shape, UNKNOWN, np.int8), resolution_m, SE2(low[0], low[1], 0.0))
+        return cls(grid, footprint, LayersConfig(decay_s, through_unknown=True))
+
+    def forget(self) -> None:
+        """Forget all that was seen: the pose was wrong, and so are the places."""
+        cells = self._cells
+        for layer in (self._lidar, self._sonar, self._floor):
+            layer.evidence[:] = 0
+            layer.in_list[0] = 0
+        cells.marks[:] = 0
+        cells.base[:] = cells.live[:] = self._given
+        cells.obstacle[:] = cells.base >= _OCCUPIED_PERCENT
+        if not self.config.through_unknown:
+            cells.blocked[:] = cells.obstacle | (cells.base < 0)
+        cells.stale[:] = True
+
+    def see_scan(
+        self,
+        T_world_base: SE2,
+        scan: RangeScan,
+        now_ns: int,
+        moving: NDArray[np.float64] = NOTHING_MOVES,
+    ) -> None:
+        """Take a lidar's scan.
+
+        Parameters
+        ----------
+        T_world_base
+            The robot's pose when it was taken.
+        scan
+            Its beams in their order; without an echo (inf) they are free up to its range.
+        now_ns
+            Time of the scan [ns].
+        moving
+            (k, 5) what moves by itself, as `LocalSituation.moving`: it leaves no marks.
+        """
+        side_m = self._space.grid.resolution_m
+        sensor = self._space.to_cells(T_world_base @ SE2(scan.x_m, scan.y_m, 0.0))
+        angles = scan.angles_rad + sensor.theta_rad
+        away = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        lengths = np.minimum(scan.ranges_m, min(scan.max_range_m, _FARTHEST_M)) / side_m
+        echo = (scan.ranges_m < scan.max_range_m) & (scan.ranges_m <= _FARTHEST_M)
+        reach = np.where(echo, lengths, np.nan)
+        points = (sensor.x_m, sensor.y_m) + reach[:, np.newaxis] * away
+        agree = (_AGREE_M + _AGREE_PER_M * scan.ranges_m) / side_m
+        discs = np.empty((len(moving), 3))
+        for i, (x_m, y_m, _, _, radius_m) in enumerate(moving.tolist()):
+            centre = self._space.to_cells(SE2(x_m, y_m, 0.0))
+            discs[i] = centre.x_m, centre.y_m, (radius_m + _BESIDE_M) / side_m
+        self._fade(self._lidar, now_ns)
+        for x, y, radius in discs.tolist():
+            marks.empty_disc(self._cells, self._lidar, x, y, radius)
+        gap = 2.0 * self._space.inscribed
+        marks.mark_points(self._cells, self._lidar, points, agree, discs, gap, now_ns)
+        # The last cell before an echo is as good as it.
+        free = np.where(echo, lengths - 1.0, lengths)
+        marks.clear_beams(self._cells, self._lidar, sensor.x_m, sensor.y_m, away, free, now_ns)
+
+    def see_echoes(
+        self,
+        T_world_base: SE2,
+        mounts: Sequence[SonarMount],
+        ranges_m: Sequence[float],
+        now_ns: int,
+    ) -> None:
+        """Take new readings of sonars.
+
+        An echo came from somewhere on an arc as wide as the cone. Two that agree mark the arc if
+        neither the map nor another sensor has something there, and only where it is no wider than
+        the robot; nearer echoes and free cones correct it later.
+
+        Parameters
+        ----------
+        ranges_m
+            One for each mount [m]: inf without echo, nan if there is no new one.
+        """
+        self._fade(self._sonar, now_ns)
+        side_m = self._space.grid.resolution_m
+        half_width = 0.5 * math.radians(self.config.sonar_beam_deg)
+        widest_m = self._space.footprint.inscribed_m / math.sin(half_width)
+        for mount, range_m in zip(mounts, ranges_m, strict=True):
+            if math.isnan(range_m):
+                continue
+            sensor = self._space.to_cells(
+                T_world_base @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
+            )
+            free_m = _NO_ECHO_M if range_m == math.inf else range_m - 2.0 * _SONAR_BAND_M
+            echo_m = range_m if range_m <= widest_m else math.nan
+            marks.see_cone(
+                self._cells,
+                self._sonar,
+                sensor.x_m,
+                sensor.y_m,
+                sensor.theta_rad,
+                half_width,
+                max(min(free_m, _SONAR_FREE_M), 0.0) / side_m,
+                echo_m / side_m,
+                _SONAR_BAND_M / side_m,
+                (_AGREE_M + _AGREE_PER_M * echo_m) / side_m,
+                now_ns,
+            )
+
+    def see_floor(
+        self, T_world_base: SE2, points_base: Sequence[tuple[float, float]], now_ns: int
+    ) -> None:
+        """Take all points around the robot that the camera remembers, `FloorMemory.around`."""
+        self._fade(self._floor, now_ns)
+        side_m = self._space.grid.resolution_m
+        points = np.empty((len(points_base), 2))
+        for i, (x_m, y_m) in enumerate(points_base):
+            point = self._space.to_cells(T_world_base @ SE2(x_m, y_m, 0.0))
+            points[i] = point.x_m, point.y_m
+        agree = np.full(len(points), _AGREE_M / side_m)
+        marks.mark_points(self._cells, self._floor, points, agree, np.empty((0, 3)), 0.0, now_ns)
+        robot = self._space.to_cells(T_world_base)
+        marks.empty_unseen(
+            self._cells, self._floor, robot.x_m, robot.y_m, _FLOOR_REACH_M / side_m, now_ns
+        )
+
+    def explained(self, points_world: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points (n, 2) [m] the map itself explains, (n,): they are near its walls."""
+        cells = self._space.grid.cell_of(points_world)
+        inside = np.all((cells >= 0) & (cells < self._space.shape), axis=1)
+        result = np.zeros(len(cells), np.bool_)
+        near = self._cells.from_static[tuple(cells[inside].T)]
+        result[inside] = near * self._space.grid.resolution_m <= 2.0 * _AGREE_M
+        return result
+
+    def space(self) -> PlanningMap:
+        """Return a copy of the whole map for a global planner."""
+        rows, columns = self._space.shape
+        self._clearance.refresh((0, 0), (rows - 1, columns - 1))
+        return self._space.window((0, 0), (rows - 1, columns - 1))
+
+    def space_around(self, pose: SE2, radius_m: float) -> PlanningMap:
+        """Return a copy of the map around a pose of `world`: a square of twice the radius [m]."""
+        here = self._space.to_cells(pose)
+        size = math.ceil(radius_m / self._space.grid.resolution_m)
+        first, last = [], []
+        for place, cells in zip((here.y_m, here.x_m), self._space.shape, strict=True):
+            cell = min(max(math.floor(place), 0), cells - 1)
+            first.append(max(cell - size, 0))
+            last.append(min(cell + size, cells - 1))
+        self._clearance.refresh((first[0], first[1]), (last[0], last[1]))
+        return self._space.window((first[0], first[1]), (last[0], last[1]))
+
+    def speed_limit_at(self, x_m: float, y_m: float) -> float:
+        """Return the lowest limit of the slow zones at a point of `world` [m/s]; inf: none."""
+        here = self._space.to_cells(SE2(x_m, y_m, 0.0))
+        if self._limits_m_s is None or not self._space.contains(here.x_m, here.y_m):
+            return math.inf
+        return float(self._limits_m_s[math.floor(here.y_m), math.floor(here.x_m)])
+
+    def marked_world(self) -> NDArray[np.float64]:
+        """Return the centres of the cells that sensors have marked, (n, 2) [m]."""
+        return self._space.grid.centre_of(np.argwhere(self._cells.marks))
+
+    def _fade(self, layer: marks.Layer, now_ns: int) -> None:
+        """Forget what a layer has not seen again."""
+        marks.fade(self._cells, layer, now_ns - round(1e9 * self.config.decay_s))
+
+    def _warm_up(self) -> None:
+        """Compile all."""
+        scan = RangeScan(0, np.zeros(2), np.array([1.0, math.inf]), 2.0)
+        far = self._space.grid.origin @ SE2(-100.0, -100.0, 0.0)
+        self.see_scan(far, scan, 0, np.zeros((1, 5)))
+        self.see_echoes(far, [SonarMount("warm", 0.0, 0.0, 0.0)], [0.1], 0)
+        self.see_floor(far, [(0.0, 0.0)], 0)
+        self.forget()
+
+
+def _layer(shape: tuple[int, int], bit: int, *, gain: int, needed: int, most: int) -> marks.Layer:
+    """Return a layer without evidence."""
+    return marks.Layer(
+        bit,
+        np.zeros(shape, np.uint8),
+        np.zeros(shape, np.int64),
+        np.empty(shape[0] * shape[1], np.int32),
+        np.zeros(1, np.int64),
+        gain,
+        needed,
+        most,
+    )
+
+
+def _distances(obstacle: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return how far each cell is from an obstacle, from centre to centre [cells]; inf: none."""
+    if not obstacle.any():
+        return np.full(obstacle.shape, np.inf, np.float32)
+    distances: NDArray[np.float32] = ndimage.distance_transform_edt(~obstacle).astype(np.float32)
+    return distances
+
+
+def _limits(grid: GridMap, zones: Sequence[Zone]) -> NDArray[np.float32] | None:
+    """Return the speed limit of each cell [m/s], inf where there is none; None: nowhere."""
+    slow = [zone for zone in zones if zone.speed_m_s > 0.0]
+    if not slow:
+        return None
+    limits = np.full(grid.shape, np.inf, np.float32)
+    for zone in slow:
+        inside = cells_of(zone, grid)
+        limits[inside] = np.minimum(limits[inside], zone.speed_m_s)
+    return limits
