@@ -17,6 +17,7 @@ from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.live.keys import Keys
 from robotctl.errors import ConfigError, DiskError
+from robotctl.estimation.sensors.registry import SENSORS
 
 if TYPE_CHECKING:
     from robotctl.app.simulation.score import Report
@@ -95,7 +96,7 @@ def sim(
         str,
         typer.Option(
             metavar="NAME,...",
-            help="Sensors of the localiser: lidar, camera, sonar; default: as the robot's file "
+            help=f"Sensors of the localiser: {', '.join(SENSORS)}; default: as the robot's file "
             "says.",
         ),
     ] = "",

@@ -21,10 +21,10 @@ from robotctl.messages.control import (
 from robotctl.messages.estimation import (
     CameraView,
     GivenMap,
-    LidarScan,
     LiveMap,
     LocalisationState,
     ParticleCloud,
+    SensorMessage,
 )
 
 
@@ -34,7 +34,7 @@ class Estimation(Protocol):
     def step(
         self,
         control: ControlState,
-        scans: Sequence[LidarScan | CameraView],
+        scans: Sequence[SensorMessage],
         poses: Sequence[ExternalPose],
         now_ns: int,
     ) -> LocalisationState | None:
@@ -84,10 +84,10 @@ class NavigationTick:
         self._estimators = estimators
         self._operator = operator
         self._control: ControlState | None = None
-        self._seen: tuple[LidarScan | CameraView, ...] = ()
+        self._seen: tuple[SensorMessage, ...] = ()
         self._requests: tuple[NavigationRequest, ...] = ()
 
-    def receive(self, control: ControlState | None, seen: Sequence[LidarScan | CameraView]) -> None:
+    def receive(self, control: ControlState | None, seen: Sequence[SensorMessage]) -> None:
         """Take in the newest state of control, what was seen since the last step, and requests."""
         self._control, self._seen = control, tuple(seen)
         self._requests = tuple(self._operator.ask())

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from robotctl.errors import InvalidValue
 from robotctl.estimation.grid.config import OccupancyGridConfig
 from robotctl.estimation.ranging.likelihood_config import LikelihoodFieldConfig
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
+from robotctl.estimation.sensors.registry import SENSORS
+
+if TYPE_CHECKING:
+    SensorName: TypeAlias = str
+else:
+    SensorName = Literal[tuple(SENSORS)]
 
 _FEWEST: Final = 1000
 
@@ -61,7 +67,7 @@ class LocalisationConfig:
     mapping: bool = False
     seed: int = 1
     particles_max: int = 20_000
-    sensors: tuple[Literal["lidar", "camera", "sonar"], ...] = ("lidar", "camera", "sonar")
+    sensors: tuple[SensorName, ...] = tuple(SENSORS)
     places: str = ""
     lidar: LikelihoodFieldConfig = field(default_factory=LikelihoodFieldConfig)
     camera: LikelihoodFieldConfig = field(

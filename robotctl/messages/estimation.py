@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import msgspec
 
 from robotctl.model.geometry.localisation import LocalisationStatus
@@ -58,6 +60,10 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
     obstacles: tuple[SeenObstacle, ...] = ()
     trouble: str = ""
     step_us: float = 0.0
+
+
+SensorMessage: TypeAlias = LidarScan | CameraView
+"""What sensors that are on no CAN bus send to the navigation process."""
 
 
 class LocalisationState(msgspec.Struct, frozen=True, tag=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -15,39 +14,42 @@ from robotctl.app.localisation.localiser import (
     LocaliserInput,
     external_covariance,
     localisation_state,
+    sensed_robot,
 )
 from robotctl.estimation.kalman.ekf import PoseEkf
 from robotctl.estimation.kalman.ekf_config import EkfConfig
 from robotctl.estimation.kalman.robust_kalman import Innovation
 from robotctl.estimation.odometry.estimate import arc_between
+from robotctl.estimation.sensors.registry import load_sensors
+from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.maps.localisation_map import walls_for_ekf
 from robotctl.messages.control import ControlState, ImuFeedback
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import PoseEstimate
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.wall_map import WallMap
 
 
 class EkfLocaliser:
     """Predicts by the odometry, corrects by gyro, sonar ranges to walls and poses from outside.
 
-    It has no use for lidar scans.
+    It has no use for lidar scans, see `Sensor.innovations`.
 
     Parameters
     ----------
     ekf
         The filter, where it starts.
-    mounts
-        The sonars, in the order of the ranges.
+    robot
+        What is known of its sensors.
     walls
         The map.
     """
 
-    def __init__(self, ekf: PoseEkf, mounts: Sequence[SonarMount], walls: WallMap) -> None:
+    def __init__(self, ekf: PoseEkf, robot: SensedRobot, walls: WallMap) -> None:
         self._ekf = ekf
-        self._mounts = tuple(mounts)
+        self._robot = robot
+        self._sensors = load_sensors()
         self._walls = walls
         self._odometry: SE2 | None = None
         self._imu: ImuFeedback | None = None
@@ -81,9 +83,9 @@ class EkfLocaliser:
                 turn_rad += _ahead_rad(control.imu) - _ahead_rad(self._imu)
                 self._keep(ekf.update_gyro(control.stamp_ns, turn_rad / dt_s))
         self._odometry, self._imu = odometry, control.imu
-        for reading in seen.sonars:
-            for mount, range_m in zip(self._mounts, reading.ranges_m, strict=True):
-                self._keep(ekf.update_sonar(reading.stamp_ns, mount, range_m, self._walls))
+        for name, sensor in self._sensors.items():
+            for each in seen.measured.get(name, ()):
+                self._keep(*sensor.innovations(ekf, each, self._robot, self._walls))
         for pose in seen.poses:
             where = SE2(pose.x_m, pose.y_m, pose.theta_rad)
             self._keep(ekf.update_pose(pose.stamp_ns, where, external_covariance(pose)))
@@ -115,7 +117,7 @@ def make_ekf(begin: LocaliserBegin) -> EkfLocaliser:
     ekf = PoseEkf(
         EkfConfig(motion=config.odometry, sonar=settings.sonar, gyro=config.imu.enabled), known
     )
-    return EkfLocaliser(ekf, config.sonar, walls)
+    return EkfLocaliser(ekf, sensed_robot(config), walls)
 
 
 def _ahead_rad(imu: ImuFeedback) -> float:

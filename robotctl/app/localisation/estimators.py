@@ -11,34 +11,34 @@ import msgspec
 import numpy as np
 
 from robotctl.app.localisation.ekf_localiser import make_ekf
-from robotctl.app.localisation.localiser import Localiser, LocaliserBegin, LocaliserInput
+from robotctl.app.localisation.localiser import (
+    Localiser,
+    LocaliserBegin,
+    LocaliserInput,
+    sensed_robot,
+)
 from robotctl.app.localisation.mapper import Mapper, live_map
 from robotctl.app.localisation.mcl_localiser import make_mcl
 from robotctl.config.robot_file import RobotConfig
-from robotctl.core.scan_messages import camera_scan, lidar_scan
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.mcl.free_space import free_area_m2
 from robotctl.estimation.mcl.search_size import too_large
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
-from robotctl.maps.localisation_map import (
-    load_localisation_map,
-    off_map,
-)
+from robotctl.estimation.sensors.registry import load_sensors
+from robotctl.estimation.sensors.sensor import Listener, Measured, SensedRobot
+from robotctl.maps.localisation_map import load_localisation_map, off_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import (
-    CameraView,
     GivenMap,
-    LidarScan,
     LiveMap,
     LocalisationState,
     ParticleCloud,
+    SensorMessage,
 )
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.model.sensors.new_sonar_readings import NewSonarReadings
-from robotctl.model.sensors.range_scan import RangeScan
 
 ESTIMATORS: Final[dict[str, Callable[[LocaliserBegin], Localiser]]] = {
     "ekf": make_ekf,
@@ -47,8 +47,7 @@ ESTIMATORS: Final[dict[str, Callable[[LocaliserBegin], Localiser]]] = {
 """By `localisation.method`: a new localiser is one file, and one line here."""
 
 Picture: TypeAlias = ParticleCloud | LiveMap
-T = TypeVar("T")
-Stamped = TypeVar("Stamped", bound=LidarScan | CameraView | ExternalPose)
+Stamped = TypeVar("Stamped", bound=SensorMessage | ExternalPose)
 
 _PICTURE_NS: Final = 500_000_000
 _GIVEN_NS: Final = 10_000_000_000
@@ -84,8 +83,8 @@ class Estimators:
         Both of the same `history`.
     history
         Of the odometry.
-    sonar_range_m
-        Listening range of the sonars [m].
+    robot
+        What is known of its sensors.
     notices
         Notices to publish at once.
     given
@@ -97,7 +96,7 @@ class Estimators:
         localiser: Localiser | None,
         mapper: Mapper | None,
         history: OdometryHistory,
-        sonar_range_m: float,
+        robot: SensedRobot,
         notices: Sequence[str] = (),
         given: GridMap | None = None,
     ) -> None:
@@ -106,7 +105,7 @@ class Estimators:
         self.rejected = 0
         self.untimely = 0
         self._history = history
-        self._sonar_news = NewSonarReadings(sonar_range_m)
+        self._listeners = {name: each.listener(robot) for name, each in load_sensors().items()}
         self._state: LocalisationState | None = None
         self.world_map = given
         """The map that the robot localises itself in, where there is one."""
@@ -123,7 +122,7 @@ class Estimators:
     def step(
         self,
         control: ControlState,
-        scans: Sequence[LidarScan | CameraView],
+        scans: Sequence[SensorMessage],
         poses: Sequence[ExternalPose],
         now_ns: int,
     ) -> LocalisationState | None:
@@ -133,16 +132,9 @@ class Estimators:
             if self.localiser is not None:
                 self.localiser.begin_odometry()
         self._history.add(control.stamp_ns, control.T_odom_base, control.odom_epoch_ns)
-        scans, poses = self._timely(scans, now_ns), self._timely(poses, now_ns)
-        seen = LocaliserInput(
-            self._good(lidar_scan, [each for each in scans if isinstance(each, LidarScan)]),
-            self._good(
-                camera_scan,
-                [each for each in scans if isinstance(each, CameraView) and not each.trouble],
-            ),
-            self._sonar_news.take(control.stamp_ns, control.sonar_stamp_ns, control.sonar_m),
-            poses,
-        )
+        messages = (control, *self._timely(scans, now_ns))
+        measured = {name: self._good(each, messages) for name, each in self._listeners.items()}
+        seen = LocaliserInput(measured, self._timely(poses, now_ns))
         if self.localiser is not None:
             self._state = self._stamped(self.localiser.step(control, seen, now_ns), control)
         if self.mapper is not None:
@@ -182,12 +174,14 @@ class Estimators:
             )
         return timely
 
-    def _good(self, scan_of: Callable[[T], RangeScan], messages: Sequence[T]) -> list[RangeScan]:
-        """Return messages as scans; invalid ones are dropped and counted."""
-        good = []
+    def _good(
+        self, listen: Listener[Measured], messages: Sequence[ControlState | SensorMessage]
+    ) -> list[Measured]:
+        """Return what a sensor measured; invalid messages are dropped and counted."""
+        good: list[Measured] = []
         for message in messages:
             try:
-                good.append(scan_of(message))
+                good += listen(message)
             except ValueError:
                 self.rejected += 1
         return good
@@ -253,14 +247,15 @@ def make_estimators(config: RobotConfig, start: SE2, beside: Path) -> Estimators
             notices += filter(None, [too_large(free_area_m2(world_map.grid))])
     if settings.mapping:
         mapper = _mapper(config, history)
-    return Estimators(localiser, mapper, history, settings.sonar.max_range_m, notices, given)
+    return Estimators(localiser, mapper, history, sensed_robot(config), notices, given)
 
 
 def _mapper(config: RobotConfig, history: OdometryHistory) -> Mapper:
     """Return the mapper of a robot, its kernels compiled or loaded from the cache."""
-    rehearsed = OccupancyGrid(config.localisation.grid)
-    rehearsed.update_scan(SE2(), RangeScan(0, np.array([0.0]), np.array([1.0]), 2.0))
-    for mount in config.sonar:
-        rehearsed.update_sonar(SE2(), mount, 1.5)
+    robot, rehearsed = sensed_robot(config), OccupancyGrid(config.localisation.grid)
+    for sensor in load_sensors().values():
+        if (measured := sensor.rehearsal(robot)) is not None:
+            for _, update in sensor.cells(measured, robot):
+                update(rehearsed, SE2())
     rehearsed.to_map()
-    return Mapper(OccupancyGrid(config.localisation.grid), config.sonar, history)
+    return Mapper(OccupancyGrid(config.localisation.grid), robot, history)

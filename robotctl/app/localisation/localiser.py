@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
+from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.maps.localisation_map import LocalisationMap
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.pose_estimate import PoseEstimate, from_upper_triangle, upper_triangle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.range_scan import RangeScan
-from robotctl.model.sensors.sonar import SonarReading
 
 _EXTERNAL_SIGMA_M: Final = 0.1
 _EXTERNAL_SIGMA_RAD: Final = 0.1
@@ -46,12 +45,17 @@ class LocaliserBegin(NamedTuple):
     """Folder of the robot's file, where other files may lie."""
 
 
+def sensed_robot(config: RobotConfig) -> SensedRobot:
+    """Return what the sensors need to know of a robot."""
+    has_camera = config.camera is not None and config.camera.enabled
+    return SensedRobot(config.sonar, config.localisation, has_camera)
+
+
 class LocaliserInput(NamedTuple):
     """Sensor data since the last step, each with its own time."""
 
-    scans: Sequence[RangeScan] = ()
-    views: Sequence[RangeScan] = ()
-    sonars: Sequence[SonarReading] = ()
+    measured: Mapping[str, Sequence[Any]] = {}
+    """By each sensor of `SENSORS`."""
     poses: Sequence[ExternalPose] = ()
 
 

@@ -18,8 +18,9 @@ from robotctl.app.localisation.localiser import (
     LocaliserInput,
     external_covariance,
     localisation_state,
+    sensed_robot,
 )
-from robotctl.app.localisation.map_sensors import CAMERA, LIDAR, SONAR, MapSensors, sonar_name
+from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.app.localisation.place_watch import Fix, PlaceWatch, load_place_watch
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
@@ -28,6 +29,7 @@ from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.search_size import search_size
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.estimation.sensors.registry import SONAR
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import LocalisationState
 from robotctl.model.geometry.se2 import SE2
@@ -50,7 +52,7 @@ class MclLocaliser:
     mcl
         The particles, where they start.
     sensors
-        Likelihoods of scans and sonars.
+        Likelihoods of what they measure.
     used
         Which sensors are listened to.
     history
@@ -109,13 +111,12 @@ class MclLocaliser:
         self, seen: LocaliserInput
     ) -> Iterator[tuple[int, str, Callable[[], LogLikelihood]]]:
         """Yield what was measured when, by which sensor, and what makes a measurement of it."""
-        for scan in seen.scans if LIDAR in self._used else ():
-            yield scan.stamp_ns, LIDAR, partial(self._sensors.scan, scan)
-        for view in seen.views if CAMERA in self._used else ():
-            yield view.stamp_ns, CAMERA, partial(self._sensors.view, view)
-        for reading in seen.sonars if SONAR in self._used else ():
-            yield reading.stamp_ns, sonar_name(reading), partial(self._sensors.sonar, reading)
-        for fix in self._recognised(seen.sonars):
+        sensors = self._sensors
+        for name, measured in seen.measured.items():
+            for each in measured if name in self._used else ():
+                source = sensors.source(name, each)
+                yield each.stamp_ns, source, partial(sensors.measurement, name, each)
+        for fix in self._recognised(seen.measured.get(SONAR, ())):
             yield fix.stamp_ns, _PLACE, partial(_given, fix.log_likelihood)
         for pose in seen.poses:
             yield pose.stamp_ns, _OUTSIDE, partial(pose_measurement, pose)
@@ -170,16 +171,15 @@ def make_mcl(begin: LocaliserBegin) -> MclLocaliser:
     config, world_map, start, history, beside = begin
     settings = config.localisation
     known = MclConfig()
-    camera = config.camera is not None and config.camera.enabled
     mcl_config = replace(
         known,
         max_particles=settings.particles_max,
         motion=replace(known.motion, noise=known.motion.noise.at_least(config.odometry)),
     )
-    sensors = MapSensors(world_map, config.sonar, settings)
+    sensors = MapSensors(world_map, sensed_robot(config))
     free, free_m2 = free_poses(world_map.grid), free_area_m2(world_map.grid)
     tried = MonteCarloLocaliser(mcl_config, free, np.random.default_rng(0))
-    _rehearse(tried, sensors.rehearsal(camera=camera), start)
+    _rehearse(tried, sensors.rehearsal(), start)
     size = max(search_size(free_m2), settings.particles_max)
     mcl_config = replace(mcl_config, search_particles=size)
     seeded = np.random.default_rng(settings.seed)

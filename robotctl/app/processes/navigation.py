@@ -18,7 +18,7 @@ from robotctl.config.robot_file import RobotConfig
 from robotctl.core.navigation_tick import NavigationTick
 from robotctl.core.operator import Operator
 from robotctl.messages.control import ControlState, NavigationRequest, Notice, Severity
-from robotctl.messages.estimation import CameraView, LidarScan
+from robotctl.messages.estimation import SensorMessage
 from robotctl.planning.navigator import Navigator
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
@@ -30,7 +30,7 @@ from robotctl.runtime.ipc.topics import (
     endpoint_directory,
 )
 
-_Heard: TypeAlias = LidarScan | CameraView | Notice
+_Heard: TypeAlias = SensorMessage | Notice
 
 
 def resume(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from robotctl.app.localisation.map_sensors import SONAR
 from robotctl.estimation.ranging.fit.range_fit import Fitted
+from robotctl.estimation.sensors.registry import SONAR
 from robotctl.workbench.sensors.characterise import Characterisation
 from robotctl.workbench.sensors.patch import patch_values
 

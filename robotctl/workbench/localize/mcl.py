@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.app.localisation.map_sensors import LIDAR, MapSensors, sonar_name
+from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.mcl.config import MclConfig
 from robotctl.estimation.mcl.free_space import free_area_m2, free_poses
@@ -20,6 +20,8 @@ from robotctl.estimation.mcl.map_symmetry import symmetries
 from robotctl.estimation.mcl.search_size import search_size, too_large
 from robotctl.estimation.ranging.echo_share import EchoShare
 from robotctl.estimation.ranging.log_likelihood import LogLikelihood
+from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.logs.recorded_motion import increments, known_from_ns, noisy, reference_at, with_noise
 from robotctl.maps.localisation_map import LocalisationMap, off_map
 from robotctl.model.geometry.se2 import SE2
@@ -111,13 +113,14 @@ def _moments(recording: Recording, options: LocalizeOptions) -> list[_Moment]:
     for entry in choose_scans(recording, options.scans) if recording.scans else ():
         stamp_ns, scan = entry.scan.stamp_ns, entry.scan
         reference = entry.reference or reference_at(recording, stamp_ns)
-        measurement = partial(MapSensors.scan, scan=scan)
+        measurement = partial(MapSensors.measurement, sensor=LIDAR, measured=scan)
         moments.append(_Moment(stamp_ns, LIDAR, entry.odometry, reference, measurement, scan))
     for heard in recording.sonars if recording.sonar_mounts else ():
         stamp_ns, reading = heard.reading.stamp_ns, heard.reading
         reference = reference_at(recording, stamp_ns)
-        sonar = partial(MapSensors.sonar, reading=reading)
-        moments.append(_Moment(stamp_ns, sonar_name(reading), heard.odometry, reference, sonar))
+        sonar = partial(MapSensors.measurement, sensor=SONAR, measured=reading)
+        source = f"{SONAR} {reading.first}"
+        moments.append(_Moment(stamp_ns, source, heard.odometry, reference, sonar))
     if not moments:
         raise LocalizeError(
             f"{options.log}: no scans in it, which --method mcl needs; for a log with sightings of "
@@ -148,7 +151,7 @@ def _made(
         settings = options.sensors or LocalisationConfig()
         if options.beams is not None:
             settings = replace(settings, lidar=replace(settings.lidar, beams=options.beams))
-        sensors = MapSensors(world_map, recording.sonar_mounts, settings)
+        sensors = MapSensors(world_map, SensedRobot(recording.sonar_mounts, settings))
         free = free_poses(world_map.grid)
         fewer = replace(config, max_particles=config.min_particles)
         if options.particles is None:

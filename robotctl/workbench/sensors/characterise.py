@@ -14,18 +14,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localisation.map_sensors import LIDAR, SONAR, MapSensors
+from robotctl.app.localisation.map_sensors import MapSensors
 from robotctl.config.patch import round_figures
 from robotctl.config.robot_file import RobotConfig, load_robot
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.ranging.fit.expected_ranges import EchoExpectations
 from robotctl.estimation.ranging.fit.sensor_fit import SensorFit, fit_sensor, reach_m
+from robotctl.estimation.sensors.registry import LIDAR, SONAR
+from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.toml_source import nearest
-from robotctl.workbench.sensors.sensor_kinds import SENSOR_KINDS
 from robotctl.workbench.sensors.sources import (
-    SENSORS,
+    CALIBRATIONS,
     Progress,
     Source,
     simulated_drive,
@@ -77,10 +78,10 @@ class CharacteriseOptions:
     time_unit: str | None = None
 
     def __post_init__(self) -> None:
-        if self.sensor not in ("", *SENSORS):
+        if self.sensor not in ("", *CALIBRATIONS):
             raise ConfigError(
-                f"--sensor {self.sensor}: must be {' or '.join(SENSORS)}"
-                f"{nearest(self.sensor, SENSORS)}"
+                f"--sensor {self.sensor}: must be {' or '.join(CALIBRATIONS)}"
+                f"{nearest(self.sensor, tuple(CALIBRATIONS))}"
             )
 
 
@@ -153,10 +154,10 @@ def characterise(
         raise CalibrationError(f"{source.recording.name}: {error}") from error
     patched = patched_settings(fit, source.sensor, config.localisation)
     progress("trying the new settings")
-    nats = [
-        told(source, MapSensors(source.world_map, source.mounts, settings), config.odometry)
-        for settings in (config.localisation, patched)
-    ]
+    nats = []
+    for settings in (config.localisation, patched):
+        sensors = MapSensors(source.world_map, SensedRobot(source.mounts, settings))
+        nats.append(told(source, sensors, config.odometry))
     within = fit.within(have.sigmas_m)
     return Characterisation(options, config, source, fit, patched, within, *nats)
 
@@ -241,12 +242,13 @@ def told(source: Source, sensors: MapSensors, noise: MotionNoise) -> float:
     rng = np.random.default_rng(1)
     near, far = (rng.normal(size=(n, 3)) * spread for n, spread in _PLACES)
     logs = []
-    kind = SENSOR_KINDS[source.sensor]
-    for stamp_ns, measurement in kind.likelihoods(source.recording, sensors, _CHECKED):
-        pose = source.pose_at(stamp_ns, noise)
+    readings = CALIBRATIONS[source.sensor].readings(source.recording)
+    for reading in readings[:: max(1, -(-len(readings) // _CHECKED))]:
+        pose = source.pose_at(reading.stamp_ns, noise)
         if pose is None:
             continue
         at = np.array([pose.x_m, pose.y_m, pose.theta_rad])
+        measurement = sensors.measurement(source.sensor, reading)
         likelihoods = measurement(at + np.concatenate([near, far]))
         logs.append(_log_mean(likelihoods[: len(near)]) - _log_mean(likelihoods[len(near) :]))
     if not logs:

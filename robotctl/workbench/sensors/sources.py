@@ -10,29 +10,33 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.app.localisation.map_sensors import LIDAR, SONAR
 from robotctl.app.simulation.lockstep import LockstepRun
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.config.robot_file import RobotConfig, find_file
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
+from robotctl.estimation.odometry.estimate import arc_between
 from robotctl.estimation.ranging.fit.expected_ranges import Sightlines
 from robotctl.estimation.ranging.fit.sensor_fit import Readings
+from robotctl.estimation.sensors.registry import LIDAR, SONAR, load_sensors
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.times import is_timeless
 from robotctl.logs.log_poses import best_poses
 from robotctl.maps.localisation_map import LocalisationMap, load_localisation_map
+from robotctl.model.drives.motion_noise import added_covariance
 from robotctl.model.drives.odometry_noise import MotionNoise
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import Recording
+from robotctl.model.sensors.measurement import MotionMeasurement
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.model.trajectory import Trajectory
 from robotctl.workbench.localize.mapping import choose_scans
-from robotctl.workbench.sensors.sensor_kinds import SENSOR_KINDS, motion_between
 
 Progress: TypeAlias = Callable[[str], None]
 
-SENSORS: Final = tuple(SENSOR_KINDS)
+CALIBRATIONS: Final = {
+    name: each.calibration for name, each in load_sensors().items() if each.calibration is not None
+}
 MISSION: Final = "patrol"
 """Mission of the simulated robot."""
 
@@ -247,6 +251,18 @@ class Taken:
     beam_rad: float
 
 
+def motion_between(
+    odometry: Trajectory, begin_ns: int, end_ns: int, noise: MotionNoise
+) -> MotionMeasurement | None:
+    """Return the wheels' motion between two times; None if there is no odometry."""
+    begin, end = odometry.at(begin_ns), odometry.at(end_ns)
+    if begin is None or end is None:
+        return None
+    motion = begin.inverse() @ end
+    covariance = added_covariance(SE2(), *arc_between(motion), noise)
+    return MotionMeasurement(begin_ns, end_ns, motion, covariance)
+
+
 def taken(source: Source, config: RobotConfig) -> Taken:
     """Return the readings of a source.
 
@@ -255,7 +271,7 @@ def taken(source: Source, config: RobotConfig) -> Taken:
     CalibrationError
         If none was taken at a known pose.
     """
-    kind, settings = SENSOR_KINDS[source.sensor], config.localisation
+    kind, settings = CALIBRATIONS[source.sensor], config.localisation
     poses, sensors, ranges, sigmas = [], [], [], []
     beams, max_range_m = np.empty((0, 3)), None
     for measurement in kind.measurements(source.recording, source.mounts, settings):

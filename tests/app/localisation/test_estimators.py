@@ -24,12 +24,13 @@ from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import pose_measurement
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.core.scan_messages import camera_scan, lidar_scan
 from robotctl.errors import ConfigError
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
 from robotctl.estimation.kalman.ekf import checked_covariance
 from robotctl.estimation.localisation_config import LocalisationConfig
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
+from robotctl.estimation.ranging.scan_messages import camera_scan, lidar_scan
+from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.maps.localisation_map import load_localisation_map
 from robotctl.messages.control import ControlState, ExternalPose
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
@@ -228,7 +229,7 @@ def test_particles_never_stand_at_a_time_that_the_odometry_has_not_reached(world
     several = estimators(world, 'localisation.method="mcl"')
     assert several.localiser is not None
     several.step(control(10**9, way(0)), (), (), 10**9)
-    ahead = LocaliserInput(scans=[lidar_scan(scan(3600 * 10**9, way(0)))])
+    ahead = LocaliserInput({"lidar": [lidar_scan(scan(3600 * 10**9, way(0)))]})
     several.localiser.step(control(10**9, way(0)), ahead, 10**9)
     for step in range(1, 80):
         driven_ns, now_ns = 50 * MS * step, 10**9 + 50 * MS * step
@@ -270,10 +271,10 @@ def test_the_map_that_is_given_is_told_every_ten_seconds(world: Path) -> None:
 
 def test_a_robot_that_does_not_know_its_place_draws_nothing() -> None:
     history = OdometryHistory()
-    mapper = Mapper(OccupancyGrid(), (), history)
+    mapper = Mapper(OccupancyGrid(), SensedRobot((), LocalisationConfig()), history)
     history.add(0, SE2())
     searching = LocalisationState(0, "mcl", LocalisationStatus.SEARCHING, 0.0, 0.0, 0.0, (0.0,) * 6)
-    seen = LocaliserInput(scans=[lidar_scan(scan(0, SE2(1.0, 1.0, 0.0)))])
+    seen = LocaliserInput({"lidar": [lidar_scan(scan(0, SE2(1.0, 1.0, 0.0)))]})
     mapper.step(searching, seen)
     assert mapper.live_map(0) is None
     mapper.step(msgspec.structs.replace(searching, status=LocalisationStatus.LOCALISED), seen)
@@ -298,8 +299,8 @@ def view(
 def test_the_camera_draws_what_it_is_sure_of(sigma_m: float, drawn: bool) -> None:
     history = OdometryHistory()
     history.add(0, SE2(1.0, 1.0, 0.0))
-    mapper = Mapper(OccupancyGrid(), (), history)
-    mapper.step(None, LocaliserInput(views=[camera_scan(view(0, 1.5, sigma_m))]))
+    mapper = Mapper(OccupancyGrid(), SensedRobot((), LocalisationConfig()), history)
+    mapper.step(None, LocaliserInput({"camera": [camera_scan(view(0, 1.5, sigma_m))]}))
     grid = mapper.grid.to_map(0.6)
     walls = grid.centre_of(np.argwhere(grid.occupied()))
     assert bool(len(walls)) is drawn

@@ -17,8 +17,8 @@ from firmware_sim.config.config import load_robot as load_simulated_robot
 from firmware_sim.world.world import load_world
 from robotctl.app.processes.floor_pipeline import GroundWatch
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.core.scan_messages import camera_scan
 from robotctl.errors import ConfigError
+from robotctl.estimation.ranging.scan_messages import camera_scan
 from robotctl.messages.control import SafetyState
 from robotctl.messages.estimation import CameraView
 from tests.messages.test_world_pose import STATE

@@ -12,8 +12,8 @@ import zmq
 
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
-from robotctl.core.scan_messages import lidar_scan
 from robotctl.errors import ConfigError
+from robotctl.estimation.ranging.scan_messages import lidar_scan
 from robotctl.messages.estimation import LidarScan
 from robotctl.runtime.ipc.topics import Endpoints, Subscriber, endpoint_directory
 from tests.drivers.lidar.rplidar_double import RplidarDouble, revolution

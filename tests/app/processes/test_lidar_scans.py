@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotctl.app.processes.lidar_scans import LidarScans
-from robotctl.core.scan_messages import lidar_scan
+from robotctl.estimation.ranging.scan_messages import lidar_scan
 from robotctl.messages.lidar_port import LidarSweep
 from robotctl.model.sensors.lidar import LidarConfig
 from tests.mavlink.conftest import control_state

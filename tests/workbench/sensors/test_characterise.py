@@ -17,6 +17,7 @@ from robotctl.cli.characterise.plot import save_plot
 from robotctl.config.patch import as_overrides
 from robotctl.config.robot_file import RobotConfig, find_file, load_robot
 from robotctl.errors import CalibrationError, ConfigError
+from robotctl.estimation.sensors.sensor import SensedRobot
 from robotctl.logs.formats.tum import write_tum
 from robotctl.logs.log_poses import best_poses
 from robotctl.maps.localisation_map import load_localisation_map
@@ -28,8 +29,7 @@ from robotctl.model.sensors.sonar import SonarReading
 from robotctl.model.trajectory import Trajectory
 from robotctl.workbench.sensors.characterise import CharacteriseOptions, characterise, told
 from robotctl.workbench.sensors.patch import patch_text, patch_values
-from robotctl.workbench.sensors.sensor_kinds import SENSOR_KINDS
-from robotctl.workbench.sensors.sources import Source, source_of_log, taken
+from robotctl.workbench.sensors.sources import CALIBRATIONS, Source, source_of_log, taken
 
 TRUTH = "truth-0001.tum"
 QUIET = "simulation.sonar.crosstalk_probability=0.0"
@@ -137,7 +137,7 @@ def test_readings_at_poses_that_nobody_knows_judge_no_settings():
     config = load_robot(ROBOT)
     recording = Recording("log", sonars=(reading,))
     source = Source("sonar", recording, poses, chart, config.sonar, "the reference", "")
-    sensors = MapSensors(chart, config.sonar, config.localisation)
+    sensors = MapSensors(chart, SensedRobot(config.sonar, config.localisation))
     with pytest.raises(CalibrationError, match="the reference gives no pose for any reading"):
         told(source, sensors, config.odometry)
 
@@ -182,7 +182,7 @@ def test_readings_become_measurements_with_time_frame_and_deviations():
     config = load_robot(ROBOT)
     heard = (1.0, math.inf, *(6 * [math.nan]))
     recording = Recording("log", sonars=(RecordedSonar(SonarReading(7, heard), SE2()),))
-    kind = SENSOR_KINDS["sonar"]
+    kind = CALIBRATIONS["sonar"]
     (found,) = kind.measurements(recording, config.sonar, config.localisation)
     assert found.stamp_ns == 7
     assert found.beams[0].tolist() == [
@@ -201,7 +201,7 @@ def test_readings_become_measurements_with_time_frame_and_deviations():
 
 
 def test_another_sensor_is_refused():
-    with pytest.raises(ConfigError, match='must be sonar or lidar; did you mean "lidar"'):
+    with pytest.raises(ConfigError, match='must be lidar or sonar; did you mean "lidar"'):
         CharacteriseOptions(ROBOT, sensor="lider")
 
 

@@ -1,0 +1,1 @@
+"""What each kind of sensor gives to the localisers and the map."""
