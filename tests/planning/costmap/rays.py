@@ -40,7 +40,7 @@ def scan(pose, walls=(), discs=(), *, beams=360, max_range_m=12.0, stamp_ns=0, n
     angles = np.linspace(-math.pi, math.pi, beams, endpoint=False)
     r = ranges(pose.x_m, pose.y_m, angles + pose.theta_rad, walls, discs)
     if noise is not None:
-        r += noise.normal(0.0, 0.01, beams)
+        r = np.maximum(r + noise.normal(0.0, 0.01, beams), 0.0)
     return RangeScan(stamp_ns, angles, np.where(r < max_range_m, r, np.inf), max_range_m)
 
 
