@@ -350,16 +350,21 @@ def _inner_corners(segments: np.ndarray) -> np.ndarray:
     found: list[tuple[float, ...]] = []
     length = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
     unit = (segments[:, 2:] - segments[:, :2]) / length[:, None]
+    ends = segments.reshape(-1, 2, 2)
+    low_x, low_y = (ends.min(axis=1) - 1.0e-5).T
+    high_x, high_y = (ends.max(axis=1) + 1.0e-5).T
     for i in range(len(segments)):
         for end, arm in ((segments[i, :2], unit[i]), (segments[i, 2:], -unit[i])):
-            offset = end - segments[:, :2]
-            along = np.sum(offset * unit, axis=1)
-            aside = np.abs(offset[:, 0] * unit[:, 1] - offset[:, 1] * unit[:, 0])
-            near = (aside < 1.0e-6) & (along > -1.0e-6) & (along < length + 1.0e-6)
-            square = np.abs(unit @ arm) <= 0.5
-            for j in np.flatnonzero(near & square):
-                other = [-unit[j]] if along[j] > 1.0e-6 else []
-                if along[j] < length[j] - 1.0e-6:
+            x, y = end
+            for j in np.flatnonzero((low_x < x) & (x < high_x) & (low_y < y) & (y < high_y)):
+                (ox, oy), (ux, uy) = end - segments[j, :2], unit[j]
+                along, aside = ox * ux + oy * uy, abs(ox * uy - oy * ux)
+                if not (aside < 1.0e-6 and -1.0e-6 < along < length[j] + 1.0e-6):
+                    continue
+                if abs(ux * arm[0] + uy * arm[1]) > 0.5:
+                    continue
+                other = [-unit[j]] if along > 1.0e-6 else []
+                if along < length[j] - 1.0e-6:
                     other.append(unit[j])
                 # A corner of two ends is met twice, once from each wall.
                 both_ends = len(other) == 1
