@@ -17,8 +17,10 @@ from robotctl.model.footprint import Footprint
 _APART: Final = 0.93
 """Distance of a point from blocked cells may be this much smaller than its cell's clearance: the
 point is up to 0.71 from the centre, and a corner up to 0.21 nearer than the clearance says."""
-_SPACING: Final = 0.25
+SPACING: Final = 0.25
 """Between two points of the outline."""
+COARSE: Final = 1.0
+"""The same where a miss by half a cell does not matter."""
 TOUCH: Final = -1e9
 """The gap of a body that touches something."""
 
@@ -27,7 +29,9 @@ class Body(NamedTuple):
     """A convex body, with a margin round it."""
 
     outline: NDArray[np.float64]
-    """(n, 2) points of the outline, in order."""
+    """(n, 2) points of the outline in order, `SPACING` apart at most."""
+    coarse: NDArray[np.float64]
+    """The same, `COARSE` apart."""
     discs: NDArray[np.float64]
     """(k, 3) circles that cover it."""
     sides: NDArray[np.float64]
@@ -60,51 +64,64 @@ def make_body(footprint: Footprint, margin_m: float, resolution_m: float) -> Bod
     grown = Footprint(tuple(corners))
     scale = np.array([1.0, 1.0, 1.0 / resolution_m])
     return Body(
-        _outline(np.array(corners) / resolution_m),
+        _outline(np.array(corners) / resolution_m, SPACING),
+        _outline(np.array(corners) / resolution_m, COARSE),
         grown.discs() / resolution_m,
         np.array(sides) * scale,
         grown.circumscribed_m / resolution_m,
     )
 
 
-def _outline(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points round a polygon, at most `_SPACING` apart, corners included."""
+def _outline(corners: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return points round a polygon, at most a spacing apart, corners included."""
     points = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        count = math.ceil(math.dist(a, b) / _SPACING)
+        count = math.ceil(math.dist(a, b) / spacing)
         points.append(a + (b - a) * (np.arange(count) / count)[:, np.newaxis])
     return np.concatenate(points)
 
 
 @compiled
-def gap(space: Surroundings, body: Body, x: float, y: float, c: float, s: float) -> float:
+def gap(
+    clearance: NDArray[np.float32],
+    outline: NDArray[np.float64],
+    spacing: float,
+    discs: NDArray[np.float64],
+    x: float,
+    y: float,
+    c: float,
+    s: float,
+) -> float:
     """Return about how far a body is from blocked cells; `TOUCH` where its outline is in one.
 
     From `_APART` on, it is free to move so far less `_APART`. `c`, `s`: cosine and sine of its
-    heading.
+    heading. The arrays are those of `Surroundings` and `Body`: taking them out of there would cost
+    as much as the rest, so callers do it once.
     """
-    rows, columns = space.clearance.shape
+    rows, columns = clearance.shape
     near = np.inf
-    for k in range(len(body.discs)):
-        px, py = body.discs[k, 0], body.discs[k, 1]
+    for k in range(len(discs)):
+        px, py = discs[k, 0], discs[k, 1]
         column, row = x + c * px - s * py, y + s * px + c * py
-        clear = -0.5
-        if 0.0 <= row < rows and 0.0 <= column < columns:
-            clear = float(space.clearance[int(row), int(column)])
-        near = min(near, clear - body.discs[k, 2])
+        if row < 0.0 or column < 0.0 or row >= rows or column >= columns:
+            near = -1.0
+            break
+        near = min(near, clearance[np.uint32(row), np.uint32(column)] - discs[k, 2])
     if near >= _APART:
         return near
     k = 0
-    while k < len(body.outline):
-        px, py = body.outline[k, 0], body.outline[k, 1]
+    while k < len(outline):
+        px, py = outline[k, 0], outline[k, 1]
         column, row = x + c * px - s * py, y + s * px + c * py
-        if not (0.0 <= row < rows and 0.0 <= column < columns):
+        if row < 0.0 or column < 0.0 or row >= rows or column >= columns:
             return TOUCH
-        clear = float(space.clearance[int(row), int(column)])
+        clear = clearance[np.uint32(row), np.uint32(column)]
         if clear < 0.0:
             return TOUCH
+        k += 1
         # Round this point nothing is nearer than that: the next ones in it need no look.
-        k += max(1, int((clear - _APART) / _SPACING))
+        if clear > _APART + 2.0 * spacing:
+            k += int((clear - _APART) / spacing) - 1
     return max(near, 0.0)
 
 
@@ -141,11 +158,12 @@ def can_stop(
     """Return whether a body may go on with a velocity for some time and then brake on that arc.
 
     Both velocities fall to 0 evenly in `brake_s`. The way is walked in steps in which no point of
-    the outline moves by more than what is free round it, or by `_SPACING`.
+    the outline moves by more than what is free round it, or by `SPACING`.
     """
     whole_s = hold_s + 0.5 * brake_s
     angle = omega * whole_s
     reach = abs(v) * whole_s + abs(angle) * body.reach
+    clearance, outline, discs = space.clearance, body.outline, body.discs
     share = 0.0
     while True:
         half = 0.5 * angle * share
@@ -155,10 +173,10 @@ def can_stop(
         x = pose[0] + chord * np.cos(pose[2] + half)
         y = pose[1] + chord * np.sin(pose[2] + half)
         c, s = np.cos(pose[2] + 2.0 * half), np.sin(pose[2] + 2.0 * half)
-        free = gap(space, body, x, y, c, s)
+        free = gap(clearance, outline, SPACING, discs, x, y, c, s)
         if free == TOUCH:
             return False
-        step = max(free - _APART, _SPACING)
+        step = max(free - _APART, SPACING)
         if len(space.moving):
             # From the length of the way to the time: even at first, then ever slower.
             left_s = max(whole_s * (1.0 - share), 0.0)
@@ -167,7 +185,7 @@ def can_stop(
                 time = hold_s + brake_s - np.sqrt(2.0 * left_s * brake_s)
             if gap_to_moving(space, body, x, y, c, s, time) <= 0.0:
                 return False
-            step = min(step, 2.0 * _SPACING)
+            step = min(step, 2.0 * SPACING)
         if share >= 1.0 or reach <= 0.0:
             return True
         share = min(1.0, share + step / reach)

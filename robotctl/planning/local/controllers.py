@@ -11,11 +11,15 @@ from robotctl.model.footprint import Footprint
 from robotctl.planning.local.controller import Controller, ControllerConfig
 from robotctl.planning.local.dwa import DynamicWindow
 from robotctl.planning.local.follower import Follower
+from robotctl.planning.local.mppi import PathIntegral
 
 CONTROLLERS: Final[
     dict[str, Callable[[ControllerConfig, Drive, LimitsConfig, Footprint], Controller]]
 ] = {
     "dwa": lambda config, drive, limits, footprint: Follower(
         config, drive, limits, footprint, DynamicWindow(config)
+    ),
+    "mppi": lambda config, drive, limits, footprint: Follower(
+        config, drive, limits, footprint, PathIntegral(config)
     ),
 }

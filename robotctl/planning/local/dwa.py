@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robotctl.planning.local.controller import ControllerConfig
 from robotctl.planning.local.follower import Choice
-from robotctl.planning.local.rollout import Problem, first_velocity, price_all
+from robotctl.planning.local.rollout import Problem, cheapest
 
 _WINDOW_S: Final = 0.5
 """Velocities that are reached within this time are candidates."""
@@ -40,15 +40,11 @@ class DynamicWindow:
     def reset(self) -> None:
         """Nothing is kept."""
 
-    def choose(self, problem: Problem) -> Choice | None:
+    def choose(self, problem: Problem) -> Choice:
         """Return the cheapest admissible arc."""
-        targets = self._targets(problem)
-        costs = price_all(problem, targets)
-        best = int(np.argmin(costs))
-        if costs[best] == math.inf:
-            return None
-        v, omega = first_velocity(problem, targets[best, 0, 0], targets[best, 0, 1])
-        return Choice(v, omega, targets[best])
+        ahead = np.empty((self.steps, 3))
+        _, v, omega = cheapest(problem, self._targets(problem), ahead)
+        return Choice(v, omega, ahead)
 
     def _targets(self, problem: Problem) -> NDArray[np.float64]:
         """Return speeds in the section's gear with turn rates, or curvatures, (n, 1, 2)."""

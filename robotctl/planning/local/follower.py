@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.model.drives.drives import Drive
+from robotctl.model.drives.motion import integrate
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.local.arrival import Arrival
 from robotctl.planning.local.body import Body, Surroundings, make_body
@@ -20,10 +22,8 @@ from robotctl.planning.local.rollout import (
     Motion,
     Problem,
     Weights,
-    braked,
-    first_velocity,
-    is_admissible,
-    price,
+    cheapest,
+    towards,
 )
 from robotctl.planning.local.track import Track
 
@@ -49,8 +49,8 @@ class Choice(NamedTuple):
 
     v: float
     omega: float
-    targets: NDArray[np.float64]
-    """(n, 2) wanted velocities from then on."""
+    ahead: NDArray[np.float64]
+    """(steps, 3) poses that it leads through [cells, cells, rad]."""
 
 
 class Search(Protocol):
@@ -62,8 +62,8 @@ class Search(Protocol):
     def reset(self) -> None:
         """Forget the last step."""
 
-    def choose(self, problem: Problem) -> Choice | None:
-        """Return the best admissible velocity; None: only braking is left."""
+    def choose(self, problem: Problem) -> Choice:
+        """Return the best admissible velocity; if there is none, that of braking."""
 
 
 class Follower:
@@ -100,21 +100,24 @@ class Follower:
     def reset(self) -> None:
         """Forget the last step: the path is another one, or the robot was moved."""
         self._track: Track | None = None
+        self._last: Twist | None = None
         self._search.reset()
 
     def step(self, situation: LocalSituation) -> LocalMotion:
         """Return the next velocity, from which the robot can always stop before it touches."""
+        motion = self._step(situation)
+        self._last = Twist(motion.v_m_s, motion.omega_rad_s)
+        return motion
+
+    def _step(self, situation: LocalSituation) -> LocalMotion:
+        """Arrive, back off, or follow the path."""
         track = self._follow(situation)
         problem = self._problem(situation, track)
         if track.is_last and self._is_near(situation.pose, track):
             return self._arrive(situation, track, problem)
         if self._backing_m > 0.0:
             return self._back(situation, problem)
-        choice = self._search.choose(problem)
-        if choice is None:
-            v, omega = braked(problem)
-            choice = Choice(v, omega, np.zeros((1, 2)))
-        return self._moving(situation, problem, choice)
+        return self._moving(situation, problem, self._search.choose(problem))
 
     def _follow(self, situation: LocalSituation) -> Track:
         """Return the track with the robot's place on it."""
@@ -154,7 +157,11 @@ class Follower:
         v_most = v_max
         if ends:
             v_most = min(v_max, math.sqrt(2.0 * config.deceleration_m_s2 * track.remaining_m))
+        present = self._present(situation.twist)
         pose = space.to_cells(situation.pose)
+        v = 0.5 * (situation.twist.v_m_s + present.v_m_s) / side_m
+        omega = 0.5 * (situation.twist.omega_rad_s + present.omega_rad_s)
+        soon = integrate(pose, v, omega, config.reaction_s)
         return Problem(
             Surroundings(space.blocked, space.clearance, _in_cells(space, situation.moving)),
             body,
@@ -162,8 +169,9 @@ class Follower:
             self._motion(v_max, side_m),
             self._weights(side_m),
             (pose.x_m, pose.y_m, pose.theta_rad),
-            situation.twist.v_m_s / side_m,
-            float(situation.twist.omega_rad_s),
+            (soon.x_m, soon.y_m, soon.theta_rad),
+            float(present.v_m_s) / side_m,
+            float(present.omega_rad_s),
             _path_in_cells(space, points),
             track.section.spacing_m / side_m,
             ends,
@@ -172,6 +180,20 @@ class Follower:
             config.tau_s,
             self._search.steps,
             v_most / side_m,
+        )
+
+    def _present(self, twist: Twist) -> Twist:
+        """Return the velocity from which the next one starts.
+
+        It is that of the last command, which a measurement does not show yet; if the robot cannot
+        follow, as near to that as it may be by now.
+        """
+        if self._last is None:
+            return twist
+        limits, late_s = self._limits, self._config.dt_s + self._config.reaction_s
+        return Twist(
+            towards(twist.v_m_s, self._last.v_m_s, limits.a_max_m_s2 * late_s),
+            towards(twist.omega_rad_s, self._last.omega_rad_s, limits.alpha_max_rad_s2 * late_s),
         )
 
     def _motion(self, v_max_m_s: float, side_m: float) -> Motion:
@@ -213,38 +235,39 @@ class Follower:
             situation.pose, track.goal, situation.speed_m_s, reverse=track.section.reverse
         )
         steered = problem.motion.curvature_max != math.inf
+        problem = problem._replace(v_most=problem.motion.v_max)
         for share in (1.0, 0.5, 0.25):
             v, omega = share * wanted.v_m_s / side_m, share * wanted.omega_rad_s
             turn = omega / v if steered and v != 0.0 else omega
-            v, omega = first_velocity(problem._replace(v_most=problem.motion.v_max), v, turn)
-            if is_admissible(problem, v, omega):
-                motion = self._motion_to(
-                    situation, problem, Choice(v, omega, np.array([[v, turn]]))
-                )
+            free, choice = self._only(problem, v, turn)
+            if free:
+                motion = _motion(situation, choice)
                 text = "the goal is missed, another path leads there" if wanted.missed else ""
-                still = abs(v) * side_m < _STILL and abs(omega) < _STILL
+                still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
                 return motion._replace(
                     arrived=wanted.arrived and still, blocked=wanted.missed and still, text=text
                 )
-        v, omega = braked(problem)
-        motion = self._motion_to(situation, problem, Choice(v, omega, np.zeros((1, 2))))
-        return motion._replace(blocked=True, text="something is too near to the goal")
+        text = "something is too near to the goal"
+        return _motion(situation, choice)._replace(blocked=True, text=text)
 
     def _back(self, situation: LocalSituation, problem: Problem) -> LocalMotion:
         """Back off straight while that is free."""
-        side_m = situation.space.grid.resolution_m
-        v, omega = first_velocity(problem._replace(v_most=math.inf), -_CREEP_M_S / side_m, 0.0)
-        self._backing_m -= self._config.dt_s * abs(v) * side_m
-        if not is_admissible(problem, v, omega):
-            self._backing_m = 0.0
-            v, omega = braked(problem)
-        choice = Choice(v, omega, np.array([[v, 0.0]]))
-        return self._motion_to(situation, problem, choice)._replace(text="backs off")
+        speed = problem.motion.creep
+        free, choice = self._only(problem._replace(v_most=speed), -speed, 0.0)
+        motion = _motion(situation, choice)
+        self._backing_m -= self._config.dt_s * abs(motion.v_m_s) if free else math.inf
+        return motion._replace(text="backs off")
+
+    def _only(self, problem: Problem, v: float, turn: float) -> tuple[bool, Choice]:
+        """Return whether one velocity is admissible; and it, else that of braking."""
+        ahead = np.empty((problem.steps, 3))
+        best, v, omega = cheapest(problem, np.array([[[v, turn]]]), ahead)
+        return best == 0, Choice(v, omega, ahead)
 
     def _moving(self, situation: LocalSituation, problem: Problem, choice: Choice) -> LocalMotion:
         """Return a chosen velocity and say what hinders the robot."""
         side_m = situation.space.grid.resolution_m
-        motion = self._motion_to(situation, problem, choice)
+        motion = _motion(situation, choice)
         still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
         self._waited = self._waited + 1 if still else 0
         people = self._waits_for_people(problem, side_m)
@@ -263,16 +286,12 @@ class Follower:
         away = np.hypot(moving[:, 0] - x, moving[:, 1] - y) - moving[:, 4]
         return bool((away * side_m < 2.0).any())
 
-    def _motion_to(
-        self, situation: LocalSituation, problem: Problem, choice: Choice
-    ) -> LocalMotion:
-        """Return a velocity with the places that it leads through."""
-        ahead = np.empty((problem.steps, 3))
-        ahead[:] = problem.pose
-        price(problem, choice.targets, ahead)
-        space = situation.space
-        v_m_s = float(choice.v) * space.grid.resolution_m
-        return LocalMotion(v_m_s, float(choice.omega), space.to_world(ahead))
+
+def _motion(situation: LocalSituation, choice: Choice) -> LocalMotion:
+    """Return a choice in metres and `world`."""
+    space = situation.space
+    v_m_s = float(choice.v) * space.grid.resolution_m
+    return LocalMotion(v_m_s, float(choice.omega), space.to_world(choice.ahead))
 
 
 def _in_cells(space: PlanningMap, moving: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,10 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.planning.local.body import TOUCH, Body, Surroundings, can_stop, gap, gap_to_moving
+from robotctl.planning.local.body import (
+    COARSE,
+    TOUCH,
+    Body,
+    Surroundings,
+    can_stop,
+    gap,
+    gap_to_moving,
+)
 
-_AHEAD: Final = 6
+_AHEAD: Final = 4
 """Points of the path that are looked at for a nearer one."""
+_KNOWN: Final = 16
+"""First velocities that are remembered."""
 _LET_PASS_S: Final = 0.8
 """What moves claims the place where it is so long after."""
 
@@ -69,6 +79,9 @@ class Problem(NamedTuple):
     motion: Motion
     weights: Weights
     pose: tuple[float, float, float]
+    """Where the robot is seen."""
+    soon: tuple[float, float, float]
+    """Where it is when the next velocity takes effect."""
     v: float
     omega: float
     path: NDArray[np.float64]
@@ -127,12 +140,16 @@ def braked(problem: Problem) -> tuple[float, float]:
 
 @compiled
 def is_admissible(problem: Problem, v: float, omega: float) -> bool:
-    """Return whether the robot can stop after a step with a velocity, the reaction included."""
-    motion = problem.motion
+    """Return whether the robot can stop after a step with a velocity.
+
+    It takes effect between at once and after the reaction time: both are looked at.
+    """
+    motion, space = problem.motion, problem.space
     brake_s = max(abs(v) / motion.brake, abs(omega) / motion.turn_brake)
     body = problem.tight if abs(v) <= motion.creep else problem.body
-    return can_stop(
-        problem.space, body, problem.pose, v, omega, motion.dt_s + motion.reaction_s, brake_s
+    late_s = motion.dt_s + motion.reaction_s
+    return can_stop(space, body, problem.pose, v, omega, late_s, brake_s) and can_stop(
+        space, body, problem.soon, v, omega, motion.dt_s, brake_s
     )
 
 
@@ -156,15 +173,20 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
     The places that they lead through are written to `drawn` (m, 3), as far as it has room.
     """
     motion, weights, path, gear = problem.motion, problem.weights, problem.path, problem.gear
-    x, y, c, s = problem.pose[0], problem.pose[1], np.cos(problem.pose[2]), np.sin(problem.pose[2])
-    v, omega, angle = problem.v, problem.omega, problem.pose[2]
+    clearance, moving = problem.space.clearance, len(problem.space.moving) > 0
+    outline, discs = problem.body.coarse, problem.body.discs
+    tight_outline, tight_discs = problem.tight.coarse, problem.tight.discs
+    x, y, angle = problem.soon
+    c, s = np.cos(angle), np.sin(angle)
+    v, omega = problem.v, problem.omega
     last, step_s = len(path) - 1, problem.tau_s / problem.steps
     j = nearest(path, 0, x, y)
     begin = _along(path, problem.spacing, gear, j, x, y)
-    lateral = close = people = missing = 0.0
+    lateral = close = people = missing = swayed = 0.0
     along = begin
     for i in range(problem.steps):
         k = min(i, len(targets) - 1)
+        before = omega
         if i == 0:
             v, omega = first_velocity(problem, targets[0, 0], targets[0, 1])
         else:
@@ -174,6 +196,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
                 v = min(max(v, -most), most)
             wanted = targets[k, 1] if motion.curvature_max == np.inf else v * targets[k, 1]
             omega = _turning(motion, v, omega, wanted, step_s)
+        swayed += abs(omega - before)
         turn = omega * step_s
         # Cosine and sine of half the turn by series: they are right to 1e-6 up to 1 rad.
         half = 0.25 * turn * turn
@@ -184,10 +207,12 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         c, s = c * ch - s * sh, s * ch + c * sh
         angle += turn
         moves = abs(v) + abs(omega) > 1e-9
-        body = problem.tight if abs(v) <= motion.creep else problem.body
-        near = gap(problem.space, body, x, y, c, s)
-        if len(problem.space.moving) and moves:
-            crowded = _crowded(problem, body, (x, y, c, s), (i + 1) * step_s)
+        if abs(v) <= motion.creep:
+            near = gap(clearance, tight_outline, COARSE, tight_discs, x, y, c, s)
+        else:
+            near = gap(clearance, outline, COARSE, discs, x, y, c, s)
+        if moving and moves:
+            crowded = _crowded(problem, problem.body, (x, y, c, s), (i + 1) * step_s)
             people += crowded
             near = TOUCH if crowded > 1.0 else near
         if near == TOUCH and moves:
@@ -210,7 +235,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         + weights.path * lateral / count / weights.lateral
         + weights.clearance * close / count
         + weights.heading * _looking_elsewhere(problem, j, (x, y, c, s))
-        + weights.smoothness * abs(omega - problem.omega) / motion.omega_max
+        + weights.smoothness * swayed / motion.omega_max
         + weights.people * people / count
         + weights.blocked * missing
     )
@@ -255,14 +280,31 @@ def _along(
 
 
 @compiled
-def price_all(problem: Problem, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cost of each candidate (n, steps, 2), (n,); inf if it is not admissible."""
-    costs = np.empty(len(targets))
+def cheapest(
+    problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.float64]
+) -> tuple[int, float, float]:
+    """Return which candidate of (n, steps, 2) is the cheapest, and its first velocity.
+
+    -1 if none is admissible, with the velocity of braking. Its places are written to `drawn`.
+    """
+    best, least = -1, np.inf
+    chosen = braked(problem)
+    known, count = np.empty((_KNOWN, 3)), 0
     nothing = np.empty((0, 3))
     for i in range(len(targets)):
         v, omega = first_velocity(problem, targets[i, 0, 0], targets[i, 0, 1])
-        if is_admissible(problem, v, omega):
-            costs[i] = price(problem, targets[i], nothing)
-        else:
-            costs[i] = np.inf
-    return costs
+        # Far targets have the same first step.
+        admissible = -1.0
+        for k in range(min(count, _KNOWN)):
+            if known[k, 0] == v and known[k, 1] == omega:
+                admissible = known[k, 2]
+        if admissible < 0.0:
+            admissible = 1.0 if is_admissible(problem, v, omega) else 0.0
+            known[count % _KNOWN] = v, omega, admissible
+            count += 1
+        if admissible > 0.0:
+            cost = price(problem, targets[i], nothing)
+            if cost < least:
+                best, least, chosen = i, cost, (v, omega)
+    price(problem, targets[best] if best >= 0 else np.zeros((1, 2)), drawn)
+    return best, chosen[0], chosen[1]

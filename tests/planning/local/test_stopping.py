@@ -1,0 +1,96 @@
+"""No controller takes a velocity from which the robot could not stop, whatever stands around it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive
+from robotctl.model.drives.motion import integrate
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.local.controller import ControllerConfig, LocalSituation
+from robotctl.planning.local.controllers import CONTROLLERS
+
+SIDE_M = 0.05
+LIMITS = LimitsConfig(2.0, 4.0, 4.0, 12.0, 40.0, 150.0)
+CONFIG = ControllerConfig(deceleration_m_s2=3.0, samples=200)
+TURN_BRAKE_RAD_S2 = 9.0
+"""The same share of the largest."""
+ROBOTS = {
+    "differential": (
+        DifferentialDrive("differential", 0.37, 0.1, 2400),
+        Footprint(((0.25, -0.21), (0.25, 0.21), (-0.25, 0.21), (-0.25, -0.21))),
+    ),
+    "ackermann": (
+        AckermannDrive("ackermann", 0.35, 0.26, 0.05, 0.6, 2.0, 2400),
+        Footprint(((0.43, -0.15), (0.43, 0.15), (-0.07, 0.15), (-0.07, -0.15))),
+    ),
+}
+
+
+def touches(footprint, cells, poses):
+    """Return whether a body overlaps a cell at one of the poses, by separating axes."""
+    corners = np.array(footprint.corners)
+    for pose in poses:
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        body = corners @ np.array([[c, s], [-s, c]]) + (pose.x_m, pose.y_m)
+        apart = (body.max(axis=0) <= cells).any(axis=1)
+        apart |= (body.min(axis=0) >= cells + SIDE_M).any(axis=1)
+        for (ax, ay), (bx, by) in zip(body, np.roll(body, -1, axis=0), strict=True):
+            nx, ny = by - ay, ax - bx  # outwards
+            nearest = cells + SIDE_M * np.array([nx < 0.0, ny < 0.0])
+            apart |= (nearest - (ax, ay)) @ (nx, ny) >= 0.0
+        if not apart.all():
+            return True
+    return False
+
+
+def braking(pose, twist):
+    """Return poses 5 ms apart of a robot that brakes on its arc."""
+    whole_s = max(
+        abs(twist.v_m_s) / CONFIG.deceleration_m_s2, abs(twist.omega_rad_s) / TURN_BRAKE_RAD_S2
+    )
+    poses = [pose]
+    count = math.ceil(whole_s / 0.005)
+    for i in range(count):
+        left = 1.0 - (i + 0.5) / count
+        poses.append(
+            integrate(poses[-1], left * twist.v_m_s, left * twist.omega_rad_s, whole_s / count)
+        )
+    return poses
+
+
+@pytest.mark.parametrize("kind", ROBOTS)
+@pytest.mark.parametrize("name", CONTROLLERS)
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, seed):
+    drive, body = ROBOTS[kind]
+    rng = np.random.default_rng(seed)
+    grid = np.where(rng.random((80, 80)) < rng.uniform(0.0, 0.03), 100, 0).astype(np.int8)
+    grid[34:46, 34:46] = 0
+    space = PlanningMap(GridMap(grid, SIDE_M), body)
+    cells = SIDE_M * np.argwhere(np.pad(space.blocked, 1, constant_values=True))[:, ::-1] - SIDE_M
+    pose, v = SE2(2.0, 2.0, rng.uniform(-3.0, 3.0)), rng.uniform(-2.0, 2.0)
+    reach = min(4.0, abs(v) / drive.min_turning_radius_m) if drive.steered else 4.0
+    twist = Twist(v, rng.uniform(-reach, reach))
+    path = np.array([[2.0, 2.0, 0.0], *rng.uniform(0.0, 4.0, (3, 3))])
+    reverse = rng.random(3) < 0.3
+    assume(not touches(body, cells, braking(pose, twist)))
+    controller = CONTROLLERS[name](CONFIG, drive, LIMITS, body)
+    for _ in range(8):
+        situation = LocalSituation(pose, twist, path, reverse, space, np.empty((0, 5)), 2.0)
+        motion = controller.step(situation)
+        twist = Twist(motion.v_m_s, motion.omega_rad_s)
+        driven = [integrate(pose, *twist, 0.005 * (i + 1)) for i in range(10)]
+        pose = driven[-1]
+        assert not touches(body, cells, driven + braking(pose, twist))
+        if drive.steered:
+            assert abs(twist.omega_rad_s) * drive.min_turning_radius_m <= abs(twist.v_m_s) + 1e-9
