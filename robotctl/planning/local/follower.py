@@ -18,6 +18,7 @@ from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.local.arrival import Arrival
 from robotctl.planning.local.body import Body, Surroundings, make_body
 from robotctl.planning.local.controller import ControllerConfig, LocalMotion, LocalSituation
+from robotctl.planning.local.escape import is_too_near, way_out
 from robotctl.planning.local.rollout import (
     Motion,
     Problem,
@@ -94,6 +95,7 @@ class Follower:
         self._turn_brake = share * limits.alpha_max_rad_s2
         self._arrival = Arrival(config, drive, limits.omega_max_rad_s, self._turn_brake)
         self._bodies: dict[float, tuple[Body, Body]] = {}
+        self._bare: dict[float, Body] = {}
         self._path: NDArray[np.float64] = np.empty((0, 3))
         self.reset()
 
@@ -101,6 +103,7 @@ class Follower:
         """Forget the last step: the path is another one, or the robot was moved."""
         self._track: Track | None = None
         self._last: Twist | None = None
+        self._escaping = False
         self._search.reset()
 
     def step(self, situation: LocalSituation) -> LocalMotion:
@@ -151,6 +154,7 @@ class Follower:
                 make_body(self._footprint, max(config.margin_m, tight_m), side_m),
                 make_body(self._footprint, tight_m, side_m),
             )
+            self._bare[side_m] = make_body(self._footprint, 0.0, side_m)
         body, tight = self._bodies[side_m]
         v_max = min(speed, self._limits.v_max_m_s)
         points, ends = track.window(v_max * config.tau_s + 2.0 * _LOOK_M)
@@ -271,6 +275,14 @@ class Follower:
         still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
         self._waited = self._waited + 1 if still else 0
         people = self._waits_for_people(problem, side_m)
+        if (still or self._escaping) and is_too_near(problem.space, problem.tight, problem.pose):
+            self._escaping = True
+            v, omega = way_out(problem, self._bare[side_m])
+            if v != 0.0 or omega != 0.0:
+                motion = _motion(situation, Choice(v, omega, choice.ahead))
+                return motion._replace(text="creeps away from what is too near")
+            return motion._replace(blocked=True, text="something touches the robot")
+        self._escaping = False
         if not still:
             slow = abs(motion.v_m_s) < 0.5 * situation.speed_m_s
             return motion._replace(text="lets somebody pass" if people and slow else "")
