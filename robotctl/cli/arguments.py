@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import typer
@@ -32,6 +33,26 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override one key, e.g. control.left.kp=2."),
 ]
+
+
+def place(option: str, text: str) -> tuple[float, ...]:
+    """Return the numbers of a place: x, y and perhaps a heading.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise ConfigError(
+            f"{option} {text}: two or three numbers with commas are needed, such as 1.5,-2 or "
+            "1.5,-2,90"
+        )
+    return numbers
 
 
 def refuse_unused(ctx: typer.Context, why: str, *parameters: str) -> None:

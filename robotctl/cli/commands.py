@@ -17,6 +17,10 @@ COMMANDS: Final = {
         "run:run",
         "Run control, navigation and telemetry until Ctrl-C; arm from a ground station.",
     ),
+    "goto": (
+        "goto:goto",
+        "Let a robot that runs on this computer, and is armed, drive to a place by plan.",
+    ),
     "tune": (
         "tune.tune:tune",
         "Measure the simulated robot's wheels, compute gains, show the responses before and after.",

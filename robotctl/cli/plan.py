@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robotctl.cli.arguments import Overrides
+from robotctl.cli.arguments import Overrides, place
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
-from robotctl.errors import ConfigError
 
 if TYPE_CHECKING:
     from robotctl.workbench.planning.plan import PlanResult
@@ -66,8 +65,8 @@ def plan(
     result = make_plan(
         PlanOptions(
             map=world_map,
-            start=_numbers("--start", start),
-            goal=_numbers("--goal", goal),
+            start=place("--start", start),
+            goal=place("--goal", goal),
             planner=planner,
             robot=robot,
             overrides=tuple(overrides or ()),
@@ -101,23 +100,3 @@ def summary(result: PlanResult) -> str:
         f"cost {figures['cost']:.3f} {unit}, smallest clearance "
         f"{figures['min_clearance_m']:.2f} {unit}, {len(result.path)} poses, {effort}"
     )
-
-
-def _numbers(option: str, text: str) -> tuple[float, ...]:
-    """Return the numbers of a place.
-
-    Raises
-    ------
-    ConfigError
-        If it is none.
-    """
-    try:
-        numbers = tuple(map(float, text.split(",")))
-    except ValueError:
-        numbers = ()
-    if len(numbers) not in (2, 3):
-        raise ConfigError(
-            f"{option} {text}: two or three numbers with commas are needed, such as 1.5,-2 or "
-            "1.5,-2,90"
-        )
-    return numbers

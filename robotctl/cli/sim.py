@@ -10,9 +10,10 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 import typer
 
-from robotctl.cli.arguments import Overrides, RobotName, refuse_unused
+from robotctl.cli.arguments import Overrides, RobotName, place, refuse_unused
 from robotctl.cli.console import plain_console
 from robotctl.cli.files import check_files, write_file
 from robotctl.cli.live.keys import Keys
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 NOT_COMPLETED = 3
 PATROL = "patrol"
 """The default mission, unless the robot drives in a map."""
+GOAL_WORLD = "flat"
+"""Where a goal lies unless the user says."""
 OWN_BUS = "simcan"
 """The default bus."""
 
@@ -75,9 +78,17 @@ def sim(
         Literal["none", "ekf", "mcl"] | None,
         typer.Option(help="Localisation method; default: as the robot's file says."),
     ] = None,
+    goal: Annotated[
+        str,
+        typer.Option(metavar="X,Y[,DEG]", help="Drive there by plan, instead of a mission."),
+    ] = "",
     start: Annotated[
-        Literal["known", "unknown"],
-        typer.Option(help="Whether the localiser knows the start."),
+        str,
+        typer.Option(
+            metavar="X,Y[,DEG]",
+            help="Where the robot starts, or `unknown`: there, and its localiser does not know it; "
+            "default: as mission or world say.",
+        ),
     ] = "known",
     world_map: Annotated[
         str,
@@ -128,9 +139,13 @@ def sim(
         make_folder(record)
         if reason := refusal(record):
             raise LogError(reason)
+    pose = () if start in {"known", "unknown"} else place("--start", start)
+    if goal and mission:
+        raise ConfigError("--goal: not allowed with --mission, which says where to drive")
     options = SimOptions(
         robot=find_file(robot),
-        mission=_mission(mission, world),
+        mission=_goal(world, pose, goal) if goal else _mission(mission, world),
+        start=pose,
         world=world,
         bus=bus,
         seed=seed,
@@ -138,7 +153,9 @@ def sim(
         overrides=(*(["camera.enabled=true"] if camera else []), *(overrides or ())),
         record=record,
         faults=find_file(faults, "scenarios") if faults else None,
-        localisation=_localisation(localiser, start, world_map, sensors, mapping=mapping),
+        localisation=_localisation(
+            localiser, start == "unknown", world_map, sensors, mapping=mapping
+        ),
         hard_real_time=hard_real_time,
     )
     _refuse_what_has_no_effect(ctx, options, lockstep=lockstep, until_done=until_done)
@@ -152,6 +169,8 @@ def sim(
         stopped = StopFlag()
         result = _run(options, stopped, headless=headless, until_done=until_done)
         stayed = stopped() and not until_done
+    if goal:
+        result = msgspec.structs.replace(result, arrived=result.mission_completed)
     try:
         if report is not None:
             write_file(report, lambda path: path.write_bytes(result.json()))
@@ -186,7 +205,8 @@ def _refuse_what_has_no_effect(
     settings = options.settings(Path("the mission's own"))
     if load_robot(options.robot, settings).localisation.method == "none":
         why = "without a localiser; add --localiser mcl or ekf"
-        refuse_unused(ctx, why, "world_map", "sensors", "start")
+        unused = ("world_map", "sensors", *(["start"] if not options.start else []))
+        refuse_unused(ctx, why, *unused)
 
 
 def _mission(name: str, world: str) -> Path:
@@ -198,15 +218,29 @@ def _mission(name: str, world: str) -> Path:
         return find_file(name or PATROL, "missions")
     from robotctl.app.simulation.room import straight_mission  # noqa: PLC0415
 
+    return _written("straight", straight_mission(find_world(world)))
+
+
+def _goal(world: str, start: tuple[float, ...], goal: str) -> Path:
+    """Return the file of a mission of one goal; without a world it is the flat."""
+    from robotctl.app.simulation.room import goal_mission  # noqa: PLC0415
+    from robotctl.maps.world import find_world  # noqa: PLC0415
+
+    there = place("--goal", goal)
+    return _written("goal", goal_mission(find_world(world or GOAL_WORLD), start, there))
+
+
+def _written(name: str, text: str) -> Path:
+    """Return a file of this run with a mission."""
     folder = tempfile.mkdtemp(prefix="robotctl-mission-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    mission = Path(folder) / "straight.toml"
-    mission.write_text(straight_mission(find_world(world)), encoding="utf-8")
+    mission = Path(folder) / f"{name}.toml"
+    mission.write_text(text, encoding="utf-8")
     return mission
 
 
 def _localisation(
-    localiser: str | None, start: str, world_map: str, sensors: str, *, mapping: bool
+    localiser: str | None, lost: bool, world_map: str, sensors: str, *, mapping: bool
 ) -> tuple[str, ...]:
     """Return the options of the localiser as settings of the robot."""
     from robotctl.maps.world import find_world  # noqa: PLC0415
@@ -214,8 +248,8 @@ def _localisation(
     settings = []
     if localiser is not None:
         settings.append(f'localisation.method="{localiser}"')
-    if start != "known":
-        settings.append(f'localisation.start="{start}"')
+    if lost:
+        settings.append('localisation.start="unknown"')
     if world_map:
         settings.append(f'localisation.map="{find_world(world_map)}"')
     if sensors:

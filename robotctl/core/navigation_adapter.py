@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Final
 
 import numpy as np
 
+from robotctl.core.scan_messages import lidar_scan
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.messages.control import (
     ControlState,
@@ -21,7 +23,7 @@ from robotctl.messages.control import (
     VelocityCommand,
     VelocityTarget,
 )
-from robotctl.messages.estimation import CameraView, LocalisationState
+from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
     REQUEST_LIFE_NS,
@@ -34,6 +36,7 @@ from robotctl.messages.requests import (
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
 from robotctl.planning.guard.obstacle_guard import Point
@@ -118,7 +121,7 @@ class NavigationAdapter:
         localisation: LocalisationState | None,
         requests: Sequence[NavigationRequest],
         now_ns: int,
-        views: Sequence[CameraView] = (),
+        seen: Sequence[LidarScan | CameraView] = (),
     ) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity command of this step and what to publish.
 
@@ -127,7 +130,7 @@ class NavigationAdapter:
         robot to others. HOLD is always taken; velocities and sticks expire by themselves.
 
         `localisation` is the localiser's last message. Where `WorldPose` has no pose, the robot
-        looks around by odometry alone. `views` are those of the camera since the last step.
+        looks around by odometry alone. `seen` is what lidar and camera saw since the last step.
         """
         if localisation is not None:
             self._world.localise(localisation)
@@ -135,12 +138,14 @@ class NavigationAdapter:
         fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
         ranges_m: tuple[float, ...]
         heard_ns: tuple[int, ...]
+        scans: list[tuple[SE2, RangeScan]] = []
         if control is None:
             pose, twist, ranges_m, heard_ns, floor = _UNKNOWN, Twist(0.0, 0.0), (), (), []
         else:
-            floor = self._look(control, views)
+            floor = self._look(control, [each for each in seen if isinstance(each, CameraView)])
             known = self._world.pose(control)
             pose = control.T_odom_base if known is None else known
+            scans = self._placed(control, pose, seen)
             twist = Twist(control.v_m_s, control.omega_rad_s)
             ranges_m, heard_ns = control.sonar_m, control.sonar_stamp_ns
         enabled = fresh and control is not None and control.state in POWERED
@@ -165,6 +170,7 @@ class NavigationAdapter:
             ),
             floor_base=floor,
             epoch=(0, 0) if control is None else self._world.epoch(control),
+            scans=scans,
         )
         out = self.navigator.step(inputs, now_ns)
         command = VelocityCommand(
@@ -184,6 +190,10 @@ class NavigationAdapter:
             mission_failed=out.mission_failed,
             message=out.message,
             item_s_m=out.item_s_m,
+            plans=out.plans,
+            recoveries=out.recoveries,
+            goals=out.goals,
+            goal_reached=out.goal_reached,
         )
         return command, state
 
@@ -235,6 +245,24 @@ class NavigationAdapter:
                 self._floor.see(seen_from, _floor_view(view))
         return self._floor.around(odometry)
 
+    def _placed(
+        self, control: ControlState, pose: SE2, seen: Sequence[LidarScan | CameraView]
+    ) -> list[tuple[SE2, RangeScan]]:
+        """Return the scans of the lidar, each with `base` in `world` at its time.
+
+        Those of a time before the odometry, and those that are none, are left out.
+        """
+        back = control.T_odom_base.inverse()
+        placed = []
+        for each in seen:
+            if not isinstance(each, LidarScan):
+                continue
+            then = self._odometry.at(each.stamp_ns)
+            with suppress(ValueError):
+                scan = lidar_scan(each)
+                placed += [] if then is None else [(pose @ back @ then, scan)]
+        return placed
+
     def _forget(self, control: ControlState, odometry: SE2) -> None:
         """Forget the floor; what lies below the picture of a moving robot is then unknown."""
         self._odometry, self._floor = OdometryHistory(), FloorMemory()
@@ -268,6 +296,6 @@ def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl)
                 message.expires_ns, message.v_m_s, message.omega_rad_s, message.heading_rad
             )
         case PositionTarget():
-            return PositionRequest(message.x_m, message.y_m)
+            return PositionRequest(message.x_m, message.y_m, message.heading_rad)
         case ManualControl():
             return StickRequest(message.expires_ns, message.forward, message.turn)

@@ -101,9 +101,8 @@ class NavigationTick:
 
     def navigate(self, now_ns: int) -> tuple[VelocityCommand, NavigationState]:
         """Return the velocity decided, and the navigator's state."""
-        views = [each for each in self._seen if isinstance(each, CameraView)]
         command, self.state = self._adapter.step(
-            self._control, self.localisation, self._requests, now_ns, views
+            self._control, self.localisation, self._requests, now_ns, self._seen
         )
         return command, self.state
 

@@ -308,11 +308,15 @@ class VelocityTarget(msgspec.Struct, frozen=True, tag=True):
 
 
 class PositionTarget(msgspec.Struct, frozen=True, tag=True):
-    """GUIDED: a point of `world` (m) to drive to, kept until reached or replaced."""
+    """GUIDED: a point of `world` (m) to drive to, kept until reached or replaced.
+
+    `heading_rad` is that at the end; None: any.
+    """
 
     stamp_ns: int
     x_m: float
     y_m: float
+    heading_rad: float | None = None
 
 
 class ManualControl(msgspec.Struct, frozen=True, tag=True):
@@ -439,7 +443,10 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     """State of the navigation process, published after each step.
 
     `item` counts mission items from 0 and equals `items` when the mission is completed; `item_s_m`
-    is the distance along an item that is a path or a wall (m).
+    is the distance along an item that is a path or a wall (m). `plans` and `recoveries` count what
+    driving by plan took since the start. `goals` counts the positions that were taken in GUIDED,
+    and `goal_reached` says how the last one ended, None while it is under way or given up for
+    something else.
     """
 
     stamp_ns: int
@@ -453,6 +460,10 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     message: str
     step_us: float = 0.0
     item_s_m: float = 0.0
+    plans: int = 0
+    recoveries: int = 0
+    goals: int = 0
+    goal_reached: bool | None = None
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -32,10 +32,11 @@ class VelocityRequest(NamedTuple):
 
 
 class PositionRequest(NamedTuple):
-    """GUIDED: drive to this point of `world` [m]."""
+    """GUIDED: drive to this point of `world` [m], to end with a heading [rad]; None: any."""
 
     x_m: float
     y_m: float
+    heading_rad: float | None = None
 
 
 class StickRequest(NamedTuple):

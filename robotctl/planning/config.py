@@ -7,8 +7,42 @@ from dataclasses import dataclass, field
 
 from robotctl.errors import InvalidValue
 from robotctl.planning.behaviours.follow_wall import WallConfig
+from robotctl.planning.costmap.zones import Zone
 from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.local.pursuit import PursuitConfig
+
+
+@dataclass(frozen=True, slots=True)
+class PilotConfig:
+    """How journeys are planned and driven.
+
+    Parameters
+    ----------
+    planner
+        A name of `PLANNERS`; empty: hybrid for a robot that steers, astar for another.
+    controller
+        A name of `CONTROLLERS`.
+    margin_m
+        Between the body and obstacles on a planned path [m], >= 0.
+    zone
+        Parts of the world that the robot keeps out of, or passes slowly.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
+    """
+
+    planner: str = ""
+    controller: str = "dwa"
+    margin_m: float = 0.05
+    zone: tuple[Zone, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.margin_m < math.inf:
+            raise InvalidValue(
+                "margin_m", f"{self.margin_m} found, a number >= 0 allowed", self.margin_m
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +59,8 @@ class NavigationConfig:
         Maximum speed of RTL [m/s], > 0.
     look_around_speed_m_s
         Largest speed of a robot that does not know where it is [m/s], > 0.
-    pursuit, guard, wall
-        Following paths, minding obstacles, following walls.
+    pursuit, guard, wall, pilot
+        Following paths, minding obstacles, following walls, driving by plan.
 
     Raises
     ------
@@ -41,6 +75,7 @@ class NavigationConfig:
     pursuit: PursuitConfig = field(default_factory=PursuitConfig)
     guard: GuardConfig = field(default_factory=GuardConfig)
     wall: WallConfig = field(default_factory=WallConfig)
+    pilot: PilotConfig = field(default_factory=PilotConfig)
 
     def __post_init__(self) -> None:
         if not 5.0 <= self.rate_hz <= 100.0:

@@ -19,9 +19,10 @@ from robotctl.messages.requests import (
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
-from robotctl.planning.behaviours.kind import NavigatedRobot, Paths
+from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot, Seen
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
@@ -72,6 +73,8 @@ class NavigationInputs(NamedTuple):
     """Points on the floor not to be driven over."""
     epoch: tuple[int, int] = (0, 0)
     """Changes when the pose jumps, since the robot was found elsewhere: `WorldPose.epoch`."""
+    scans: Sequence[tuple[SE2, RangeScan]] = ()
+    """Scans of a lidar since the last step, each with `base` in `world` at its time."""
 
 
 class NavigationOutputs(NamedTuple):
@@ -90,6 +93,14 @@ class NavigationOutputs(NamedTuple):
     """Distance along an item that is a path or a wall [m]."""
     held: bool = False
     """Whether `message` says why the robot went to HOLD by itself."""
+    plans: int = 0
+    """Paths taken in driving by plan, since the start."""
+    recoveries: int = 0
+    """Tries to get on again."""
+    goals: int = 0
+    """Positions taken in GUIDED."""
+    goal_reached: bool | None = None
+    """How the last of them ended; None: it is under way, or was given up for something else."""
 
 
 class Navigator:
@@ -164,6 +175,10 @@ class Navigator:
         self._held = False
         """Whether `_ended` says why the robot went to HOLD by itself."""
         self._refused = ""
+        self._goals = 0
+        self._goal_reached: bool | None = None
+        self._seen_epoch: tuple[int, int] | None = None
+        """In which the pilot saw what it knows."""
         self._enabled = False
         """As of the last step with a control state."""
         self._stopped_ns = -1
@@ -189,6 +204,10 @@ class Navigator:
     def learn_paths(self, paths: Paths) -> None:
         """Set the free paths through the world, to continue from where the robot is found."""
         self._robot.paths = paths
+
+    def take_pilot(self, pilot: Pilot) -> None:
+        """Let a pilot plan what is driven to a goal."""
+        self._robot.pilot = pilot
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty if it can."""
@@ -219,13 +238,7 @@ class Navigator:
         if not known:
             self._pause()
             return self._outputs(BehaviourOutput(0.0, 0.0, text="no valid pose or velocity"))
-        ranges, heard_ns = inputs.ranges_m, inputs.heard_ns
-        if len(ranges) != self._sonars or len(heard_ns) != self._sonars:
-            ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
-        new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
-        self._heard_ns = heard_ns
-        situation = BehaviourInput(inputs.pose, inputs.twist, ranges, new, inputs.epoch)
-        self._guard.observe(ranges, new, inputs.floor_base)
+        situation = self._observe(inputs, now_ns)
         if not inputs.enabled:
             self._pause()
             text = "not armed" if inputs.heard else "no messages from control"
@@ -234,6 +247,25 @@ class Navigator:
         if self._searches(inputs.localised):
             return self._outputs(self._look_around.step(situation))
         return self._outputs(self._decide(situation, now_ns))
+
+    def _observe(self, inputs: NavigationInputs, now_ns: int) -> BehaviourInput:
+        """Let guard and pilot see what the sensors see; return it for behaviours."""
+        ranges, heard_ns = inputs.ranges_m, inputs.heard_ns
+        if len(ranges) != self._sonars or len(heard_ns) != self._sonars:
+            ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
+        new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
+        self._heard_ns = heard_ns
+        self._guard.observe(ranges, new, inputs.floor_base)
+        pilot = self._robot.pilot
+        if pilot is not None and inputs.localised:
+            if inputs.epoch != self._seen_epoch:  # it was seen from a wrong place
+                self._seen_epoch = inputs.epoch
+                pilot.forget()
+            heard = tuple(
+                reading if is_new else math.nan for reading, is_new in zip(ranges, new, strict=True)
+            )
+            pilot.see(inputs.pose, Seen(inputs.scans, heard, inputs.floor_base), now_ns)
+        return BehaviourInput(inputs.pose, inputs.twist, ranges, new, inputs.epoch)
 
     def _searches(self, localised: bool) -> bool:
         """Return whether the present behaviour needs a place in the world that is unknown."""
@@ -293,9 +325,10 @@ class Navigator:
                 self._velocity = request
                 if self._mode is Mode.GUIDED:
                     self._behaviour = None
-            case PositionRequest(x, y):
+            case PositionRequest(x, y, _):
                 if enabled and self._mode is Mode.GUIDED and _on_earth(x, y):
                     self._velocity, self._ended = None, ""
+                    self._goals, self._goal_reached = self._goals + 1, None
                     self._behaviour = behaviour_for(request, self._robot)
             case StickRequest():
                 self._sticks = request
@@ -336,6 +369,8 @@ class Navigator:
                 return step
             self._behaviour = None
             self._ended = step.text or "arrived"
+            if self._mode is Mode.GUIDED:
+                self._goal_reached = step.status is Status.DONE
         if self._mode is Mode.GUIDED and self._velocity is not None:
             heading_rad = situation.pose.theta_rad
             return guided_velocity(self._velocity, heading_rad, self._drive, self._guard, now_ns)
@@ -343,7 +378,7 @@ class Navigator:
 
     def _outputs(self, step: BehaviourOutput) -> NavigationOutputs:
         """Return a step as outputs."""
-        runner = self._runner
+        runner, pilot = self._runner, self._robot.pilot
         return NavigationOutputs(
             step.v_m_s,
             step.omega_rad_s,
@@ -356,6 +391,10 @@ class Navigator:
             f"refused: {self._refused}" if self._refused else step.text,
             runner.item_s_m if runner else 0.0,
             self._held and not self._refused and step.text == self._ended,
+            pilot.plans if pilot else 0,
+            pilot.recoveries if pilot else 0,
+            self._goals,
+            self._goal_reached,
         )
 
 

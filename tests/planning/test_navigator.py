@@ -18,7 +18,7 @@ from robotctl.messages.requests import (
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.planning.behaviours.follow_path import DriveItem
-from robotctl.planning.behaviours.go_to import GoToItem
+from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
@@ -261,7 +261,7 @@ def test_an_interrupted_mission_goes_on_where_it_was_left(robot, make_run):
 
 @pytest.mark.parametrize("other", [HOLD, MANUAL], ids=["hold", "manual"])
 def test_time_in_another_mode_is_no_time_of_the_item(robot, make_run, other):
-    way = GoToItem("go_to", 4.0, 1.0, name="away", time_out_s=30.0)
+    way = StraightToItem("straight_to", 4.0, 1.0, name="away", time_out_s=30.0)
     run = make_run(robot, mission=mission(WaitItem("wait", 20.0), way))
 
     def drive_a_second_and_pause_for_40():

@@ -10,7 +10,11 @@ import zmq
 
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
-from robotctl.app.processes.navigator import learn_paths, make_navigation
+from robotctl.app.processes.navigator import (
+    learn_paths,
+    load_pilot,
+    make_navigation,
+)
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
@@ -75,8 +79,11 @@ def run(config: RobotConfig, options: StackOptions) -> None:
 
     estimators = load_estimators(config, options, last_pose(saved, options), say)
     learn_paths(adapter.navigator, config, estimators)
+    pilot = load_pilot(config, options, estimators, say)
+    if pilot is not None:
+        adapter.navigator.take_pilot(pilot)
     tick = NavigationTick(adapter, estimators, Operator(requests.receive, publisher.send))
-    heard = [endpoints.lidar] if estimators is not None else []
+    heard = [endpoints.lidar] if estimators is not None or pilot is not None else []
     heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
     sensors = Subscriber[_Heard](context, tuple(heard), _Heard)
     control: ControlState | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,10 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.goto import GotoItem
+from robotctl.planning.behaviours.kind import Pilot
 from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.guard.body import body_outline
 from robotctl.planning.navigator import Navigator
 
 if TYPE_CHECKING:
@@ -64,3 +68,43 @@ def learn_paths(navigator: Navigator, config: RobotConfig, estimators: Estimator
 
     half_width_m = config.navigation.guard.half_width_m
     navigator.learn_paths(FreePaths(estimators.world_map, half_width_m))
+
+
+def load_pilot(
+    config: RobotConfig,
+    options: StackOptions,
+    estimators: Estimators | None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Pilot | None:
+    """Return what plans journeys, compiled and ready; None for a robot with nothing to plan by.
+
+    That is one without a map and a lidar, unless its mission drives by plan: then sonars have to
+    do. `say` is given what people should know while it compiles.
+
+    Raises
+    ------
+    ConfigError
+        If the robot's file names a planner or controller that there is not.
+    """
+    grid = None if estimators is None else estimators.world_map
+    mission = load_mission(Path(options.mission)) if options.mission else None
+    asked = mission is not None and any(isinstance(item, GotoItem) for item in mission.item)
+    if grid is None and config.lidar is None and not asked:
+        return None
+    # numba and scipy take a while to load.
+    from robotctl.app.supervision.compile_progress import compile_progress  # noqa: PLC0415
+    from robotctl.planning.journey.pilot import MapPilot  # noqa: PLC0415
+
+    pilot = MapPilot(
+        config.navigation,
+        config.drive,
+        config.limits,
+        body_outline(config.navigation.guard, config.sonar),
+        config.sonar,
+        grid,
+        SE2(options.x_m, options.y_m, options.theta_rad),
+        has_lidar=config.lidar is not None,
+    )
+    with compile_progress(say):
+        pilot.warm_up()
+    return pilot

@@ -16,9 +16,15 @@ import msgspec
 
 from firmware_sim.faults.scenario import not_begun, play
 from robotctl.app.localisation.load_estimators import load_estimators
-from robotctl.app.processes.navigator import learn_paths, load_mission, make_navigation
+from robotctl.app.processes.navigator import (
+    learn_paths,
+    load_mission,
+    load_pilot,
+    make_navigation,
+)
 from robotctl.app.processes.robot import record_header
 from robotctl.app.simulation.camera_score import camera_score
+from robotctl.app.simulation.journey_score import journey_score
 from robotctl.app.simulation.lockstep_camera import LockstepCamera
 from robotctl.app.simulation.lockstep_logs import LockstepLogs
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
@@ -73,7 +79,7 @@ class LockstepRun:
         self._mission = load_mission(options.mission)
         self.world = options.find_world(self._mission)
         room = load_room(self.world)
-        start = self._mission.start.pose
+        start = options.start_of(self._mission).pose
         stack = StackOptions(
             instance="lockstep",
             robot=str(options.robot),
@@ -90,6 +96,10 @@ class LockstepRun:
         self._estimators = load_estimators(self.config, stack)
         adapter = make_navigation(self.config, stack)
         learn_paths(adapter.navigator, self.config, self._estimators)
+        pilot = load_pilot(self.config, stack, self._estimators)
+        if pilot is not None:
+            adapter.navigator.take_pilot(pilot)
+        self._uses_lidar = self._estimators is not None or pilot is not None
         self._tick = NavigationTick(adapter, self._estimators, Operator(self._ask, self._hear))
         self._camera = LockstepCamera.load(self.config)
         walls = WallMap(room.segments)
@@ -97,6 +107,7 @@ class LockstepRun:
         self._score = RunScore(
             walls,
             seen,
+            journey_score(options, room),
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )
@@ -229,7 +240,7 @@ class LockstepRun:
             for view in self._camera.step(simulation, control):
                 self._score.view(view)
                 seen.append(view)
-        lidar = simulation.config.simulation.lidar if self._estimators is not None else None
+        lidar = simulation.config.simulation.lidar if self._uses_lidar else None
         if lidar is not None and now_ns - self._scanned_ns >= 1e9 / lidar.rate_hz:
             self._scanned_ns = now_ns
             scan = simulation.scan()
@@ -257,6 +268,9 @@ class LockstepRun:
             collisions=truth.collisions,
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
+            **self._score.journey.report(),
+            plans=navigation.plans if navigation else 0,
+            recoveries=navigation.recoveries if navigation else 0,
             pose_error=self._score.pose_error,
             loop=loop_report(self.stack.statistics()),
             bus=bus_report(control.bus),

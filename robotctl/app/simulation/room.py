@@ -30,6 +30,36 @@ def load_room(world: Path) -> World:
     return room
 
 
+def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...]) -> str:
+    """Return a mission of one goal, as TOML, at the largest speed of the robot.
+
+    Parameters
+    ----------
+    world
+        Its file.
+    start
+        x, y and heading [m, m, deg]; empty: where the world says.
+    goal
+        x, y and perhaps a heading [m, m, deg].
+
+    Raises
+    ------
+    ConfigError
+        If the world is wrong.
+    """
+    room = load_room(world)
+    x_m, y_m, heading_deg = start or (*room.start[:2], math.degrees(room.start[2]))
+    heading = f"heading_deg = {goal[2]:.9g}\n" if len(goal) == 3 else ""
+    return (
+        'name = "goal"\n'
+        f"world = {json.dumps(str(world), ensure_ascii=False)}\n"
+        f"start = {{ x_m = {x_m:.9g}, y_m = {y_m:.9g}, heading_deg = {heading_deg:.9g} }}\n"
+        "[[item]]\n"
+        'kind = "goto"\n'
+        f"x_m = {goal[0]:.9g}\ny_m = {goal[1]:.9g}\n{heading}speed_m_s = 1e6\n"
+    )
+
+
 def straight_mission(world: Path) -> str:
     """Return a mission in a map, as TOML: from the place with the most room straight ahead.
 

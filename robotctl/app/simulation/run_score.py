@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robotctl.app.simulation.camera_score import CameraScore
+from robotctl.app.simulation.journey_score import JourneyScore
 from robotctl.app.simulation.localisation_score import LocalisationScore
 from robotctl.app.simulation.score import (
     CameraReport,
@@ -38,6 +39,8 @@ class RunScore:
         Of the world.
     camera
         Score of the camera; None without one.
+    journey
+        Score of its way through the world.
     has_localiser
         Whether the robot has one.
     is_recorded
@@ -47,13 +50,15 @@ class RunScore:
     def __init__(
         self,
         walls: WallMap,
-        camera: CameraScore | None = None,
+        camera: CameraScore | None,
+        journey: JourneyScore,
         *,
         has_localiser: bool,
         is_recorded: bool,
     ) -> None:
         self._walls = walls
         self._camera = camera
+        self.journey = journey
         self._pose = PoseScore()
         self._localisation = LocalisationScore()
         self._world = WorldPose(has_localiser=has_localiser)
@@ -66,6 +71,7 @@ class RunScore:
         if self._truths is not None:
             self._truths.append(pose)
         self._pose.truth(pose)
+        self.journey.truth(pose)
         self._localisation.truth(pose)
         if self._camera is not None:
             self._camera.truth(pose)

@@ -20,6 +20,7 @@ from firmware_sim.faults.scenario import not_begun
 from robotctl.app.processes.navigator import load_mission
 from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.held_up import HeldUp
+from robotctl.app.simulation.journey_score import journey_score
 from robotctl.app.simulation.operator import MissionOperator
 from robotctl.app.simulation.room import load_room
 from robotctl.app.simulation.run_score import RunScore
@@ -163,7 +164,7 @@ class SimRun:
         self.walls = WallMap(room.segments)
         unfit = misfit(self.config, robot, self.world, self.walls)
         self._scenario = load_faults(options)
-        start = self.mission.start
+        start = options.start_of(self.mission)
         instance = f"sim-{os.getpid()}"
         record = str(options.record.resolve()) if options.record else ""
         self._folder = endpoint_directory(instance)
@@ -206,6 +207,7 @@ class SimRun:
         self._score = RunScore(
             self.walls,
             camera_score(self.config, options, room),
+            journey_score(options, room),
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )
@@ -252,7 +254,7 @@ class SimRun:
 
     def _start_firmware(self) -> None:
         """Start firmware_sim and wait for its nodes."""
-        options, start = self._options, self.mission.start
+        options, start = self._options, self._options.start_of(self.mission)
         interface, channel = options.channel
         bus = f"simcan:{channel}" if interface == "simcan" else channel
         command = [
@@ -477,6 +479,9 @@ class SimRun:
             collisions=truth.collisions,
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
+            **self._score.journey.report(),
+            plans=navigation.plans,
+            recoveries=navigation.recoveries,
             pose_error=self._score.pose_error,
             loop=loop_report(control.loop),
             bus=bus_report(control.bus),

@@ -15,7 +15,7 @@ from firmware_sim.faults.scenario import Scenario, load_scenario
 from robotctl.drivers.can.config import CanConfig
 from robotctl.errors import ConfigError, RobotctlError
 from robotctl.maps.world import find_world
-from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.mission import Mission, StartPose
 
 
 class SimulatorError(RobotctlError):
@@ -46,6 +46,8 @@ class SimOptions:
         Settings of the localiser, `key=value`; where they name no map it is the world itself.
     hard_real_time
         Whether simulated time runs on while this computer stalls, as on a robot.
+    start
+        x, y and perhaps a heading where the robot starts [m, m, deg]; empty: as the mission says.
 
     Raises
     ------
@@ -64,6 +66,7 @@ class SimOptions:
     faults: Path | None = None
     localisation: tuple[str, ...] = ()
     hard_real_time: bool = False
+    start: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the bus as the robot's file is checked, also where a run needs none."""
@@ -84,6 +87,10 @@ class SimOptions:
         if self.world:
             return find_world(self.world)
         return find_world(mission.world, self.mission.parent)
+
+    def start_of(self, mission: Mission) -> StartPose:
+        """Return where the robot starts."""
+        return StartPose(*self.start) if self.start else mission.start
 
     def settings(self, world: Path) -> tuple[str, ...]:
         """Return all settings of the robot in a world, the user's own last."""

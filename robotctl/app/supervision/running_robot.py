@@ -11,18 +11,22 @@ from robotctl.toml_source import nearest
 
 
 def running(instance: str) -> Endpoints:
-    """Return the sockets of a running robot.
+    """Return the sockets of a running robot; without a name, of the only one that runs.
 
     Raises
     ------
     LinkError
         If there is none, naming those that run; or its folder is open to others.
     """
-    folder = endpoint_path(instance)
-    found = sorted(file.parent for file in folder.parent.glob("*/control.state") if _answers(file))
-    if folder in found:
+    folders = endpoint_path("any").parent.glob("*/control.state")
+    names = sorted(file.parent.name for file in folders if _answers(file))
+    if not instance and len(names) == 1:
+        instance = names[0]
+    if instance in names:
         return Endpoints(endpoint_directory(instance))
-    names = [each.name for each in found]
+    if not instance:
+        found = f"several run: {', '.join(names)}; name one" if names else "none runs"
+        raise LinkError(f"no robot: {found}")
     hint = nearest(instance, names) if names else "; none runs"
     raise LinkError(f"{instance}: no robot of that name runs{hint}")
 

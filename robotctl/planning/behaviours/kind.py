@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from robotctl.model.drives.drives import Drive
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.guard.behaviour import Behaviour
@@ -22,6 +24,46 @@ class Paths(Protocol):
 
     def way(self, start: Point, goal: Point) -> list[Point]:
         """Return the corners after `start`, `goal` the last; none if there is no path."""
+
+
+class Goal(NamedTuple):
+    """A place of `world` to drive to [m], and the heading there [rad]; None: any."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+
+
+class Seen(NamedTuple):
+    """What was seen since the last step, and from where."""
+
+    scans: Sequence[tuple[SE2, RangeScan]] = ()
+    """Scans of a lidar, each with `base` in `world` at its time."""
+    ranges_m: tuple[float, ...] = ()
+    """New sonar ranges, nan for those that are not new, in the order of the mounts [m]."""
+    floor_base: Sequence[Point] = ()
+    """Points on the floor in `base` [m], not to be driven over."""
+
+
+class Pilot(Protocol):
+    """Knows what stands around the robot, and finds ways through it."""
+
+    @property
+    def plans(self) -> int:
+        """Paths taken since the start."""
+
+    @property
+    def recoveries(self) -> int:
+        """Tries to get on again since the start."""
+
+    def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
+        """Take in what was seen; `pose` is that of `base` in `world` now."""
+
+    def forget(self) -> None:
+        """Forget what was seen: the robot's pose in `world` has jumped."""
+
+    def journey(self, goal: Goal, speed_m_s: float) -> Behaviour:
+        """Return the behaviour that drives to a goal."""
 
 
 @dataclass(slots=True)
@@ -40,6 +82,8 @@ class NavigatedRobot:
         The path from home.
     paths
         Free paths through the world; None: paths are straight lines.
+    pilot
+        Plans; None: the robot has nothing to plan by.
     """
 
     config: NavigationConfig
@@ -48,6 +92,7 @@ class NavigatedRobot:
     guard: ObstacleGuard
     crumbs: Breadcrumbs
     paths: Paths | None = None
+    pilot: Pilot | None = None
 
 
 def _never(_wanted: object) -> float | None:

@@ -8,19 +8,21 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.requests import PositionRequest
 from robotctl.planning.behaviours.follow_path import DRIVE, DriveItem
 from robotctl.planning.behaviours.follow_wall import FOLLOW_WALL, FollowWallItem
-from robotctl.planning.behaviours.go_to import GO_TO, GUIDED_POSITION, GoToItem
+from robotctl.planning.behaviours.goto import GOTO, GUIDED_POSITION, GotoItem
 from robotctl.planning.behaviours.guarded import Guarded
 from robotctl.planning.behaviours.item import Item
 from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
 from robotctl.planning.behaviours.rejoin import Rejoining
 from robotctl.planning.behaviours.return_home import RETURN_HOME
+from robotctl.planning.behaviours.straight_to import STRAIGHT_TO, StraightToItem
 from robotctl.planning.behaviours.turn_to import TURN_TO, TurnToItem
 from robotctl.planning.behaviours.wait import WAIT, WaitItem
 
 BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     DriveItem: DRIVE,
     FollowWallItem: FOLLOW_WALL,
-    GoToItem: GO_TO,
+    GotoItem: GOTO,
+    StraightToItem: STRAIGHT_TO,
     TurnToItem: TURN_TO,
     WaitItem: WAIT,
     PositionRequest: GUIDED_POSITION,

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Final
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.go_to import GoTo
 from robotctl.planning.behaviours.guarded import Guarded
 from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.behaviours.straight_to import StraightTo
 from robotctl.planning.behaviours.turn_to import TurnTo
 from robotctl.planning.guard.behaviour import (
     Anchor,
@@ -51,7 +51,7 @@ class Rejoin(Behaviour):
         # behaviour.
         near = replace(config, goal_tolerance_m=max(_NEAR_M, config.goal_tolerance_m))
         self._all: list[Behaviour] = [
-            GoTo(x_m, y_m, near, drive, speed_m_s, guard) for x_m, y_m in corners
+            StraightTo(x_m, y_m, near, drive, speed_m_s, guard) for x_m, y_m in corners
         ]
         if heading_rad is not None and not drive.steered:
             self._all.append(TurnTo(heading_rad, config))

@@ -111,13 +111,19 @@ class Plan:
     expanded
         Cells, or nodes of a tree, that were looked at.
     reverse
-        (n - 1,): whether the piece from each pose to the next is driven backwards.
+        (n - 1,): whether the piece from each pose to the next is driven backwards; empty: none is.
     """
 
     poses: NDArray[np.float64]
     cost: float
     expanded: int
     reverse: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+
+    def __post_init__(self) -> None:
+        """Drive forwards where the planner says nothing of it."""
+        if len(self.reverse) == 0:
+            count = max(len(self.poses) - 1, 0)
+            object.__setattr__(self, "reverse", np.zeros(count, np.bool_))
 
     @property
     def length_m(self) -> float:

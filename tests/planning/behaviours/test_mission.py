@@ -29,7 +29,7 @@ distance_m = 0.5
 until = { length_m = 2.0, position = [4.0, 4.0] }
 
 [[item]]
-kind = "go_to"
+kind = "straight_to"
 x_m = 1.0
 y_m = 1.0
 
@@ -49,7 +49,7 @@ def test_every_kind_of_item_is_read_into_its_type():
     assert [item.kind for item in mission.item] == [
         "drive",
         "follow_wall",
-        "go_to",
+        "straight_to",
         "turn_to",
         "wait",
     ]

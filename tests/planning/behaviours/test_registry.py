@@ -11,7 +11,7 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
-from robotctl.planning.behaviours.go_to import GoToItem
+from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.kind import NavigatedRobot
 from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
 from robotctl.planning.behaviours.turn_to import TurnToItem
@@ -23,7 +23,7 @@ from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 WANTED = [
     DriveItem("drive", ((0.0, 0.0), (2.0, 0.0))),
     FollowWallItem("follow_wall", "right", 1.0, Until(length_m=3.0)),
-    GoToItem("go_to", 2.0, 1.0),
+    StraightToItem("straight_to", 2.0, 1.0),
     TurnToItem("turn_to", 90.0),
     WaitItem("wait", 2.0),
     PositionRequest(2.0, 1.0),

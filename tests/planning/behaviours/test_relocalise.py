@@ -18,7 +18,7 @@ from robotctl.messages.requests import (
 from robotctl.model.drives.drives import TricycleDrive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
-from robotctl.planning.behaviours.go_to import GoToItem
+from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.navigator import NavigationInputs
 
@@ -27,7 +27,7 @@ MISSION = {
     "name": "there",
     "world": "flat",
     "start": {"x_m": 1.0, "y_m": 1.0},
-    "item": [{"kind": "go_to", "x_m": 3.0, "y_m": 1.0}],
+    "item": [{"kind": "straight_to", "x_m": 3.0, "y_m": 1.0}],
 }
 
 
@@ -46,7 +46,7 @@ def make_mission(tmp_path):
         text = (
             f'name = "{data["name"]}"\nworld = "{data["world"]}"\n'
             f"start = {{ x_m = {start['x_m']}, y_m = {start['y_m']} }}\n"
-            f'[[item]]\nkind = "go_to"\nx_m = {item["x_m"]}\ny_m = {item["y_m"]}\n'
+            f'[[item]]\nkind = "straight_to"\nx_m = {item["x_m"]}\ny_m = {item["y_m"]}\n'
         )
         return toml_source.parse(text, Mission, "mission")
 
@@ -159,7 +159,7 @@ def test_no_breadcrumb_is_dropped_at_a_guess(make_run, differential):
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.RTL, Mode.GUIDED])
 def test_a_robot_that_has_done_what_it_was_told_does_not_set_off(make_run, robot, mode):
-    item = GoToItem("go_to", 2.5, 1.0)
+    item = StraightToItem("straight_to", 2.5, 1.0)
     run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda out: out.mission_completed, 30.0)
@@ -187,7 +187,7 @@ def test_a_robot_whose_mission_has_failed_does_not_set_off(make_run, differentia
 
 def driven_out(make_run, robot):
     """Return a run of 2.5 m straight on, back on the way home, which has lost its place there."""
-    item = GoToItem("go_to", 3.5, 1.0)
+    item = StraightToItem("straight_to", 3.5, 1.0)
     run = make_run(robot, mission=Mission("out", "flat", StartPose(1.0, 1.0), (item,)))
     run.step(ModeRequest(Mode.AUTO))
     run.until(lambda out: out.mission_completed, 30.0)

@@ -15,7 +15,7 @@ from robotctl.model.grid_map import GridMap
 from robotctl.model.wall_map import WallMap
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
-from robotctl.planning.behaviours.go_to import GoToItem
+from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
@@ -66,7 +66,7 @@ def goes_on(run):
 
 @pytest.mark.parametrize("to", ELSEWHERE)
 def test_a_point_is_driven_to_around_the_walls(make_run, differential, to):
-    run = carried(make_run, differential, GoToItem("go_to", 3.5, 1.2), to)
+    run = carried(make_run, differential, StraightToItem("straight_to", 3.5, 1.2), to)
     out = run.until(lambda out: out.mission_completed or out.mission_failed, 120.0)
     assert out.mission_completed, run.messages
     assert math.hypot(run.world.pose.x_m - 3.5, run.world.pose.y_m - 1.2) < 0.1

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from robotctl.messages.requests import PositionRequest
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
@@ -35,13 +34,13 @@ _REACH_AGAIN = 1.15
 
 
 @dataclass(frozen=True, slots=True)
-class GoToItem:
+class StraightToItem:
     """Drive straight to a point of `world`, with any final heading.
 
     Parameters
     ----------
     kind
-        Always "go_to".
+        Always "straight_to".
     x_m, y_m
         The point [m].
     speed_m_s
@@ -52,7 +51,7 @@ class GoToItem:
         The item fails after this time [s], > 0.
     """
 
-    kind: Literal["go_to"]
+    kind: Literal["straight_to"]
     x_m: float
     y_m: float
     speed_m_s: float = 0.4
@@ -64,7 +63,7 @@ class GoToItem:
         require_positive(self, "speed_m_s", "time_out_s")
 
 
-class GoTo(Behaviour):
+class StraightTo(Behaviour):
     """Drives straight to a point: a differential drive turns to face it first (notes, 1.5).
 
     A drive-and-steer robot drives an arc. A point inside of its smallest turning circles is out
@@ -150,20 +149,13 @@ class GoTo(Behaviour):
         return self._turning
 
 
-def _make(item: GoToItem, robot: NavigatedRobot) -> GoTo:
+def _make(item: StraightToItem, robot: NavigatedRobot) -> StraightTo:
     pursuit, speed_m_s = robot.config.pursuit, item.speed_m_s
-    return GoTo(item.x_m, item.y_m, pursuit, robot.drive, speed_m_s, robot.guard)
+    return StraightTo(item.x_m, item.y_m, pursuit, robot.drive, speed_m_s, robot.guard)
 
 
-def _time_out_s(item: GoToItem) -> float:
+def _time_out_s(item: StraightToItem) -> float:
     return item.time_out_s or NO_LENGTH_S
 
 
-def _make_guided(wanted: PositionRequest, robot: NavigatedRobot) -> GoTo:
-    config = robot.config
-    speed_m_s = config.guided_speed_m_s
-    return GoTo(wanted.x_m, wanted.y_m, config.pursuit, robot.drive, speed_m_s, robot.guard)
-
-
-GO_TO = Kind(_make, _time_out_s)
-GUIDED_POSITION = Kind(_make_guided)
+STRAIGHT_TO = Kind(_make, _time_out_s)

@@ -1,0 +1,154 @@
+"""Driving a robot that runs on this computer, from another process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Final, TypeAlias
+
+import zmq
+
+from robotctl.app.supervision.running_robot import running
+from robotctl.errors import RobotctlError
+from robotctl.messages.control import ControlState, NavigationState, Notice, PositionTarget, SetMode
+from robotctl.messages.mode import Mode
+from robotctl.messages.ports import Clock
+from robotctl.runtime.clock import RealClock
+from robotctl.runtime.ipc.topics import RequestSender, Subscriber
+from robotctl.safety.state_machine import POWERED
+
+_Heard: TypeAlias = ControlState | NavigationState | Notice
+
+_ANSWER_S: Final = 3.0
+_POLL_S: Final = 0.05
+
+
+class RefusedError(RobotctlError):
+    """The robot does not do what it was asked for."""
+
+
+class RemoteRobot:
+    """A running robot, as an operator beside it sees it; use as a context manager.
+
+    Parameters
+    ----------
+    instance
+        Its name; empty: the only one that runs.
+
+    Raises
+    ------
+    LinkError
+        If there is none.
+    """
+
+    def __init__(self, instance: str = "") -> None:
+        endpoints = running(instance)
+        self._context = zmq.Context()
+        published = endpoints.control_state, endpoints.navigation_state
+        self._states = Subscriber[_Heard](self._context, published, _Heard)
+        self._to_navigation = RequestSender(self._context, endpoints.navigation_requests)
+        self._clock: Clock = RealClock()
+        self.control: ControlState | None = None
+        self.navigation: NavigationState | None = None
+
+    def __enter__(self) -> RemoteRobot:
+        """Wait until it is heard.
+
+        Raises
+        ------
+        RefusedError
+            If it is not.
+        """
+        try:
+            self._await(
+                lambda: self.control is not None and self.navigation is not None,
+                lambda: "the robot's control and navigation are not heard",
+            )
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Leave the robot as it is."""
+        self._context.destroy(linger=0)
+
+    def goto(
+        self, x_m: float, y_m: float, heading_rad: float | None = None
+    ) -> Iterator[NavigationState]:
+        """Drive to a place of `world` in mode GUIDED; yield the states until that has ended.
+
+        `NavigationState.goal_reached` of the last one says how.
+
+        Raises
+        ------
+        RefusedError
+            If the robot is not armed, or refuses, or somebody else takes it over.
+        """
+        control, before = self._seen()
+        if control.state not in POWERED:
+            raise RefusedError(
+                f"the robot is not armed ({control.state.name.lower().replace('_', ' ')}"
+                f"{': ' + control.reason if control.reason else ''}); arm it first"
+            )
+        self._to_navigation.send(SetMode(self._clock.now_ns(), Mode.GUIDED))
+        self._await(lambda: self._is_guided, self._why)
+        goal = PositionTarget(self._clock.now_ns(), x_m, y_m, heading_rad)
+        self._to_navigation.send(goal)
+        self._await(lambda: self._goals > before.goals, self._why)
+        while True:
+            _, state = self._seen()
+            yield state
+            if state.goal_reached is not None:
+                return
+            if not self._is_guided or state.goals != before.goals + 1:
+                raise RefusedError(f"given up for something else: {self._why()}")
+            self._listen()
+
+    def hold(self) -> None:
+        """Let it stand."""
+        self._to_navigation.send(SetMode(self._clock.now_ns(), Mode.HOLD))
+        self._await(
+            lambda: self.navigation is not None and self.navigation.mode is Mode.HOLD, self._why
+        )
+
+    @property
+    def _is_guided(self) -> bool:
+        return self.navigation is not None and self.navigation.mode is Mode.GUIDED
+
+    @property
+    def _goals(self) -> int:
+        return 0 if self.navigation is None else self.navigation.goals
+
+    def _why(self) -> str:
+        """Return what the robot says."""
+        return self.navigation.message if self.navigation and self.navigation.message else "no word"
+
+    def _seen(self) -> tuple[ControlState, NavigationState]:
+        """Return the newest states."""
+        if self.control is None or self.navigation is None:
+            raise RefusedError("the robot has not been heard")
+        return self.control, self.navigation
+
+    def _await(self, is_so: Callable[[], bool], why_not: Callable[[], str]) -> None:
+        """Listen until something is so.
+
+        Raises
+        ------
+        RefusedError
+            If it is not, in time.
+        """
+        deadline_s = time.monotonic() + _ANSWER_S
+        while not is_so():
+            if time.monotonic() > deadline_s:
+                raise RefusedError(why_not())
+            self._listen()
+
+    def _listen(self) -> None:
+        """Take what the robot says in the next moment."""
+        time.sleep(_POLL_S)
+        for message in self._states.receive():
+            if isinstance(message, ControlState):
+                self.control = message
+            elif isinstance(message, NavigationState):
+                self.navigation = message

@@ -1,0 +1,125 @@
+"""The behaviour that drives to a place by plan, round what stands in the way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from robotctl.messages.requests import PositionRequest
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.item import require_bounded, require_positive
+from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot
+from robotctl.planning.behaviours.straight_to import StraightTo
+from robotctl.planning.guard.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    failed,
+)
+
+NO_PILOT = "this robot has neither a map nor a lidar to plan by"
+
+
+@dataclass(frozen=True, slots=True)
+class GotoItem:
+    """Drive to a place of `world` by plan, round what stands in the way.
+
+    Parameters
+    ----------
+    kind
+        Always "goto".
+    x_m, y_m
+        The place [m].
+    heading_deg
+        Heading at the end [deg]; None: any.
+    speed_m_s
+        Largest speed [m/s], > 0; None: that of positions from a ground station.
+    name
+        Name shown to people.
+    time_out_s
+        The item fails after this time [s], > 0; None: after a time by the plan's length.
+    """
+
+    kind: Literal["goto"]
+    x_m: float
+    y_m: float
+    heading_deg: float | None = None
+    speed_m_s: float | None = None
+    name: str = ""
+    time_out_s: float | None = None
+
+    def __post_init__(self) -> None:
+        require_bounded(self, "x_m", "y_m")
+        if self.heading_deg is not None:
+            require_bounded(self, "heading_deg")
+        require_positive(self, "speed_m_s", "time_out_s")
+
+
+class Goto(Behaviour):
+    """A journey by the robot's pilot, which is there only once the robot has started.
+
+    Parameters
+    ----------
+    goal, speed_m_s
+        Where to, and the largest speed [m/s].
+    robot
+        With its pilot.
+    """
+
+    def __init__(self, goal: Goal, speed_m_s: float, robot: NavigatedRobot) -> None:
+        self._goal = goal
+        self._speed_m_s = speed_m_s
+        self._robot = robot
+        self._journey: Behaviour | None = None
+
+    def anchor(self, pose: SE2) -> Anchor:
+        """Return where the robot is: it plans from there."""
+        return Anchor(pose.x_m, pose.y_m)
+
+    def reset(self) -> None:
+        """Start over."""
+        self._journey = None
+
+    def pause(self) -> None:
+        """Plan anew after the pause."""
+        if self._journey is not None:
+            self._journey.pause()
+
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity; done at the goal."""
+        if self._robot.pilot is None:
+            return failed(NO_PILOT)
+        if self._journey is None:
+            self._journey = self._robot.pilot.journey(self._goal, self._speed_m_s)
+        return self._journey.step(situation, now_ns)
+
+
+def _make(item: GotoItem, robot: NavigatedRobot) -> Goto:
+    heading_rad = None if item.heading_deg is None else math.radians(item.heading_deg)
+    speed_m_s = item.speed_m_s or robot.config.guided_speed_m_s
+    return Goto(Goal(item.x_m, item.y_m, heading_rad), speed_m_s, robot)
+
+
+def _time_out_s(item: GotoItem) -> float | None:
+    return item.time_out_s
+
+
+def _make_guided(wanted: PositionRequest, robot: NavigatedRobot) -> Behaviour:
+    config = robot.config
+    if robot.pilot is None:
+        return StraightTo(
+            wanted.x_m,
+            wanted.y_m,
+            config.pursuit,
+            robot.drive,
+            config.guided_speed_m_s,
+            robot.guard,
+        )
+    goal = Goal(wanted.x_m, wanted.y_m, wanted.heading_rad)
+    return Goto(goal, config.guided_speed_m_s, robot)
+
+
+GOTO = Kind(_make, _time_out_s)
+GUIDED_POSITION = Kind(_make_guided)

@@ -1,0 +1,1 @@
+"""Journeys: to a goal, by plan and local controller, with recovery where the robot is stuck."""

@@ -1,0 +1,238 @@
+"""The behaviour that drives to a goal: plans, follows, plans again, and recovers."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.kind import Goal
+from robotctl.planning.global_planning.plan import Plan, PlanFailure
+from robotctl.planning.guard.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    done,
+    failed,
+)
+from robotctl.planning.journey.recovery import Ladder, Rung
+from robotctl.planning.journey.route import Route
+from robotctl.planning.local.controller import LocalMotion, LocalSituation
+
+if TYPE_CHECKING:
+    from robotctl.planning.journey.pilot import MapPilot
+
+_REPLAN_NS: Final = 1_000_000_000
+"""Between two looks for a better path [ns]."""
+_BETTER: Final = 0.9
+"""A path that costs less than this share of the present one replaces it."""
+_OFF_PATH_M: Final = 0.6
+"""Farther off, the robot plans from where it is [m]."""
+_STUCK_NS: Final = 1_500_000_000
+"""A robot that wants to drive and stands for this long is in trouble [ns]."""
+_STANDS_M_S: Final = 0.02
+_STANDS_RAD_S: Final = 0.05
+_PROGRESS_M: Final = 0.5
+"""Of way driven in which a robot counts as having got on [m]."""
+_WAIT_NS: Final = 2_500_000_000
+_BACK_M: Final = 0.3
+_BACK_M_S: Final = 0.15
+_TURN_RAD_S: Final = 0.7
+_TRY_NS: Final = 15_000_000_000
+"""Backing off or looking around takes no longer [ns]."""
+
+
+class Journey(Behaviour):
+    """Drives to a goal.
+
+    It plans, lets the local controller follow the path round what stands in the way, looks once a
+    second for a better one, and plans at once where the path is blocked. In trouble it climbs the
+    ladder of `recovery`, and fails with the last reason where that ends.
+
+    Parameters
+    ----------
+    pilot
+        With the map, planner and controller.
+    goal, speed_m_s
+        Where to, and the largest speed [m/s].
+
+    Attributes
+    ----------
+    plans
+        Paths taken, the first included.
+    """
+
+    def __init__(self, pilot: MapPilot, goal: Goal, speed_m_s: float) -> None:
+        self._pilot = pilot
+        self._goal = goal
+        self._speed_m_s = speed_m_s
+        self.plans = 0
+        self.reset()
+
+    def anchor(self, pose: SE2) -> Anchor:
+        """Return where the robot is: it plans from there."""
+        return Anchor(pose.x_m, pose.y_m)
+
+    def reset(self) -> None:
+        """Start over."""
+        self._ladder = Ladder(can_turn=not self._pilot.steered)
+        self.pause()
+
+    def pause(self) -> None:
+        """Plan anew after the pause."""
+        self._route: Route | None = None
+        self._planned_ns = 0
+        self._attempt: _Attempt | None = None
+        self._stuck_ns: int | None = None
+        self._driven_m = 0.0
+        self._last: SE2 | None = None
+        self._pilot.controller.reset()
+
+    @property
+    def recoveries(self) -> int:
+        """Tries to get on again."""
+        return self._ladder.tries
+
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity; done at the goal."""
+        pose = situation.pose
+        if blindness := self._pilot.blindness:
+            return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
+        self._note_progress(pose)
+        if self._attempt is not None:
+            output = self._recover(self._attempt, situation, now_ns)
+            if output is not None:
+                return output
+            self._attempt = None
+        route = self._route
+        if self._looks_again(pose, now_ns) or route is None:
+            answer = self._plan(pose, now_ns)
+            if isinstance(answer, PlanFailure):
+                if why := self._pilot.hopeless(pose, self._goal):
+                    return failed(why)
+                return self._in_trouble(answer.text, pose, now_ns)
+            self._route = route = answer
+        motion = self._follow(situation, route.plan)
+        if motion.arrived or self._is_there(pose):
+            return done()
+        if self._is_stuck(situation, motion, now_ns):
+            return self._in_trouble(motion.text or "the way is blocked", pose, now_ns)
+        text = motion.text or f"{route.left_m:.1f} m to go"
+        return BehaviourOutput(motion.v_m_s, motion.omega_rad_s, text=text)
+
+    def _note_progress(self, pose: SE2) -> None:
+        """Count the way driven; enough of it, and the next trouble is a new one."""
+        if self._last is not None and self._attempt is None:
+            self._driven_m += math.dist((pose.x_m, pose.y_m), (self._last.x_m, self._last.y_m))
+            if self._driven_m > _PROGRESS_M:
+                self._ladder.progress()
+        self._last = pose
+
+    def _looks_again(self, pose: SE2, now_ns: int) -> bool:
+        """Return whether it is time to plan: there is no path, it is far away, or a while ago."""
+        route = self._route
+        if route is None or route.advance(pose) > _OFF_PATH_M:
+            self._route = None
+            return True
+        return now_ns - self._planned_ns >= _REPLAN_NS
+
+    def _plan(self, pose: SE2, now_ns: int) -> Route | PlanFailure:
+        """Plan from here; keep the present path where it is free and hardly worse."""
+        self._planned_ns = now_ns
+        old, answer = self._route, self._pilot.plan(pose, self._goal)
+        is_free = old is not None and not self._pilot.touches(old.rest)
+        if isinstance(answer, PlanFailure):
+            return old if old is not None and is_free else answer
+        if old is not None and is_free and answer.length_m > _BETTER * old.left_m:
+            return old
+        self.plans += 1
+        return Route(answer)
+
+    def _is_there(self, pose: SE2) -> bool:
+        """Return whether the robot is at a goal where any heading will do."""
+        off_m = math.dist((pose.x_m, pose.y_m), (self._goal.x_m, self._goal.y_m))
+        any_heading = self._goal.heading_rad is None
+        return any_heading and off_m <= self._pilot.config.position_tolerance_m
+
+    def _follow(self, situation: BehaviourInput, plan: Plan) -> LocalMotion:
+        """Return the local controller's motion along the path."""
+        pilot, pose = self._pilot, situation.pose
+        return pilot.controller.step(
+            LocalSituation(
+                pose,
+                situation.twist,
+                plan.poses,
+                plan.reverse,
+                pilot.space_around(pose),
+                pilot.moving,
+                min(self._speed_m_s, pilot.speed_limit(pose)),
+            )
+        )
+
+    def _is_stuck(self, situation: BehaviourInput, motion: LocalMotion, now_ns: int) -> bool:
+        """Return whether the robot has stood for too long though it is not there."""
+        twist = situation.twist
+        stands = abs(twist.v_m_s) < _STANDS_M_S and abs(twist.omega_rad_s) < _STANDS_RAD_S
+        if not stands and not motion.blocked:
+            self._stuck_ns = None
+        elif self._stuck_ns is None:
+            self._stuck_ns = now_ns
+        return self._stuck_ns is not None and now_ns - self._stuck_ns > _STUCK_NS
+
+    def _in_trouble(self, reason: str, pose: SE2, now_ns: int) -> BehaviourOutput:
+        """Take the next rung of the ladder; fail where there is none."""
+        rung = self._ladder.climb()
+        self._route, self._stuck_ns, self._driven_m = None, None, 0.0
+        if rung is None:
+            return failed(f"gave up after {self._ladder.tries} tries: {reason}")
+        if rung is Rung.CLEAR:
+            self._pilot.forget()
+        self._attempt = _Attempt(rung, f"{rung.value}: {reason}", now_ns, pose)
+        return BehaviourOutput(0.0, 0.0, text=self._attempt.text)
+
+    def _recover(
+        self, attempt: _Attempt, situation: BehaviourInput, now_ns: int
+    ) -> BehaviourOutput | None:
+        """Return the motion of an attempt; None once it has ended."""
+        pose, v, omega = situation.pose, 0.0, 0.0
+        spent_ns = now_ns - attempt.begin_ns
+        if attempt.rung is Rung.WAIT:
+            goes_on = spent_ns < _WAIT_NS
+        elif attempt.rung is Rung.BACK_OFF:
+            v = -_BACK_M_S
+            goes_on = math.dist((pose.x_m, pose.y_m), attempt.begin) < _BACK_M
+            ahead = [SE2(-x_m, 0.0, 0.0) for x_m in (0.05, 0.1, 0.2)]
+        elif attempt.rung is Rung.LOOK_AROUND:
+            omega = _TURN_RAD_S
+            attempt.turned_rad += abs(wrap_angle(pose.theta_rad - attempt.last_rad))
+            attempt.last_rad = pose.theta_rad
+            goes_on = attempt.turned_rad < math.tau
+            ahead = [SE2(0.0, 0.0, turn_rad) for turn_rad in (0.1, 0.2, 0.4)]
+        else:
+            goes_on = False
+        if goes_on and (v or omega):
+            goes_on = spent_ns < _TRY_NS and not self._pilot.touches(_poses(pose, ahead))
+        return BehaviourOutput(v, omega, text=attempt.text) if goes_on else None
+
+
+class _Attempt:
+    """One rung of the ladder under way."""
+
+    def __init__(self, rung: Rung, text: str, now_ns: int, pose: SE2) -> None:
+        self.rung = rung
+        self.text = text
+        self.begin_ns = now_ns
+        self.begin = pose.x_m, pose.y_m
+        self.last_rad = pose.theta_rad
+        self.turned_rad = 0.0
+
+
+def _poses(pose: SE2, motions: list[SE2]) -> NDArray[np.float64]:
+    """Return where each motion leads to, (n, 3)."""
+    ends = [pose @ motion for motion in motions]
+    return np.array([(end.x_m, end.y_m, end.theta_rad) for end in ends])

@@ -1,0 +1,242 @@
+"""The pilot: a live map, a planner and a local controller, put together for one robot."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.errors import InvalidValue
+from robotctl.model.drives.drives import Drive
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.kind import Goal, Seen
+from robotctl.planning.config import NavigationConfig
+from robotctl.planning.costmap.layered_map import NOTHING_MOVES, LayeredMap, LayersConfig
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.global_planning.plan import (
+    GoesOn,
+    Plan,
+    PlanFailure,
+    PlannerConfig,
+)
+from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.planning.journey.journey import Journey
+from robotctl.planning.journey.route import Route
+from robotctl.planning.local.controller import ControllerConfig, LocalSituation
+from robotctl.planning.local.controllers import CONTROLLERS
+
+_BLIND_NS: Final = 500_000_000
+"""Without a scan for this long, a robot that has a lidar stands [ns]."""
+_LOOK_M: Final = 4.0
+"""Half of the side of the map that the controller gets [m]."""
+_CELL_M: Final = 0.05
+"""Of a map that the robot makes itself."""
+_AROUND_M: Final = 12.0
+"""Such a map reaches this far beyond the robot and its goal [m]."""
+
+
+class MapPilot:
+    """Plans on a live map.
+
+    Parameters
+    ----------
+    config
+        Of the navigator.
+    drive, limits, footprint, mounts
+        Of the robot; the sonars in the order of the ranges.
+    grid
+        The map that the robot localises itself in; None: it has none, and may pass where it has
+        seen nothing.
+    home
+        Where it starts.
+    has_lidar
+        Whether it has one, without whose scans it stands.
+    goes_on
+        Asked in a search now and then whether there is time left.
+
+    Attributes
+    ----------
+    config, controller
+        The local controller, and its settings.
+    moving
+        (k, 5) what moves by itself, as `LocalSituation.moving`.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no such planner or controller.
+    """
+
+    def __init__(
+        self,
+        config: NavigationConfig,
+        drive: Drive,
+        limits: LimitsConfig,
+        footprint: Footprint,
+        mounts: tuple[SonarMount, ...],
+        grid: GridMap | None,
+        home: SE2,
+        *,
+        has_lidar: bool,
+        goes_on: GoesOn = lambda: True,
+    ) -> None:
+        wanted = config.pilot
+        planner = wanted.planner or ("hybrid" if drive.steered else "astar")
+        for key, name, names in (
+            ("planner", planner, PLANNERS),
+            ("controller", wanted.controller, CONTROLLERS),
+        ):
+            if name not in names:
+                allowed = ", ".join(names)
+                raise InvalidValue(key, f"{name} found; allowed are {allowed}", name)
+        self.steered = drive.steered
+        self._zones = wanted.zone
+        self._footprint = footprint
+        self._mounts = mounts
+        self._grid = grid
+        self._has_lidar = has_lidar
+        self._goes_on = goes_on
+        self._full_speed_m_s = limits.v_max_m_s
+        self._planner = PLANNERS[planner](
+            PlannerConfig(
+                margin_m=wanted.margin_m,
+                turning_radius_m=drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
+            )
+        )
+        self.config = ControllerConfig(
+            dt_s=1.0 / config.rate_hz,
+            deceleration_m_s2=config.guard.deceleration_m_s2,
+            margin_m=wanted.margin_m,
+        )
+        self.controller = CONTROLLERS[wanted.controller](self.config, drive, limits, footprint)
+        self.moving = NOTHING_MOVES
+        self._map = self._around(home, home) if grid is None else self._with_map(grid)
+        self._given = self._map.space()
+        """Before anything was seen."""
+        self._scan_ns = -1
+        self._now_ns = 0
+        self._done = (0, 0)
+        self._journey: Journey | None = None
+
+    def warm_up(self) -> None:
+        """Plan and drive a step on a small map, so that all is compiled before the robot moves."""
+        side_m = max(self._footprint.circumscribed_m, 1.0)
+        cells = np.zeros((13, 13), np.int8)
+        cells[:9, 6] = OCCUPIED
+        live = LayeredMap(GridMap(cells, side_m), self._footprint)
+        start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
+        plan = self._planner.plan(live.space(), start, goal)
+        if isinstance(plan, Plan):
+            route = Route(plan)
+            self.controller.step(
+                LocalSituation(
+                    start,
+                    Twist(0.0, 0.0),
+                    plan.poses,
+                    plan.reverse,
+                    live.space_around(start, _LOOK_M),
+                    np.array([[9.0 * side_m, 2.5 * side_m, 0.0, 0.0, 0.2]]),
+                    1.0,
+                )
+            )
+            live.space().collides(route.rest)
+        self.controller.reset()
+
+    @property
+    def plans(self) -> int:
+        """Paths taken since the start."""
+        return self._done[0] + (self._journey.plans if self._journey else 0)
+
+    @property
+    def recoveries(self) -> int:
+        """Tries to get on again since the start."""
+        return self._done[1] + (self._journey.recoveries if self._journey else 0)
+
+    def _with_map(self, grid: GridMap) -> LayeredMap:
+        return LayeredMap(
+            grid,
+            self._footprint,
+            LayersConfig(),
+            self._zones,
+            self._full_speed_m_s,
+        )
+
+    def _around(self, pose: SE2, goal: SE2) -> LayeredMap:
+        """Return a map of which nothing is known and that holds robot and goal."""
+        low = min(pose.x_m, goal.x_m) - _AROUND_M, min(pose.y_m, goal.y_m) - _AROUND_M
+        high = max(pose.x_m, goal.x_m) + _AROUND_M, max(pose.y_m, goal.y_m) + _AROUND_M
+        return LayeredMap.without_map(low, high, _CELL_M, self._footprint)
+
+    def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
+        """Take in what was seen; `pose` is that of `base` in `world` now."""
+        self._now_ns = now_ns
+        for where, scan in seen.scans:
+            self._scan_ns = now_ns
+            self._map.see_scan(where, scan, scan.stamp_ns, self.moving)
+        if not self._has_lidar:
+            self._map.see_echoes(pose, self._mounts, seen.ranges_m, now_ns)
+        self._map.see_floor(pose, seen.floor_base, now_ns)
+
+    def forget(self) -> None:
+        """Forget what was seen: the robot's pose in `world` has jumped."""
+        self._map.forget()
+
+    def journey(self, goal: Goal, speed_m_s: float) -> Journey:
+        """Return the behaviour that drives to a goal."""
+        self._done = self.plans, self.recoveries
+        self._journey = Journey(self, goal, speed_m_s)
+        return self._journey
+
+    @property
+    def blindness(self) -> str:
+        """Why the robot must not drive on what it sees; empty if it may."""
+        if self._has_lidar and self._now_ns - self._scan_ns > _BLIND_NS:
+            return "the lidar gives no scans"
+        return ""
+
+    def plan(self, pose: SE2, goal: Goal) -> Plan | PlanFailure:
+        """Return the path from a pose to a goal through what is known now."""
+        there = _end(pose, goal)
+        space = self._map.space()
+        here = space.to_cells(there)
+        if self._grid is None and not space.contains(here.x_m, here.y_m):
+            self._map = self._around(pose, there)
+            space = self._map.space()
+        return self._planner.plan(space, pose, there, self._goes_on)
+
+    def hopeless(self, pose: SE2, goal: Goal) -> str:
+        """Return why the goal could not be reached if nothing but the map were there; else ""."""
+        if self._grid is None:
+            return ""
+        answer = self._planner.plan(self._given, pose, _end(pose, goal), self._goes_on)
+        return answer.text if isinstance(answer, PlanFailure) else ""
+
+    def touches(self, poses: NDArray[np.float64]) -> bool:
+        """Return whether the body touches something at one of the poses (n, 3) of `world`."""
+        space = self._map.space()
+        cells = [space.to_cells(SE2(*pose)) for pose in poses.tolist()]
+        at = np.array([(cell.x_m, cell.y_m, cell.theta_rad) for cell in cells])
+        return bool(len(at)) and bool(space.collides(at).any())
+
+    def space_around(self, pose: SE2) -> PlanningMap:
+        """Return what the local controller looks at."""
+        return self._map.space_around(pose, _LOOK_M)
+
+    def speed_limit(self, pose: SE2) -> float:
+        """Return the limit of the slow zones [m/s]; inf: none."""
+        return self._map.speed_limit_at(pose.x_m, pose.y_m)
+
+
+def _end(pose: SE2, goal: Goal) -> SE2:
+    """Return a goal as a pose: where any heading will do, that in which the robot would come."""
+    heading_rad = goal.heading_rad
+    if heading_rad is None:
+        heading_rad = math.atan2(goal.y_m - pose.y_m, goal.x_m - pose.x_m)
+    return SE2(goal.x_m, goal.y_m, heading_rad)

@@ -1,0 +1,66 @@
+"""A planned path with the robot's place on it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.global_planning.plan import Plan
+
+_STEP_M: Final = 0.05
+_STEP_RAD: Final = 0.1
+"""Between two places that are looked at [m], [rad]."""
+_AHEAD_M: Final = 2.0
+"""Along the path, in which the nearest place is looked for [m]."""
+
+
+class Route:
+    """Keeps how far along its path a robot is.
+
+    Parameters
+    ----------
+    plan
+        The path.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._places = _dense(plan.poses)
+        steps = np.hypot(*np.diff(self._places[:, :2], axis=0).T)
+        self._along_m = np.concatenate([[0.0], np.cumsum(steps)])
+        self._at = 0
+
+    def advance(self, pose: SE2) -> float:
+        """Move on to the place nearest to the robot; return its distance from there [m]."""
+        last = int(np.searchsorted(self._along_m, self._along_m[self._at] + _AHEAD_M))
+        ahead = self._places[self._at : last + 1, :2] - (pose.x_m, pose.y_m)
+        away_m = np.hypot(*ahead.T)
+        nearest = int(np.argmin(away_m))
+        self._at += nearest
+        return float(away_m[nearest])
+
+    @property
+    def left_m(self) -> float:
+        """Length of the rest of the path [m]."""
+        return float(self._along_m[-1] - self._along_m[self._at])
+
+    @property
+    def rest(self) -> NDArray[np.float64]:
+        """The rest of its places, (n, 3), no farther apart than a body's outline can miss."""
+        return self._places[self._at :]
+
+
+def _dense(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a path with poses in between, (n, 3)."""
+    pieces = [poses[:1]]
+    for a, b in itertools.pairwise(poses):
+        turn = math.remainder(b[2] - a[2], math.tau)
+        way = np.array([b[0] - a[0], b[1] - a[1], turn])
+        count = math.ceil(max(math.hypot(way[0], way[1]) / _STEP_M, abs(turn) / _STEP_RAD, 1.0))
+        pieces.append(a + np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis] * way)
+    return np.concatenate(pieces)

@@ -1,0 +1,99 @@
+"""A robot of points and numbers that drives journeys in rooms of cells, with a lidar of rays."""
+
+import math
+
+import numpy as np
+
+from robotctl.control.limiter import LimitsConfig
+from robotctl.model.drives.drives import DifferentialDrive
+from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.grid_map import GridMap
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behaviours.kind import Goal, Seen
+from robotctl.planning.config import NavigationConfig
+from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.guard.behaviour import BehaviourInput, Status
+from robotctl.planning.journey.pilot import MapPilot
+
+SIDE_M = 0.05
+BODY = Footprint(((0.2, -0.15), (0.2, 0.15), (-0.15, 0.15), (-0.15, -0.15)))
+LIMITS = LimitsConfig(v_max_m_s=0.8, omega_max_rad_s=2.0, a_max_m_s2=2.0, alpha_max_rad_s2=6.0)
+DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
+DT_S = 0.05
+BEAMS = np.linspace(-math.pi, math.pi, 180, endpoint=False)
+REACH_M = 8.0
+
+
+def room(width_m=6.0, height_m=4.0):
+    """Return the cells of a room with walls around."""
+    cells = np.zeros((round(height_m / SIDE_M), round(width_m / SIDE_M)), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    return cells
+
+
+def two_rooms(door_m):
+    """Return two rooms with a door about (3, 2)."""
+    cells = room()
+    cells[:, 60] = 100
+    half = round(0.5 * door_m / SIDE_M)
+    cells[40 - half : 40 + half, 60] = 0
+    return cells
+
+
+def scan_of(cells, pose, stamp_ns):
+    """Return what a lidar at `base` sees: each beam walks in steps of a fifth of a cell."""
+    steps = np.arange(0.0, REACH_M, 0.2 * SIDE_M)
+    angles = pose.theta_rad + BEAMS[:, np.newaxis]
+    rows = np.floor((pose.y_m + steps * np.sin(angles)) / SIDE_M).astype(int)
+    columns = np.floor((pose.x_m + steps * np.cos(angles)) / SIDE_M).astype(int)
+    inside = (rows >= 0) & (rows < cells.shape[0]) & (columns >= 0) & (columns < cells.shape[1])
+    hits = np.zeros(rows.shape, bool)
+    hits[inside] = cells[rows[inside], columns[inside]] > 0
+    ranges = np.where(hits.any(axis=1), steps[hits.argmax(axis=1)], math.inf)
+    return RangeScan(stamp_ns, BEAMS.copy(), ranges, REACH_M)
+
+
+class Bench:
+    """A robot in a true world, with a map of it or none."""
+
+    def __init__(self, world, grid=None, start=SE2(1.0, 2.0, 0.0), config=None):
+        self.world = world
+        self.pose, self.twist, self.now_ns = start, Twist(0.0, 0.0), 0
+        given = None if grid is None else GridMap(grid, SIDE_M)
+        self.pilot = MapPilot(
+            config or NavigationConfig(), DRIVE, LIMITS, BODY, (), given, start, has_lidar=True
+        )
+        self.sees = True
+        self.texts = []
+
+    def look(self):
+        """Give the pilot a scan."""
+        scans = ((self.pose, scan_of(self.world, self.pose, self.now_ns)),)
+        self.pilot.see(self.pose, Seen(scans if self.sees else ()), self.now_ns)
+
+    def move(self, v, omega):
+        """Move for a step, with the accelerations of the limits; the body must stay free."""
+        v += max(min(v - self.twist.v_m_s, 2.0 * DT_S), -2.0 * DT_S) - (v - self.twist.v_m_s)
+        turn = max(min(omega - self.twist.omega_rad_s, 6.0 * DT_S), -6.0 * DT_S)
+        self.twist = Twist(v, self.twist.omega_rad_s + turn)
+        self.pose = self.pose @ SE2.exp(v * DT_S, 0.0, self.twist.omega_rad_s * DT_S)
+        self.now_ns += round(DT_S * 1e9)
+        space = PlanningMap(GridMap(self.world, SIDE_M), BODY)
+        here = space.to_cells(self.pose)
+        assert not space.collides(np.array([[here.x_m, here.y_m, here.theta_rad]]))[0], self.pose
+
+    def drive(self, *goal, seconds=60.0, speed_m_s=0.8, each=lambda _: None):
+        """Drive to a goal; return how that ended, or None if it has not."""
+        journey = self.pilot.journey(Goal(*goal), speed_m_s)
+        end_ns = self.now_ns + round(seconds * 1e9)
+        while self.now_ns < end_ns:
+            self.look()
+            each(self)
+            step = journey.step(BehaviourInput(self.pose, self.twist, (), ()), self.now_ns)
+            self.texts.append(step.text)
+            if step.status is not Status.RUNNING:
+                return step
+            self.move(step.v_m_s, step.omega_rad_s)
+        return None
