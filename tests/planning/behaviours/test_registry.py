@@ -11,14 +11,17 @@ from robotctl.model.geometry.twist import Twist
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
-from robotctl.planning.behaviours.straight_to import StraightToItem
+from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.kind import NavigatedRobot
 from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
+from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.behaviour import BehaviourInput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
+from robotctl.planning.journey.pilot import MapPilot
+from tests.planning.journey.bench import BODY, LIMITS
 
 WANTED = [
     DriveItem("drive", ((0.0, 0.0), (2.0, 0.0))),
@@ -26,6 +29,7 @@ WANTED = [
     StraightToItem("straight_to", 2.0, 1.0),
     TurnToItem("turn_to", 90.0),
     WaitItem("wait", 2.0),
+    GotoItem("goto", 2.0, 1.0),
     PositionRequest(2.0, 1.0),
     Mode.RTL,
 ]
@@ -39,6 +43,9 @@ def test_each_can_be_made_paused_and_begun_anew(wanted, differential) -> None:
     for step in range(5):
         crumbs.record(SE2(0.1 * step, 0.0, 0.0))
     robot = NavigatedRobot(config, differential.drive, differential.mounts, guard, crumbs)
+    robot.pilot = MapPilot(
+        config, differential.drive, LIMITS, BODY, differential.mounts, None, SE2(), has_lidar=False
+    )
     behaviour = behaviour_for(wanted, robot)
     clear = (float("inf"),) * len(differential.mounts)
     situation = BehaviourInput(SE2(), Twist(0.0, 0.0), clear, (True,) * len(clear))

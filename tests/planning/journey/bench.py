@@ -24,6 +24,7 @@ DRIVE = DifferentialDrive("differential", 0.3, 0.05, 2400)
 DT_S = 0.05
 BEAMS = np.linspace(-math.pi, math.pi, 180, endpoint=False)
 REACH_M = 8.0
+START = SE2(1.0, 2.0, 0.0)
 
 
 def room(width_m=6.0, height_m=4.0):
@@ -58,7 +59,7 @@ def scan_of(cells, pose, stamp_ns):
 class Bench:
     """A robot in a true world, with a map of it or none."""
 
-    def __init__(self, world, grid=None, start=SE2(1.0, 2.0, 0.0), config=None):
+    def __init__(self, world, grid=None, start=START, config=None):
         self.world = world
         self.pose, self.twist, self.now_ns = start, Twist(0.0, 0.0), 0
         given = None if grid is None else GridMap(grid, SIDE_M)
