@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from robotctl.core.scan_messages import lidar_scan
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
+from robotctl.estimation.ranging.scan_messages import lidar_scan
 from robotctl.messages.control import (
     ControlState,
     ExternalPose,
@@ -139,13 +139,15 @@ class NavigationAdapter:
         ranges_m: tuple[float, ...]
         heard_ns: tuple[int, ...]
         scans: list[tuple[SE2, RangeScan]] = []
+        T_world_odom = SE2()
         if control is None:
             pose, twist, ranges_m, heard_ns, floor = _UNKNOWN, Twist(0.0, 0.0), (), (), []
         else:
             floor = self._look(control, [each for each in seen if isinstance(each, CameraView)])
             known = self._world.pose(control)
             pose = control.T_odom_base if known is None else known
-            scans = self._placed(control, pose, seen)
+            T_world_odom = pose @ control.T_odom_base.inverse()
+            scans = self._placed(seen)
             twist = Twist(control.v_m_s, control.omega_rad_s)
             ranges_m, heard_ns = control.sonar_m, control.sonar_stamp_ns
         enabled = fresh and control is not None and control.state in POWERED
@@ -171,6 +173,7 @@ class NavigationAdapter:
             floor_base=floor,
             epoch=(0, 0) if control is None else self._world.epoch(control),
             scans=scans,
+            T_world_odom=T_world_odom,
         )
         out = self.navigator.step(inputs, now_ns)
         command = VelocityCommand(
@@ -245,14 +248,11 @@ class NavigationAdapter:
                 self._floor.see(seen_from, _floor_view(view))
         return self._floor.around(odometry)
 
-    def _placed(
-        self, control: ControlState, pose: SE2, seen: Sequence[LidarScan | CameraView]
-    ) -> list[tuple[SE2, RangeScan]]:
-        """Return the scans of the lidar, each with `base` in `world` at its time.
+    def _placed(self, seen: Sequence[LidarScan | CameraView]) -> list[tuple[SE2, RangeScan]]:
+        """Return the scans of the lidar, each with `base` in `odom` at its time.
 
         Those of a time before the odometry, and those that are none, are left out.
         """
-        back = control.T_odom_base.inverse()
         placed = []
         for each in seen:
             if not isinstance(each, LidarScan):
@@ -260,7 +260,7 @@ class NavigationAdapter:
             then = self._odometry.at(each.stamp_ns)
             with suppress(ValueError):
                 scan = lidar_scan(each)
-                placed += [] if then is None else [(pose @ back @ then, scan)]
+                placed += [] if then is None else [(then, scan)]
         return placed
 
     def _forget(self, control: ControlState, odometry: SE2) -> None:

@@ -19,7 +19,6 @@ from robotctl.messages.control import (
     VelocityCommand,
 )
 from robotctl.messages.estimation import (
-    CameraView,
     GivenMap,
     LiveMap,
     LocalisationState,

@@ -74,7 +74,9 @@ class NavigationInputs(NamedTuple):
     epoch: tuple[int, int] = (0, 0)
     """Changes when the pose jumps, since the robot was found elsewhere: `WorldPose.epoch`."""
     scans: Sequence[tuple[SE2, RangeScan]] = ()
-    """Scans of a lidar since the last step, each with `base` in `world` at its time."""
+    """Scans of a lidar since the last step, each with `base` in `odom` at its time."""
+    T_world_odom: SE2 = SE2()
+    """The drift of `odom` now."""
 
 
 class NavigationOutputs(NamedTuple):
@@ -264,7 +266,11 @@ class Navigator:
             heard = tuple(
                 reading if is_new else math.nan for reading, is_new in zip(ranges, new, strict=True)
             )
-            pilot.see(inputs.pose, Seen(inputs.scans, heard, inputs.floor_base), now_ns)
+            pilot.see(
+                inputs.pose,
+                Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base),
+                now_ns,
+            )
         return BehaviourInput(inputs.pose, inputs.twist, ranges, new, inputs.epoch)
 
     def _searches(self, localised: bool) -> bool:

@@ -37,8 +37,10 @@ class Goal(NamedTuple):
 class Seen(NamedTuple):
     """What was seen since the last step, and from where."""
 
+    T_world_odom: SE2 = SE2()
+    """The drift of `odom` now."""
     scans: Sequence[tuple[SE2, RangeScan]] = ()
-    """Scans of a lidar, each with `base` in `world` at its time."""
+    """Scans of a lidar, each with `base` in `odom` at its time."""
     ranges_m: tuple[float, ...] = ()
     """New sonar ranges, nan for those that are not new, in the order of the mounts [m]."""
     floor_base: Sequence[Point] = ()

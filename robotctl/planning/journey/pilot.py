@@ -15,11 +15,13 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.grid_map import OCCUPIED, GridMap
+from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.kind import Goal, Seen
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.costmap.layered_map import NOTHING_MOVES, LayeredMap, LayersConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.tracks import MovingObstacles
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
@@ -120,6 +122,7 @@ class MapPilot:
         self._map = self._around(home, home) if grid is None else self._with_map(grid)
         self._given = self._map.space()
         """Before anything was seen."""
+        self._tracks = MovingObstacles()
         self._scan_ns = -1
         self._now_ns = 0
         self._done = (0, 0)
@@ -177,16 +180,30 @@ class MapPilot:
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
         self._now_ns = now_ns
-        for where, scan in seen.scans:
-            self._scan_ns = now_ns
-            self._map.see_scan(where, scan, scan.stamp_ns, self.moving)
-        if not self._has_lidar:
+        for T_odom_base, scan in seen.scans:
+            if scan.stamp_ns > self._scan_ns:
+                self._scan_ns = scan.stamp_ns
+                self._take(seen.T_world_odom, T_odom_base, scan)
+        if not self._sees_by_lidar:
             self._map.see_echoes(pose, self._mounts, seen.ranges_m, now_ns)
         self._map.see_floor(pose, seen.floor_base, now_ns)
+
+    def _take(self, T_world_odom: SE2, T_odom_base: SE2, scan: RangeScan) -> None:
+        """Take a scan: what moves by itself is tracked, the rest marked in the map."""
+        where = T_world_odom @ T_odom_base
+        angles = where.theta_rad + scan.angles_rad
+        sensor = where @ SE2(scan.x_m, scan.y_m, 0.0)
+        ranges = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, 0.0)[:, np.newaxis]
+        ends = (sensor.x_m, sensor.y_m) + ranges * np.stack([np.cos(angles), np.sin(angles)], 1)
+        self._tracks.step(T_odom_base, scan, scan.stamp_ns, ~self._map.explained(ends))
+        self.moving = self._tracks.moving(T_world_odom)
+        self._map.see_scan(where, scan, scan.stamp_ns, self.moving)
 
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""
         self._map.forget()
+        self._tracks.reset()
+        self.moving = NOTHING_MOVES
 
     def journey(self, goal: Goal, speed_m_s: float) -> Journey:
         """Return the behaviour that drives to a goal."""
@@ -195,9 +212,14 @@ class MapPilot:
         return self._journey
 
     @property
+    def _sees_by_lidar(self) -> bool:
+        """Whether there is a lidar, in the robot's file or heard by now."""
+        return self._has_lidar or self._scan_ns >= 0
+
+    @property
     def blindness(self) -> str:
         """Why the robot must not drive on what it sees; empty if it may."""
-        if self._has_lidar and self._now_ns - self._scan_ns > _BLIND_NS:
+        if self._sees_by_lidar and self._now_ns - self._scan_ns > _BLIND_NS:
             return "the lidar gives no scans"
         return ""
 

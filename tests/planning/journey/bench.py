@@ -72,7 +72,7 @@ class Bench:
     def look(self):
         """Give the pilot a scan."""
         scans = ((self.pose, scan_of(self.world, self.pose, self.now_ns)),)
-        self.pilot.see(self.pose, Seen(scans if self.sees else ()), self.now_ns)
+        self.pilot.see(self.pose, Seen(SE2(), scans if self.sees else ()), self.now_ns)
 
     def move(self, v, omega):
         """Move for a step, with the accelerations of the limits; the body must stay free."""
