@@ -45,7 +45,8 @@ def guided_velocity(
         return limited(wanted, guard)[0]
     step = limited(wanted, guard)[0]
     # Blocked, it may still turn away: the body turns on the spot as it does where v is 0.
-    return step if step.v_m_s else step._replace(omega_rad_s=wanted.omega_rad_s)
+    turn = limited(wanted._replace(v_m_s=0.0), guard)[0]
+    return step if step.v_m_s else step._replace(omega_rad_s=turn.omega_rad_s)
 
 
 def _unit(stick: float) -> float:

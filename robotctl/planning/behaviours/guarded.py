@@ -21,7 +21,7 @@ _STANDSTILL_M_S = 0.03
 def limited(step: BehaviourOutput, guard: ObstacleGuard) -> tuple[BehaviourOutput, GuardStep]:
     """Return `step` slowed to what the guard allows, on the same arc, and the guard's verdict."""
     allowed = guard.step(step.v_m_s, step.omega_rad_s)
-    speed = abs(step.v_m_s)
+    speed = abs(step.v_m_s) or abs(step.omega_rad_s) * guard.reach_m
     if speed <= allowed.v_max_m_s:
         return step, allowed
     share = allowed.v_max_m_s / speed if allowed.v_max_m_s >= _STANDSTILL_M_S else 0.0

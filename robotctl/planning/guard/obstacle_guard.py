@@ -1,14 +1,18 @@
-"""Slow down and stop ahead of what sonars and camera see where the robot's body is going."""
+"""Slow down and stop ahead of what the sensors see where the robot's body is going."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from robotctl.errors import InvalidValue
 from robotctl.model.sensors.sonar import SonarMount
+
+if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a robot's file
+    import numpy as np
+    from numpy.typing import NDArray
 
 Point: TypeAlias = tuple[float, float]
 """x, y of `base` [m]."""
@@ -69,11 +73,25 @@ class GuardConfig:
             )
 
 
+class Rectangle(NamedTuple):
+    """The body in `base` [m]; `rear_m` < 0."""
+
+    rear_m: float
+    front_m: float
+    half_width_m: float
+
+    @property
+    def reach_m(self) -> float:
+        """From `base` to the outermost corner [m]."""
+        return math.hypot(max(self.front_m, -self.rear_m), self.half_width_m)
+
+
 class GuardStep(NamedTuple):
     """The guard's limit."""
 
     v_max_m_s: float
-    """Maximum speed in the requested direction [m/s], >= 0; inf with nothing near."""
+    """Maximum speed in the requested direction [m/s], >= 0; inf with nothing near. On the spot,
+    that of the body's outermost corner, which is `ObstacleGuard.reach_m` from `base`."""
     obstacle: str
     """What limits it, as text; empty if nothing does."""
 
@@ -107,9 +125,12 @@ class ObstacleGuard:
     and at least to its outermost sonar. The median of the last three readings of each sonar keeps
     single outliers and lost echoes out. A sonar ahead without reading (nan) makes the robot stand:
     it would drive blind. Without a sonar in the direction of travel there is nothing to guard, and
-    the speed is free; `looks` tells who must know. Turning on the spot is free, too, or a robot in
-    a corner would never leave it. Points on the floor, which a camera sees, count where the robot
-    driving straight on would meet them.
+    the speed is free; `looks` tells who must know. Points on the floor, which a camera sees, count
+    where the robot driving straight on would meet them.
+
+    Points of a lidar are exact: each counts where the body, here from nose to tail, would touch it
+    on the arc that is asked for, or as it turns on the spot. Echoes do not hinder that, or a robot
+    in a corner would never leave it.
 
     Parameters
     ----------
@@ -123,6 +144,7 @@ class ObstacleGuard:
         self._config = config
         self._corners = _corners(mounts, config.half_width_m)
         self._views = [_view(index, mount, self._corners) for index, mount in enumerate(mounts)]
+        self._body = body_rectangle(config, mounts)
         self._cosine = math.cos(math.radians(config.cone_deg))
         self._history: list[list[float]] = []
         self._count = len(mounts)
@@ -132,11 +154,21 @@ class ObstacleGuard:
         """Forget past readings."""
         self._history = [[] for _ in range(self._count)]
         self._floor: Sequence[Point] = ()
+        self._points: NDArray[np.float64] | None = None
+
+    @property
+    def reach_m(self) -> float:
+        """From `base` to the outermost corner of the body [m]."""
+        return self._body.reach_m
 
     def observe(
-        self, ranges_m: Sequence[float], new: Sequence[bool], floor_base: Sequence[Point] = ()
+        self,
+        ranges_m: Sequence[float],
+        new: Sequence[bool],
+        floor_base: Sequence[Point] = (),
+        points_base: NDArray[np.float64] | None = None,
     ) -> None:
-        """Take sonar ranges and floor points; once per step.
+        """Take sonar ranges, floor points and a lidar's points; once per step.
 
         Parameters
         ----------
@@ -147,8 +179,11 @@ class ObstacleGuard:
             with each step, since nothing new may come any more.
         floor_base
             Points of the floor in `base` [m].
+        points_base
+            (n, 2) points in `base` that the body must not touch [m]; None: nobody looks for them.
         """
         self._floor = floor_base
+        self._points = points_base
         for past, reading, is_new in zip(self._history, ranges_m, new, strict=True):
             # A repeated reading must not outvote new ones in the median.
             if is_new or math.isnan(reading):
@@ -171,7 +206,7 @@ class ObstacleGuard:
             With it, to the left > 0 [rad/s].
         """
         if v_m_s == 0.0:
-            return GuardStep(math.inf, "")
+            return self._on_the_spot(omega_rad_s)
         direction = math.copysign(1.0, v_m_s)
         turn = omega_rad_s / abs(v_m_s)
         # Motion of a corner per distance of `base` on the arc: (d - k y, k x), curvature k.
@@ -191,7 +226,31 @@ class ObstacleGuard:
         if on_floor - self._config.margin_m < distance_m:
             distance_m = on_floor - self._config.margin_m
             obstacle = f"something lies on the floor {on_floor:.2f} m away"
+        free, place = self._free_way(direction, turn)
+        if free < distance_m:
+            distance_m, obstacle = free, place
         return GuardStep(self._speed_for(distance_m), obstacle)
+
+    def _on_the_spot(self, omega_rad_s: float) -> GuardStep:
+        """Return the limit of the outermost corner, which brakes as the robot does."""
+        if omega_rad_s == 0.0:
+            return GuardStep(math.inf, "")
+        free_rad, place = self._free_way(0.0, math.copysign(1.0, omega_rad_s))
+        return GuardStep(self._speed_for(free_rad * self.reach_m), place)
+
+    def _free_way(self, direction: float, turn: float) -> tuple[float, str]:
+        """Return the way of `base` until the body is `margin_m` from a point, and which.
+
+        In metres, or on the spot in radians.
+        """
+        if self._points is None:
+            return math.inf, ""
+        from robotctl.planning.guard.swept_body import free_way  # noqa: PLC0415 - see above
+
+        free, place = free_way(self._body, self._points, self._config.margin_m, direction, turn)
+        if place is None:
+            return math.inf, ""
+        return free, f"something is at x {place[0]:.2f} m, y {place[1]:.2f} m of the robot"
 
     def _is_ahead(self, view: _View, direction: float) -> bool:
         """Say whether a sonar looks in the direction of travel, 1 or -1."""
@@ -223,6 +282,17 @@ class ObstacleGuard:
             return 0.0
         delay = self._config.deceleration_m_s2 * self._config.reaction_s
         return math.sqrt(delay * delay + 2.0 * self._config.deceleration_m_s2 * distance_m) - delay
+
+
+def body_rectangle(config: GuardConfig, mounts: Sequence[SonarMount]) -> Rectangle:
+    """Return the rectangle that holds the nose and all sonars.
+
+    Behind it reaches to the rearmost sonar, or as far as the nose ahead where none is behind.
+    """
+    front_m = max([config.nose_m, *(mount.x_m for mount in mounts)])
+    rear_m = min((mount.x_m for mount in mounts), default=-config.nose_m)
+    half_m = max([config.half_width_m, *(abs(mount.y_m) for mount in mounts)])
+    return Rectangle(rear_m if rear_m < 0.0 else -config.nose_m, front_m, half_m)
 
 
 def _corners(mounts: Sequence[SonarMount], half_width_m: float) -> list[Point]:

@@ -2,13 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robotctl.errors import InvalidValue
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard, body_rectangle
 
 CONFIG = GuardConfig()
 MOUNTS = (
@@ -281,3 +282,101 @@ def test_the_nearer_of_sonar_and_camera_counts_and_is_named():
     assert guard.step(1.0).obstacle == "front measures 0.50 m"
     guard.observe((0.5, math.inf, math.inf, math.inf), NEW)
     assert guard.step(1.0).obstacle == "front measures 0.50 m"
+
+
+REACH = math.hypot(0.2, 0.18)  # from base to a front corner
+
+
+def lidar(*points, v=1.0, omega=0.0, ranges=FREE):
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    for _ in range(3):
+        guard.observe(ranges, NEW, (), np.array(points).reshape(-1, 2))
+    return guard.step(v, omega)
+
+
+@given(st.floats(0.12, 3.0), st.floats(-0.18, 0.18))
+def test_braking_for_a_lidar_point_ends_before_the_margin(gap, y):
+    """The body reaches from the nose to the rearmost sonar."""
+    for step in (lidar((0.2 + gap, y)), lidar((-0.15 - gap, y), v=-0.3)):
+        assert way_for(step.v_max_m_s) == pytest.approx(gap - 0.12, abs=1e-9)
+
+
+def test_lidar_points_count_in_the_way_only():
+    assert lidar((0.5, 0.181)) == (math.inf, "")
+    assert lidar((-0.5, 0.0)) == (math.inf, "")
+    assert lidar((0.25, 0.0), v=-1.0) == (math.inf, "")
+    assert lidar((0.3, 0.1)) == (0.0, "something is at x 0.30 m, y 0.10 m of the robot")
+    assert lidar() == (math.inf, "")
+
+
+def test_in_a_bend_a_lidar_point_beside_counts():
+    """On a circle of 1 m the front right corner goes round its centre at hypot(1.18, 0.2)."""
+    ahead = math.asin(0.2 / math.hypot(1.18, 0.2))
+    point = (
+        math.hypot(1.18, 0.2) * math.sin(ahead + 0.5),
+        1.0 - math.hypot(1.18, 0.2) * math.cos(ahead + 0.5),
+    )
+    step = lidar(point, v=0.5, omega=0.5)
+    assert way_for(step.v_max_m_s) == pytest.approx(0.5 - 0.12 / math.hypot(1.18, 0.2), abs=1e-6)
+    assert lidar(point, v=0.5, omega=-0.5).v_max_m_s == math.inf
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_on_the_spot_the_corner_stops_before_a_point_that_it_would_touch(side):
+    """The corner at atan2(0.18, 0.2) comes to a point on its circle 1 rad further."""
+    at = math.atan2(0.18, 0.2) + 1.0
+    point = (0.999 * REACH * math.cos(at), side * 0.999 * REACH * math.sin(at))
+    step = lidar(point, v=0.0, omega=side * 0.3)
+    assert way_for(step.v_max_m_s) == pytest.approx(REACH * 1.0 - 0.12, abs=0.01)
+    assert step.obstacle == f"something is at x {point[0]:.2f} m, y {point[1]:.2f} m of the robot"
+    assert lidar((1.001 * point[0], 1.003 * point[1]), v=0.0, omega=side) == (math.inf, "")
+    assert lidar(point, v=0.0, omega=0.0) == (math.inf, "")
+    faster = lidar(point, v=0.0, omega=side * 3.0)
+    assert faster.v_max_m_s == pytest.approx(step.v_max_m_s)
+    assert lidar(point, v=0.0, omega=-side).v_max_m_s != step.v_max_m_s
+
+
+def test_echoes_and_the_floor_do_not_hinder_a_turn_on_the_spot():
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    guard.observe((0.01, 0.01, 0.01, math.nan), NEW, [(0.2, 0.2)])
+    assert guard.step(0.0, 1.0) == (math.inf, "")
+    guard.observe((0.01, 0.01, 0.01, 0.01), NEW, [(0.2, 0.2)], np.empty((0, 2)))
+    assert guard.step(0.0, 1.0) == (math.inf, "")
+
+
+def test_lidar_points_count_for_one_step():
+    guard = ObstacleGuard(CONFIG, MOUNTS)
+    near = np.array([[0.25, 0.0]])
+    guard.observe(FREE, NEW, (), near)
+    assert guard.step(1.0).v_max_m_s == 0.0
+    guard.reset()
+    guard.observe(FREE, NEW)
+    assert guard.step(1.0).v_max_m_s == math.inf
+    guard.observe(FREE, NEW, (), near)
+    guard.reset()
+    assert guard.step(0.0, 1.0).v_max_m_s == math.inf
+    assert guard.step(-1.0).v_max_m_s == 0.0  # no sonar behind has said anything
+
+
+def test_the_nearest_of_all_that_is_seen_counts_and_is_named():
+    for floor_m, point_m, named in (
+        (0.6, 0.65, "floor"),
+        (0.6, 0.55, "x 0.55 m"),
+        (9.0, 0.9, "front"),
+    ):
+        guard = ObstacleGuard(CONFIG, MOUNTS)
+        for _ in range(3):
+            guard.observe((0.5, *FREE[1:]), NEW, [(floor_m, 0.0)], np.array([[point_m, 0.0]]))
+        assert named in guard.step(1.0).obstacle
+    assert "front" in lidar((0.62, 0.0), ranges=(0.42, *FREE[1:])).obstacle  # as near
+
+
+def test_the_body_reaches_from_the_nose_to_the_rearmost_sonar():
+    assert ObstacleGuard(CONFIG, MOUNTS).reach_m == pytest.approx(REACH)
+    assert ObstacleGuard(CONFIG, ()).reach_m == pytest.approx(REACH)
+    wide = (SonarMount("a", 0.3, 0.0, 0.0), SonarMount("b", -0.4, -0.25, 180.0))
+    assert ObstacleGuard(CONFIG, wide).reach_m == pytest.approx(math.hypot(0.4, 0.25))
+    assert body_rectangle(CONFIG, wide) == (-0.4, 0.3, 0.25)
+    assert body_rectangle(CONFIG, wide[:1]) == (-0.2, 0.3, 0.18)
+    assert body_rectangle(CONFIG, MOUNTS) == (-0.15, 0.2, 0.18)
+    assert body_rectangle(CONFIG, ()) == (-0.2, 0.2, 0.18)

@@ -1,0 +1,112 @@
+"""How far a body can go on an arc until it touches a point."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.planning.guard.obstacle_guard import Point, Rectangle
+
+_STRAIGHT: Final = 1e-4
+"""An arc of a smaller curvature is a straight line [1/m]: half a millimetre in three metres."""
+_ALONG: Final = 0.02
+"""A point within the body that gets deeper by less than this per way of `base` stays as it is, or
+the robot could hardly leave a passage that is as narrow as its body."""
+_STANDS: Final = 1e-9
+"""Where the body moves by less than this per way of `base`, it stands."""
+
+
+def free_way(
+    body: Rectangle,
+    points: NDArray[np.float64],
+    margin_m: float,
+    direction: float,
+    turn: float,
+) -> tuple[float, Point | None]:
+    """Return the way of `base` until the body is a margin away from a point in its way, and which.
+
+    The margin is a way of the part of the body that would touch the point. The parameters and the
+    unit are those of `ways_to_contact`; inf and None if there is no such point.
+    """
+    ways = ways_to_contact(body, points, direction, turn)
+    speeds = np.hypot(direction - turn * points[:, 1], turn * points[:, 0])
+    free = ways - margin_m / np.maximum(speeds, _STANDS)
+    if not np.isfinite(free).any():
+        return math.inf, None
+    nearest = int(np.argmin(free))
+    x_m, y_m = points[nearest].tolist()
+    return float(free[nearest]), (x_m, y_m)
+
+
+def ways_to_contact(
+    body: Rectangle, points: NDArray[np.float64], direction: float, turn: float
+) -> NDArray[np.float64]:
+    """Return how far `base` moves until the body touches each point, (n,) [m]; inf: never.
+
+    A point within the body is touched at once if it gets deeper below the side that is nearest to
+    it, and not at all if it leaves there.
+
+    Parameters
+    ----------
+    points
+        (n, 2) in `base` [m].
+    direction
+        1 forwards, -1 backwards; 0: the body turns on the spot, and ways are angles [rad].
+    turn
+        Change of the heading per way, to the left > 0 [1/m]; 1 or -1 on the spot.
+    """
+    if abs(turn) < _STRAIGHT:
+        ways = _straight(body, points, direction)
+    else:
+        ways = _on_arc(body, points, direction / turn, turn)
+    x, y = points.T
+    depths = np.stack(
+        [body.front_m - x, x - body.rear_m, body.half_width_m - y, body.half_width_m + y]
+    )
+    inside = depths.min(axis=0) >= 0.0
+    # Motion of the point in the body, towards each of the sides.
+    ahead, left = turn * y - direction, -turn * x
+    outwards = np.choose(depths.argmin(axis=0), [ahead, -ahead, left, -left])
+    return np.where(inside, np.where(outwards < -_ALONG, 0.0, math.inf), ways)
+
+
+def _straight(
+    body: Rectangle, points: NDArray[np.float64], direction: float
+) -> NDArray[np.float64]:
+    """Return the ways straight on; for a point within the body any number."""
+    ahead = direction * points[:, 0] - (body.front_m if direction > 0.0 else -body.rear_m)
+    met = (ahead >= 0.0) & (np.abs(points[:, 1]) <= body.half_width_m)
+    return np.where(met, ahead, math.inf)
+
+
+def _on_arc(
+    body: Rectangle, points: NDArray[np.float64], centre_m: float, turn: float
+) -> NDArray[np.float64]:
+    """Return the ways on an arc about (0, `centre_m`); for a point within the body any number.
+
+    Seen from the body, a point goes round that centre the other way, and meets the body where its
+    circle first crosses one of the sides.
+    """
+    x, y = points[:, 0], points[:, 1] - centre_m
+    squares = x * x + y * y
+    low, high = -body.half_width_m - centre_m, body.half_width_m - centre_m
+    crossings = []
+    with np.errstate(invalid="ignore"):  # nan: a circle that does not reach a side
+        for side in (body.rear_m, body.front_m):
+            across = np.sqrt(squares - side * side)
+            for at in (across, -across):
+                meets = (at >= low) & (at <= high)
+                crossings.append((np.full(len(x), side), at, meets))
+        for side in (low, high):
+            along = np.sqrt(squares - side * side)
+            for at in (along, -along):
+                meets = (at >= body.rear_m) & (at <= body.front_m)
+                crossings.append((at, np.full(len(x), side), meets))
+    at_x, at_y, meets = (np.stack(each) for each in zip(*crossings, strict=True))
+    angles = (np.arctan2(y, x) - np.arctan2(at_y, at_x)) * math.copysign(1.0, turn)
+    angles = np.where(meets, np.mod(angles, math.tau), math.inf)
+    ways: NDArray[np.float64] = angles.min(axis=0) / abs(turn)
+    return ways

@@ -1,0 +1,96 @@
+"""How far a body goes until it touches a point, against a body that is moved in small steps."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.guard.obstacle_guard import Rectangle
+from robotctl.planning.guard.swept_body import free_way, ways_to_contact
+
+BODY = Rectangle(-0.15, 0.25, 0.18)
+STEP = 0.001
+
+
+def depths(point, pose):
+    """Return how deep below each side of the body at a pose a point lies, the least first [m]."""
+    x, y = pose.inverse().apply(*point)
+    return sorted(
+        [BODY.front_m - x, x - BODY.rear_m, *(BODY.half_width_m + s * y for s in (1, -1))]
+    )
+
+
+def depth(point, pose):
+    """Return how deep in the body at a pose a point lies [m]; below 0: outside of it."""
+    return depths(point, pose)[0]
+
+
+def pose_at(direction, turn, way):
+    """Return the pose after a way on an arc, or on the spot."""
+    if direction == 0.0:
+        return SE2(0.0, 0.0, turn * way)
+    if abs(turn) < 1e-9:
+        return SE2(direction * way, 0.0, 0.0)
+    radius = direction / turn
+    return SE2(radius * math.sin(turn * way), radius * (1.0 - math.cos(turn * way)), turn * way)
+
+
+def walk(point, direction, turn, most):
+    """Return the first way at which the body holds a point, in small steps; inf: never."""
+    for k in range(1, round(most / STEP)):
+        if depth(point, pose_at(direction, turn, STEP * k)) >= 0.0:
+            return STEP * k
+    return math.inf
+
+
+@given(
+    st.floats(-0.8, 0.8),
+    st.floats(-0.8, 0.8),
+    st.sampled_from([-1.0, 0.0, 1.0]),
+    st.floats(-4.0, 4.0),
+)
+def test_a_point_is_met_where_the_body_comes_to_it(x, y, direction, turn):
+    turn = turn if direction else math.copysign(1.0, turn)
+    outside = depth((x, y), SE2())
+    first, second, _, _ = depths((x, y), SE2())
+    if abs(outside) < 0.005 or second - first < 1e-4:
+        return  # on a side, or as near to two
+    way = ways_to_contact(BODY, np.array([[x, y]]), direction, turn)[0]
+    if outside > 0.0:  # at once, or never as it leaves
+        change = (depth((x, y), pose_at(direction, turn, 1e-5)) - outside) / 1e-5
+        if abs(change - 0.02) > 1e-3:
+            assert way == (0.0 if change > 0.02 else math.inf)
+        return
+    met = walk((x, y), direction, turn, min(way, 2.0) + 0.05)
+    if met < math.inf:
+        assert way == pytest.approx(met, abs=0.03 * (1.0 + abs(turn)))
+        assert way <= met
+    elif way < 2.0:  # a corner goes by, deeper than a step shows
+        deepest = max(
+            depth((x, y), pose_at(direction, turn, s)) for s in np.linspace(way, way + 0.02, 200)
+        )
+        assert deepest > -1e-6
+
+
+def test_an_arc_that_is_nearly_straight_is_as_good_as_a_straight_line():
+    points = np.random.default_rng(1).uniform(-2.0, 2.0, (200, 2))
+    straight = np.minimum(ways_to_contact(BODY, points, 1.0, 0.0), 10.0)
+    for turn in (1e-12, 0.99e-4, 1.01e-4, -1.01e-4):
+        ways = ways_to_contact(BODY, points, 1.0, turn)  # or once round a great circle
+        assert np.minimum(ways, 10.0) == pytest.approx(straight, abs=2e-3)
+
+
+def test_the_margin_is_a_way_of_the_part_that_would_touch():
+    turning = np.array([[0.0, 0.28]])  # the front left corner comes there
+    angle = ways_to_contact(BODY, turning, 0.0, 1.0)[0]
+    assert free_way(BODY, turning, 0.1, 0.0, 1.0) == (
+        pytest.approx(angle - 0.1 / 0.28),
+        (0.0, 0.28),
+    )
+    ahead = np.array([[1.0, 0.1], [0.9, 0.1], [0.3, 0.5]])
+    assert free_way(BODY, ahead, 0.1, 1.0, 0.0) == (pytest.approx(0.55), (0.9, 0.1))
+    assert free_way(BODY, ahead[2:], 0.1, 1.0, 0.0) == (math.inf, None)
+    assert free_way(BODY, np.empty((0, 2)), 0.1, 1.0, 0.5) == (math.inf, None)
