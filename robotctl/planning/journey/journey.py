@@ -182,6 +182,8 @@ class Journey(Behaviour):
             self._stuck_ns = None
         elif self._stuck_ns is None:
             self._stuck_ns = now_ns
+            if motion.blocked:
+                self._route = None  # perhaps another path leads there
         return self._stuck_ns is not None and now_ns - self._stuck_ns > _STUCK_NS
 
     def _in_trouble(self, reason: str, pose: SE2, now_ns: int) -> BehaviourOutput:
