@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robotctl.control.limiter import LimitsConfig
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
@@ -38,6 +41,9 @@ __all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigat
 _LONGEST_STEP_NS = 500_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
 
+
+_SCAN_LIFE_NS = 500_000_000
+"""An older scan says nothing of what is around now [ns]."""
 
 _STOPPED = "the robot was stopped"
 
@@ -177,6 +183,8 @@ class Navigator:
         self._held = False
         """Whether `_ended` says why the robot went to HOLD by itself."""
         self._refused = ""
+        self._scan: tuple[SE2, RangeScan, int] | None = None
+        """The last, with `base` in `odom` at its time, and when it came [ns]."""
         self._goals = 0
         self._goal_reached: bool | None = None
         self._seen_epoch: tuple[int, int] | None = None
@@ -257,7 +265,10 @@ class Navigator:
             ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
         new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
         self._heard_ns = heard_ns
-        self._guard.observe(ranges, new, inputs.floor_base)
+        for T_odom_base, scan in inputs.scans:
+            self._scan = T_odom_base, scan, now_ns
+        points = self._scanned(inputs, now_ns)
+        self._guard.observe(ranges, new, inputs.floor_base, points)
         pilot = self._robot.pilot
         if pilot is not None and inputs.localised:
             if inputs.epoch != self._seen_epoch:  # it was seen from a wrong place
@@ -272,6 +283,18 @@ class Navigator:
                 now_ns,
             )
         return BehaviourInput(inputs.pose, inputs.twist, ranges, new, inputs.epoch)
+
+    def _scanned(self, inputs: NavigationInputs, now_ns: int) -> NDArray[np.float64] | None:
+        """Return the last scan's points in `base` now, (n, 2) [m]; None without a late scan."""
+        if self._scan is None or now_ns - self._scan[2] > _SCAN_LIFE_NS:
+            return None
+        T_odom_then, scan, _ = self._scan
+        T_odom_now = inputs.T_world_odom.inverse() @ inputs.pose
+        moved = T_odom_now.inverse() @ T_odom_then
+        c, s = math.cos(moved.theta_rad), math.sin(moved.theta_rad)
+        turn = np.array([[c, s], [-s, c]])
+        points: NDArray[np.float64] = scan.points_base() @ turn + (moved.x_m, moved.y_m)
+        return points
 
     def _searches(self, localised: bool) -> bool:
         """Return whether the present behaviour needs a place in the world that is unknown."""
