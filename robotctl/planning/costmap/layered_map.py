@@ -49,6 +49,8 @@ _FLOOR_REACH_M: Final = 1.5
 """`FloorMemory` has all points within this of the robot [m]."""
 _BESIDE_M: Final = 0.15
 """Points this near to a moving obstacle's circle belong to it [m]."""
+_SLOWEST: Final = 10.0
+"""A path through a slow zone counts at most so many times longer: the classes of cost are few."""
 
 NOTHING_MOVES: Final = np.empty((0, 5))
 
@@ -123,7 +125,7 @@ class LayeredMap:
         )
         self._limits_m_s = _limits(grid, zones)
         if self._limits_m_s is not None:
-            slowness = np.maximum(full_speed_m_s / self._limits_m_s, 1.0)
+            slowness = np.clip(full_speed_m_s / self._limits_m_s, 1.0, _SLOWEST)
             space.slowness = slowness.astype(np.float32)
         reach = math.ceil((footprint.circumscribed_m + _BEYOND_M) / grid.resolution_m) + 1
         self._clearance = Clearance(space.blocked, space.clearance, reach)

@@ -108,14 +108,17 @@ class GridPlanner:
         room = space.clearance - np.float32(radius)
         comfort = config.comfort_m / side_m
         factors = np.full(256, math.inf)
+        # Above 1: what a step into the cell costs more than its length, as a share of the most.
+        dearer, most = np.zeros(space.shape, np.float32), 0.0
         if comfort > 0.0 and config.comfort_weight > 0.0 and space.circumscribed > 0.0:
-            near = np.clip(1.0 - room / np.float32(comfort), 0.0, 1.0)
-            costs = np.rint(near * _CLASSES).astype(np.uint8)
-            share = np.arange(_CLASSES + 1) / _CLASSES
-            factors[: _CLASSES + 1] = 1.0 + config.comfort_weight * share
-        else:
-            costs = np.zeros(space.shape, np.uint8)
-            factors[: _CLASSES + 1] = 1.0
+            dearer = np.clip(1.0 - room / np.float32(comfort), 0.0, 1.0)
+            most = config.comfort_weight
+        if space.slowness is not None:
+            price = (1.0 + np.float32(most) * dearer) * space.slowness
+            most = (1.0 + most) * float(space.slowness.max()) - 1.0
+            dearer = (price - 1.0) / np.float32(max(most, 1e-9))
+        costs = np.rint(dearer * _CLASSES).astype(np.uint8)
+        factors[: _CLASSES + 1] = 1.0 + most * np.arange(_CLASSES + 1) / _CLASSES
         costs[(room < 0.0) | space.blocked] = LETHAL
         return costs, factors
 

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
+from robotctl.planning.costmap.layered_map import LayeredMap
 from robotctl.planning.costmap.planning_map import PlanningMap
+from robotctl.planning.costmap.zones import Zone
 from robotctl.planning.global_planning.plan import Plan, PlanFailure, PlannerConfig, Reason
 from robotctl.planning.global_planning.planners import PLANNERS
 
@@ -151,3 +153,20 @@ def test_random_rooms_give_paths_that_are_free_and_reasons_that_have_a_place(see
         assert answer.text
     else:
         assert answer.length_m <= answer.cost + 0.2
+
+
+@pytest.mark.parametrize(("limit_m_s", "through"), [(0.5, True), (0.2, False)])
+def test_a_path_goes_round_a_slow_zone_where_that_is_quicker(limit_m_s, through):
+    """Straight on it is 4 m, 1 m of it slow; round the zone, past its upper end, some 6 m."""
+    corners = ((2.5, 0.0), (3.5, 0.0), (3.5, 2.5), (2.5, 2.5))
+    live = LayeredMap(
+        GridMap(room(), SIDE_M), LONG, zones=[Zone("slow", corners, limit_m_s)], full_speed_m_s=1.0
+    )
+    config = PlannerConfig(comfort_weight=0.0)
+    plan = PLANNERS["astar"](config).plan(live.space(), SE2(1.0, 1.0), SE2(5.0, 1.0))
+    assert isinstance(plan, Plan)
+    poses = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(plan.poses)])
+    inside = (np.abs(poses[:, 0] - 3.0) < 0.45) & (poses[:, 1] < 2.45)
+    assert inside.any() == through
+    if through:
+        assert plan.cost == pytest.approx(4.0 + 1.0 * (1.0 / limit_m_s - 1.0), abs=0.15)
