@@ -16,6 +16,7 @@ from benchmarks import (
     global_planning,
     grid_mapping,
     landmark_accuracy,
+    live_map,
     localisation_accuracy,
     localisation_sonar,
     lockstep_speed,
@@ -55,6 +56,7 @@ SUBJECTS = {
     "mcl-sonar": localisation_sonar.run,
     "places": place_recognition.run,
     "planning": global_planning.run,
+    "layers": live_map.run,
     "camera-homography": camera_homography.run,
 }
 
