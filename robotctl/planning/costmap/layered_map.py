@@ -154,7 +154,8 @@ class LayeredMap:
         high: tuple[float, float],
         resolution_m: float,
         footprint: Footprint,
-        decay_s: float = 30.0,
+        zones: Sequence[Zone] = (),
+        full_speed_m_s: float = 1.0,
     ) -> LayeredMap:
         """Return a map of which nothing is known, and that the robot may pass until it sees more.
 
@@ -165,7 +166,8 @@ class LayeredMap:
         """
         shape = tuple(math.ceil((high[i] - low[i]) / resolution_m) for i in (1, 0))
         grid = GridMap(np.full(shape, UNKNOWN, np.int8), resolution_m, SE2(low[0], low[1], 0.0))
-        return cls(grid, footprint, LayersConfig(decay_s, through_unknown=True))
+        config = LayersConfig(through_unknown=True)
+        return cls(grid, footprint, config, zones, full_speed_m_s)
 
     def forget(self) -> None:
         """Forget all that was seen: the pose was wrong, and so are the places."""
@@ -309,6 +311,25 @@ class LayeredMap:
             last.append(min(cell + size, cells - 1))
         self._clearance.refresh((first[0], first[1]), (last[0], last[1]))
         return self._space.window((first[0], first[1]), (last[0], last[1]))
+
+    def collides(self, poses_world: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return at which poses of `base` in `world` (n, 3) the body is in a blocked cell, (n,).
+
+        It asks the live map, without the copy that `space` takes.
+        """
+        grid = self._space.grid
+        c, s = math.cos(grid.origin.theta_rad), math.sin(grid.origin.theta_rad)
+        away = (poses_world[:, :2] - (grid.origin.x_m, grid.origin.y_m)) / grid.resolution_m
+        places = away @ np.array([[c, -s], [s, c]])
+        if len(places):
+            around = self._clearance.reach
+            rows, columns = self._space.shape
+            low, high = places.min(axis=0) - around, places.max(axis=0) + around
+            first = [min(max(math.floor(low[i]), 0), n - 1) for i, n in ((1, rows), (0, columns))]
+            last = [min(max(math.floor(high[i]), 0), n - 1) for i, n in ((1, rows), (0, columns))]
+            self._clearance.refresh((first[0], first[1]), (last[0], last[1]))
+        poses = np.column_stack([places, poses_world[:, 2] - grid.origin.theta_rad])
+        return self._space.collides(poses)
 
     def speed_limit_at(self, x_m: float, y_m: float) -> float:
         """Return the lowest limit of the slow zones at a point of `world` [m/s]; inf: none."""

@@ -67,8 +67,14 @@ def test_clearance_is_that_of_the_whole_map_after_any_marks_and_clears(seed, thr
         live.see_floor(pose, rng.uniform(-1.5, 1.5, (5, 2)).tolist(), now_ns)
         if rng.random() < 0.1:
             live.forget()
+        poses = np.column_stack([rng.uniform(-5, 5, (20, 2)), rng.uniform(-3, 3, 20)])
+        poses[:, :2] += here.x_m, here.y_m
+        hits = live.collides(poses)
         part = live.space_around(pose, rng.uniform(0.2, 3.0))
         whole = live.space()
+        at = [whole.to_cells(SE2(*each)) for each in poses.tolist()]
+        at_cells = np.array([(each.x_m, each.y_m, each.theta_rad) for each in at])
+        assert np.array_equal(hits, whole.collides(at_cells))
         exact = clearance_of(whole.blocked)
         bound = 13.0  # 1 m beyond the circle round the body, and half a cell
         cut = np.minimum(whole.clearance, bound) - np.minimum(exact, bound)
@@ -241,6 +247,13 @@ def test_where_nothing_is_known_the_robot_may_pass_until_it_sees_more():
     assert not live.space().blocked.any()
     assert live.space().shape == (100, 120)
     assert live.space().to_cells(SE2(-1.0, -1.0, 0.0)) == SE2(0.0, 0.0, 0.0)
+
+
+def test_without_a_map_zones_count_as_well():
+    live = LayeredMap.without_map((-1.0, -1.0), (5.0, 4.0), SIDE_M, BODY, ZONES, 0.5)
+    assert is_blocked(live, 1.5, 1.5)
+    assert live.speed_limit_at(2.7, 1.5) == pytest.approx(0.2)
+    assert live.collides(np.empty((0, 3))).shape == (0,)
 
 
 def test_a_beam_makes_known_what_the_map_does_not_know():
