@@ -44,6 +44,8 @@ from firmware_sim.plant.plant import STEP_NS, Bridge, Plant
 from firmware_sim.sensors.imu import BodyMotion, Imu
 from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.sensors.sonar import SonarRing
+from firmware_sim.world.people import STEP_NS as PEOPLE_STEP_NS
+from firmware_sim.world.people import People
 from firmware_sim.world.truth import Picture, Scan, Truth
 from firmware_sim.world.world import World, load_world
 
@@ -83,6 +85,8 @@ class Simulation:
         Faults of the bus.
     start_ns
         Time at which the simulation starts [ns].
+    people
+        How many people walk about.
 
     Raises
     ------
@@ -100,12 +104,13 @@ class Simulation:
         state_directory: Path | None = None,
         faults: FaultPlan | None = None,
         start_ns: int = 0,
+        people: int = 0,
     ) -> None:
         config = load_robot(robot) if isinstance(robot, Path) else robot
         room = load_world(world) if isinstance(world, Path) else world
         if start is not None:
             room = dataclasses.replace(room, start=start)
-        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(6)]
+        streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(7)]
         self.config = config
         self.world = room
         self.bus = Bus(config.can.bitrate, streams[0], faults=faults, start_ns=start_ns)
@@ -120,6 +125,8 @@ class Simulation:
         self._camera: Camera | None = None
         self._pictures = 0
         self._lidar = None if lidar is None else Lidar(lidar, room.seen_from(lidar.z_m), streams[3])
+        self._people = People(room, people, streams[6]) if people else None
+        self._people_ns, self._motion_before = start_ns, self.plant.motion
         memory = _memory(state_directory)
         self.stores: dict[str, FragileStore] = {}
         self.drive = self._make_drive(memory)
@@ -259,6 +266,7 @@ class Simulation:
         """
         stamp_ns = self.run_to(self.bus.now_ns) + origin_ns
         plant, statistics, findings = self.plant, self.bus.statistics, self.monitor.findings
+        people = self._people
         return Truth(
             stamp_ns=stamp_ns,
             x_m=plant.x_m,
@@ -267,7 +275,7 @@ class Simulation:
             v_m_s=plant.v_m_s,
             omega_rad_s=plant.omega_rad_s,
             distance_m=plant.distance_m,
-            collisions=plant.collisions,
+            collisions=plant.collisions + (0 if people is None else people.hit),
             charge=plant.charge,
             bus_frames=statistics.frames,
             bus_load=self.bus.load(),
@@ -277,6 +285,8 @@ class Simulation:
             power_off_ns=self.monitor.power_off_ns + origin_ns,
             unsafe_motions=self.monitor.count,
             unsafe_reason=findings[-1].reason if findings else "",
+            ran_into=0 if people is None else people.ran_into,
+            people=() if people is None else tuple(map(tuple, people.discs[:, :2].tolist())),
         )
 
     def scan(self, *, origin_ns: int = 0) -> Scan | None:
@@ -321,6 +331,23 @@ class Simulation:
 
     def run_to(self, now_ns: int) -> int:
         """Bring the plant to the last whole millisecond up to `now_ns`; return that time [ns]."""
+        if self._people is not None:
+            while self._people_ns + PEOPLE_STEP_NS <= now_ns:
+                self._people_ns += PEOPLE_STEP_NS
+                self._step_plant(self._people_ns)
+                self._let_walk(self._people)
+        return self._step_plant(now_ns)
+
+    def _let_walk(self, people: People) -> None:
+        """Let people walk, and plant and sensors know where they are."""
+        before, self._motion_before = self._motion_before, self.plant.motion
+        people.step(self._people_ns, partial(self.plant.contact, motion=before))
+        self.plant.discs = people.discs
+        for sensor in (self._ring, self._lidar):
+            if sensor is not None:
+                sensor.walls.moving = people.sides
+
+    def _step_plant(self, now_ns: int) -> int:
         steps = (now_ns - self._plant_ns) // STEP_NS
         if steps > 0:
             self.plant.step(steps)

@@ -16,6 +16,7 @@ from firmware_sim.config.config import RobotConfig
 from firmware_sim.errors import SimulationError
 from firmware_sim.plant.battery import open_circuit_voltage
 from firmware_sim.plant.contact import COLUMNS, ROWS
+from firmware_sim.plant.discs import nearest_point
 from firmware_sim.plant.plant_state import BODY, DIFFERENTIAL, DT_S, WHEEL, constants, nominal_radii
 from firmware_sim.plant.plant_step import run_plant
 from firmware_sim.plant.walls import body_outline, wall_grid
@@ -67,6 +68,11 @@ class Plant:
         Seeds the roughness of the floor. The same seed and commands give the same motion, bit for
         bit, on the same machine.
 
+    Attributes
+    ----------
+    discs
+        Middles in world and radii, (n, 3) [m], of what else stands in the way; they may move.
+
     Raises
     ------
     SimulationError
@@ -88,6 +94,7 @@ class Plant:
         self._origin, self._grid = wall_grid(self._segments, float(self._p["reach"][0]))
         self._rows = np.zeros((ROWS, COLUMNS))
         self._noise = noise_state(rng)
+        self.discs = np.empty((0, 3))
         self._body = np.zeros(1, BODY)
         self._wheels = np.zeros(2, WHEEL)
         self._b = self._body[0]
@@ -173,6 +180,7 @@ class Plant:
             self._grid,
             self._rows,
             self._noise,
+            self.discs,
         )
 
     def _begin_at(self, x_m: float, y_m: float, theta_rad: float) -> None:
@@ -221,6 +229,27 @@ class Plant:
             if not self._obstacle(x, y, theta_rad):
                 return f"the nearest place for it with this heading is x {x} m, y {y} m"
         return "there is no place for it near by either"
+
+    def contact(
+        self, place: np.ndarray, radius_m: float, motion: tuple[float, float, float]
+    ) -> tuple[float, float]:
+        """Return the gap to a disc [m], and how fast the outline there moves towards it [m/s].
+
+        `motion` is forward and lateral speed of base [m/s] and yaw rate [rad/s].
+        """
+        body = self._body_numbers
+        cos, sin = math.cos(body[_THETA]), math.sin(body[_THETA])
+        off_x, off_y = float(place[0]) - body[_X], float(place[1]) - body[_Y]
+        x, y = cos * off_x + sin * off_y, -sin * off_x + cos * off_y
+        distance, near_x, near_y = nearest_point(x, y, self._outline)
+        v, lateral, omega = motion
+        towards = (v - omega * near_y) * (x - near_x) + (lateral + omega * near_x) * (y - near_y)
+        return distance - radius_m, towards / distance if distance != 0.0 else 0.0
+
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """Forward and lateral speed of base [m/s] and yaw rate [rad/s]."""
+        return self.v_m_s, self.lateral_m_s, self.omega_rad_s
 
     def block(self, channel: int, blocked: bool = True) -> None:
         """Hold the wheel of channel 1 or 2, or let it go: a fault, under which the motor stalls."""

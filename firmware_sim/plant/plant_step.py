@@ -23,6 +23,7 @@ from firmware_sim.plant.contact import (
     solve_tyres,
     tyre_rows,
 )
+from firmware_sim.plant.discs import disc_rows
 from firmware_sim.plant.motor import (
     chopped_voltage,
     current_decay,
@@ -52,6 +53,7 @@ def run_plant(
     grid: np.ndarray,
     rows: np.ndarray,
     noise: np.ndarray,
+    discs: np.ndarray,
 ) -> None:
     """Advance body and wheels by a number of steps of `DT_S`."""
     b, c = body[0], p[0]
@@ -67,14 +69,15 @@ def run_plant(
         tyre_rows(body, p, rows)
         free = solve_tyres(body, wheels, p, rows)
         walls = wall_rows(body, p, outline, segments, origin, grid, rows)
-        if free and walls == 0:
+        contacts = disc_rows(body, p, outline, discs, origin[2], rows, walls)
+        if free and contacts == 0:
             for i in range(TYRES):
                 apply_impulse(body, wheels, p, rows, i, rows[i, IMPULSE])
                 rows[i, LAST] = rows[i, IMPULSE]
             b.contacts = 0
             b.touch_s = max(b.touch_s - DT_S, 0.0)
         else:
-            collide(body, wheels, p, rows, walls)
+            collide(body, wheels, p, rows, walls, contacts)
         b.battery_a = c.electronics_a
         for k in range(motors):
             b.battery_a += feed_motor(body, wheels, p, k)
@@ -162,18 +165,26 @@ def move_freely(body: np.ndarray, p: np.ndarray) -> None:
 
 @compiled
 def collide(
-    body: np.ndarray, wheels: np.ndarray, p: np.ndarray, rows: np.ndarray, walls: int
+    body: np.ndarray,
+    wheels: np.ndarray,
+    p: np.ndarray,
+    rows: np.ndarray,
+    walls: int,
+    contacts: int,
 ) -> None:
-    """Solve with walls or slipping tyres; count a collision when a contact begins."""
+    """Solve with contacts or slipping tyres; count a collision when one with a wall begins.
+
+    The rows of walls are the first of the contacts.
+    """
     b = body[0]
     impact = 0.0
     for i in range(walls):
         impact = max(impact, -approach_speed(body, rows, TYRES + 2 * i))
-    if walls != int(b.contacts):
+    if contacts != int(b.contacts):
         rows[TYRES:ROWS, LAST] = 0.0
-        b.contacts = walls
-    solve_limited(body, wheels, p, rows, walls)
-    for i in range(TYRES + 2 * walls):
+        b.contacts = contacts
+    solve_limited(body, wheels, p, rows, contacts)
+    for i in range(TYRES + 2 * contacts):
         rows[i, LAST] = rows[i, IMPULSE]
     touching = False
     for i in range(walls):

@@ -29,7 +29,7 @@ class Lidar:
     def __init__(self, parameters: LidarParameters, world: World, rng: np.random.Generator) -> None:
         self.parameters = parameters
         offset_m = math.hypot(parameters.x_m, parameters.y_m)
-        self._near = Near(world.segments, parameters.max_range_m + offset_m)
+        self.walls = Near(world.segments, parameters.max_range_m + offset_m)
         self._noise = noise_state(rng)
         self._angles = fan_angles(parameters.beams, math.radians(parameters.fov_deg))
         self._hits = np.empty(parameters.beams, dtype=np.int32)
@@ -56,7 +56,7 @@ class Lidar:
             theta_rad + math.radians(p.heading_deg),
             self._angles,
             p.max_range_m,
-            self._near.at(x_m, y_m),
+            self.walls.at(x_m, y_m),
             ranges,
             self._hits,
         )

@@ -80,7 +80,7 @@ class SonarRing:
         # Where another's sound is mirrored may be farther by half of the way between both sonars.
         offset_m = max(np.hypot(*self._mounts[:, :2].T), default=0.0)
         reach_m = p.max_range_m + 2.0 * offset_m
-        self._walls = Near(world.segments, reach_m)
+        self.walls = Near(world.segments, reach_m)
         self._corners = Near(world.corners if p.corner_echo else world.corners[:0], reach_m)
         self._sensor = sensor_record(p)
         self._angles = fan_angles(p.rays, math.radians(p.beam_deg))
@@ -117,7 +117,7 @@ class SonarRing:
             y_m,
             theta_rad,
             self._sensor,
-            self._walls.at(x_m, y_m),
+            self.walls.at(x_m, y_m),
             self._corners.at(x_m, y_m),
             self._angles,
             self._ranges,

@@ -29,6 +29,8 @@ class Near:
         self._along = (rows[:, 2:4] if rows.shape[1] == 4 else self._begins) - self._begins
         self._square = np.maximum(np.sum(self._along**2, axis=1), 1.0e-12)
         self._reach_m = reach_m + TILE_M / math.sqrt(2.0)
+        self.moving = rows[:0]
+        """Rows of what moves, which follow those of the walls."""
         self._chosen: dict[tuple[int, int], np.ndarray] = {}
 
     def at(self, x_m: float, y_m: float) -> np.ndarray:
@@ -37,7 +39,7 @@ class Near:
         found = self._chosen.get(tile)
         if found is None:
             found = self._chosen[tile] = self._choose(tile)
-        return found
+        return np.vstack([found, self.moving]) if len(self.moving) else found
 
     def _choose(self, tile: tuple[int, int]) -> np.ndarray:
         """Return the rows within reach of anywhere in a tile."""

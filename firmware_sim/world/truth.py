@@ -37,7 +37,11 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     distance_m
         Length of the path since the start.
     collisions
-        Collisions since the start.
+        Collisions since the start, with people only those that the robot caused.
+    ran_into
+        Contacts with people that they caused.
+    people
+        Where they are: x, y [m].
     charge
         Of the battery, [0, 1].
     bus_frames, bus_errors
@@ -73,6 +77,8 @@ class Truth(msgspec.Struct, frozen=True, gc=False):
     power_off_ns: int = 0
     unsafe_motions: int = 0
     unsafe_reason: str = ""
+    ran_into: int = 0
+    people: tuple[tuple[float, float], ...] = ()
 
 
 class Scan(msgspec.Struct, frozen=True, gc=False, tag="LidarScan"):

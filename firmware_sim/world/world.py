@@ -334,15 +334,20 @@ def _things(file: WorldFile, path: Path) -> Iterator[Thing]:
     )
     for key, group in groups:
         for i, each in enumerate(group):
-            kind = each.kind if isinstance(each, Box | Pillar) else key
-            solid = not isinstance(each, Wall) or each.thickness_m > 0.0
-            for chain in each.outlines():
-                corners = np.array(chain[:-1] if solid else chain)
-                thing = Thing(each.name, kind, corners, solid, each.height_m, each.colour or "")
+            for thing in things_of(each, key):
                 sides = thing.sides()
                 if np.any(np.hypot(*(sides[:, 2:] - sides[:, :2]).T) < _TOUCHING_M):
                     raise SimulationError(f"{path}: {key}.{i} ({each.name}): two points coincide")
                 yield thing
+
+
+def things_of(part: Wall | Box | Pillar | Obstacle, key: str) -> Iterator[Thing]:
+    """Yield what a part of a file, of the table `key`, describes."""
+    kind = part.kind if isinstance(part, Box | Pillar) else key
+    solid = not isinstance(part, Wall) or part.thickness_m > 0.0
+    for chain in part.outlines():
+        corners = np.array(chain[:-1] if solid else chain)
+        yield Thing(part.name, kind, corners, solid, part.height_m, part.colour or "")
 
 
 def _inner_corners(segments: np.ndarray) -> np.ndarray:

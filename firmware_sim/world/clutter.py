@@ -1,0 +1,77 @@
+"""Boxes and cylinders at random places, which are on no map."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from firmware_sim.errors import SimulationError
+from firmware_sim.world.free_space import FreeSpace
+from firmware_sim.world.shapes import Obstacle
+from firmware_sim.world.world import OBSTACLE, World, things_of
+
+CLEAR_M = 0.6
+"""Room around the robot's start and other places that are kept clear [m]."""
+APART_M = 0.05
+"""Gap to everything else [m]."""
+SMALLEST_M, LARGEST_M = 0.2, 0.5
+HEIGHT_M = 0.6
+"""Sonars, lidars and cameras see it."""
+_STREAM = 7
+
+
+def cluttered(
+    world: World,
+    count: int,
+    seed: int,
+    keep_clear: Sequence[tuple[float, float]] = (),
+) -> World:
+    """Return a world in which boxes and cylinders stand about.
+
+    They may close the way to a goal.
+
+    Parameters
+    ----------
+    world
+        The room.
+    count
+        How many, >= 0.
+    seed
+        Same seed, same clutter.
+    keep_clear
+        Places that nothing comes nearer to than `CLEAR_M` [m]; the start is one of them.
+
+    Raises
+    ------
+    SimulationError
+        If there is no place for so many.
+    """
+    rng = np.random.default_rng([seed, _STREAM])
+    start = world.start[:2]
+    for number in range(count):
+        obstacle = _draw(rng, number)
+        radius_m = obstacle.radius_m or 0.5 * math.hypot(*(obstacle.size or ()))
+        places = FreeSpace(world, radius_m + APART_M, start).places
+        for place in (start, *keep_clear):
+            places = places[np.hypot(*(places - place).T) >= radius_m + CLEAR_M]
+        if not len(places):
+            raise SimulationError(
+                f"{world.name}: has room for {number} pieces of clutter, {count} asked for"
+            )
+        x_m, y_m = places[rng.integers(len(places))].tolist()
+        (thing,) = things_of(dataclasses.replace(obstacle, centre=(x_m, y_m)), OBSTACLE)
+        world = dataclasses.replace(world, things=(*world.things, thing))
+    return world
+
+
+def _draw(rng: np.random.Generator, number: int) -> Obstacle:
+    """Return a box or a cylinder, nowhere yet."""
+    name, is_round = f"clutter {number + 1}", rng.random() < 0.5
+    a_m, b_m = rng.uniform(SMALLEST_M, LARGEST_M, 2).round(3).tolist()
+    heading_deg = round(float(rng.uniform(0.0, 180.0)), 1)
+    if is_round:
+        return Obstacle((0.0, 0.0), HEIGHT_M, radius_m=0.5 * a_m, name=name)
+    return Obstacle((0.0, 0.0), HEIGHT_M, size=(a_m, b_m), heading_deg=heading_deg, name=name)
