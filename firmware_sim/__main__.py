@@ -32,6 +32,7 @@ from firmware_sim.config.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.nodes.node import NmtState
 from firmware_sim.pace import SharedClock
+from firmware_sim.world.clutter import add_options, load_cluttered
 from firmware_sim.world.truth import Publisher
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--bus", default="simcan:simcan0", help="simcan:CHANNEL or a CAN interface (%(default)s)")
     add("--seed", type=parse_natural, default=0, help="of all random draws (%(default)s)")
+    add("--people", type=parse_natural, default=0, help="who walk about (%(default)s)")
+    add_options(add)
     add("--start", type=parse_pose, metavar=POSE, help="instead of the world's start pose")
     add("--state", type=Path, metavar="DIR", help="keep stored parameters here")
     add("--truth", metavar="ADDRESS", help="publish the ground truth at ipc:///PATH")
@@ -153,12 +156,15 @@ def _run(options: argparse.Namespace, signals: list[int]) -> None:
     scenario = load_scenario(options.faults, robot) if options.faults else Scenario()
     if options.state is not None:
         _make_directory(options.state)
+    world = load_cluttered(
+        options.world, options.start, options.clutter, options.seed, options.keep_clear
+    )
     simulation = Simulation(
         robot,
-        options.world,
+        world,
         options.seed,
-        options.start,
         state_directory=options.state,
+        people=options.people,
     )
     if options.lidar is not None and simulation.config.simulation.lidar is None:
         raise SimulationError(f"--lidar: {options.robot} has no table [simulation.lidar]")
@@ -209,6 +215,11 @@ def _camera_arguments(options: argparse.Namespace) -> list[str]:
     """Options of the camera's process: robot, world, seed and address of this one."""
     arguments = [f"--{key}={getattr(options, key)}" for key in ("robot", "world", "seed", "camera")]
     clock = [f"--clock={options.clock}"] if options.clock else []
+    if options.start is not None:
+        x_m, y_m, theta_rad = options.start
+        arguments.append(f"--start={x_m},{y_m},{math.degrees(theta_rad)}")
+    arguments.append(f"--clutter={options.clutter}")
+    arguments += [f"--keep-clear={x_m},{y_m}" for x_m, y_m in options.keep_clear]
     return [*arguments, *clock, *(f"--set={text}" for text in options.set)]
 
 

@@ -248,6 +248,14 @@ class Simulation:
         node.connect(port, self._alarm)
         node.power_cycle(self.bus.now_ns)
 
+    @property
+    def people_m(self) -> tuple[tuple[float, float], ...]:
+        """Where people are at the present time: x, y in world [m]."""
+        if self._people is None:
+            return ()
+        self.run_to(self.bus.now_ns)
+        return self._people.places_m
+
     def pose(self) -> tuple[float, float, float]:
         """Return the true pose of base in world at the present time: x, y [m], heading [rad]."""
         self.run_to(self.bus.now_ns)
@@ -286,7 +294,7 @@ class Simulation:
             unsafe_motions=self.monitor.count,
             unsafe_reason=findings[-1].reason if findings else "",
             ran_into=0 if people is None else people.ran_into,
-            people=() if people is None else tuple(map(tuple, people.discs[:, :2].tolist())),
+            people=self.people_m,
         )
 
     def scan(self, *, origin_ns: int = 0) -> Scan | None:

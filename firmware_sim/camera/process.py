@@ -19,10 +19,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
-from firmware_sim.command_line import tell
+from firmware_sim.command_line import parse_pose, tell
 from firmware_sim.config.config import load_robot, parse_override
 from firmware_sim.errors import SimulationError
 from firmware_sim.pace import ClockReader, MonotonicPace
+from firmware_sim.world.clutter import add_options, load_cluttered
 from firmware_sim.world.truth import Picture, Publisher
 
 _EXPOSURE = struct.Struct("<qqddd")
@@ -113,6 +114,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--seed", type=int, default=0)
     add("--camera", required=True)
     add("--clock", type=Path)
+    add("--start", type=parse_pose)
+    add_options(add)
     options = parser.parse_args(arguments)
     os.nice(_NICE)
     try:
@@ -130,9 +133,10 @@ def _serve(options: argparse.Namespace) -> None:
     with Publisher(options.camera, _QUEUE_LIMIT) as publisher:
         # Loading numba takes a second, which `--help` need not wait for.
         from firmware_sim.camera.camera import Camera  # noqa: PLC0415
-        from firmware_sim.world.world import load_world  # noqa: PLC0415
 
-        world = load_world(options.world)
+        world = load_cluttered(
+            options.world, options.start, options.clutter, options.seed, options.keep_clear
+        )
         camera = Camera(robot, world, options.seed)
         camera.look(*world.start)
         tell(_READY)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from firmware_sim.command_line import parse_natural, parse_pose
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.free_space import FreeSpace
 from firmware_sim.world.shapes import Obstacle
-from firmware_sim.world.world import OBSTACLE, World, things_of
+from firmware_sim.world.world import OBSTACLE, World, load_world, things_of
 
 CLEAR_M = 0.6
 """Room around the robot's start and other places that are kept clear [m]."""
@@ -65,6 +67,49 @@ def cluttered(
         (thing,) = things_of(dataclasses.replace(obstacle, centre=(x_m, y_m)), OBSTACLE)
         world = dataclasses.replace(world, things=(*world.things, thing))
     return world
+
+
+def load_cluttered(
+    path: Path,
+    start: tuple[float, float, float] | None,
+    count: int,
+    seed: int,
+    keep_clear: Sequence[tuple[float, float]],
+) -> World:
+    """Return the world of a file with clutter, for a robot that starts there or at its start.
+
+    Raises
+    ------
+    SimulationError
+        If the file is wrong, or there is no place for so many.
+    """
+    world = load_world(path)
+    if start is not None:
+        world = dataclasses.replace(world, start=start)
+    return cluttered(world, count, seed, keep_clear)
+
+
+def add_options(add: Callable[..., object]) -> None:
+    """Add the options of clutter to a command line."""
+    add(
+        "--clutter",
+        type=parse_natural,
+        default=0,
+        help="boxes and cylinders on no map (%(default)s)",
+    )
+    add(
+        "--keep-clear",
+        type=_place,
+        action="append",
+        default=[],
+        metavar="X,Y",
+        help="where no clutter stands, besides the start",
+    )
+
+
+def _place(text: str) -> tuple[float, float]:
+    x_m, y_m, _ = parse_pose(f"{text},0")
+    return x_m, y_m
 
 
 def _draw(rng: np.random.Generator, number: int) -> Obstacle:

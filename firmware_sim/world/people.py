@@ -98,6 +98,11 @@ class People:
         return np.array([(*each.place, RADIUS_M) for each in self._people])
 
     @property
+    def places_m(self) -> tuple[tuple[float, float], ...]:
+        """Where they are: x, y [m]."""
+        return tuple((float(each.place[0]), float(each.place[1])) for each in self._people)
+
+    @property
     def sides(self) -> np.ndarray:
         """What sensors see of them, (12 n, 4): sides from x, y to x, y [m]."""
         return np.vstack([self._sides + np.tile(each.place, 2) for each in self._people])

@@ -82,6 +82,13 @@ def sim(
         str,
         typer.Option(metavar="X,Y[,DEG]", help="Drive there by plan, instead of a mission."),
     ] = "",
+    people: Annotated[
+        int, typer.Option(min=0, help="How many people walk about, who do not evade the robot.")
+    ] = 0,
+    clutter: Annotated[
+        int,
+        typer.Option(min=0, help="How many boxes and cylinders stand about that are on no map."),
+    ] = 0,
     start: Annotated[
         str,
         typer.Option(
@@ -146,6 +153,8 @@ def sim(
         robot=find_file(robot),
         mission=_goal(world, pose, goal) if goal else _mission(mission, world),
         start=pose,
+        people=people,
+        clutter=clutter,
         world=world,
         bus=bus,
         seed=seed,

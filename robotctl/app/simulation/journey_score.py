@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_sim.world.people import RADIUS_M
 from firmware_sim.world.world import World
 from robotctl.app.simulation.score import StampedPose
 from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
@@ -64,18 +66,27 @@ class JourneyScore:
             "near_misses": self.near_misses,
         }
 
-    def truth(self, pose: StampedPose) -> None:
-        """Take a true pose; they come in the order of their stamps."""
+    def truth(self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = ()) -> None:
+        """Take a true pose, and where people are then; they come in the order of their stamps."""
         self._first = self._first or pose
         self._last_ns = pose.stamp_ns
         if self._left_ns is None and pose.distance_m(self._first) > _LEFT_M:
             self._left_ns = pose.stamp_ns
-        clearance_m = self._clearance_m(pose)
+        clearance_m = min(self._clearance_m(pose), self._from_people_m(pose, people_m))
         self.min_clearance_m = min(self.min_clearance_m, clearance_m)
         if not self._missing and 0.0 < clearance_m < _NEAR_MISS_M:
             self.near_misses += 1
             self._missing = True
         self._missing &= clearance_m < _CLEAR_M
+
+    def _from_people_m(self, pose: StampedPose, people_m: Sequence[tuple[float, float]]) -> float:
+        """Return the distance of the outline from the nearest person [m]; inf without people."""
+        if not people_m:
+            return math.inf
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        middles = (np.array(people_m) - (pose.x_m, pose.y_m)) @ np.array([[c, -s], [s, c]])
+        ends = np.repeat(middles[:, np.newaxis], 2, axis=1)
+        return max(outline_distance(self._body, ends) - RADIUS_M, 0.0)
 
     def _clearance_m(self, pose: StampedPose) -> float:
         """Return the distance of the outline from the nearest side [m]; inf if none is near."""

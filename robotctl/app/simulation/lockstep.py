@@ -29,7 +29,7 @@ from robotctl.app.simulation.lockstep_camera import LockstepCamera
 from robotctl.app.simulation.lockstep_logs import LockstepLogs
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.app.simulation.operator import MissionOperator
-from robotctl.app.simulation.room import load_room
+from robotctl.app.simulation.room import load_furnished
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import (
     Report,
@@ -78,7 +78,7 @@ class LockstepRun:
         self._options = options
         self._mission = load_mission(options.mission)
         self.world = options.find_world(self._mission)
-        room = load_room(self.world)
+        room = load_furnished(self.world, options, self._mission)
         start = options.start_of(self._mission).pose
         stack = StackOptions(
             instance="lockstep",
@@ -127,6 +127,7 @@ class LockstepRun:
             options.seed,
             (start.x_m, start.y_m, start.theta_rad),
             options.overrides,
+            options.people,
         )
         self.stack = LockstepStack(self.config, stack, simulation, self._hear)
         play(self._scenario, simulation.faults, self._faults.append)
@@ -233,7 +234,8 @@ class LockstepRun:
     def _see(self, control: ControlState) -> list[LidarScan | CameraView]:
         """Return views and scans since the last step."""
         now_ns, simulation = control.stamp_ns, self.stack.simulation
-        self._score.truth(StampedPose(now_ns, *simulation.pose()))
+        pose = StampedPose(now_ns, *simulation.pose())
+        self._score.truth(pose, simulation.people_m)
         self._score.control(control)
         seen: list[LidarScan | CameraView] = []
         if self._camera is not None:
@@ -266,6 +268,7 @@ class LockstepRun:
             duration_s=round(duration_s, 3),
             distance_m=round(truth.distance_m, 3),
             collisions=truth.collisions,
+            ran_into=truth.ran_into,
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
             **self._score.journey.report(),

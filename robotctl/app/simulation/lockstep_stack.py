@@ -126,6 +126,7 @@ def make_simulation(
     seed: int,
     start: tuple[float, float, float],
     overrides: Sequence[str] = (),
+    people: int = 0,
 ) -> Simulation:
     """Return the simulated robot in its world, compiled and ready.
 
@@ -139,7 +140,7 @@ def make_simulation(
         # Loading numba takes a second, which `robotctl --help` need not wait for.
         from firmware_sim.simulation import Simulation  # noqa: PLC0415
 
-        simulation = Simulation(simulated, world, seed, start)
+        simulation = Simulation(simulated, world, seed, start, people=people)
     except SimulationError as error:
         raise SimulatorError(str(error)) from error
     simulation.warm()

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
 
 from firmware_sim.errors import SimulationError
+from firmware_sim.world.clutter import cluttered
 from firmware_sim.world.world import World, load_world
+from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.errors import ConfigError
+from robotctl.planning.behaviours.goto import GotoItem
+from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.straight_to import StraightToItem
 
 _SHORTEST_M = 0.5
 
@@ -58,6 +64,29 @@ def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...])
         'kind = "goto"\n'
         f"x_m = {goal[0]:.9g}\ny_m = {goal[1]:.9g}\n{heading}speed_m_s = 1e6\n"
     )
+
+
+def goals(mission: Mission) -> tuple[tuple[float, float], ...]:
+    """Return x, y [m] of the goals of a mission, which stay clear of clutter."""
+    return tuple(
+        (item.x_m, item.y_m) for item in mission.item if isinstance(item, GotoItem | StraightToItem)
+    )
+
+
+def load_furnished(world: Path, options: SimOptions, mission: Mission) -> World:
+    """Return the world of a run as the simulator has it, with what stands about.
+
+    Raises
+    ------
+    ConfigError
+        If the file is wrong, has no wall, or no room for so much clutter.
+    """
+    room, start = load_room(world), options.start_of(mission).pose
+    room = dataclasses.replace(room, start=(start.x_m, start.y_m, start.theta_rad))
+    try:
+        return cluttered(room, options.clutter, options.seed, goals(mission))
+    except SimulationError as error:
+        raise ConfigError(f"--clutter {options.clutter}: {error}") from error
 
 
 def straight_mission(world: Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -66,12 +66,12 @@ class RunScore:
         self._map: GridMap | None = None
         self._truths: list[StampedPose] | None = [] if is_recorded else None
 
-    def truth(self, pose: StampedPose) -> None:
-        """Take a true pose."""
+    def truth(self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = ()) -> None:
+        """Take a true pose, and where people are then (x, y)."""
         if self._truths is not None:
             self._truths.append(pose)
         self._pose.truth(pose)
-        self.journey.truth(pose)
+        self.journey.truth(pose, people_m)
         self._localisation.truth(pose)
         if self._camera is not None:
             self._camera.truth(pose)

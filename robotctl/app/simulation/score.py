@@ -127,6 +127,7 @@ class Report(msgspec.Struct, frozen=True):
     until the end, None if it never did; `min_clearance_m` is the smallest distance of its body from
     what stands around, None where nothing does; near misses are nearer than 5 cm; `plans` and
     `recoveries` are those of driving by plan.
+    `collisions` are those that the robot causes; `ran_into` counts people who ran into it.
     `log_trouble` names logs, truth or map that could not be written. `pose_error` is that of the
     pose that the robot goes by; `localisation`, `map_quality` and `camera` are None without a
     localiser, without mapping and without a camera.
@@ -161,6 +162,7 @@ class Report(msgspec.Struct, frozen=True):
     localisation: LocalisationReport | None = None
     map_quality: MapQuality | None = None
     camera: CameraReport | None = None
+    ran_into: int = 0
     arrived: bool | None = None
 
     @property

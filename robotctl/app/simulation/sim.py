@@ -22,7 +22,7 @@ from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.held_up import HeldUp
 from robotctl.app.simulation.journey_score import journey_score
 from robotctl.app.simulation.operator import MissionOperator
-from robotctl.app.simulation.room import load_room
+from robotctl.app.simulation.room import goals, load_furnished
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import (
     Report,
@@ -113,6 +113,8 @@ class Truth(msgspec.Struct, frozen=True):
     unsafe_motions: int
     unsafe_reason: str
     late_max_ns: int
+    ran_into: int
+    people: tuple[tuple[float, float], ...]
 
 
 @dataclass(slots=True)
@@ -160,7 +162,7 @@ class SimRun:
         if self.config.lidar is not None:  # the simulator publishes the scans
             overrides += (f'lidar.driver="{SOCKET}"',)
             self.config = load_robot(robot, overrides)
-        room = load_room(self.world)
+        room = load_furnished(self.world, options, self.mission)
         self.walls = WallMap(room.segments)
         unfit = misfit(self.config, robot, self.world, self.walls)
         self._scenario = load_faults(options)
@@ -269,6 +271,11 @@ class SimRun:
             *("--truth", self._endpoints.truth),
             *("--priority", str(max(0, self.config.runtime.priority - _BELOW_CONTROL))),
         ]
+        if options.people:
+            command += ["--people", str(options.people)]
+        if options.clutter:
+            command += ["--clutter", str(options.clutter)]
+            command += [f"--keep-clear={x_m},{y_m}" for x_m, y_m in goals(self.mission)]
         for override in simulation_overrides(options.overrides):
             command += ["--set", override]
         if "lidar" in self.config.simulation:
@@ -398,7 +405,8 @@ class SimRun:
         self._listen_to_firmware()
         for truth in self._truths.receive():
             progress.truth = truth
-            self._score.truth(StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad))
+            pose = StampedPose(truth.stamp_ns, truth.x_m, truth.y_m, truth.theta_rad)
+            self._score.truth(pose, truth.people)
         for message in self._states.receive():
             match message:
                 case ControlState():
@@ -477,6 +485,7 @@ class SimRun:
             duration_s=round(progress.elapsed_s, 3),
             distance_m=round(truth.distance_m, 3),
             collisions=truth.collisions,
+            ran_into=truth.ran_into,
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
             **self._score.journey.report(),

@@ -48,6 +48,8 @@ class SimOptions:
         Whether simulated time runs on while this computer stalls, as on a robot.
     start
         x, y and perhaps a heading where the robot starts [m, m, deg]; empty: as the mission says.
+    people, clutter
+        How many people walk about, and how many boxes and cylinders stand about that are on no map.
 
     Raises
     ------
@@ -67,6 +69,8 @@ class SimOptions:
     localisation: tuple[str, ...] = ()
     hard_real_time: bool = False
     start: tuple[float, ...] = ()
+    people: int = 0
+    clutter: int = 0
 
     def __post_init__(self) -> None:
         """Check the bus as the robot's file is checked, also where a run needs none."""

@@ -25,10 +25,11 @@ def score_table(report: Report) -> Table:
     lag, step = loop["lag_us"], loop["step_us"]
     done = f"{verdict}, {report.items_done} of {report.items} items"
     unsafe = report.unsafe_motions
+    people = f", people ran into it {report.ran_into} times" if report.ran_into else ""
     rows: tuple[tuple[str, str], ...] = (
         ("mission", f"{done}{f' ({report.message})' if report.message else ''}"),
         ("duration", f"{report.duration_s:.1f} s, {report.real_time_factor:.2f} × real time"),
-        ("distance", f"{report.distance_m:.2f} m, {report.collisions} collisions"),
+        ("distance", f"{report.distance_m:.2f} m, {report.collisions} collisions{people}"),
         (
             "safety",
             f"{unsafe} unsafe motions, the last: {report.unsafe_reason}"

@@ -1,0 +1,60 @@
+"""Runs among people and clutter: repeatable, scored, and on no map of the robot's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from firmware_sim.world.people import RADIUS_M
+from robotctl.app.simulation.journey_score import JourneyScore
+from robotctl.app.simulation.lockstep import LockstepRun
+from robotctl.app.simulation.room import goals, load_furnished
+from robotctl.app.simulation.score import StampedPose
+from robotctl.app.simulation.sim_options import SimOptions
+from robotctl.config.robot_file import find_file
+from robotctl.maps.world import find_world
+from robotctl.planning.behaviours.mission import parse_mission
+from tests.app.simulation.missions import PATROL, drive, without_computing_times
+
+BOX = np.array([[0.2, 0.1], [-0.2, 0.1], [-0.2, -0.1], [0.2, -0.1]])
+
+
+def test_a_run_among_them_repeats_and_differs_from_one_without() -> None:
+    crowded = {"people": 3, "clutter": 3, "max_seconds": 4.0}
+    first, second = (without_computing_times(drive(**crowded)) for _ in range(2))
+    assert first == second
+    assert first != without_computing_times(drive(max_seconds=4.0))
+    assert first["collisions"] == 0
+
+
+def test_the_robot_does_not_know_of_clutter() -> None:
+    options = (SimOptions(find_file("diff_drive"), PATROL, clutter=count) for count in (4, 0))
+    cluttered, plain = (LockstepRun(each).stack.simulation.world for each in options)
+    assert len(cluttered.things) == len(plain.things) + 4
+    assert np.array_equal(cluttered.segments, plain.segments)
+
+
+def test_the_goals_of_a_mission_stay_clear() -> None:
+    mission = parse_mission(
+        'name = "m"\nworld = "flat"\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 0.0 }\n'
+        '[[item]]\nkind = "goto"\nx_m = 6.0\ny_m = 3.0\n'
+        '[[item]]\nkind = "wait"\nduration_s = 1.0\n',
+        "m.toml",
+    )
+    assert goals(mission) == ((6.0, 3.0),)
+    for seed in range(3):
+        options = SimOptions(find_file("diff_drive"), PATROL, seed=seed, clutter=6)
+        room = load_furnished(find_world("flat"), options, mission)
+        for thing in room.things[-6:]:
+            for place in ((6.0, 3.0), (1.0, 1.0)):
+                assert np.hypot(*(thing.corners - place).T).min() > 0.6 - 1e-9
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, math.pi / 2])
+def test_the_smallest_clearance_is_that_to_people_too(heading_rad: float) -> None:
+    journey = JourneyScore(BOX, np.empty((0, 4)))
+    gap_m = 2.0 - (0.2 if heading_rad == 0.0 else 0.1) - RADIUS_M
+    journey.truth(StampedPose(0, 1.0, 1.0, heading_rad), [(3.0, 1.0), (9.0, 1.0)])
+    assert journey.min_clearance_m == pytest.approx(gap_m)
