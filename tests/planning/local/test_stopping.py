@@ -20,7 +20,8 @@ from robotctl.planning.local.controllers import CONTROLLERS
 
 SIDE_M = 0.05
 LIMITS = LimitsConfig(2.0, 4.0, 4.0, 12.0, 40.0, 150.0)
-CONFIG = ControllerConfig(deceleration_m_s2=3.0, samples=200)
+CONFIG = ControllerConfig(deceleration_m_s2=3.0, samples=60, tau_s=0.1, reaction_s=0.0)
+"""It looks less far ahead than it brakes, and the check has no time to spare."""
 TURN_BRAKE_RAD_S2 = 9.0
 """The same share of the largest."""
 ROBOTS = {
@@ -72,23 +73,23 @@ def braking(pose, twist):
 
 @pytest.mark.parametrize("kind", ROBOTS)
 @pytest.mark.parametrize("name", CONTROLLERS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, seed):
     drive, body = ROBOTS[kind]
     rng = np.random.default_rng(seed)
-    grid = np.where(rng.random((80, 80)) < rng.uniform(0.0, 0.03), 100, 0).astype(np.int8)
+    grid = np.where(rng.random((80, 80)) < rng.uniform(0.0, 0.04), 100, 0).astype(np.int8)
     grid[34:46, 34:46] = 0
     space = PlanningMap(GridMap(grid, SIDE_M), body)
     cells = SIDE_M * np.argwhere(np.pad(space.blocked, 1, constant_values=True))[:, ::-1] - SIDE_M
     pose, v = SE2(2.0, 2.0, rng.uniform(-3.0, 3.0)), rng.uniform(-2.0, 2.0)
     reach = min(4.0, abs(v) / drive.min_turning_radius_m) if drive.steered else 4.0
     twist = Twist(v, rng.uniform(-reach, reach))
-    path = np.array([[2.0, 2.0, 0.0], *rng.uniform(0.0, 4.0, (3, 3))])
+    path = np.array([[2.0, 2.0, 0.0], *rng.uniform(-1.0, 5.0, (3, 3))])
     reverse = rng.random(3) < 0.3
     assume(not touches(body, cells, braking(pose, twist)))
     controller = CONTROLLERS[name](CONFIG, drive, LIMITS, body)
-    for _ in range(5):
+    for _ in range(20):
         situation = LocalSituation(pose, twist, path, reverse, space, np.empty((0, 5)), 2.0)
         motion = controller.step(situation)
         twist = Twist(motion.v_m_s, motion.omega_rad_s)
