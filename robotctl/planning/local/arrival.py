@@ -1,9 +1,10 @@
 """The last piece of a path: position and heading within tolerance, without dithering.
 
 A robot that turns on the spot drives to the position, then turns once to the heading; small errors
-beside the way are left as they are. One that steers stays on the line through the goal, by feedback
-over the way driven: with the error y beside the line and the error theta of the heading, the change
-of theta per length is -k^2 y - 2 k theta, both errors fading as exp(-k s).
+beside the way are left as they are. One that steers stays on the path up to its end, and up to each
+change of gear, by feedback over the way driven: with y beside the path and the error theta of the
+heading, theta changes per length by -k^2 y - 2 k theta more than the path bends, so that both fade
+as exp(-k s) (C. Samson, "Control of chained systems", 1995, in its linear form).
 """
 
 from __future__ import annotations
@@ -12,14 +13,16 @@ import enum
 import math
 from typing import Final, NamedTuple
 
-from robotctl.model.drives.drives import Drive
-from robotctl.model.geometry.angles import wrap_angle
+import numpy as np
+
+from robotctl.model.drives.drives import DifferentialDrive, Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.local.controller import ControllerConfig
+from robotctl.planning.local.track import Track
 
 NEAR_M: Final = 0.35
 """From here on a robot that turns on the spot arrives."""
-NEAR_STEERED_M: Final = 0.6
+NEAR_STEERED_M: Final = 1.0
 _TURN_FIRST: Final = 0.6
 """A bearing beyond this is turned to on the spot [rad]."""
 _BESIDE: Final = 0.3
@@ -29,6 +32,11 @@ _INSIDE: Final = 0.6
 _GAIN_PER_M: Final = 5.0
 _LEAVES: Final = 1.5
 """Multiple of the tolerances beyond which it begins again."""
+_PREVIEW_M: Final = 0.6
+_LATE_M: Final = 0.06
+"""Way over which a change of the bend may be spread."""
+_ASTRAY_RAD: Final = 0.3
+_SLOW_M_S: Final = 0.1
 _CREEP_M_S: Final = 0.05
 _TURN_RATE: Final = 0.15
 """Slowest turn [rad/s]."""
@@ -67,8 +75,12 @@ class Arrival:
         self, config: ControllerConfig, drive: Drive, omega_max_rad_s: float, alpha_rad_s2: float
     ) -> None:
         self._config = config
-        self._steered = drive.steered
         self._radius = drive.min_turning_radius_m
+        self._turn_over_s = 0.0
+        """Time that it takes to bend the path by 1 rad/m more [s m]."""
+        if not isinstance(drive, DifferentialDrive):
+            reach_rad = drive.steering_max_rad
+            self._turn_over_s = reach_rad * self._radius / drive.steering_rate_max_rad_s
         self._omega_max = omega_max_rad_s
         self._alpha = alpha_rad_s2
         self.near_m = NEAR_STEERED_M if drive.steered else NEAR_M
@@ -78,14 +90,12 @@ class Arrival:
         """Begin again."""
         self._phase = _Phase.DRIVE
 
-    def step(self, pose: SE2, goal: SE2, speed_m_s: float, *, reverse: bool) -> ArrivalStep:
-        """Return the next velocity for a robot near the goal."""
+    def step(self, pose: SE2, goal: SE2, speed_m_s: float) -> ArrivalStep:
+        """Return the next velocity for a robot near the goal that turns on the spot."""
         off = pose.inverse() @ goal
         distance = math.hypot(off.x_m, off.y_m)
         if self._phase is not _Phase.DRIVE and self._has_left(distance, off.theta_rad):
             self._phase = _Phase.DRIVE
-        if self._steered:
-            return self._along_line(pose, goal, distance, speed_m_s, reverse=reverse)
         if self._phase is _Phase.DRIVE:
             if not self._is_there(off, distance):
                 return self._drive(off, distance, speed_m_s)
@@ -133,21 +143,29 @@ class Arrival:
         rate = min(math.sqrt(self._alpha * size), 3.0 * size, self._omega_max)
         return math.copysign(max(rate, _TURN_RATE), error_rad)
 
-    def _along_line(
-        self, pose: SE2, goal: SE2, distance_m: float, speed_m_s: float, *, reverse: bool
-    ) -> ArrivalStep:
-        """Stay on the line through the goal until it lies abeam."""
-        config = self._config
-        here = goal.inverse() @ pose
-        gear = -1.0 if reverse else 1.0
-        way = -gear * here.x_m
-        error = wrap_angle(here.theta_rad)
-        if self._phase is _Phase.STAND or way < 0.25 * config.position_tolerance_m:
+    def along(self, pose: SE2, track: Track, speed_m_s: float) -> ArrivalStep:
+        """Stay on the path until the end of its section lies abeam; for robots that steer."""
+        config, here = self._config, track.reference(pose)
+        if self._phase is _Phase.STAND or here.way_m < 0.2 * config.position_tolerance_m:
             self._phase = _Phase.STAND
-            inside = distance_m <= config.position_tolerance_m
-            arrived = inside and abs(error) <= config.heading_tolerance_rad
+            off = pose.inverse() @ track.goal
+            inside = math.hypot(off.x_m, off.y_m) <= config.position_tolerance_m
+            arrived = inside and abs(off.theta_rad) <= config.heading_tolerance_rad
             return ArrivalStep(0.0, 0.0, arrived, not arrived)
-        change = -gear * _GAIN_PER_M**2 * here.y_m - 2.0 * _GAIN_PER_M * error
+        gear = -1.0 if track.section.reverse else 1.0
+        change = here.bend_per_m - gear * _GAIN_PER_M**2 * here.beside_m
+        change -= 2.0 * _GAIN_PER_M * here.turned_rad
         change = min(max(change, -1.0 / self._radius), 1.0 / self._radius)
-        v = max(self._speed(way, speed_m_s), _CREEP_M_S)
+        v = min(self._speed(here.way_m, speed_m_s), self._bend_speed(track, here.turned_rad))
+        v = max(v, _CREEP_M_S)
         return ArrivalStep(gear * v, v * change, False, False)
+
+    def _bend_speed(self, track: Track, turned_rad: float) -> float:
+        """Return the speed at which the wheels are turned in time for the bends to come [m/s]."""
+        ways_m, changes = track.jumps(_PREVIEW_M).T
+        seconds = np.maximum(changes, 0.1) * self._turn_over_s
+        there = np.minimum(
+            _LATE_M / seconds, np.sqrt(self._alpha * _LATE_M / np.maximum(changes, 0.1))
+        )
+        least = np.sqrt(there**2 + self._config.deceleration_m_s2 * ways_m).min(initial=math.inf)
+        return float(least) if abs(turned_rad) < _ASTRAY_RAD else _SLOW_M_S

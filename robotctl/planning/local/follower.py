@@ -31,6 +31,8 @@ from robotctl.planning.local.track import Track
 _CREEP_M_S: Final = 0.25
 _TIGHT: Final = 0.25
 """Least margin [cells]: what the outline's points may miss."""
+_BESIDE_M: Final = 0.15
+"""A robot that steers is led along the end of a path from this distance beside it on."""
 _LATERAL_M: Final = 0.5
 _LOOK_M: Final = 0.5
 _PEOPLE_M: Final = 0.5
@@ -91,6 +93,7 @@ class Follower:
         self._footprint = footprint
         self._search = search
         self._radius = drive.min_turning_radius_m
+        self._steered = drive.steered
         share = min(1.0, config.deceleration_m_s2 / limits.a_max_m_s2)
         self._turn_brake = share * limits.alpha_max_rad_s2
         self._arrival = Arrival(config, drive, limits.omega_max_rad_s, self._turn_brake)
@@ -116,7 +119,7 @@ class Follower:
         """Arrive, back off, or follow the path."""
         track = self._follow(situation)
         problem = self._problem(situation, track)
-        if track.is_last and self._is_near(situation.pose, track):
+        if self._is_near(situation.pose, track):
             return self._arrive(situation, track, problem)
         if self._backing_m > 0.0:
             return self._back(situation, problem)
@@ -131,15 +134,21 @@ class Follower:
             self._arrival.reset()
             self._waited, self._backing_m, self._backs = 0, 0.0, 0
         track.advance(pose)
-        at_end = track.remaining_m <= self._config.position_tolerance_m
+        at_end = track.reference(pose).way_m <= 0.5 * self._config.position_tolerance_m
         if at_end and not track.is_last and abs(situation.twist.v_m_s) < 0.05:
             track.next_section()
             track.advance(pose)
             self._search.reset()
+            self._arrival.reset()
         return track
 
     def _is_near(self, pose: SE2, track: Track) -> bool:
-        """Return whether the robot is about to arrive."""
+        """Return whether the robot is about to arrive, or to change gear if it steers."""
+        if self._steered:
+            here = track.reference(pose)
+            return here.way_m <= self._arrival.near_m and abs(here.beside_m) < _BESIDE_M
+        if not track.is_last:
+            return False
         goal, near_m = track.goal, self._arrival.near_m
         distance = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
         return distance <= near_m and track.remaining_m <= 1.5 * near_m
@@ -160,12 +169,13 @@ class Follower:
         points, ends = track.window(v_max * config.tau_s + 2.0 * _LOOK_M)
         v_most = v_max
         if ends:
-            v_most = min(v_max, math.sqrt(2.0 * config.deceleration_m_s2 * track.remaining_m))
+            x_m, y_m, _ = points[-1].tolist()
+            way_m = math.dist((situation.pose.x_m, situation.pose.y_m), (x_m, y_m))
+            way_m = max(way_m, track.remaining_m)
+            v_most = min(v_max, math.sqrt(2.0 * config.deceleration_m_s2 * way_m))
         present = self._present(situation.twist)
         pose = space.to_cells(situation.pose)
-        v = 0.5 * (situation.twist.v_m_s + present.v_m_s) / side_m
-        omega = 0.5 * (situation.twist.omega_rad_s + present.omega_rad_s)
-        soon = integrate(pose, v, omega, config.reaction_s)
+        soon = space.to_cells(self._soon(situation))
         return Problem(
             Surroundings(space.blocked, space.clearance, _in_cells(space, situation.moving)),
             body,
@@ -199,6 +209,13 @@ class Follower:
             towards(twist.v_m_s, self._last.v_m_s, limits.a_max_m_s2 * late_s),
             towards(twist.omega_rad_s, self._last.omega_rad_s, limits.alpha_max_rad_s2 * late_s),
         )
+
+    def _soon(self, situation: LocalSituation) -> SE2:
+        """Return where the robot is when its next velocity takes effect."""
+        now, then = situation.twist, self._present(situation.twist)
+        v = 0.5 * (now.v_m_s + then.v_m_s)
+        omega = 0.5 * (now.omega_rad_s + then.omega_rad_s)
+        return integrate(situation.pose, v, omega, self._config.reaction_s)
 
     def _motion(self, v_max_m_s: float, side_m: float) -> Motion:
         """Return how the robot moves, in cells."""
@@ -235,10 +252,11 @@ class Follower:
     def _arrive(self, situation: LocalSituation, track: Track, problem: Problem) -> LocalMotion:
         """Follow the law of arrival, as far as the way is free."""
         side_m = situation.space.grid.resolution_m
-        wanted = self._arrival.step(
-            situation.pose, track.goal, situation.speed_m_s, reverse=track.section.reverse
-        )
-        steered = problem.motion.curvature_max != math.inf
+        pose, steered = situation.pose, self._steered
+        if steered:
+            wanted = self._arrival.along(self._soon(situation), track, situation.speed_m_s)
+        else:
+            wanted = self._arrival.step(pose, track.goal, situation.speed_m_s)
         problem = problem._replace(v_most=problem.motion.v_max)
         for share in (1.0, 0.5, 0.25):
             v, omega = share * wanted.v_m_s / side_m, share * wanted.omega_rad_s
@@ -246,6 +264,8 @@ class Follower:
             free, choice = self._only(problem, v, turn)
             if free:
                 motion = _motion(situation, choice)
+                if not track.is_last:
+                    return motion
                 text = "the goal is missed, another path leads there" if wanted.missed else ""
                 still = abs(motion.v_m_s) < _STILL and abs(motion.omega_rad_s) < _STILL
                 return motion._replace(

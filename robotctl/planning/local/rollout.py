@@ -192,7 +192,9 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         else:
             v = towards(v, targets[k, 0], motion.a * step_s)
             if problem.ends:
-                most = np.sqrt(2.0 * motion.brake * max(last * problem.spacing - along, 0.0))
+                way = np.hypot(path[last, 0] - x, path[last, 1] - y)
+                way = max(way, last * problem.spacing - along)
+                most = np.sqrt(2.0 * motion.brake * way)
                 v = min(max(v, -most), most)
             wanted = targets[k, 1] if motion.curvature_max == np.inf else v * targets[k, 1]
             omega = _turning(motion, v, omega, wanted, step_s)
@@ -223,7 +225,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         close += max(1.0 - near / weights.comfort, 0.0) ** 2
         j = nearest(path, j, x, y)
         along = _along(path, problem.spacing, gear, j, x, y)
-        lateral += abs((y - path[j, 1]) * path[j, 2] - (x - path[j, 0]) * path[j, 3])
+        lateral += _beside(path, problem.spacing, j, x, y)
         if i < len(drawn):
             drawn[i, 0], drawn[i, 1], drawn[i, 2] = x, y, angle
     count = max(problem.steps * (1.0 - missing), 1.0)
@@ -276,7 +278,17 @@ def _along(
 ) -> float:
     """Return the length along the path to where a place lies beside it."""
     on = float(gear * ((x - path[j, 0]) * path[j, 2] + (y - path[j, 1]) * path[j, 3]))
-    return j * spacing + min(max(on, -spacing), spacing)
+    least = -spacing if j > 0 else -np.inf
+    return j * spacing + min(max(on, least), spacing)
+
+
+@compiled
+def _beside(path: NDArray[np.float64], spacing: float, j: int, x: float, y: float) -> float:
+    """Return how far a place is from the path about its point j."""
+    dx, dy = x - path[j, 0], y - path[j, 1]
+    across = abs(float(dy * path[j, 2] - dx * path[j, 3]))
+    on = abs(float(dx * path[j, 2] + dy * path[j, 3]))
+    return across + max(on - spacing, 0.0)
 
 
 @compiled
