@@ -33,7 +33,7 @@ _GAIN_PER_M: Final = 5.0
 _LEAVES: Final = 1.5
 """Multiple of the tolerances beyond which it begins again."""
 _PREVIEW_M: Final = 0.6
-_LATE_M: Final = 0.06
+_LATE_M: Final = 0.04
 """Way over which a change of the bend may be spread."""
 _ASTRAY_RAD: Final = 0.3
 _SLOW_M_S: Final = 0.1
@@ -83,6 +83,8 @@ class Arrival:
             self._turn_over_s = reach_rad * self._radius / drive.steering_rate_max_rad_s
         self._omega_max = omega_max_rad_s
         self._alpha = alpha_rad_s2
+        self._curvature = 0.0
+        """To which the wheels are turned by now."""
         self.near_m = NEAR_STEERED_M if drive.steered else NEAR_M
         self.reset()
 
@@ -156,16 +158,25 @@ class Arrival:
         change = here.bend_per_m - gear * _GAIN_PER_M**2 * here.beside_m
         change -= 2.0 * _GAIN_PER_M * here.turned_rad
         change = min(max(change, -1.0 / self._radius), 1.0 / self._radius)
-        v = min(self._speed(here.way_m, speed_m_s), self._bend_speed(track, here.turned_rad))
+        missing = self._not_steered(gear * change)
+        v = min(
+            self._speed(here.way_m, speed_m_s), self._bend_speed(track, here.turned_rad, missing)
+        )
         v = max(v, _CREEP_M_S)
         return ArrivalStep(gear * v, v * change, False, False)
 
-    def _bend_speed(self, track: Track, turned_rad: float) -> float:
+    def _not_steered(self, curvature: float) -> float:
+        """Return by how much the wheels will not be turned yet as they should be [1/m]."""
+        most = self._config.dt_s / self._turn_over_s
+        self._curvature = min(max(curvature, self._curvature - most), self._curvature + most)
+        return abs(curvature - self._curvature)
+
+    def _bend_speed(self, track: Track, turned_rad: float, missing: float) -> float:
         """Return the speed at which the wheels are turned in time for the bends to come [m/s]."""
-        ways_m, changes = track.jumps(_PREVIEW_M).T
-        seconds = np.maximum(changes, 0.1) * self._turn_over_s
+        ways_m, changes = np.vstack([track.jumps(_PREVIEW_M), [[0.0, missing]]]).T
+        changes = np.maximum(changes, 0.1)
         there = np.minimum(
-            _LATE_M / seconds, np.sqrt(self._alpha * _LATE_M / np.maximum(changes, 0.1))
+            _LATE_M / (changes * self._turn_over_s), np.sqrt(self._alpha * _LATE_M / changes)
         )
-        least = np.sqrt(there**2 + self._config.deceleration_m_s2 * ways_m).min(initial=math.inf)
+        least = np.sqrt(there**2 + self._config.deceleration_m_s2 * ways_m).min()
         return float(least) if abs(turned_rad) < _ASTRAY_RAD else _SLOW_M_S
