@@ -189,7 +189,7 @@ def advance(
             taken[best] = True
             _correct(track, segments[best], since_s)
             track[SEEN_S] = now_s
-            if segments[best, NEW] >= 2.0:
+            if segments[best, NEW] >= 2.0 and now_s - track[PROVEN_S] >= _APART_S:
                 track[PROOFS] += 1.0
                 track[PROVEN_S] = now_s
         if now_s - track[PROVEN_S] > _PROVEN_S:
@@ -238,6 +238,7 @@ def _correct(track: NDArray[np.float64], segment: NDArray[np.float64], since_s: 
     dx, dy = segment[X] - track[X], segment[Y] - track[Y]
     R = segment[SIGMA] ** 2
     if dx * dx + dy * dy > _SURPRISE * (track[PP] + R):
+        track[PROOFS] = 0.0  # or it is two things, taken for one
         track[VV] += _FIRST_M_S**2
         track[PV] += since_s * _FIRST_M_S**2
         track[PP] += since_s**2 * _FIRST_M_S**2
