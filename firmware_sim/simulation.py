@@ -351,9 +351,9 @@ class Simulation:
         before, self._motion_before = self._motion_before, self.plant.motion
         people.step(self._people_ns, partial(self.plant.contact, motion=before))
         self.plant.discs = people.discs
-        for sensor in (self._ring, self._lidar):
-            if sensor is not None:
-                sensor.walls.moving = people.sides
+        self._ring.walls.moving = sides = people.sides
+        if self._lidar is not None:
+            self._lidar.walls.moving = sides
 
     def _step_plant(self, now_ns: int) -> int:
         steps = (now_ns - self._plant_ns) // STEP_NS

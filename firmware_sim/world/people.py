@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -30,27 +29,50 @@ TOUCH_M = 2.0e-3
 PARTED_M = 0.05
 """Gap at which a contact is over [m]."""
 STANDS_NS = 2_000_000_000
-"""Time for which who has met the robot stands before they walk to somewhere else [ns]."""
+"""Time for which who has met the robot stands before they turn round [ns]."""
+PLACES = 6
+"""Places that everybody visits in turn."""
 SIDES = 12
 STEP_NS = 10_000_000
 
 
-@dataclass(slots=True)
 class _Person:
-    """One of them: where, on which way, how far along it [m], and until when they stand."""
+    """One of them: a round of ways that ends where it began, and how far along it they are.
 
-    speed_m_s: float
-    place: np.ndarray
-    way: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
-    walked_m: float = 0.0
-    stands_ns: int = 0
-    touches: bool = False
+    Ways are found before a run begins: while it lasts, nobody waits for people to think.
+    """
+
+    __slots__ = ("_corners", "_lengths_m", "at_m", "sign", "speed_m_s", "stands_ns", "touches")
+
+    def __init__(self, round_m: np.ndarray, speed_m_s: float) -> None:
+        self._corners = round_m
+        self._lengths_m = np.concatenate([[0.0], np.hypot(*np.diff(round_m, axis=0).T).cumsum()])
+        self.speed_m_s = speed_m_s
+        self.at_m = 0.0
+        self.sign = 1.0
+        self.stands_ns = 0
+        self.touches = False
+
+    @property
+    def place(self) -> np.ndarray:
+        """Where they are, (2,) [m]."""
+        return self.along(self.at_m)
+
+    def along(self, at_m: float) -> np.ndarray:
+        """Return a place on the round, (2,) [m]."""
+        at_m %= float(self._lengths_m[-1])
+        return np.array([np.interp(at_m, self._lengths_m, each) for each in self._corners.T])
+
+    @property
+    def next_m(self) -> float:
+        """How far along the round the next step leads."""
+        return self.at_m + self.sign * self.speed_m_s * STEP_NS * 1e-9
 
 
 class People:
     """Discs that walk at steady speeds from place to place, round walls, through each other.
 
-    Who touches the robot stops, stands for two seconds and then walks to another place.
+    Who touches the robot stands for two seconds, then turns round.
 
     Parameters
     ----------
@@ -75,15 +97,13 @@ class People:
     """
 
     def __init__(self, world: World, count: int, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._space = FreeSpace(world, RADIUS_M + ROOM_M, world.start[:2])
-        places = self._space.places
-        if len(places) < 2:
+        space = FreeSpace(world, RADIUS_M + ROOM_M, world.start[:2])
+        far = np.hypot(*(space.places - world.start[:2]).T) >= FROM_START_M
+        begins = space.places[far] if far.any() else space.places
+        if len(space.places) < PLACES:
             raise SimulationError(f"{world.name}: no room for people to walk")
-        far = places[np.hypot(*(places - world.start[:2]).T) >= FROM_START_M]
-        begin = far if len(far) else places
         self._people = [
-            _Person(rng.uniform(SLOWEST_M_S, FASTEST_M_S), begin[rng.integers(len(begin))])
+            _Person(_round(space, begins, rng), rng.uniform(SLOWEST_M_S, FASTEST_M_S))
             for _ in range(count)
         ]
         self.hit = 0
@@ -113,44 +133,26 @@ class People:
             gap_m, closing_m_s = contact(person.place, RADIUS_M)
             walks = now_ns >= person.stands_ns
             if walks:
-                gap_m = self._walk(person, contact)
+                ahead_m, _ = contact(person.along(person.next_m), RADIUS_M)
+                if ahead_m > 0.0:  # nobody walks into the robot
+                    person.at_m = person.next_m
+                gap_m = ahead_m
             if gap_m > PARTED_M:
                 person.touches = False
             if gap_m > TOUCH_M:
                 continue
-            if walks:
+            if walks and (gap_m <= 0.0 or not person.touches):
                 person.stands_ns = now_ns + STANDS_NS
-                person.way = person.way[:0]
+                person.sign = -person.sign
             if not person.touches:
                 person.touches = True
                 self.hit += closing_m_s > CREEP_M_S
                 self.ran_into += closing_m_s <= CREEP_M_S
 
-    def _walk(self, person: _Person, contact: Contact) -> float:
-        """Let a person take a step, unless it led into the robot; return the gap [m]."""
-        if not len(person.way):
-            self._set_out(person)
-        lengths_m = np.hypot(*np.diff(person.way, axis=0).T)
-        walked_m = person.walked_m + person.speed_m_s * STEP_NS * 1e-9
-        part = int(np.searchsorted(np.cumsum(lengths_m), walked_m))
-        if part == len(lengths_m):
-            person.way = person.way[:0]
-            return contact(person.place, RADIUS_M)[0]
-        share = (walked_m - float(lengths_m[:part].sum())) / lengths_m[part]
-        place = person.way[part] + share * (person.way[part + 1] - person.way[part])
-        gap_m, _ = contact(place, RADIUS_M)
-        if gap_m > 0.0:
-            person.place, person.walked_m = place, walked_m
-        return gap_m
 
-    def _set_out(self, person: _Person) -> None:
-        """Let a person walk to another place."""
-        places = self._space.places
-        nearest = places[np.argmin(np.hypot(*(places - person.place).T))]
-        there = nearest
-        while np.array_equal(there, nearest):
-            there = places[self._rng.integers(len(places))]
-        person.way = np.vstack([person.place, self._space.way(nearest, there)])
-        keep = np.hypot(*np.diff(person.way, axis=0).T) > 0.0
-        person.way = person.way[np.concatenate([[True], keep])]
-        person.walked_m = 0.0
+def _round(space: FreeSpace, begins: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return a closed way over some places, (k, 2) [m]."""
+    others = space.places[rng.choice(len(space.places), PLACES - 1, replace=False)]
+    places = [begins[rng.integers(len(begins))], *others]
+    ways = [space.way(*each) for each in zip(places, [*others, places[0]], strict=True)]
+    return np.vstack(ways)

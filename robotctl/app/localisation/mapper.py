@@ -55,6 +55,8 @@ class Mapper:
                 return
             T_world_odom = localisation.T_world_odom
         for name, sensor in self._sensors.items():
+            if sensor.detail is Detail.COARSE and self._is_fine:
+                continue
             for each in seen.measured.get(name, ()):
                 odometry = self._history.at(each.stamp_ns)
                 if odometry is not None:
@@ -67,8 +69,6 @@ class Mapper:
         if sensor.detail is Detail.FINE and not self._is_fine:
             self._is_fine = True
             self.grid.reset()
-        if sensor.detail is Detail.COARSE and self._is_fine:
-            return
         for key, update in sensor.cells(measured, self._robot):
             if _moved(self._last.get(key), odometry):
                 self._last[key] = odometry

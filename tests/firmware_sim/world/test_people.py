@@ -21,7 +21,15 @@ from firmware_sim.sensors.lidar import Lidar
 from firmware_sim.simulation import Simulation
 from firmware_sim.world.clutter import APART_M, CLEAR_M, cluttered
 from firmware_sim.world.free_space import FreeSpace
-from firmware_sim.world.people import PARTED_M, RADIUS_M, STANDS_NS, STEP_NS, TOUCH_M, People
+from firmware_sim.world.people import (
+    PARTED_M,
+    RADIUS_M,
+    STANDS_NS,
+    STEP_NS,
+    TOUCH_M,
+    People,
+    _Person,
+)
 from firmware_sim.world.world import World, load_world
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -131,12 +139,16 @@ def test_a_robot_that_drives_against_a_disc_stops_there_and_that_is_no_wall() ->
     assert plant.collisions == 0
 
 
+def walker(*corners: list[float], speed_m_s: float = 1.0) -> People:
+    """Return one person in the hall who walks to and fro."""
+    people = People(HALL, 1, np.random.default_rng(0))
+    people._people[:] = [_Person(np.array([*corners, corners[0]]), speed_m_s)]
+    return people
+
+
 def met(robot_m_s: float, person_m_s: float) -> tuple[int, int]:
     """Return who ran into whom when robot and person move towards each other, or apart."""
-    people = People(HALL, 1, np.random.default_rng(0))
-    (person,) = people._people
-    person.speed_m_s, person.place = person_m_s, np.array([5.0, 3.0])
-    person.way, person.walked_m = np.array([[5.0, 3.0], [1.0, 3.0]]), 0.0
+    people = walker([5.0, 3.0], [1.0, 3.0], speed_m_s=person_m_s)
     nose_m = [3.0]
 
     def contact(place: np.ndarray, radius_m: float) -> tuple[float, float]:
@@ -159,10 +171,7 @@ def test_who_moves_towards_the_other_is_to_blame_the_robot_from_a_creep_on() -> 
 
 
 def test_who_met_the_robot_stands_and_then_leaves_and_one_contact_counts_once() -> None:
-    people = People(HALL, 1, np.random.default_rng(3))
-    (person,) = people._people
-    person.place = np.array([3.0 + 0.3 + RADIUS_M + 0.02, 3.0])
-    person.way = np.array([person.place, [1.0, 3.0]])
+    people = walker([3.0 + 0.3 + RADIUS_M + 0.1, 3.0], [1.0, 3.0])
 
     def contact(place: np.ndarray, radius_m: float) -> tuple[float, float]:
         return math.dist(place, (3.0, 3.0)) - 0.3 - radius_m, 0.0
@@ -170,7 +179,7 @@ def test_who_met_the_robot_stands_and_then_leaves_and_one_contact_counts_once() 
     gaps = []
     for step in range(1, 1001):
         people.step(step * STEP_NS, contact)
-        gaps.append(contact(person.place, RADIUS_M)[0])
+        gaps.append(contact(people.discs[0, :2], RADIUS_M)[0])
     assert min(gaps) > 0.0
     first = next(n for n, gap in enumerate(gaps) if gap <= 0.02)
     stands = STANDS_NS // STEP_NS
@@ -188,9 +197,7 @@ def test_sonar_and_lidar_see_people_and_without_them_nothing_changes() -> None:
         np.random.default_rng(1),
     )
     before = lidar.scan(1.0, 3.0, 0.0)
-    people = People(HALL, 1, np.random.default_rng(0))
-    (person,) = people._people
-    person.place = np.array([3.0, 3.0])
+    people = walker([3.0, 3.0], [1.0, 3.0])
     lidar.walls.moving = people.sides
     after = lidar.scan(1.0, 3.0, 0.0)
     nearer = after < before
