@@ -11,6 +11,7 @@ from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.explore import ExploreItem
 from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.kind import Pilot
 from robotctl.planning.behaviours.mission import Mission
@@ -88,7 +89,9 @@ def load_pilot(
     """
     grid = None if estimators is None else estimators.world_map
     mission = load_mission(Path(options.mission)) if options.mission else None
-    asked = mission is not None and any(isinstance(item, GotoItem) for item in mission.item)
+    asked = mission is not None and any(
+        isinstance(item, GotoItem | ExploreItem) for item in mission.item
+    )
     if grid is None and config.lidar is None and not asked:
         return None
     # numba and scipy take a while to load.

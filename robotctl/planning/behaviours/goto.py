@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 from robotctl.messages.requests import PositionRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import require_bounded, require_positive
-from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot
+from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot, Pilot
 from robotctl.planning.behaviours.straight_to import StraightTo
 from robotctl.planning.guard.behaviour import (
     Anchor,
@@ -57,22 +58,21 @@ class GotoItem:
         require_positive(self, "speed_m_s", "time_out_s")
 
 
-class Goto(Behaviour):
-    """A journey by the robot's pilot, which is there only once the robot has started.
+class Piloted(Behaviour):
+    """A behaviour of the robot's pilot, which is there only once the robot has started.
 
     Parameters
     ----------
-    goal, speed_m_s
-        Where to, and the largest speed [m/s].
+    make
+        Returns the behaviour of a pilot.
     robot
         With its pilot.
     """
 
-    def __init__(self, goal: Goal, speed_m_s: float, robot: NavigatedRobot) -> None:
-        self._goal = goal
-        self._speed_m_s = speed_m_s
+    def __init__(self, make: Callable[[Pilot], Behaviour], robot: NavigatedRobot) -> None:
+        self._make = make
         self._robot = robot
-        self._journey: Behaviour | None = None
+        self._behaviour: Behaviour | None = None
 
     def anchor(self, pose: SE2) -> Anchor:
         """Return where the robot is: it plans from there."""
@@ -80,26 +80,30 @@ class Goto(Behaviour):
 
     def reset(self) -> None:
         """Start over."""
-        self._journey = None
+        self._behaviour = None
 
     def pause(self) -> None:
         """Plan anew after the pause."""
-        if self._journey is not None:
-            self._journey.pause()
+        if self._behaviour is not None:
+            self._behaviour.pause()
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
-        """Return the next velocity; done at the goal."""
+        """Return the next velocity."""
         if self._robot.pilot is None:
             return failed(NO_PILOT)
-        if self._journey is None:
-            self._journey = self._robot.pilot.journey(self._goal, self._speed_m_s)
-        return self._journey.step(situation, now_ns)
+        if self._behaviour is None:
+            self._behaviour = self._make(self._robot.pilot)
+        return self._behaviour.step(situation, now_ns)
 
 
-def _make(item: GotoItem, robot: NavigatedRobot) -> Goto:
+def _drive(goal: Goal, speed_m_s: float, robot: NavigatedRobot) -> Piloted:
+    return Piloted(lambda pilot: pilot.journey(goal, speed_m_s), robot)
+
+
+def _make(item: GotoItem, robot: NavigatedRobot) -> Piloted:
     heading_rad = None if item.heading_deg is None else math.radians(item.heading_deg)
     speed_m_s = item.speed_m_s or robot.config.guided_speed_m_s
-    return Goto(Goal(item.x_m, item.y_m, heading_rad), speed_m_s, robot)
+    return _drive(Goal(item.x_m, item.y_m, heading_rad), speed_m_s, robot)
 
 
 def _time_out_s(item: GotoItem) -> float | None:
@@ -118,7 +122,7 @@ def _make_guided(wanted: PositionRequest, robot: NavigatedRobot) -> Behaviour:
             robot.guard,
         )
     goal = Goal(wanted.x_m, wanted.y_m, wanted.heading_rad)
-    return Goto(goal, config.guided_speed_m_s, robot)
+    return _drive(goal, config.guided_speed_m_s, robot)
 
 
 GOTO = Kind(_make, _time_out_s)

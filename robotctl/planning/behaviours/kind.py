@@ -67,6 +67,9 @@ class Pilot(Protocol):
     def journey(self, goal: Goal, speed_m_s: float) -> Behaviour:
         """Return the behaviour that drives to a goal."""
 
+    def exploration(self, speed_m_s: float) -> Behaviour:
+        """Return the behaviour that drives to what is unknown."""
+
 
 @dataclass(slots=True)
 class NavigatedRobot:

@@ -6,6 +6,7 @@ from typing import Final
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import PositionRequest
+from robotctl.planning.behaviours.explore import EXPLORE, ExploreItem
 from robotctl.planning.behaviours.follow_path import DRIVE, DriveItem
 from robotctl.planning.behaviours.follow_wall import FOLLOW_WALL, FollowWallItem
 from robotctl.planning.behaviours.goto import GOTO, GUIDED_POSITION, GotoItem
@@ -22,6 +23,7 @@ BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     DriveItem: DRIVE,
     FollowWallItem: FOLLOW_WALL,
     GotoItem: GOTO,
+    ExploreItem: EXPLORE,
     StraightToItem: STRAIGHT_TO,
     TurnToItem: TURN_TO,
     WaitItem: WAIT,

@@ -182,6 +182,11 @@ class LayeredMap:
             cells.blocked[:] = cells.obstacle | (cells.base < 0)
         cells.stale[:] = True
 
+    def forget_unseen(self, before_ns: int) -> None:
+        """Forget marks that no sensor has seen since a time [ns]; what was seen free stays so."""
+        for layer in (self._lidar, self._sonar, self._floor):
+            marks.fade(self._cells, layer, before_ns)
+
     def see_scan(
         self,
         T_world_base: SE2,

@@ -94,6 +94,11 @@ class Journey(Behaviour):
         self._pilot.controller.reset()
 
     @property
+    def is_in_trouble(self) -> bool:
+        """Whether it is on the ladder."""
+        return self._attempt is not None
+
+    @property
     def recoveries(self) -> int:
         """Tries to get on again."""
         return self._ladder.tries
@@ -193,7 +198,7 @@ class Journey(Behaviour):
         if rung is None:
             return failed(f"gave up after {self._ladder.tries} tries: {reason}")
         if rung is Rung.CLEAR:
-            self._pilot.forget()
+            self._pilot.forget_unseen()
         self._attempt = _Attempt(rung, f"{rung.value}: {reason}", now_ns, pose)
         return BehaviourOutput(0.0, 0.0, text=self._attempt.text)
 

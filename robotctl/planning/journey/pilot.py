@@ -29,6 +29,7 @@ from robotctl.planning.global_planning.plan import (
     PlannerConfig,
 )
 from robotctl.planning.global_planning.planners import PLANNERS
+from robotctl.planning.journey.exploration import Exploration
 from robotctl.planning.journey.journey import Journey
 from robotctl.planning.journey.route import Route
 from robotctl.planning.local.controller import ControllerConfig, LocalSituation
@@ -36,12 +37,15 @@ from robotctl.planning.local.controllers import CONTROLLERS
 
 _BLIND_NS: Final = 500_000_000
 """Without a scan for this long, a robot that has a lidar stands [ns]."""
+_LATELY_NS: Final = 1_000_000_000
 _LOOK_M: Final = 4.0
 """Half of the side of the map that the controller gets [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
-_AROUND_M: Final = 12.0
+_AROUND_M: Final = 20.0
 """Such a map reaches this far beyond the robot and its goal [m]."""
+_REMEMBERS_S: Final = 86400.0
+"""In it what is not seen again stays: nothing else tells of walls behind the robot [s]."""
 
 
 class MapPilot:
@@ -175,7 +179,7 @@ class MapPilot:
         """Return a map of which nothing is known and that holds robot and goal."""
         low = min(pose.x_m, goal.x_m) - _AROUND_M, min(pose.y_m, goal.y_m) - _AROUND_M
         high = max(pose.x_m, goal.x_m) + _AROUND_M, max(pose.y_m, goal.y_m) + _AROUND_M
-        return LayeredMap.without_map(low, high, _CELL_M, self._footprint)
+        return LayeredMap.without_map(low, high, _CELL_M, self._footprint, _REMEMBERS_S)
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
@@ -205,11 +209,19 @@ class MapPilot:
         self._tracks.reset()
         self.moving = NOTHING_MOVES
 
+    def forget_unseen(self) -> None:
+        """Forget obstacles that no sensor has seen lately."""
+        self._map.forget_unseen(self._now_ns - _LATELY_NS)
+
     def journey(self, goal: Goal, speed_m_s: float) -> Journey:
         """Return the behaviour that drives to a goal."""
         self._done = self.plans, self.recoveries
         self._journey = Journey(self, goal, speed_m_s)
         return self._journey
+
+    def exploration(self, speed_m_s: float) -> Exploration:
+        """Return the behaviour that drives to what is unknown."""
+        return Exploration(self, speed_m_s)
 
     @property
     def _sees_by_lidar(self) -> bool:
@@ -239,6 +251,10 @@ class MapPilot:
             return ""
         answer = self._planner.plan(self._given, pose, _end(pose, goal), self._goes_on)
         return answer.text if isinstance(answer, PlanFailure) else ""
+
+    def space(self) -> PlanningMap:
+        """Return all that is known now."""
+        return self._map.space()
 
     def touches(self, poses: NDArray[np.float64]) -> bool:
         """Return whether the body touches something at one of the poses (n, 3) of `world`."""

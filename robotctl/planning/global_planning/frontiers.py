@@ -1,0 +1,83 @@
+"""Frontiers: where known free floor ends at unknown (Yamauchi 1997)."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
+
+from robotctl.planning.costmap.planning_map import PlanningMap
+
+Point = tuple[float, float]
+
+_EIGHT: Final = np.ones((3, 3), np.bool_)
+_SEES_M: Final = 1.0
+"""From a place this near to a frontier its beyond is seen [m]."""
+
+
+class Frontier(NamedTuple):
+    """An opening to the unknown."""
+
+    middle: Point
+    """Of `world` [m], on it."""
+    place: Point
+    """Of `world` [m], where the robot has room to turn and sees it."""
+    length_m: float
+
+
+def frontiers(space: PlanningMap, margin_m: float) -> list[Frontier]:
+    """Return the frontiers of a map that the robot can go to, as it is wide.
+
+    Parameters
+    ----------
+    space
+        Of which unknown cells are not blocked.
+    margin_m
+        Between the robot and obstacles at its place [m].
+    """
+    first, last = _known(space)
+    cells = space.grid.cells[first[0] : last[0], first[1] : last[1]]
+    clearance = space.clearance[first[0] : last[0], first[1] : last[1]]
+    free, unknown = cells == 0, cells < 0
+    wide = clearance >= space.inscribed
+    edge = free & wide & ndimage.binary_dilation(unknown)
+    labels, count = ndimage.label(edge, _EIGHT)
+    side_m = space.grid.resolution_m
+    roomy = np.argwhere(free & (clearance >= space.circumscribed + margin_m / side_m))
+    found: list[Frontier] = []
+    for label, window in enumerate(ndimage.find_objects(labels, count), start=1):
+        members = np.argwhere(labels[window] == label) + [each.start for each in window]
+        if len(members) < 2.0 * space.inscribed or not len(roomy):
+            continue
+        middle = members[np.argmin(((members - members.mean(axis=0)) ** 2).sum(axis=1))]
+        away = np.hypot(*(roomy - middle).T)
+        nearest = int(np.argmin(away))
+        if away[nearest] * side_m <= _SEES_M:
+            at, place = (_point(space, each + first) for each in (middle, roomy[nearest]))
+            found.append(Frontier(at, place, len(members) * side_m))
+    return found
+
+
+def _known(space: PlanningMap) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first row and column of what is known, with one cell around, and those beyond."""
+    known = space.grid.cells >= 0
+    rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return np.zeros(2, np.int64), np.zeros(2, np.int64)
+    low = np.maximum([rows[0] - 1, columns[0] - 1], 0)
+    high = np.minimum([rows[-1] + 2, columns[-1] + 2], known.shape)
+    return low, high
+
+
+def _point(space: PlanningMap, cell: NDArray[np.int64]) -> Point:
+    """Return the centre of a cell in `world`."""
+    x_m, y_m = space.grid.centre_of(cell[np.newaxis])[0].tolist()
+    return x_m, y_m
+
+
+def known_area_m2(space: PlanningMap) -> float:
+    """Return the area of the floor that is known to be free [m^2]."""
+    return float((space.grid.cells == 0).sum()) * math.pow(space.grid.resolution_m, 2)

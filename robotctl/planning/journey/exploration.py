@@ -1,0 +1,127 @@
+"""The behaviour that drives to what is unknown until the map is complete."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.kind import Goal
+from robotctl.planning.global_planning.frontiers import (
+    Frontier,
+    Point,
+    frontiers,
+    known_area_m2,
+)
+from robotctl.planning.global_planning.plan import Plan
+from robotctl.planning.guard.behaviour import (
+    Anchor,
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Status,
+    done,
+)
+
+if TYPE_CHECKING:
+    from robotctl.planning.journey.journey import Journey
+    from robotctl.planning.journey.pilot import MapPilot
+
+_LOOK_NS: Final = 1_000_000_000
+"""Between two looks at the frontiers [ns]."""
+_COMPARED: Final = 4
+"""Of the nearest frontiers, whose paths are compared."""
+_SAME_M: Final = 0.5
+"""Frontiers this near to each other are one [m]."""
+
+
+class Exploration(Behaviour):
+    """Drives to the frontier with the shortest path until there is none (Yamauchi 1997).
+
+    A frontier that stays when the robot has been there, or that it cannot reach, is left out from
+    then on.
+
+    Parameters
+    ----------
+    pilot, speed_m_s
+        As for `Journey`.
+    """
+
+    def __init__(self, pilot: MapPilot, speed_m_s: float) -> None:
+        self._pilot = pilot
+        self._speed_m_s = speed_m_s
+        self.reset()
+
+    def anchor(self, pose: SE2) -> Anchor:
+        """Return where the robot is: it chooses from there."""
+        return Anchor(pose.x_m, pose.y_m)
+
+    def reset(self) -> None:
+        """Start over."""
+        self._left_out: list[Point] = []
+        self.pause()
+
+    def pause(self) -> None:
+        """Choose again after the pause."""
+        self._target: Frontier | None = None
+        self._journey: Journey | None = None
+        self._looked_ns = 0
+
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity; done when the map is complete."""
+        if blindness := self._pilot.blindness:
+            return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
+        if self._journey is None or now_ns - self._looked_ns >= _LOOK_NS:
+            self._look(situation.pose, now_ns)
+        if self._journey is None or self._target is None:
+            area_m2 = known_area_m2(self._pilot.space())
+            return done(f"the map is complete: {area_m2:.1f} m2 of free floor")
+        step = self._journey.step(situation, now_ns)
+        if self._journey.is_in_trouble:
+            self._look(situation.pose, now_ns)
+        if step.status is not Status.RUNNING:
+            self._left_out.append(self._target.middle)
+            self._journey = None
+        at = self._target.middle
+        text = f"exploring at x {at[0]:.1f} m, y {at[1]:.1f} m: {step.text}"
+        return BehaviourOutput(step.v_m_s, step.omega_rad_s, text=text)
+
+    def _look(self, pose: SE2, now_ns: int) -> None:
+        """Choose a frontier, unless the present one is still there."""
+        self._looked_ns = now_ns
+        there = [
+            each
+            for each in frontiers(self._pilot.space(), self._pilot.config.margin_m)
+            if not any(math.dist(each.middle, left_out) < _SAME_M for left_out in self._left_out)
+        ]
+        old, journey = self._target, self._journey
+        if old is not None and journey is not None:
+            is_there = any(math.dist(old.middle, each.middle) < _SAME_M for each in there)
+            if is_there and not journey.is_in_trouble:
+                return
+            others = [each for each in there if math.dist(old.middle, each.middle) >= _SAME_M]
+            target = self._nearest(pose, others)
+            if target is None and is_there:
+                return  # nothing else is left: the ladder goes on
+            if journey.is_in_trouble:
+                self._left_out.append(old.middle)
+        else:
+            target = self._nearest(pose, there)
+        self._target, self._journey = target, None
+        if target is not None:
+            self._journey = self._pilot.journey(Goal(*target.place), self._speed_m_s)
+
+    def _nearest(self, pose: SE2, found: list[Frontier]) -> Frontier | None:
+        """Return the frontier with the shortest path, of those that have one."""
+        here = pose.x_m, pose.y_m
+        by_distance = sorted(found, key=lambda each: math.dist(here, each.place))
+        best, best_m, compared = None, math.inf, 0
+        for each in by_distance:
+            if compared == _COMPARED or math.dist(here, each.place) >= best_m:
+                break
+            plan = self._pilot.plan(pose, Goal(*each.place))
+            if isinstance(plan, Plan):
+                compared += 1
+                if plan.length_m < best_m:
+                    best, best_m = each, plan.length_m
+        return best
