@@ -106,8 +106,8 @@ class LockstepRun:
         seen = camera_score(self.config, options, room)
         self._score = RunScore(
             walls,
-            seen,
             journey_score(options, room),
+            seen,
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )

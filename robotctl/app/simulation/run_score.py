@@ -37,10 +37,10 @@ class RunScore:
     ----------
     walls
         Of the world.
-    camera
-        Score of the camera; None without one.
     journey
         Score of its way through the world.
+    camera
+        Score of the camera; None without one.
     has_localiser
         Whether the robot has one.
     is_recorded
@@ -50,8 +50,8 @@ class RunScore:
     def __init__(
         self,
         walls: WallMap,
-        camera: CameraScore | None,
         journey: JourneyScore,
+        camera: CameraScore | None = None,
         *,
         has_localiser: bool,
         is_recorded: bool,

@@ -147,11 +147,6 @@ class Report(msgspec.Struct, frozen=True):
     collisions: int
     unsafe_motions: int
     unsafe_reason: str
-    time_s: float | None
-    min_clearance_m: float | None
-    near_misses: int
-    plans: int
-    recoveries: int
     pose_error: PoseError
     loop: dict[str, Any]
     bus: dict[str, Any]
@@ -164,6 +159,11 @@ class Report(msgspec.Struct, frozen=True):
     camera: CameraReport | None = None
     ran_into: int = 0
     arrived: bool | None = None
+    time_s: float | None = None
+    min_clearance_m: float | None = None
+    near_misses: int = 0
+    plans: int = 0
+    recoveries: int = 0
 
     @property
     def failed_faults(self) -> tuple[str, ...]:

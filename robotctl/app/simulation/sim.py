@@ -208,8 +208,8 @@ class SimRun:
         """Whether the robot was stopped from the keyboard, which may arm it again."""
         self._score = RunScore(
             self.walls,
-            camera_score(self.config, options, room),
             journey_score(options, room),
+            camera_score(self.config, options, room),
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,
         )

@@ -47,6 +47,7 @@ _SONAR_BAND_M: Final = 0.05
 """Half the depth of the arc that a sonar's echo marks [m]."""
 _FLOOR_REACH_M: Final = 1.5
 """`FloorMemory` has all points within this of the robot [m]."""
+_REMEMBERS_S: Final = 86400.0
 _BESIDE_M: Final = 0.15
 """Points this near to a moving obstacle's circle belong to it [m]."""
 _SLOWEST: Final = 10.0
@@ -159,6 +160,8 @@ class LayeredMap:
     ) -> LayeredMap:
         """Return a map of which nothing is known, and that the robot may pass until it sees more.
 
+        What is not seen again stays for a day: nothing else tells of walls behind the robot.
+
         Parameters
         ----------
         low, high
@@ -166,7 +169,7 @@ class LayeredMap:
         """
         shape = tuple(math.ceil((high[i] - low[i]) / resolution_m) for i in (1, 0))
         grid = GridMap(np.full(shape, UNKNOWN, np.int8), resolution_m, SE2(low[0], low[1], 0.0))
-        config = LayersConfig(through_unknown=True)
+        config = LayersConfig(_REMEMBERS_S, through_unknown=True)
         return cls(grid, footprint, config, zones, full_speed_m_s)
 
     def forget(self) -> None:

@@ -27,6 +27,7 @@ from robotctl.planning.global_planning.plan import (
     Plan,
     PlanFailure,
     PlannerConfig,
+    Reason,
 )
 from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.journey.exploration import Exploration
@@ -44,8 +45,6 @@ _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
 _AROUND_M: Final = 20.0
 """Such a map reaches this far beyond the robot and its goal [m]."""
-_REMEMBERS_S: Final = 86400.0
-"""In it what is not seen again stays: nothing else tells of walls behind the robot [s]."""
 
 
 class MapPilot:
@@ -110,12 +109,11 @@ class MapPilot:
         self._has_lidar = has_lidar
         self._goes_on = goes_on
         self._full_speed_m_s = limits.v_max_m_s
-        self._planner = PLANNERS[planner](
-            PlannerConfig(
-                margin_m=wanted.margin_m,
-                turning_radius_m=drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
-            )
+        paths = PlannerConfig(
+            margin_m=wanted.margin_m,
+            turning_radius_m=drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
         )
+        self._planner, self._hybrid = PLANNERS[planner](paths), PLANNERS["hybrid"](paths)
         self.config = ControllerConfig(
             dt_s=1.0 / config.rate_hz,
             deceleration_m_s2=config.guard.deceleration_m_s2,
@@ -139,6 +137,7 @@ class MapPilot:
         cells[:9, 6] = OCCUPIED
         live = LayeredMap(GridMap(cells, side_m), self._footprint)
         start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
+        self._hybrid.plan(live.space(), start, goal)
         plan = self._planner.plan(live.space(), start, goal)
         if isinstance(plan, Plan):
             route = Route(plan)
@@ -153,7 +152,7 @@ class MapPilot:
                     1.0,
                 )
             )
-            live.space().collides(route.rest)
+            live.collides(route.rest)
         self.controller.reset()
 
     @property
@@ -179,7 +178,9 @@ class MapPilot:
         """Return a map of which nothing is known and that holds robot and goal."""
         low = min(pose.x_m, goal.x_m) - _AROUND_M, min(pose.y_m, goal.y_m) - _AROUND_M
         high = max(pose.x_m, goal.x_m) + _AROUND_M, max(pose.y_m, goal.y_m) + _AROUND_M
-        return LayeredMap.without_map(low, high, _CELL_M, self._footprint, _REMEMBERS_S)
+        return LayeredMap.without_map(
+            low, high, _CELL_M, self._footprint, self._zones, self._full_speed_m_s
+        )
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
@@ -243,13 +244,21 @@ class MapPilot:
         if self._grid is None and not space.contains(here.x_m, here.y_m):
             self._map = self._around(pose, there)
             space = self._map.space()
-        return self._planner.plan(space, pose, there, self._goes_on)
+        return self._find(space, pose, there)
+
+    def _find(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
+        """Return a path; where the robot has no room to turn on the spot, one that it can drive."""
+        answer = self._planner.plan(space, start, goal, self._goes_on)
+        if isinstance(answer, PlanFailure) and answer.reason is Reason.NOT_FOUND:
+            other = self._hybrid.plan(space, start, goal, self._goes_on)
+            return other if isinstance(other, Plan) else answer
+        return answer
 
     def hopeless(self, pose: SE2, goal: Goal) -> str:
         """Return why the goal could not be reached if nothing but the map were there; else ""."""
         if self._grid is None:
             return ""
-        answer = self._planner.plan(self._given, pose, _end(pose, goal), self._goes_on)
+        answer = self._find(self._given, pose, _end(pose, goal))
         return answer.text if isinstance(answer, PlanFailure) else ""
 
     def space(self) -> PlanningMap:
@@ -258,10 +267,7 @@ class MapPilot:
 
     def touches(self, poses: NDArray[np.float64]) -> bool:
         """Return whether the body touches something at one of the poses (n, 3) of `world`."""
-        space = self._map.space()
-        cells = [space.to_cells(SE2(*pose)) for pose in poses.tolist()]
-        at = np.array([(cell.x_m, cell.y_m, cell.theta_rad) for cell in cells])
-        return bool(len(at)) and bool(space.collides(at).any())
+        return bool(len(poses)) and bool(self._map.collides(poses).any())
 
     def space_around(self, pose: SE2) -> PlanningMap:
         """Return what the local controller looks at."""

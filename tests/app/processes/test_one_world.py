@@ -10,6 +10,7 @@ import pytest
 from robotctl.app.processes.navigator import make_navigation
 from robotctl.app.processes.progress import ProgressKeeper, load_progress, progress_file
 from robotctl.app.processes.robot import make_core
+from robotctl.app.simulation.journey_score import JourneyScore
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
@@ -112,7 +113,9 @@ class World:
         self.keeper = ProgressKeeper(self.file, self.options, None, localised=True)
         self.scene = Scene(has_localiser=True)
         walls = WallMap(np.array([[-99.0, -99.0, 99.0, -99.0]]))
-        self.score = RunScore(walls, has_localiser=True, is_recorded=False)
+        self.score = RunScore(
+            walls, JourneyScore(np.eye(3, 2), walls.segments), has_localiser=True, is_recorded=False
+        )
         self.state: NavigationState | None = None
         self.navigate()
 
