@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import PositionRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
+from robotctl.planning.behaviours.explore import ExploreItem
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
 from robotctl.planning.behaviours.goto import GotoItem
-from robotctl.planning.behaviours.kind import NavigatedRobot
+from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
 from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
 from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.turn_to import TurnToItem
@@ -30,6 +35,7 @@ WANTED = [
     TurnToItem("turn_to", 90.0),
     WaitItem("wait", 2.0),
     GotoItem("goto", 2.0, 1.0),
+    ExploreItem("explore"),
     PositionRequest(2.0, 1.0),
     Mode.RTL,
 ]
@@ -43,9 +49,12 @@ def test_each_can_be_made_paused_and_begun_anew(wanted, differential) -> None:
     for step in range(5):
         crumbs.record(SE2(0.1 * step, 0.0, 0.0))
     robot = NavigatedRobot(config, differential.drive, differential.mounts, guard, crumbs)
-    robot.pilot = MapPilot(
-        config, differential.drive, LIMITS, BODY, differential.mounts, None, SE2(), has_lidar=False
+    pilot = MapPilot(
+        config, differential.drive, LIMITS, BODY, differential.mounts, None, SE2(), has_lidar=True
     )
+    nothing = RangeScan(1, np.linspace(-3.0, 3.0, 90), np.full(90, math.inf), 6.0)
+    pilot.see(SE2(), Seen(SE2(), ((SE2(), nothing),)), 10**9)
+    robot.pilot = pilot
     behaviour = behaviour_for(wanted, robot)
     clear = (float("inf"),) * len(differential.mounts)
     situation = BehaviourInput(SE2(), Twist(0.0, 0.0), clear, (True,) * len(clear))
