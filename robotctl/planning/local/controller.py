@@ -59,7 +59,7 @@ class ControllerConfig:
     path: float = 0.3
     clearance: float = 0.5
     heading: float = 0.5
-    smoothness: float = 0.05
+    smoothness: float = 0.15
     position_tolerance_m: float = 0.05
     heading_tolerance_rad: float = 0.08
     seed: int = 0

@@ -288,7 +288,7 @@ def _beside(path: NDArray[np.float64], spacing: float, j: int, x: float, y: floa
     dx, dy = x - path[j, 0], y - path[j, 1]
     across = abs(float(dy * path[j, 2] - dx * path[j, 3]))
     on = abs(float(dx * path[j, 2] + dy * path[j, 3]))
-    return across + max(on - spacing, 0.0)
+    return across
 
 
 @compiled
