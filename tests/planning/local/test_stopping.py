@@ -73,7 +73,7 @@ def braking(pose, twist):
 
 @pytest.mark.parametrize("kind", ROBOTS)
 @pytest.mark.parametrize("name", CONTROLLERS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_after_each_step_braking_ends_before_anything_is_touched(name, kind, seed):
     drive, body = ROBOTS[kind]
