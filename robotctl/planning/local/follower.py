@@ -39,7 +39,7 @@ _PEOPLE_M: Final = 0.5
 _STILL: Final = 1e-3
 """Below this the robot stands [m/s, rad/s]."""
 _PATIENCE: Final = 10
-"""Steps for which nothing leads on before the robot backs off."""
+"""Steps for which nothing leads on before the robot backs off, or counts as blocked."""
 _BACK_M: Final = 0.3
 _BACKS: Final = 3
 """Times that it backs off on one path."""
@@ -306,7 +306,9 @@ class Follower:
         if not still:
             slow = abs(motion.v_m_s) < 0.5 * situation.speed_m_s
             return motion._replace(text="lets somebody pass" if people and slow else "")
-        if self._waited >= _PATIENCE and self._backs < _BACKS and not people:
+        if self._waited < _PATIENCE:
+            return motion
+        if self._backs < _BACKS and not people:
             self._waited, self._backing_m, self._backs = 0, _BACK_M, self._backs + 1
         text = "waits for somebody to pass" if people else "no way on along the path"
         return motion._replace(blocked=True, text=text)

@@ -225,7 +225,7 @@ def price(problem: Problem, targets: NDArray[np.float64], drawn: NDArray[np.floa
         close += max(1.0 - near / weights.comfort, 0.0) ** 2
         j = nearest(path, j, x, y)
         along = _along(path, problem.spacing, gear, j, x, y)
-        lateral += _beside(path, problem.spacing, j, x, y)
+        lateral += abs((y - path[j, 1]) * path[j, 2] - (x - path[j, 0]) * path[j, 3])
         if i < len(drawn):
             drawn[i, 0], drawn[i, 1], drawn[i, 2] = x, y, angle
     count = max(problem.steps * (1.0 - missing), 1.0)
@@ -280,15 +280,6 @@ def _along(
     on = float(gear * ((x - path[j, 0]) * path[j, 2] + (y - path[j, 1]) * path[j, 3]))
     least = -spacing if j > 0 else -np.inf
     return j * spacing + min(max(on, least), spacing)
-
-
-@compiled
-def _beside(path: NDArray[np.float64], spacing: float, j: int, x: float, y: float) -> float:
-    """Return how far a place is from the path about its point j."""
-    dx, dy = x - path[j, 0], y - path[j, 1]
-    across = abs(float(dy * path[j, 2] - dx * path[j, 3]))
-    on = abs(float(dx * path[j, 2] + dy * path[j, 3]))
-    return across
 
 
 @compiled
