@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_sim.command_line import parse_natural, parse_pose
+from firmware_sim.command_line import parse_natural
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.free_space import FreeSpace
 from firmware_sim.world.shapes import Obstacle
@@ -108,7 +109,11 @@ def add_options(add: Callable[..., object]) -> None:
 
 
 def _place(text: str) -> tuple[float, float]:
-    x_m, y_m, _ = parse_pose(f"{text},0")
+    """Return metres of X,Y."""
+    try:
+        x_m, y_m = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y") from None
     return x_m, y_m
 
 

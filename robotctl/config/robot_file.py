@@ -146,11 +146,19 @@ def find_file(
         If there is none, with the nearest; where the file is of another kind.
     """
     shipped = config_directory() / folder
+    other_kind: ConfigError | None = None
     for place in (*([] if beside is None else [beside]), Path(), shipped):
         for candidate in (place / given, *(place / f"{given}{suffix}" for suffix in suffixes)):
             if candidate.is_file() or candidate.is_char_device():  # /dev/null: an empty one
-                _refuse_other_kind(candidate, folder, suffixes)
-                return candidate
+                try:
+                    _refuse_other_kind(candidate, folder, suffixes)
+                except ConfigError as error:
+                    # A mission may have the name of its world: each is looked for by its kind.
+                    other_kind = other_kind or error
+                else:
+                    return candidate
+    if other_kind is not None:
+        raise other_kind
     path = Path(given)
     for other, kind in _KINDS.items():
         if other != folder and (config_directory() / other / f"{path.stem}.toml").is_file():

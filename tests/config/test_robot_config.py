@@ -359,3 +359,10 @@ def test_a_steering_is_given_the_time_that_it_needs() -> None:
     load_robot(find_file("ackermann"), ["plausibility.steering_ms=213"])
     with pytest.raises(ConfigError, match=r"212 found, but the steering needs 21[23] ms"):
         load_robot(find_file("ackermann"), ["plausibility.steering_ms=212"])
+
+
+def test_a_mission_may_have_the_name_of_its_world() -> None:
+    missions, worlds = (config_directory() / each for each in ("missions", "worlds"))
+    assert find_file("clutter", "worlds", beside=missions) == worlds / "clutter.toml"
+    with pytest.raises(ConfigError, match="is a mission; a world is needed"):
+        find_file("patrol", "worlds", beside=missions)
