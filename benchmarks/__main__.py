@@ -17,6 +17,7 @@ from benchmarks import (
     grid_mapping,
     landmark_accuracy,
     live_map,
+    local_planning,
     localisation_accuracy,
     localisation_sonar,
     lockstep_speed,
@@ -56,6 +57,7 @@ SUBJECTS = {
     "mcl-sonar": localisation_sonar.run,
     "places": place_recognition.run,
     "planning": global_planning.run,
+    "local": local_planning.run,
     "layers": live_map.run,
     "camera-homography": camera_homography.run,
 }

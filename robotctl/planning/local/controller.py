@@ -29,7 +29,7 @@ class ControllerConfig:
     deceleration_m_s2
         Braking that the robot manages for sure [m/s^2], > 0.
     reaction_s
-        From a command to its effect [s], >= 0.
+        From a command to its effect at the latest [s], >= 0.
     margin_m
         Kept between the body and obstacles, except at creeping speed [m], >= 0.
     comfort_m
@@ -112,7 +112,8 @@ class LocalMotion(NamedTuple):
     ahead: NDArray[np.float64]
     """(m, 3) poses of `base` in `world` that this velocity leads through, for people to see."""
     blocked: bool = False
-    """Whether the robot stands because no velocity leads on."""
+    """Whether the robot has stood for half a second because no velocity leads on, or stands where
+    only another path leads to the goal."""
     text: str = ""
     """Why it stands or slows down, for people; empty if nothing hinders it."""
     arrived: bool = False

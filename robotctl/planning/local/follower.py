@@ -70,7 +70,7 @@ class Search(Protocol):
 
 
 class Follower:
-    """A controller of any kind.
+    """A controller of any kind; its first step compiles all kernels.
 
     Parameters
     ----------
@@ -100,6 +100,7 @@ class Follower:
         self._bodies: dict[float, tuple[Body, Body]] = {}
         self._bare: dict[float, Body] = {}
         self._path: NDArray[np.float64] = np.empty((0, 3))
+        self._is_cold = True
         self.reset()
 
     def reset(self) -> None:
@@ -119,11 +120,22 @@ class Follower:
         """Arrive, back off, or follow the path."""
         track = self._follow(situation)
         problem = self._problem(situation, track)
+        if self._is_cold:
+            self._compile(problem, situation)
         if self._is_near(situation.pose, track):
             return self._arrive(situation, track, problem)
         if self._backing_m > 0.0:
             return self._back(situation, problem)
         return self._moving(situation, problem, self._search.choose(problem))
+
+    def _compile(self, problem: Problem, situation: LocalSituation) -> None:
+        """Call all that is compiled once: no later step may wait for it."""
+        self._is_cold = False
+        self._only(problem, 0.0, 0.0)
+        is_too_near(problem.space, problem.tight, problem.pose)
+        way_out(problem, self._bare[situation.space.grid.resolution_m])
+        self._search.choose(problem)
+        self._search.reset()
 
     def _follow(self, situation: LocalSituation) -> Track:
         """Return the track with the robot's place on it."""
