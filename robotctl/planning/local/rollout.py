@@ -24,7 +24,7 @@ from robotctl.planning.local.body import (
     gap_to_moving,
 )
 
-_AHEAD: Final = 4
+_AHEAD: Final = 2
 """Points of the path that are looked at for a nearer one."""
 _KNOWN: Final = 16
 """First velocities that are remembered."""
