@@ -29,6 +29,8 @@ from can_link import add_vcan, set_link
 ROOT = Path(__file__).resolve().parent.parent
 GUEST = str(ROOT / "tools" / "vcan-guest")
 PYTEST = (sys.executable, "-m", "pytest")
+DRIVE = (sys.executable, "-m", "robotctl", "sim", "--goal", "3,1", "--localiser", "mcl")
+DRIVE += ("--lockstep", "--headless")
 INTERFACE = "vcan0"
 # Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
 DRIVERS = ("tests/vcan", "tests/drivers/can/test_can_port_contract.py")
@@ -191,6 +193,8 @@ def main() -> int:
         print(f"VCAN={wanted}: unknown value; allowed: on, off", file=sys.stderr)
         return 2
     outcomes = [
+        # What two workers would compile side by side, within the time limit of a test.
+        stage("kernels", (*DRIVE, "--robot", "diff_drive"), (*DRIVE, "--robot", "ackermann")),
         stage("unit tests", (*PYTEST, "-n", "2")),
         stage(
             "HIL on simcan",

@@ -37,7 +37,7 @@ def load_room(world: Path) -> World:
 
 
 def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...]) -> str:
-    """Return a mission of one goal, as TOML, at the largest speed of the robot.
+    """Return a mission of one goal, as TOML, at the speed of positions in GUIDED.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...])
         f"start = {{ x_m = {x_m:.9g}, y_m = {y_m:.9g}, heading_deg = {heading_deg:.9g} }}\n"
         "[[item]]\n"
         'kind = "goto"\n'
-        f"x_m = {goal[0]:.9g}\ny_m = {goal[1]:.9g}\n{heading}speed_m_s = 1e6\n"
+        f"x_m = {goal[0]:.9g}\ny_m = {goal[1]:.9g}\n{heading}"
     )
 
 

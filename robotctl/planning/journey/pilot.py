@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -41,6 +42,9 @@ _BLIND_NS: Final = 500_000_000
 _LATELY_NS: Final = 1_000_000_000
 _LOOK_M: Final = 4.0
 """Half of the side of the map that the controller gets [m]."""
+_NO_ROOM: Final = frozenset({Reason.START_BLOCKED, Reason.NOT_FOUND})
+_WAYS_OUT_M: Final = (-0.1, 0.1, -0.2, 0.2, -0.4, 0.4)
+"""Straight on or back, to where there is room [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
 _AROUND_M: Final = 20.0
@@ -113,7 +117,7 @@ class MapPilot:
             margin_m=wanted.margin_m,
             turning_radius_m=drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
         )
-        self._planner, self._hybrid = PLANNERS[planner](paths), PLANNERS["hybrid"](paths)
+        self._planner = PLANNERS[planner](paths)
         self.config = ControllerConfig(
             dt_s=1.0 / config.rate_hz,
             deceleration_m_s2=config.guard.deceleration_m_s2,
@@ -137,7 +141,6 @@ class MapPilot:
         cells[:9, 6] = OCCUPIED
         live = LayeredMap(GridMap(cells, side_m), self._footprint)
         start, goal = (SE2(x * side_m, 2.5 * side_m, 0.0) for x in (2.5, 10.5))
-        self._hybrid.plan(live.space(), start, goal)
         plan = self._planner.plan(live.space(), start, goal)
         if isinstance(plan, Plan):
             route = Route(plan)
@@ -247,11 +250,24 @@ class MapPilot:
         return self._find(space, pose, there)
 
     def _find(self, space: PlanningMap, start: SE2, goal: SE2) -> Plan | PlanFailure:
-        """Return a path; where the robot has no room to turn on the spot, one that it can drive."""
+        """Return a path.
+
+        Where the robot has no room to turn, or stands nearer to something than its outline allows,
+        it first drives straight out of there.
+        """
         answer = self._planner.plan(space, start, goal, self._goes_on)
-        if isinstance(answer, PlanFailure) and answer.reason is Reason.NOT_FOUND:
-            other = self._hybrid.plan(space, start, goal, self._goes_on)
-            return other if isinstance(other, Plan) else answer
+        if not isinstance(answer, PlanFailure) or answer.reason not in _NO_ROOM:
+            return answer
+        for way_m in _WAYS_OUT_M:
+            out = start @ SE2(way_m, 0.0, 0.0)
+            other = self._planner.plan(space, out, goal, self._goes_on)
+            if isinstance(other, Plan):
+                first = [start.x_m, start.y_m, start.theta_rad]
+                return replace(
+                    other,
+                    poses=np.vstack([first, other.poses]),
+                    reverse=np.concatenate([[way_m < 0.0], other.reverse]),
+                )
         return answer
 
     def hopeless(self, pose: SE2, goal: Goal) -> str:
