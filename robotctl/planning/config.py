@@ -34,7 +34,7 @@ class PilotConfig:
     """
 
     planner: str = ""
-    controller: str = "dwa"
+    controller: str = "mppi"
     margin_m: float = 0.05
     zone: tuple[Zone, ...] = ()
 

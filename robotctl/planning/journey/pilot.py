@@ -42,6 +42,8 @@ _BLIND_NS: Final = 500_000_000
 _LATELY_NS: Final = 1_000_000_000
 _LOOK_M: Final = 4.0
 """Half of the side of the map that the controller gets [m]."""
+_WIDER: Final = 1.3
+"""Than its smallest circle a path of a robot that steers is bent, so that it can be corrected."""
 _NO_ROOM: Final = frozenset({Reason.START_BLOCKED, Reason.NOT_FOUND})
 _WAYS_OUT_M: Final = (-0.1, 0.1, -0.2, 0.2, -0.4, 0.4)
 """Straight on or back, to where there is room [m]."""
@@ -115,7 +117,7 @@ class MapPilot:
         self._full_speed_m_s = limits.v_max_m_s
         paths = PlannerConfig(
             margin_m=wanted.margin_m,
-            turning_radius_m=drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
+            turning_radius_m=_WIDER * drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
         )
         self._planner = PLANNERS[planner](paths)
         self.config = ControllerConfig(
