@@ -28,7 +28,7 @@ from robotctl.model.sensors.camera import CameraConfig
 from robotctl.model.sensors.imu import ImuConfig
 from robotctl.model.sensors.lidar import LidarConfig
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.navigator import NavigationConfig
+from robotctl.planning.config import NavigationConfig
 from robotctl.runtime.realtime import LoopConfig
 from robotctl.runtime.storage.log_folder import LogConfig
 from robotctl.safety.plausibility_config import PlausibilityConfig

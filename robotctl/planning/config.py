@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from robotctl.errors import InvalidValue
 from robotctl.planning.behaviours.follow_wall import WallConfig
-from robotctl.planning.costmap.zones import Zone
+from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.local.pursuit import PursuitConfig
 

@@ -93,7 +93,7 @@ def test_a_cell_in_a_wall_of_a_moving_ai_map(moving_ai):
         ((*FLAT[:4], "--goal", "6"), "--goal 6: two or three numbers"),
         ((*FLAT, "--planner", "a-star"), 'there is no such planner; did you mean "astar"?'),
         ((*FLAT, "--time-limit", "0"), "--time-limit 0"),
-        ((*FLAT[:4], "--goal", "nan,1"), "--goal: nan,1 found"),
+        ((*FLAT[:4], "--goal", "nan,1"), "--goal nan,1: two or three numbers"),
         ((*FLAT, "--report", "/nowhere/r.json"), "the folder /nowhere does not exist"),
         (("--map", "flut", *FLAT[2:]), 'did you mean "flat"'),
         (("--map", "{map}", "--start", "1.5,2", "--goal", "1,2"), "column,row from the top left"),

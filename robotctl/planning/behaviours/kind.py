@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.guard.behaviour import Behaviour
@@ -16,6 +15,7 @@ from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
 from robotctl.planning.local.path import Point
 
 if TYPE_CHECKING:
+    from robotctl.model.sensors.range_scan import RangeScan  # which loads numpy
     from robotctl.planning.config import NavigationConfig  # which has settings of behaviours
 
 

@@ -28,7 +28,8 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap import marks
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.costmap.zones import Zone, cells_of
+from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.costmap.zones import cells_of
 
 _OCCUPIED_PERCENT: Final = 50
 _BEYOND_M: Final = 1.0

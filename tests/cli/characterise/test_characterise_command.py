@@ -91,7 +91,7 @@ def test_a_room_that_is_another_ends_with_a_sentence(capsys, log):
     [
         (["--robot", "diff_driv"], 'did you mean "diff_drive"?'),
         (["--log", "nowhere"], "nowhere: no such file or folder"),
-        (["--sensor", "sonr"], 'must be sonar or lidar; did you mean "sonar"?'),
+        (["--sensor", "sonr"], 'must be lidar or sonar; did you mean "sonar"?'),
         (["--map", "flt"], 'did you mean "flat"?'),
         (["--out", "nowhere/patch.toml"], "the folder nowhere does not exist"),
         (["--plot", "plot.txt"], "the suffix must be one of .png, .svg, .pdf"),

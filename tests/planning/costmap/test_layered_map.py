@@ -14,7 +14,8 @@ from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap.layered_map import LayeredMap, LayersConfig
 from robotctl.planning.costmap.planning_map import clearance_of
-from robotctl.planning.costmap.zones import Zone, cells_of
+from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.costmap.zones import cells_of
 from tests.planning.costmap.rays import box, echo, scan
 
 BODY = Footprint(((0.2, -0.18), (0.2, 0.18), (-0.2, 0.18), (-0.2, -0.18)))

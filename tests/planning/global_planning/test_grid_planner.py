@@ -13,7 +13,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.layered_map import LayeredMap
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.costmap.zones import Zone
+from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.global_planning.plan import Plan, PlanFailure, PlannerConfig, Reason
 from robotctl.planning.global_planning.planners import PLANNERS
 
