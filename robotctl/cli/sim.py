@@ -10,7 +10,6 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import msgspec
 import typer
 
 from robotctl.cli.arguments import Overrides, RobotName, place, refuse_unused
@@ -146,7 +145,7 @@ def sim(
         make_folder(record)
         if reason := refusal(record):
             raise LogError(reason)
-    pose = () if start in {"known", "unknown"} else place("--start", start)
+    pose = _start(start)
     if goal and mission:
         raise ConfigError("--goal: not allowed with --mission, which says where to drive")
     options = SimOptions(
@@ -178,8 +177,6 @@ def sim(
         stopped = StopFlag()
         result = _run(options, stopped, headless=headless, until_done=until_done)
         stayed = stopped() and not until_done
-    if goal:
-        result = msgspec.structs.replace(result, arrived=result.mission_completed)
     try:
         if report is not None:
             write_file(report, lambda path: path.write_bytes(result.json()))
@@ -216,6 +213,16 @@ def _refuse_what_has_no_effect(
         why = "without a localiser; add --localiser mcl or ekf"
         unused = ("world_map", "sensors", *(["start"] if not options.start else []))
         refuse_unused(ctx, why, *unused)
+
+
+def _start(start: str) -> tuple[float, ...]:
+    """Return where the robot starts; empty: as mission or world say."""
+    if start in {"known", "unknown"}:
+        return ()
+    try:
+        return place("--start", start)
+    except ConfigError as error:
+        raise ConfigError(f"{error}, or known, or unknown") from error
 
 
 def _mission(name: str, world: str) -> Path:

@@ -40,7 +40,8 @@ from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
 from robotctl.planning.guard.obstacle_guard import Point
-from robotctl.planning.navigator import NavigationInputs, Navigator
+from robotctl.planning.navigation_step import NavigationInputs
+from robotctl.planning.navigator import Navigator
 from robotctl.safety.state_machine import POWERED
 
 COMMAND_LIFE_PERIODS: Final = 4
@@ -134,52 +135,12 @@ class NavigationAdapter:
         """
         if localisation is not None:
             self._world.localise(localisation)
-        localised = control is None or self._world.is_sure(control)
-        fresh = control is not None and now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
-        ranges_m: tuple[float, ...]
-        heard_ns: tuple[int, ...]
-        scans: list[tuple[SE2, RangeScan]] = []
-        T_world_odom = SE2()
-        if control is None:
-            pose, twist, ranges_m, heard_ns, floor = _UNKNOWN, Twist(0.0, 0.0), (), (), []
-        else:
-            floor = self._look(control, [each for each in seen if isinstance(each, CameraView)])
-            known = self._world.pose(control)
-            pose = control.T_odom_base if known is None else known
-            T_world_odom = pose @ control.T_odom_base.inverse()
-            scans = self._placed(seen)
-            twist = Twist(control.v_m_s, control.omega_rad_s)
-            ranges_m, heard_ns = control.sonar_m, control.sonar_stamp_ns
-        enabled = fresh and control is not None and control.state in POWERED
-        if enabled and control is not None:
-            enabled = self._armings in {None, control.armings}  # else stopped between two states
-            self._armings = control.armings
-        else:
-            self._armings = None
-        inputs = NavigationInputs(
-            pose=pose,
-            twist=twist,
-            ranges_m=ranges_m,
-            heard_ns=heard_ns,
-            enabled=enabled,
-            localised=localised,
-            attended=self._attended(requests, now_ns),
-            heard=fresh,
-            requests=tuple(
-                _request(each)
-                for each in self._in_time(requests, now_ns)
-                if not isinstance(each, ExternalPose | GroundStationPresence)
-            ),
-            floor_base=floor,
-            epoch=(0, 0) if control is None else self._world.epoch(control),
-            scans=scans,
-            T_world_odom=T_world_odom,
-        )
+        inputs = self._inputs(control, requests, now_ns, seen)
         out = self.navigator.step(inputs, now_ns)
         command = VelocityCommand(
             now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
         )
-        if out.message != self._message and enabled and out.held:
+        if out.message != self._message and inputs.enabled and out.held:
             self._notices.append(out.message)
         self._message = out.message
         state = NavigationState(
@@ -199,6 +160,51 @@ class NavigationAdapter:
             goal_reached=out.goal_reached,
         )
         return command, state
+
+    def _inputs(
+        self,
+        control: ControlState | None,
+        requests: Sequence[NavigationRequest],
+        now_ns: int,
+        seen: Sequence[LidarScan | CameraView],
+    ) -> NavigationInputs:
+        """Return the messages of a step as the navigator takes them."""
+        taken = tuple(
+            _request(each)
+            for each in self._in_time(requests, now_ns)
+            if not isinstance(each, ExternalPose | GroundStationPresence)
+        )
+        attended = self._attended(requests, now_ns)
+        if control is None:
+            self._armings = None
+            return NavigationInputs(
+                _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, heard=False
+            )
+        floor = self._look(control, [each for each in seen if isinstance(each, CameraView)])
+        known = self._world.pose(control)
+        pose = control.T_odom_base if known is None else known
+        fresh = now_ns - control.stamp_ns <= STATE_MAX_AGE_NS
+        enabled = False
+        if fresh and control.state in POWERED:
+            enabled = self._armings in {None, control.armings}  # else stopped between two states
+            self._armings = control.armings
+        else:
+            self._armings = None
+        return NavigationInputs(
+            pose=pose,
+            twist=Twist(control.v_m_s, control.omega_rad_s),
+            ranges_m=control.sonar_m,
+            heard_ns=control.sonar_stamp_ns,
+            enabled=enabled,
+            localised=self._world.is_sure(control),
+            attended=attended,
+            heard=fresh,
+            requests=taken,
+            floor_base=floor,
+            epoch=self._world.epoch(control),
+            scans=self._placed(seen),
+            T_world_odom=pose @ control.T_odom_base.inverse(),
+        )
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,22 +20,20 @@ from robotctl.messages.requests import (
 )
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot, Seen
 from robotctl.planning.behaviours.mission import Mission
-from robotctl.planning.behaviours.registry import behaviour_for
+from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
 from robotctl.planning.behaviours.relocalise import LookAround
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
-from robotctl.planning.guard.obstacle_guard import ObstacleGuard, Point
+from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.mission.runner import MissionRunner
+from robotctl.planning.navigation_step import NavigationInputs, NavigationOutputs
 from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
-
-__all__ = ["NavigationConfig", "NavigationInputs", "NavigationOutputs", "Navigator"]
 
 _LONGEST_STEP_NS = 500_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
@@ -49,66 +46,6 @@ _STOPPED = "the robot was stopped"
 
 _BY_HAND = frozenset({Mode.HOLD, Mode.MANUAL})
 """The modes without autonomous motion."""
-
-
-class NavigationInputs(NamedTuple):
-    """All that a step depends on."""
-
-    pose: SE2
-    """`base` in `world`; in `odom` until its place in that is known, and not `localised` then."""
-    twist: Twist
-    """Present velocity of `base`."""
-    ranges_m: tuple[float, ...]
-    """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale.
-
-    Any other number of ranges counts as all missing.
-    """
-    heard_ns: tuple[int, ...]
-    """When each range came [ns]: one that came before the last step is not taken again."""
-    enabled: bool
-    """The control core follows commands now: armed and without fault."""
-    requests: tuple[Request, ...] = ()
-    """Requests since the last step, oldest first."""
-    localised: bool = True
-    """The pose is more than a guess."""
-    attended: bool = True
-    """Whether the required operator is present."""
-    heard: bool = True
-    """The control core has published recently; otherwise it is not `enabled` either."""
-    floor_base: Sequence[Point] = ()
-    """Points on the floor not to be driven over."""
-    epoch: tuple[int, int] = (0, 0)
-    """Changes when the pose jumps, since the robot was found elsewhere: `WorldPose.epoch`."""
-    scans: Sequence[tuple[SE2, RangeScan]] = ()
-    """Scans of a lidar since the last step, each with `base` in `odom` at its time."""
-    T_world_odom: SE2 = SE2()
-    """The drift of `odom` now."""
-
-
-class NavigationOutputs(NamedTuple):
-    """What a step decides; `item` counts from 0 and equals `items` once all are done."""
-
-    v_m_s: float
-    omega_rad_s: float
-    mode: Mode
-    item: int
-    items: int
-    item_name: str
-    mission_completed: bool
-    mission_failed: bool
-    message: str
-    item_s_m: float
-    """Distance along an item that is a path or a wall [m]."""
-    held: bool = False
-    """Whether `message` says why the robot went to HOLD by itself."""
-    plans: int = 0
-    """Paths taken in driving by plan, since the start."""
-    recoveries: int = 0
-    """Tries to get on again."""
-    goals: int = 0
-    """Positions taken in GUIDED."""
-    goal_reached: bool | None = None
-    """How the last of them ended; None: it is under way, or was given up for something else."""
 
 
 class Navigator:
@@ -147,6 +84,8 @@ class Navigator:
         What AUTO does; None: AUTO is refused.
     home
         Where RTL leads to, usually the start, in `world`.
+    has_lidar
+        Whether the robot has a lidar.
 
     Raises
     ------
@@ -162,13 +101,15 @@ class Navigator:
         mounts: Sequence[SonarMount],
         mission: Mission | None,
         home: SE2,
+        *,
+        has_lidar: bool = False,
     ) -> None:
         self._config = config
         self._drive = drive
         self._limits = limits
         self._sonars = len(mounts)
         self._heard_ns = (-1,) * self._sonars
-        self._guard = ObstacleGuard(config.guard, mounts)
+        self._guard = ObstacleGuard(config.guard, mounts, has_lidar=has_lidar)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, self._guard, self._crumbs)
         self._runner = MissionRunner(mission, self._robot) if mission else None
@@ -188,7 +129,7 @@ class Navigator:
         self._goals = 0
         self._goal_reached: bool | None = None
         self._seen_epoch: tuple[int, int] | None = None
-        """In which the pilot saw what it knows."""
+        """In which all was seen that is known of the surroundings."""
         self._enabled = False
         """As of the last step with a control state."""
         self._stopped_ns = -1
@@ -218,6 +159,12 @@ class Navigator:
     def take_pilot(self, pilot: Pilot) -> None:
         """Let a pilot plan what is driven to a goal."""
         self._robot.pilot = pilot
+
+    @property
+    def drives_by_plan(self) -> bool:
+        """The mission has items that a pilot drives."""
+        items = () if self._runner is None else self._runner.mission.item
+        return any(BEHAVIOURS[type(item)].piloted for item in items)
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty if it can."""
@@ -265,15 +212,16 @@ class Navigator:
             ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
         new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
         self._heard_ns = heard_ns
+        if inputs.epoch != self._seen_epoch:  # all was seen from a wrong place
+            self._seen_epoch, self._scan = inputs.epoch, None
+            if self._robot.pilot is not None:
+                self._robot.pilot.forget()
         for T_odom_base, scan in inputs.scans:
             self._scan = T_odom_base, scan, now_ns
         points = self._scanned(inputs, now_ns)
         self._guard.observe(ranges, new, inputs.floor_base, points)
         pilot = self._robot.pilot
         if pilot is not None and inputs.localised:
-            if inputs.epoch != self._seen_epoch:  # it was seen from a wrong place
-                self._seen_epoch = inputs.epoch
-                pilot.forget()
             heard = tuple(
                 reading if is_new else math.nan for reading, is_new in zip(ranges, new, strict=True)
             )

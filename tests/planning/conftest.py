@@ -14,7 +14,9 @@ from robotctl.model.drives.motion import integrate
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.navigator import NavigationConfig, NavigationInputs, Navigator
+from robotctl.planning.config import NavigationConfig
+from robotctl.planning.navigation_step import NavigationInputs
+from robotctl.planning.navigator import Navigator
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:

@@ -22,7 +22,7 @@ from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
-from robotctl.planning.navigator import NavigationInputs
+from robotctl.planning.navigation_step import NavigationInputs
 
 LATER = 10**15
 AUTO = ModeRequest(Mode.AUTO)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import zmq
 
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
-from robotctl.app.processes.navigator import (
-    learn_paths,
-    load_pilot,
-    make_navigation,
-)
+from robotctl.app.processes.navigator import equip, make_navigation
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
@@ -33,6 +29,9 @@ from robotctl.runtime.ipc.topics import (
     Subscriber,
     endpoint_directory,
 )
+
+_PLAN_S: Final = 0.15
+"""Planning in a step; a command lives for 0.2 s [s]."""
 
 _Heard: TypeAlias = SensorMessage | Notice
 
@@ -78,12 +77,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         publisher.send(Notice(clock.now_ns(), Severity.NOTICE, text))
 
     estimators = load_estimators(config, options, last_pose(saved, options), say)
-    learn_paths(adapter.navigator, config, estimators)
-    pilot = load_pilot(config, options, estimators, say)
-    if pilot is not None:
-        adapter.navigator.take_pilot(pilot)
+    scans_count = equip(adapter.navigator, config, options, estimators, say, plan_s=_PLAN_S)
     tick = NavigationTick(adapter, estimators, Operator(requests.receive, publisher.send))
-    heard = [endpoints.lidar] if estimators is not None or pilot is not None else []
+    heard = [endpoints.lidar] if scans_count else []
     heard += [endpoints.camera] if config.camera is not None and config.camera.enabled else []
     sensors = Subscriber[_Heard](context, tuple(heard), _Heard)
     control: ControlState | None = None

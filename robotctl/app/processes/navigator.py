@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,9 +12,9 @@ from robotctl import toml_source
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
 from robotctl.core.navigation_adapter import NavigationAdapter
+from robotctl.errors import ConfigError, InvalidValue
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.behaviours.explore import ExploreItem
-from robotctl.planning.behaviours.goto import GotoItem
+from robotctl.model.grid_map import GridMap
 from robotctl.planning.behaviours.kind import Pilot
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.guard.body import body_outline
@@ -49,6 +51,7 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         config.sonar,
         mission,
         SE2(options.x_m, options.y_m, options.theta_rad),
+        has_lidar=config.lidar is not None,
     )
     return NavigationAdapter(
         navigator,
@@ -60,27 +63,26 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
     )
 
 
-def learn_paths(navigator: Navigator, config: RobotConfig, estimators: Estimators | None) -> None:
-    """Let the navigator know the free paths through the map that the robot localises itself in."""
-    if estimators is None or estimators.world_map is None:
-        return
-    # scipy and numba take a while to load.
-    from robotctl.planning.global_planning.free_path import FreePaths  # noqa: PLC0415
-
-    half_width_m = config.navigation.guard.half_width_m
-    navigator.learn_paths(FreePaths(estimators.world_map, half_width_m))
-
-
-def load_pilot(
+def equip(
+    navigator: Navigator,
     config: RobotConfig,
     options: StackOptions,
     estimators: Estimators | None,
     say: Callable[[str], None] = lambda _: None,
-) -> Pilot | None:
-    """Return what plans journeys, compiled and ready; None for a robot with nothing to plan by.
+    *,
+    plan_s: float = math.inf,
+) -> bool:
+    """Give the navigator what it drives through the world by; return whether scans are of use.
 
-    That is one without a map and a lidar, unless its mission drives by plan: then sonars have to
-    do. `say` is given what people should know while it compiles.
+    Free paths need a map. A pilot, which plans journeys, needs a map or a lidar, unless its mission
+    drives by plan: then sonars have to do.
+
+    Parameters
+    ----------
+    say
+        Given what people should know while it compiles.
+    plan_s
+        The time that planning may take in a step [s].
 
     Raises
     ------
@@ -88,26 +90,49 @@ def load_pilot(
         If the robot's file names a planner or controller that there is not.
     """
     grid = None if estimators is None else estimators.world_map
-    mission = load_mission(Path(options.mission)) if options.mission else None
-    asked = mission is not None and any(
-        isinstance(item, GotoItem | ExploreItem) for item in mission.item
-    )
-    if grid is None and config.lidar is None and not asked:
-        return None
-    # numba and scipy take a while to load.
+    asked = navigator.drives_by_plan
+    if grid is not None:
+        # scipy and numba take a while to load.
+        from robotctl.planning.global_planning.free_path import FreePaths  # noqa: PLC0415
+
+        navigator.learn_paths(FreePaths(grid, config.navigation.guard.half_width_m))
+    if grid is not None or config.lidar is not None or asked:
+        navigator.take_pilot(_pilot(config, options, grid, say, plan_s))
+        return True
+    return estimators is not None
+
+
+def _pilot(
+    config: RobotConfig,
+    options: StackOptions,
+    grid: GridMap | None,
+    say: Callable[[str], None],
+    plan_s: float,
+) -> Pilot:
+    """Return what plans journeys, compiled and ready."""
     from robotctl.app.supervision.compile_progress import compile_progress  # noqa: PLC0415
     from robotctl.planning.journey.pilot import MapPilot  # noqa: PLC0415
 
-    pilot = MapPilot(
-        config.navigation,
-        config.drive,
-        config.limits,
-        body_outline(config.navigation.guard, config.sonar),
-        config.sonar,
-        grid,
-        SE2(options.x_m, options.y_m, options.theta_rad),
-        has_lidar=config.lidar is not None,
-    )
+    try:
+        pilot = MapPilot(
+            config.navigation,
+            config.drive,
+            config.limits,
+            body_outline(config.navigation.guard, config.sonar),
+            config.sonar,
+            grid,
+            SE2(options.x_m, options.y_m, options.theta_rad),
+            has_lidar=config.lidar is not None,
+            budget=lambda: _time_left(plan_s),
+        )
+    except InvalidValue as error:
+        raise ConfigError(f"{options.robot}: navigation.pilot.{error}") from error
     with compile_progress(say):
         pilot.warm_up()
     return pilot
+
+
+def _time_left(plan_s: float) -> Callable[[], bool]:
+    """Return what says whether a time from now on is not over."""
+    end_s = time.perf_counter() + plan_s
+    return lambda: time.perf_counter() < end_s

@@ -16,12 +16,7 @@ import msgspec
 
 from firmware_sim.faults.scenario import not_begun, play
 from robotctl.app.localisation.load_estimators import load_estimators
-from robotctl.app.processes.navigator import (
-    learn_paths,
-    load_mission,
-    load_pilot,
-    make_navigation,
-)
+from robotctl.app.processes.navigator import equip, load_mission, make_navigation
 from robotctl.app.processes.robot import record_header
 from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.journey_score import journey_score
@@ -29,7 +24,7 @@ from robotctl.app.simulation.lockstep_camera import LockstepCamera
 from robotctl.app.simulation.lockstep_logs import LockstepLogs
 from robotctl.app.simulation.lockstep_stack import LockstepStack, make_simulation
 from robotctl.app.simulation.operator import MissionOperator
-from robotctl.app.simulation.room import load_furnished
+from robotctl.app.simulation.room import arrived, load_furnished
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import (
     Report,
@@ -95,11 +90,7 @@ class LockstepRun:
         self._operator = MissionOperator()
         self._estimators = load_estimators(self.config, stack)
         adapter = make_navigation(self.config, stack)
-        learn_paths(adapter.navigator, self.config, self._estimators)
-        pilot = load_pilot(self.config, stack, self._estimators)
-        if pilot is not None:
-            adapter.navigator.take_pilot(pilot)
-        self._uses_lidar = self._estimators is not None or pilot is not None
+        self._uses_lidar = equip(adapter.navigator, self.config, stack, self._estimators)
         self._tick = NavigationTick(adapter, self._estimators, Operator(self._ask, self._hear))
         self._camera = LockstepCamera.load(self.config)
         walls = WallMap(room.segments)
@@ -272,6 +263,7 @@ class LockstepRun:
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
             **self._score.journey.report(),
+            arrived=arrived(self._mission, navigation),
             plans=navigation.plans if navigation else 0,
             recoveries=navigation.recoveries if navigation else 0,
             pose_error=self._score.pose_error,

@@ -12,6 +12,7 @@ from firmware_sim.world.clutter import cluttered
 from firmware_sim.world.world import World, load_world
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.errors import ConfigError
+from robotctl.messages.control import NavigationState
 from robotctl.planning.behaviours.goto import GotoItem
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.straight_to import StraightToItem
@@ -71,6 +72,13 @@ def goals(mission: Mission) -> tuple[tuple[float, float], ...]:
     return tuple(
         (item.x_m, item.y_m) for item in mission.item if isinstance(item, GotoItem | StraightToItem)
     )
+
+
+def arrived(mission: Mission, navigation: NavigationState | None) -> bool | None:
+    """Return whether the robot is at the goal of its mission; None of a mission with more items."""
+    if navigation is None or len(mission.item) != 1 or not isinstance(mission.item[0], GotoItem):
+        return None
+    return navigation.mission_completed
 
 
 def load_furnished(world: Path, options: SimOptions, mission: Mission) -> World:

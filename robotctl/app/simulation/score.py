@@ -123,11 +123,11 @@ class Report(msgspec.Struct, frozen=True):
     `held_up_ms` is how long this computer was held up at most, by an estimate of its own. `faults`
     are those of the scenario whose time has come, each with the simulator's time, and why where it
     could not begin; then those that never began, since the run was over before their time.
-    `arrived` says so of a run to one goal, None of others; `time_s` is from when the robot set off
-    until the end, None if it never did; `min_clearance_m` is the smallest distance of its body from
-    what stands around, None where nothing does; near misses are nearer than 5 cm; `plans` and
-    `recoveries` are those of driving by plan.
     `collisions` are those that the robot causes; `ran_into` counts people who ran into it.
+    `arrived` says so of a mission of one `goto`, None of others; `time_s` is from when the robot
+    set off until the end, None if it never did; `min_clearance_m` is the smallest distance of its
+    body from what stands around, None where nothing does; near misses are nearer than 5 cm; `plans`
+    and `recoveries` are those of driving by plan.
     `log_trouble` names logs, truth or map that could not be written. `pose_error` is that of the
     pose that the robot goes by; `localisation`, `map_quality` and `camera` are None without a
     localiser, without mapping and without a camera.

@@ -22,7 +22,7 @@ from robotctl.app.simulation.camera_score import camera_score
 from robotctl.app.simulation.held_up import HeldUp
 from robotctl.app.simulation.journey_score import journey_score
 from robotctl.app.simulation.operator import MissionOperator
-from robotctl.app.simulation.room import goals, load_furnished
+from robotctl.app.simulation.room import arrived, goals, load_furnished
 from robotctl.app.simulation.run_score import RunScore
 from robotctl.app.simulation.score import (
     Report,
@@ -489,6 +489,7 @@ class SimRun:
             unsafe_motions=truth.unsafe_motions,
             unsafe_reason=truth.unsafe_reason,
             **self._score.journey.report(),
+            arrived=arrived(self.mission, navigation),
             plans=navigation.plans,
             recoveries=navigation.recoveries,
             pose_error=self._score.pose_error,

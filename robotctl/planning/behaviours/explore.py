@@ -44,4 +44,4 @@ def _time_out_s(item: ExploreItem) -> float | None:
     return item.time_out_s
 
 
-EXPLORE = Kind(_make, _time_out_s)
+EXPLORE = Kind(_make, _time_out_s, piloted=True)

@@ -40,7 +40,7 @@ class GotoItem:
     name
         Name shown to people.
     time_out_s
-        The item fails after this time [s], > 0; None: after a time by the plan's length.
+        The item fails after this time [s], > 0; None: when its recoveries are used up.
     """
 
     kind: Literal["goto"]
@@ -125,5 +125,5 @@ def _make_guided(wanted: PositionRequest, robot: NavigatedRobot) -> Behaviour:
     return _drive(goal, config.guided_speed_m_s, robot)
 
 
-GOTO = Kind(_make, _time_out_s)
+GOTO = Kind(_make, _time_out_s, piloted=True)
 GUIDED_POSITION = Kind(_make_guided)

@@ -117,3 +117,5 @@ class Kind(NamedTuple):
     """Returns after which time it fails [s]; None: never."""
     problems: Callable[[Any, Drive, frozenset[str], GuardConfig], Iterator[str]] = _nothing
     """Yields why a robot with this drive and sonars to these sides cannot do it."""
+    piloted: bool = False
+    """Whether it needs the robot's pilot."""

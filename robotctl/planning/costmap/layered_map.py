@@ -29,7 +29,7 @@ from robotctl.planning.costmap import marks
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.zone import Zone
-from robotctl.planning.costmap.zones import cells_of
+from robotctl.planning.costmap.zones import cells_of, speed_limits
 
 _OCCUPIED_PERCENT: Final = 50
 _BEYOND_M: Final = 1.0
@@ -125,7 +125,7 @@ class LayeredMap:
             through_unknown=self.config.through_unknown,
             occupied_percent=_OCCUPIED_PERCENT,
         )
-        self._limits_m_s = _limits(grid, zones)
+        self._limits_m_s = speed_limits(grid, zones)
         if self._limits_m_s is not None:
             slowness = np.clip(full_speed_m_s / self._limits_m_s, 1.0, _SLOWEST)
             space.slowness = slowness.astype(np.float32)
@@ -143,10 +143,10 @@ class LayeredMap:
             _OCCUPIED_PERCENT,
             self.config.through_unknown,
         )
-        self._lidar = _layer(grid.shape, 1, gain=3, needed=1, most=3)
+        self._lidar = marks.make_layer(grid.shape, 1, gain=3, needed=1, most=3)
         # One echo of a sonar in seven has nothing to do with the world: two must agree.
-        self._sonar = _layer(grid.shape, 2, gain=2, needed=3, most=6)
-        self._floor = _layer(grid.shape, 4, gain=1, needed=1, most=1)
+        self._sonar = marks.make_layer(grid.shape, 2, gain=2, needed=3, most=6)
+        self._floor = marks.make_layer(grid.shape, 4, gain=1, needed=1, most=1)
         self._warm_up()
 
     @classmethod
@@ -326,19 +326,36 @@ class LayeredMap:
 
         It asks the live map, without the copy that `space` takes.
         """
-        grid = self._space.grid
-        c, s = math.cos(grid.origin.theta_rad), math.sin(grid.origin.theta_rad)
-        away = (poses_world[:, :2] - (grid.origin.x_m, grid.origin.y_m)) / grid.resolution_m
-        places = away @ np.array([[c, -s], [s, c]])
-        if len(places):
+        poses = self._space.poses_to_cells(poses_world)
+        if len(poses):
             around = self._clearance.reach
             rows, columns = self._space.shape
-            low, high = places.min(axis=0) - around, places.max(axis=0) + around
+            low, high = poses.min(axis=0) - around, poses.max(axis=0) + around
             first = [min(max(math.floor(low[i]), 0), n - 1) for i, n in ((1, rows), (0, columns))]
             last = [min(max(math.floor(high[i]), 0), n - 1) for i, n in ((1, rows), (0, columns))]
             self._clearance.refresh((first[0], first[1]), (last[0], last[1]))
-        poses = np.column_stack([places, poses_world[:, 2] - grid.origin.theta_rad])
         return self._space.collides(poses)
+
+    def stand_at(self, T_world_base: SE2) -> None:
+        """Note that the floor under the robot is free."""
+        here = self._space.to_cells(T_world_base)
+        marks.learn_free(self._cells, self._under(here.x_m, here.y_m, here.theta_rad))
+
+    def is_known(self, poses_world: NDArray[np.float64]) -> bool:
+        """Return whether all under the body at poses (n, 3) of `base` in `world` is known."""
+        for pose in self._space.poses_to_cells(poses_world).tolist():
+            columns, rows = np.floor(self._under(*pose)).astype(np.int64).T
+            inside = (rows >= 0) & (rows < self._space.shape[0])
+            inside &= (columns >= 0) & (columns < self._space.shape[1])
+            if not inside.all() or (self._cells.live[rows, columns] < 0).any():
+                return False
+        return True
+
+    def _under(self, x: float, y: float, theta: float) -> NDArray[np.float64]:
+        """Return points of the body at a pose, (n, 2) [cells]."""
+        c, s = math.cos(theta), math.sin(theta)
+        points: NDArray[np.float64] = self._space.samples @ np.array([[c, s], [-s, c]]) + (x, y)
+        return points
 
     def speed_limit_at(self, x_m: float, y_m: float) -> float:
         """Return the lowest limit of the slow zones at a point of `world` [m/s]; inf: none."""
@@ -362,21 +379,8 @@ class LayeredMap:
         self.see_scan(far, scan, 0, np.zeros((1, 5)))
         self.see_echoes(far, [SonarMount("warm", 0.0, 0.0, 0.0)], [0.1], 0)
         self.see_floor(far, [(0.0, 0.0)], 0)
+        self.stand_at(far)
         self.forget()
-
-
-def _layer(shape: tuple[int, int], bit: int, *, gain: int, needed: int, most: int) -> marks.Layer:
-    """Return a layer without evidence."""
-    return marks.Layer(
-        bit,
-        np.zeros(shape, np.uint8),
-        np.zeros(shape, np.int64),
-        np.empty(shape[0] * shape[1], np.int32),
-        np.zeros(1, np.int64),
-        gain,
-        needed,
-        most,
-    )
 
 
 def _distances(obstacle: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -385,15 +389,3 @@ def _distances(obstacle: NDArray[np.bool_]) -> NDArray[np.float32]:
         return np.full(obstacle.shape, np.inf, np.float32)
     distances: NDArray[np.float32] = ndimage.distance_transform_edt(~obstacle).astype(np.float32)
     return distances
-
-
-def _limits(grid: GridMap, zones: Sequence[Zone]) -> NDArray[np.float32] | None:
-    """Return the speed limit of each cell [m/s], inf where there is none; None: nowhere."""
-    slow = [zone for zone in zones if zone.speed_m_s > 0.0]
-    if not slow:
-        return None
-    limits = np.full(grid.shape, np.inf, np.float32)
-    for zone in slow:
-        inside = cells_of(zone, grid)
-        limits[inside] = np.minimum(limits[inside], zone.speed_m_s)
-    return limits

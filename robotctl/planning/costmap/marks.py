@@ -60,6 +60,20 @@ class Layer(NamedTuple):
     most: int
 
 
+def make_layer(shape: tuple[int, int], bit: int, *, gain: int, needed: int, most: int) -> Layer:
+    """Return a layer without evidence."""
+    return Layer(
+        bit,
+        np.zeros(shape, np.uint8),
+        np.zeros(shape, np.int64),
+        np.empty(shape[0] * shape[1], np.int32),
+        np.zeros(1, np.int64),
+        gain,
+        needed,
+        most,
+    )
+
+
 @compiled
 def _is_inside(cells: Cells, row: int, column: int) -> bool:
     rows, columns = cells.live.shape
@@ -287,6 +301,15 @@ def _walk(
             _pass(cells, layer, row, column, now_ns)
             if cells.base[row, column] < 0:
                 _learn_free(cells, row, column)
+
+
+@compiled
+def learn_free(cells: Cells, places: NDArray[np.float64]) -> None:
+    """Note that cells in which places (n, 2) lie are free, unless the map knows better."""
+    for i in range(len(places)):
+        row, column = math.floor(places[i, 1]), math.floor(places[i, 0])
+        if _is_inside(cells, row, column) and cells.base[row, column] < 0:
+            _learn_free(cells, row, column)
 
 
 @compiled

@@ -22,7 +22,7 @@ _EDGE: float = 0.5
 """From a cell's centre to its edge [cells]: what a wall beside it is nearer than its centre."""
 
 
-_APART: float = 0.93
+APART: float = 0.93
 """A point is up to 0.71 from the centre of its cell, and a corner up to 0.21 nearer than the
 clearance says [cells]."""
 
@@ -89,6 +89,14 @@ class PlanningMap:
         local = self.grid.origin.inverse() @ pose
         side_m = self.grid.resolution_m
         return SE2(local.x_m / side_m, local.y_m / side_m, local.theta_rad)
+
+    def poses_to_cells(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return poses of `world` (n, 3) [m, m, rad] in the map's frame, in cells."""
+        origin = self.grid.origin
+        c, s = math.cos(origin.theta_rad), math.sin(origin.theta_rad)
+        away = (poses[:, :2] - (origin.x_m, origin.y_m)) / self.grid.resolution_m
+        places = away @ np.array([[c, -s], [s, c]])
+        return np.column_stack([places, poses[:, 2] - origin.theta_rad])
 
     def to_world(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return poses of the map's frame (n, 3) [cells, cells, rad] in `world`."""
@@ -167,7 +175,7 @@ def body_hits(
         px, py = discs[k, 0], discs[k, 1]
         row, column = int(np.floor(y + s * px + c * py)), int(np.floor(x + c * px - s * py))
         inside = 0 <= row < rows and 0 <= column < columns
-        if not inside or clearance[row, column] < discs[k, 2] + _APART:
+        if not inside or clearance[row, column] < discs[k, 2] + APART:
             is_far = False
             break
     if is_far:

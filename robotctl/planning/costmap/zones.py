@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,3 +30,15 @@ def cells_of(zone: Zone, grid: GridMap) -> NDArray[np.bool_]:
             crossing = ax + (rows + 0.5 - ay) / (by - ay) * (bx - ax)
             inside[rows] ^= np.arange(grid.shape[1]) + 0.5 > crossing[:, np.newaxis]
     return inside
+
+
+def speed_limits(grid: GridMap, zones: Sequence[Zone]) -> NDArray[np.float32] | None:
+    """Return the speed limit of each cell [m/s], inf where there is none; None: nowhere."""
+    slow = [zone for zone in zones if zone.speed_m_s > 0.0]
+    if not slow:
+        return None
+    limits = np.full(grid.shape, np.inf, np.float32)
+    for zone in slow:
+        inside = cells_of(zone, grid)
+        limits[inside] = np.minimum(limits[inside], zone.speed_m_s)
+    return limits

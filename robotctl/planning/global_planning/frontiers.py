@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.planning.costmap.planning_map import PlanningMap
-
-Point = tuple[float, float]
+from robotctl.planning.global_planning.plan import Point
 
 _EIGHT: Final = np.ones((3, 3), np.bool_)
 _SEES_M: Final = 1.0
@@ -28,13 +27,15 @@ class Frontier(NamedTuple):
     length_m: float
 
 
-def frontiers(space: PlanningMap, margin_m: float) -> list[Frontier]:
+def frontiers(space: PlanningMap, here: Point, margin_m: float) -> list[Frontier]:
     """Return the frontiers of a map that the robot can go to, as it is wide.
 
     Parameters
     ----------
     space
         Of which unknown cells are not blocked.
+    here
+        Where the robot is, in `world` [m].
     margin_m
         Between the robot and obstacles at its place [m].
     """
@@ -42,8 +43,8 @@ def frontiers(space: PlanningMap, margin_m: float) -> list[Frontier]:
     cells = space.grid.cells[first[0] : last[0], first[1] : last[1]]
     clearance = space.clearance[first[0] : last[0], first[1] : last[1]]
     free, unknown = cells == 0, cells < 0
-    wide = clearance >= space.inscribed
-    edge = free & wide & ndimage.binary_dilation(unknown)
+    wide = free & (clearance >= space.inscribed)
+    edge = _connected(space, wide, here, first) & ndimage.binary_dilation(unknown)
     labels, count = ndimage.label(edge, _EIGHT)
     side_m = space.grid.resolution_m
     roomy = np.argwhere(free & (clearance >= space.circumscribed + margin_m / side_m))
@@ -59,6 +60,18 @@ def frontiers(space: PlanningMap, margin_m: float) -> list[Frontier]:
             at, place = (_point(space, each + first) for each in (middle, roomy[nearest]))
             found.append(Frontier(at, place, len(members) * side_m))
     return found
+
+
+def _connected(
+    space: PlanningMap, wide: NDArray[np.bool_], here: Point, first: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return the cells with room for the robot that it can reach from its surroundings."""
+    areas, _ = ndimage.label(wide, _EIGHT)
+    row, column = space.grid.cell_of(np.array([here]))[0] - first
+    around = math.ceil(space.circumscribed) + 1
+    low_row, low_column = max(row - around, 0), max(column - around, 0)
+    near = areas[low_row : row + around + 1, low_column : column + around + 1]
+    return np.isin(areas, near[near > 0])
 
 
 def _known(space: PlanningMap) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

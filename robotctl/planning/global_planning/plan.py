@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import enum
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.global_planning.grid_search import Corners
+
+_STEP_RAD: Final = 0.1
 
 Point: TypeAlias = tuple[float, float]
 GoesOn: TypeAlias = Callable[[], bool]
@@ -129,6 +132,22 @@ class Plan:
     def length_m(self) -> float:
         """Length of the path [m]."""
         return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
+
+
+def facing(start: SE2, x_m: float, y_m: float) -> SE2:
+    """Return a place with the heading in which a straight path would come to it."""
+    return SE2(x_m, y_m, math.atan2(y_m - start.y_m, x_m - start.x_m))
+
+
+def dense(poses: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
+    """Return a path with poses in between, (n, 3), a step or 0.1 rad apart at most."""
+    pieces = [poses[:1]]
+    for a, b in itertools.pairwise(poses):
+        turn = math.remainder(b[2] - a[2], math.tau)
+        way = np.array([b[0] - a[0], b[1] - a[1], turn])
+        count = math.ceil(max(math.hypot(way[0], way[1]) / step_m, abs(turn) / _STEP_RAD, 1.0))
+        pieces.append(a + np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis] * way)
+    return np.concatenate(pieces)
 
 
 class Planner(Protocol):

@@ -96,6 +96,9 @@ class GuardStep(NamedTuple):
     """What limits it, as text; empty if nothing does."""
 
 
+_BLIND: Final = GuardStep(0.0, "the lidar gives no scans")
+
+
 class _View(NamedTuple):
     """One sonar and the wall it may see."""
 
@@ -130,7 +133,7 @@ class ObstacleGuard:
 
     Points of a lidar are exact: each counts where the body, here from nose to tail, would touch it
     on the arc that is asked for, or as it turns on the spot. Echoes do not hinder that, or a robot
-    in a corner would never leave it.
+    in a corner would never leave it. A robot whose lidar is silent stands where no sonar looks.
 
     Parameters
     ----------
@@ -138,9 +141,13 @@ class ObstacleGuard:
         See there.
     mounts
         The sonars, in the order of the ranges.
+    has_lidar
+        Whether the robot has a lidar, whose points are waited for.
     """
 
-    def __init__(self, config: GuardConfig, mounts: Sequence[SonarMount]) -> None:
+    def __init__(
+        self, config: GuardConfig, mounts: Sequence[SonarMount], *, has_lidar: bool = False
+    ) -> None:
         self._config = config
         self._corners = _corners(mounts, config.half_width_m)
         self._views = [_view(index, mount, self._corners) for index, mount in enumerate(mounts)]
@@ -148,6 +155,7 @@ class ObstacleGuard:
         self._cosine = math.cos(math.radians(config.cone_deg))
         self._history: list[list[float]] = []
         self._count = len(mounts)
+        self._has_lidar = has_lidar
         self.reset()
 
     def reset(self) -> None:
@@ -208,6 +216,8 @@ class ObstacleGuard:
         if v_m_s == 0.0:
             return self._on_the_spot(omega_rad_s)
         direction = math.copysign(1.0, v_m_s)
+        if self._is_blind and not self.looks(direction):
+            return _BLIND
         turn = omega_rad_s / abs(v_m_s)
         # Motion of a corner per distance of `base` on the arc: (d - k y, k x), curvature k.
         moves = [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
@@ -235,8 +245,15 @@ class ObstacleGuard:
         """Return the limit of the outermost corner, which brakes as the robot does."""
         if omega_rad_s == 0.0:
             return GuardStep(math.inf, "")
+        if self._is_blind and not self._views:
+            return _BLIND
         free_rad, place = self._free_way(0.0, math.copysign(1.0, omega_rad_s))
         return GuardStep(self._speed_for(free_rad * self.reach_m), place)
+
+    @property
+    def _is_blind(self) -> bool:
+        """Whether the lidar gives no points."""
+        return self._has_lidar and self._points is None
 
     def _free_way(self, direction: float, turn: float) -> tuple[float, str]:
         """Return the way of `base` until the body is `margin_m` from a point, and which.

@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.kind import Goal
-from robotctl.planning.global_planning.frontiers import (
-    Frontier,
-    Point,
-    frontiers,
-    known_area_m2,
-)
-from robotctl.planning.global_planning.plan import Plan
+from robotctl.planning.global_planning.frontiers import Frontier, frontiers, known_area_m2
+from robotctl.planning.global_planning.plan import Plan, Point
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -76,8 +71,9 @@ class Exploration(Behaviour):
         if self._journey is None or self._target is None:
             area_m2 = known_area_m2(self._pilot.space())
             return done(f"the map is complete: {area_m2:.1f} m2 of free floor")
+        was_in_trouble = self._journey.is_in_trouble
         step = self._journey.step(situation, now_ns)
-        if self._journey.is_in_trouble:
+        if self._journey.is_in_trouble and not was_in_trouble:
             self._look(situation.pose, now_ns)
         if step.status is not Status.RUNNING:
             self._left_out.append(self._target.middle)
@@ -87,41 +83,42 @@ class Exploration(Behaviour):
         return BehaviourOutput(step.v_m_s, step.omega_rad_s, text=text)
 
     def _look(self, pose: SE2, now_ns: int) -> None:
-        """Choose a frontier, unless the present one is still there."""
+        """Choose a frontier, unless the present one is still there, and the way to it."""
         self._looked_ns = now_ns
+        space, margin_m = self._pilot.space(), self._pilot.config.margin_m
         there = [
             each
-            for each in frontiers(self._pilot.space(), self._pilot.config.margin_m)
+            for each in frontiers(space, (pose.x_m, pose.y_m), margin_m)
             if not any(math.dist(each.middle, left_out) < _SAME_M for left_out in self._left_out)
         ]
         old, journey = self._target, self._journey
-        if old is not None and journey is not None:
-            is_there = any(math.dist(old.middle, each.middle) < _SAME_M for each in there)
-            if is_there and not journey.is_in_trouble:
+        others = [each for each in there if old is None or not _are_same(old, each)]
+        if old is not None and journey is not None and len(others) < len(there):
+            target = self._nearest(pose, others) if journey.is_in_trouble else None
+            if target is None:
                 return
-            others = [each for each in there if math.dist(old.middle, each.middle) >= _SAME_M]
-            target = self._nearest(pose, others)
-            if target is None and is_there:
-                return  # nothing else is left: the ladder goes on
-            if journey.is_in_trouble:
-                self._left_out.append(old.middle)
+            self._left_out.append(old.middle)
         else:
-            target = self._nearest(pose, there)
+            target = self._nearest(pose, there) or min(
+                there, key=lambda each: math.dist((pose.x_m, pose.y_m), each.place), default=None
+            )
         self._target, self._journey = target, None
         if target is not None:
             self._journey = self._pilot.journey(Goal(*target.place), self._speed_m_s)
 
     def _nearest(self, pose: SE2, found: list[Frontier]) -> Frontier | None:
-        """Return the frontier with the shortest path, of those that have one."""
+        """Return the one with the shortest path of the nearest frontiers; None: none has a path."""
         here = pose.x_m, pose.y_m
-        by_distance = sorted(found, key=lambda each: math.dist(here, each.place))
-        best, best_m, compared = None, math.inf, 0
-        for each in by_distance:
-            if compared == _COMPARED or math.dist(here, each.place) >= best_m:
+        best, best_m = None, math.inf
+        for each in sorted(found, key=lambda each: math.dist(here, each.place))[:_COMPARED]:
+            if math.dist(here, each.place) >= best_m:
                 break
             plan = self._pilot.plan(pose, Goal(*each.place))
-            if isinstance(plan, Plan):
-                compared += 1
-                if plan.length_m < best_m:
-                    best, best_m = each, plan.length_m
+            if isinstance(plan, Plan) and plan.length_m < best_m:
+                best, best_m = each, plan.length_m
         return best
+
+
+def _are_same(one: Frontier, other: Frontier) -> bool:
+    """Return whether two frontiers are one that has changed."""
+    return math.dist(one.middle, other.middle) < _SAME_M

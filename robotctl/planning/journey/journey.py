@@ -40,6 +40,10 @@ _STANDS_RAD_S: Final = 0.05
 _PROGRESS_M: Final = 0.5
 """Of way driven in which a robot counts as having got on [m]."""
 _WAIT_NS: Final = 2_500_000_000
+_BLIND_NS: Final = 10_000_000_000
+"""A robot that sees nothing for this long gives up [ns]."""
+_BEHIND_M: Final = (0.05, 0.1, 0.2)
+"""How far behind the robot the floor has to be known for it to drive backwards [m]."""
 _BACK_M: Final = 0.3
 _BACK_M_S: Final = 0.15
 _TURN_RAD_S: Final = 0.7
@@ -89,6 +93,7 @@ class Journey(Behaviour):
         self._planned_ns = 0
         self._attempt: _Attempt | None = None
         self._stuck_ns: int | None = None
+        self._blind_ns = 0
         self._driven_m = 0.0
         self._last: SE2 | None = None
         self._pilot.controller.reset()
@@ -107,7 +112,11 @@ class Journey(Behaviour):
         """Return the next velocity; done at the goal."""
         pose = situation.pose
         if blindness := self._pilot.blindness:
+            self._blind_ns = self._blind_ns or now_ns
+            if now_ns - self._blind_ns > _BLIND_NS:
+                return failed(f"{blindness} for {_BLIND_NS / 1e9:g} s")
             return BehaviourOutput(0.0, 0.0, text=f"waiting: {blindness}")
+        self._blind_ns = 0
         self._note_progress(pose)
         if self._attempt is not None:
             output = self._recover(self._attempt, situation, now_ns)
@@ -122,7 +131,7 @@ class Journey(Behaviour):
                     return failed(why)
                 return self._in_trouble(answer.text, pose, now_ns)
             self._route = route = answer
-        motion = self._follow(situation, route.plan)
+        motion = self._looked_at(pose, self._follow(situation, route.plan))
         if motion.arrived or self._is_there(pose):
             return done()
         if self._is_stuck(situation, motion, now_ns):
@@ -179,6 +188,17 @@ class Journey(Behaviour):
             )
         )
 
+    def _looked_at(self, pose: SE2, motion: LocalMotion) -> LocalMotion:
+        """Return a motion; none backwards where nothing has seen yet what is there."""
+        if motion.v_m_s >= 0.0:
+            return motion
+        turn = motion.omega_rad_s / motion.v_m_s
+        behind = _poses(pose, [SE2.exp(-x_m, 0.0, -x_m * turn) for x_m in _BEHIND_M])
+        if self._pilot.is_known(behind):
+            return motion
+        text = "no sensor has seen what is behind"
+        return motion._replace(v_m_s=0.0, omega_rad_s=0.0, blocked=True, text=text)
+
     def _is_stuck(self, situation: BehaviourInput, motion: LocalMotion, now_ns: int) -> bool:
         """Return whether the robot has stood for too long though it is not there."""
         twist = situation.twist
@@ -206,25 +226,27 @@ class Journey(Behaviour):
         self, attempt: _Attempt, situation: BehaviourInput, now_ns: int
     ) -> BehaviourOutput | None:
         """Return the motion of an attempt; None once it has ended."""
-        pose, v, omega = situation.pose, 0.0, 0.0
+        pose, pilot = situation.pose, self._pilot
         spent_ns = now_ns - attempt.begin_ns
+        v, omega = 0.0, 0.0
         if attempt.rung is Rung.WAIT:
             goes_on = spent_ns < _WAIT_NS
         elif attempt.rung is Rung.BACK_OFF:
             v = -_BACK_M_S
+            behind = _poses(pose, [SE2(-x_m, 0.0, 0.0) for x_m in _BEHIND_M])
             goes_on = math.dist((pose.x_m, pose.y_m), attempt.begin) < _BACK_M
-            ahead = [SE2(-x_m, 0.0, 0.0) for x_m in (0.05, 0.1, 0.2)]
+            goes_on &= pilot.is_known(behind) and not pilot.touches(behind)
         elif attempt.rung is Rung.LOOK_AROUND:
             omega = _TURN_RAD_S
             attempt.turned_rad += abs(wrap_angle(pose.theta_rad - attempt.last_rad))
             attempt.last_rad = pose.theta_rad
-            goes_on = attempt.turned_rad < math.tau
-            ahead = [SE2(0.0, 0.0, turn_rad) for turn_rad in (0.1, 0.2, 0.4)]
+            turned = _poses(pose, [SE2(0.0, 0.0, turn_rad) for turn_rad in (0.1, 0.2, 0.4)])
+            goes_on = attempt.turned_rad < math.tau and not pilot.touches(turned)
         else:
             goes_on = False
-        if goes_on and (v or omega):
-            goes_on = spent_ns < _TRY_NS and not self._pilot.touches(_poses(pose, ahead))
-        return BehaviourOutput(v, omega, text=attempt.text) if goes_on else None
+        if not goes_on or spent_ns > _TRY_NS:
+            return None
+        return BehaviourOutput(v, omega, text=attempt.text)
 
 
 class _Attempt:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -29,6 +29,7 @@ from robotctl.planning.global_planning.plan import (
     PlanFailure,
     PlannerConfig,
     Reason,
+    facing,
 )
 from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.journey.exploration import Exploration
@@ -45,8 +46,20 @@ _LOOK_M: Final = 4.0
 _WIDER: Final = 1.3
 """Than its smallest circle a path of a robot that steers is bent, so that it can be corrected."""
 _NO_ROOM: Final = frozenset({Reason.START_BLOCKED, Reason.NOT_FOUND})
-_WAYS_OUT_M: Final = (-0.1, 0.1, -0.2, 0.2, -0.4, 0.4)
-"""Straight on or back, to where there is room [m]."""
+_FOR_EVER: Final = frozenset(
+    {
+        Reason.GOAL_OFF_MAP,
+        Reason.GOAL_BLOCKED,
+        Reason.NO_PASSAGE,
+        Reason.ONLY_THROUGH_UNKNOWN,
+    }
+)
+"""Reasons that stay as long as the map is right; others may be those of the robot's own place."""
+_WAYS_OUT_M: Final = (
+    *((-0.1, 0.0), (0.1, 0.0), (0.0, 0.05), (0.0, -0.05), (-0.2, 0.0), (0.2, 0.0)),
+    *((0.0, 0.1), (0.0, -0.1), (-0.4, 0.0), (0.4, 0.0)),
+)
+"""From a place without room to one with: on and to the left [m]."""
 _CELL_M: Final = 0.05
 """Of a map that the robot makes itself."""
 _AROUND_M: Final = 20.0
@@ -69,8 +82,8 @@ class MapPilot:
         Where it starts.
     has_lidar
         Whether it has one, without whose scans it stands.
-    goes_on
-        Asked in a search now and then whether there is time left.
+    budget
+        Called at each step; returns what its searches ask now and then, whether there is time left.
 
     Attributes
     ----------
@@ -96,7 +109,7 @@ class MapPilot:
         home: SE2,
         *,
         has_lidar: bool,
-        goes_on: GoesOn = lambda: True,
+        budget: Callable[[], GoesOn] = lambda: lambda: True,
     ) -> None:
         wanted = config.pilot
         planner = wanted.planner or ("hybrid" if drive.steered else "astar")
@@ -113,7 +126,8 @@ class MapPilot:
         self._mounts = mounts
         self._grid = grid
         self._has_lidar = has_lidar
-        self._goes_on = goes_on
+        self._budget = budget
+        self._goes_on = budget()
         self._full_speed_m_s = limits.v_max_m_s
         paths = PlannerConfig(
             margin_m=wanted.margin_m,
@@ -189,7 +203,8 @@ class MapPilot:
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
-        self._now_ns = now_ns
+        self._now_ns, self._goes_on = now_ns, self._budget()
+        self._map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
             if scan.stamp_ns > self._scan_ns:
                 self._scan_ns = scan.stamp_ns
@@ -243,7 +258,7 @@ class MapPilot:
 
     def plan(self, pose: SE2, goal: Goal) -> Plan | PlanFailure:
         """Return the path from a pose to a goal through what is known now."""
-        there = _end(pose, goal)
+        there = _as_pose(pose, goal)
         space = self._map.space()
         here = space.to_cells(there)
         if self._grid is None and not space.contains(here.x_m, here.y_m):
@@ -255,29 +270,27 @@ class MapPilot:
         """Return a path.
 
         Where the robot has no room to turn, or stands nearer to something than its outline allows,
-        it first drives straight out of there.
+        the path begins beside it: straight on or back, which it drives first, or a little to the
+        side, where the local controller gets away from what is too near.
         """
         answer = self._planner.plan(space, start, goal, self._goes_on)
         if not isinstance(answer, PlanFailure) or answer.reason not in _NO_ROOM:
             return answer
-        for way_m in _WAYS_OUT_M:
-            out = start @ SE2(way_m, 0.0, 0.0)
+        for on_m, aside_m in _WAYS_OUT_M:
+            out = start @ SE2(on_m, aside_m, 0.0)
             other = self._planner.plan(space, out, goal, self._goes_on)
             if isinstance(other, Plan):
-                first = [start.x_m, start.y_m, start.theta_rad]
-                return replace(
-                    other,
-                    poses=np.vstack([first, other.poses]),
-                    reverse=np.concatenate([[way_m < 0.0], other.reverse]),
-                )
+                return other if aside_m else _led_by(start, other, reverse=on_m < 0.0)
         return answer
 
     def hopeless(self, pose: SE2, goal: Goal) -> str:
         """Return why the goal could not be reached if nothing but the map were there; else ""."""
         if self._grid is None:
             return ""
-        answer = self._find(self._given, pose, _end(pose, goal))
-        return answer.text if isinstance(answer, PlanFailure) else ""
+        answer = self._find(self._given, pose, _as_pose(pose, goal))
+        if isinstance(answer, PlanFailure) and answer.reason in _FOR_EVER:
+            return answer.text
+        return ""
 
     def space(self) -> PlanningMap:
         """Return all that is known now."""
@@ -286,6 +299,10 @@ class MapPilot:
     def touches(self, poses: NDArray[np.float64]) -> bool:
         """Return whether the body touches something at one of the poses (n, 3) of `world`."""
         return bool(len(poses)) and bool(self._map.collides(poses).any())
+
+    def is_known(self, poses: NDArray[np.float64]) -> bool:
+        """Return whether all under the body at poses (n, 3) of `world` is known."""
+        return self._map.is_known(poses)
 
     def space_around(self, pose: SE2) -> PlanningMap:
         """Return what the local controller looks at."""
@@ -296,9 +313,15 @@ class MapPilot:
         return self._map.speed_limit_at(pose.x_m, pose.y_m)
 
 
-def _end(pose: SE2, goal: Goal) -> SE2:
+def _as_pose(pose: SE2, goal: Goal) -> SE2:
     """Return a goal as a pose: where any heading will do, that in which the robot would come."""
-    heading_rad = goal.heading_rad
-    if heading_rad is None:
-        heading_rad = math.atan2(goal.y_m - pose.y_m, goal.x_m - pose.x_m)
-    return SE2(goal.x_m, goal.y_m, heading_rad)
+    if goal.heading_rad is None:
+        return facing(pose, goal.x_m, goal.y_m)
+    return SE2(goal.x_m, goal.y_m, goal.heading_rad)
+
+
+def _led_by(start: SE2, plan: Plan, *, reverse: bool) -> Plan:
+    """Return a path with a straight piece before it."""
+    first = [start.x_m, start.y_m, start.theta_rad]
+    poses = np.vstack([first, plan.poses])
+    return replace(plan, poses=poses, reverse=np.concatenate([[reverse], plan.reverse]))

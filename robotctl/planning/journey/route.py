@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.geometry.se2 import SE2
-from robotctl.planning.global_planning.plan import Plan
+from robotctl.planning.global_planning.plan import Plan, dense
 
 _STEP_M: Final = 0.05
-_STEP_RAD: Final = 0.1
-"""Between two places that are looked at [m], [rad]."""
+"""Between two places that are looked at [m]."""
 _AHEAD_M: Final = 2.0
 """Along the path, in which the nearest place is looked for [m]."""
 
@@ -30,7 +27,7 @@ class Route:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self._places = _dense(plan.poses)
+        self._places = dense(plan.poses, _STEP_M)
         steps = np.hypot(*np.diff(self._places[:, :2], axis=0).T)
         self._along_m = np.concatenate([[0.0], np.cumsum(steps)])
         self._at = 0
@@ -53,14 +50,3 @@ class Route:
     def rest(self) -> NDArray[np.float64]:
         """The rest of its places, (n, 3), no farther apart than a body's outline can miss."""
         return self._places[self._at :]
-
-
-def _dense(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a path with poses in between, (n, 3)."""
-    pieces = [poses[:1]]
-    for a, b in itertools.pairwise(poses):
-        turn = math.remainder(b[2] - a[2], math.tau)
-        way = np.array([b[0] - a[0], b[1] - a[1], turn])
-        count = math.ceil(max(math.hypot(way[0], way[1]) / _STEP_M, abs(turn) / _STEP_RAD, 1.0))
-        pieces.append(a + np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis] * way)
-    return np.concatenate(pieces)

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
 from robotctl.model.footprint import Footprint
+from robotctl.planning.costmap.planning_map import APART
 
-_APART: Final = 0.93
-"""Distance of a point from blocked cells may be this much smaller than its cell's clearance: the
-point is up to 0.71 from the centre, and a corner up to 0.21 nearer than the clearance says."""
 SPACING: Final = 0.25
 """Between two points of the outline."""
 COARSE: Final = 1.0
@@ -94,7 +92,7 @@ def gap(
 ) -> float:
     """Return about how far a body is from blocked cells; `TOUCH` where its outline is in one.
 
-    From `_APART` on, it is free to move so far less `_APART`. `c`, `s`: cosine and sine of its
+    From `APART` on, it is free to move so far less `APART`. `c`, `s`: cosine and sine of its
     heading. The arrays are those of `Surroundings` and `Body`: taking them out of there would cost
     as much as the rest, so callers do it once.
     """
@@ -107,7 +105,7 @@ def gap(
             near = -1.0
             break
         near = min(near, clearance[np.uint32(row), np.uint32(column)] - discs[k, 2])
-    if near >= _APART:
+    if near >= APART:
         return near
     k = 0
     while k < len(outline):
@@ -120,8 +118,8 @@ def gap(
             return TOUCH
         k += 1
         # Round this point nothing is nearer than that: the next ones in it need no look.
-        if clear > _APART + 2.0 * spacing:
-            k += int((clear - _APART) / spacing) - 1
+        if clear > APART + 2.0 * spacing:
+            k += int((clear - APART) / spacing) - 1
     return max(near, 0.0)
 
 
@@ -176,7 +174,7 @@ def can_stop(
         free = gap(clearance, outline, SPACING, discs, x, y, c, s)
         if free == TOUCH:
             return False
-        step = max(free - _APART, SPACING)
+        step = max(free - APART, SPACING)
         if len(space.moving):
             # From the length of the way to the time: even at first, then ever slower.
             left_s = max(whole_s * (1.0 - share), 0.0)

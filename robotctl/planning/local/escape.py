@@ -1,8 +1,8 @@
 """The way out for a robot that stands nearer to something than it would ever have driven.
 
 A map that changes, a pose that was corrected or a person may bring something so near that every
-motion begins within the margin. Then the exact distance counts: the robot creeps where it never
-comes nearer than it is, and gets away farthest.
+motion begins within the margin, or in contact by the map. Then the exact distance counts: the robot
+creeps where it never comes nearer than it is, and gets away farthest.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def way_out(problem: Problem, body: Body) -> tuple[float, float]:
     motion, blocked = problem.motion, problem.space.blocked
     x, y, angle = problem.pose
     here = separation(blocked, body, x, y, float(np.cos(angle)), float(np.sin(angle)))
-    best, chosen = max(here, 0.0) + 0.05, (0.0, 0.0)
+    best, chosen = here + 0.05, (0.0, 0.0)
     for i in range(3):
         for k in range(len(_TURNS)):
             v = (i - 1) * motion.creep
@@ -96,6 +96,6 @@ def way_out(problem: Problem, body: Body) -> tuple[float, float]:
                 c, s = float(np.cos(angle + 2.0 * half)), float(np.sin(angle + 2.0 * half))
                 last = separation(blocked, body, there_x, there_y, c, s)
                 least = min(least, last)
-            if least >= here - _NEARER and least > 0.0 and last > best:
+            if least >= here - _NEARER and last > best:
                 best, chosen = last, (v, omega)
     return chosen

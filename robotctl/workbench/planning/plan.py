@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import itertools
 import json
 import math
 import time
@@ -22,7 +21,14 @@ from robotctl.model.footprint import Footprint
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.planning_map import PlanningMap
-from robotctl.planning.global_planning.plan import Plan, PlanFailure, Planner, PlannerConfig
+from robotctl.planning.global_planning.plan import (
+    Plan,
+    PlanFailure,
+    Planner,
+    PlannerConfig,
+    dense,
+    facing,
+)
 from robotctl.planning.global_planning.planners import PLANNERS
 from robotctl.planning.guard.body import body_outline
 from robotctl.toml_source import nearest
@@ -152,7 +158,7 @@ def make_plan(options: PlanOptions) -> PlanResult:
         grid = load_localisation_map(options.map, Path()).grid
         space = PlanningMap(grid, body_outline(robot.navigation.guard, robot.sonar))
         start, goal = (_pose(name, getattr(options, name)) for name in ("start", "goal"))
-        goal = goal if len(options.goal) == 3 else _facing(start, goal)
+        goal = goal if len(options.goal) == 3 else facing(start, goal.x_m, goal.y_m)
         # A robot that could turn on the spot, and is to drive without, turns in its own width.
         radius_m = robot.drive.min_turning_radius_m or 2.0 * space.footprint.inscribed_m
         config = PlannerConfig(seed=options.seed, turning_radius_m=radius_m)
@@ -176,17 +182,8 @@ def _compile(planner: Planner, footprint: Footprint) -> None:
 
 def min_clearance_m(space: PlanningMap, plan: Plan) -> float:
     """Return the smallest gap between the body and blocked cells along a path [m]."""
-    poses = np.array([
-        [each.x_m, each.y_m, each.theta_rad]
-        for each in (space.to_cells(SE2(*pose)) for pose in plan.poses.tolist())
-    ])  # fmt: skip
-    between = [poses[:1]]
-    for a, b in itertools.pairwise(poses):
-        count = max(1, math.ceil(math.dist(a[:2], b[:2]) / _STEP))
-        share = np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis]
-        turn = math.remainder(b[2] - a[2], math.tau)
-        between.append(a + share * np.array([b[0] - a[0], b[1] - a[1], turn]))
-    return float(space.gaps_m(np.concatenate(between)).min())
+    path = dense(plan.poses, _STEP * space.grid.resolution_m)
+    return float(space.gaps_m(space.poses_to_cells(path)).min())
 
 
 def write_path(result: PlanResult, file: Path) -> None:
@@ -209,11 +206,6 @@ def _pose(name: str, numbers: tuple[float, ...]) -> SE2:
         raise ConfigError(f"--{name}: {_words(numbers)} found; x,y or x,y,deg is allowed")
     heading_deg = numbers[2] if len(numbers) == 3 else 0.0
     return SE2(numbers[0], numbers[1], math.radians(heading_deg))
-
-
-def _facing(start: SE2, goal: SE2) -> SE2:
-    """Return the goal with the heading in which a straight path would come to it."""
-    return SE2(goal.x_m, goal.y_m, math.atan2(goal.y_m - start.y_m, goal.x_m - start.x_m))
 
 
 def _cell(grid: GridMap, name: str, numbers: tuple[float, ...]) -> SE2:

@@ -43,44 +43,48 @@ def two_rooms(door_m):
     return cells
 
 
-def scan_of(cells, pose, stamp_ns):
+def scan_of(cells, pose, stamp_ns, beams=BEAMS):
     """Return what a lidar at `base` sees: each beam walks in steps of a fifth of a cell."""
     steps = np.arange(0.0, REACH_M, 0.2 * SIDE_M)
-    angles = pose.theta_rad + BEAMS[:, np.newaxis]
+    angles = pose.theta_rad + beams[:, np.newaxis]
     rows = np.floor((pose.y_m + steps * np.sin(angles)) / SIDE_M).astype(int)
     columns = np.floor((pose.x_m + steps * np.cos(angles)) / SIDE_M).astype(int)
     inside = (rows >= 0) & (rows < cells.shape[0]) & (columns >= 0) & (columns < cells.shape[1])
     hits = np.zeros(rows.shape, bool)
     hits[inside] = cells[rows[inside], columns[inside]] > 0
     ranges = np.where(hits.any(axis=1), steps[hits.argmax(axis=1)], math.inf)
-    return RangeScan(stamp_ns, BEAMS.copy(), ranges, REACH_M)
+    return RangeScan(stamp_ns, beams.copy(), ranges, REACH_M)
 
 
 class Bench:
     """A robot in a true world, with a map of it or none."""
 
-    def __init__(self, world, grid=None, start=START, config=None):
+    def __init__(self, world, grid=None, start=START, config=None, beams=BEAMS, **kwargs):
         self.world = world
         self.pose, self.twist, self.now_ns = start, Twist(0.0, 0.0), 0
         given = None if grid is None else GridMap(grid, SIDE_M)
         self.pilot = MapPilot(
-            config or NavigationConfig(), DRIVE, LIMITS, BODY, (), given, start, has_lidar=True
-        )
+            config or NavigationConfig(), DRIVE, LIMITS, BODY, (), given, start,
+            has_lidar=True, **kwargs,
+        )  # fmt: skip
+        self.beams = beams
         self.sees = True
         self.texts = []
 
     def look(self):
         """Give the pilot a scan."""
-        scans = ((self.pose, scan_of(self.world, self.pose, self.now_ns)),)
+        scans = ((self.pose, scan_of(self.world, self.pose, self.now_ns, self.beams)),)
         self.pilot.see(self.pose, Seen(SE2(), scans if self.sees else ()), self.now_ns)
 
-    def move(self, v, omega):
+    def move(self, v, omega, *, checked=True):
         """Move for a step, with the accelerations of the limits; the body must stay free."""
         v += max(min(v - self.twist.v_m_s, 2.0 * DT_S), -2.0 * DT_S) - (v - self.twist.v_m_s)
         turn = max(min(omega - self.twist.omega_rad_s, 6.0 * DT_S), -6.0 * DT_S)
         self.twist = Twist(v, self.twist.omega_rad_s + turn)
         self.pose = self.pose @ SE2.exp(v * DT_S, 0.0, self.twist.omega_rad_s * DT_S)
         self.now_ns += round(DT_S * 1e9)
+        if not checked:
+            return
         space = PlanningMap(GridMap(self.world, SIDE_M), BODY)
         here = space.to_cells(self.pose)
         assert not space.collides(np.array([[here.x_m, here.y_m, here.theta_rad]]))[0], self.pose

@@ -50,7 +50,7 @@ def test_a_frontier_lies_where_known_floor_ends_and_has_a_place_with_room_to_tur
     cells[1:-1, 80:] = -1
     space = PlanningMap(GridMap(cells, 0.05), Footprint(((0.2, -0.2), (0.2, 0.2), (-0.2, 0.0))),
                         through_unknown=True)  # fmt: skip
-    (found,) = frontiers(space, 0.05)
+    (found,) = frontiers(space, (1.0, 2.0), 0.05)
     assert found.middle == pytest.approx((3.975, 2.0), abs=0.051)
     assert found.length_m == pytest.approx(4.0 - 2 * 0.05 - 2 * space.inscribed * 0.05, abs=0.16)
     here = space.to_cells(SE2(*found.place, 0.0))
@@ -62,4 +62,12 @@ def test_a_frontier_lies_where_known_floor_ends_and_has_a_place_with_room_to_tur
 
 def test_without_anything_unknown_there_is_no_frontier():
     space = PlanningMap(GridMap(room(), 0.05), Footprint(), through_unknown=True)
-    assert frontiers(space, 0.05) == []
+    assert frontiers(space, (1.0, 2.0), 0.05) == []
+
+
+def test_a_frontier_behind_a_wall_counts_only_for_a_robot_there():
+    cells = two_rooms(0.0)
+    cells[1:-1, 100:] = -1
+    space = PlanningMap(GridMap(cells, 0.05), Footprint(), through_unknown=True)
+    assert frontiers(space, (1.0, 2.0), 0.05) == []
+    assert len(frontiers(space, (4.0, 2.0), 0.05)) == 1

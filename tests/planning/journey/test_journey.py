@@ -2,13 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.config import NavigationConfig, PilotConfig
 from robotctl.planning.guard.behaviour import Status
 from robotctl.planning.journey.recovery import LADDER, Ladder, Rung
-from tests.planning.journey.bench import Bench, room, two_rooms
+from tests.planning.journey.bench import SIDE_M, Bench, room, two_rooms
 
 
 def test_it_arrives_through_a_door_with_the_heading_that_was_asked_for():
@@ -77,6 +79,61 @@ def test_without_scans_it_stands_and_with_new_ones_it_drives_on():
             assert bench.texts[-1] == "waiting: the lidar gives no scans"
 
     assert bench.drive(5.0, 2.0, each=blinks).status is Status.DONE
+
+
+def test_a_robot_that_stays_blind_gives_up():
+    bench = Bench(room(), room())
+    bench.sees = False
+    end = bench.drive(5.0, 2.0)
+    assert end.text == "the lidar gives no scans for 10 s"
+    assert 9.0 < bench.now_ns * 1e-9 < 11.0
+
+
+def test_nothing_is_driven_backwards_where_no_sensor_has_seen_the_floor():
+    """The goal is behind a robot in a passage too narrow to turn, whose lidar looks ahead only."""
+    world = np.full((80, 120), 100, np.int8)
+    world[36:44, 10:110] = 0
+    ahead = np.linspace(-2.0, 2.0, 120)
+    bench = Bench(world, start=SE2(4.0, 2.0, 0.0), beams=ahead)
+    known = np.zeros(world.shape, bool)
+
+    def looks(bench):
+        space = bench.pilot.space()
+        rows, columns = np.nonzero(world == 0)
+        places = np.column_stack([columns + 0.5, rows + 0.5]) * SIDE_M
+        known[rows, columns] = space.grid.cells[tuple(space.grid.cell_of(places).T)] == 0
+        if bench.twist.v_m_s < -0.01:
+            behind = bench.pose.apply(-0.16, 0.0)
+            assert known[int(behind[1] / SIDE_M), int(behind[0] / SIDE_M)]
+
+    end = bench.drive(1.0, 2.0, seconds=60.0, each=looks)
+    assert end.status is Status.FAILED
+    assert bench.pose.x_m > 3.9
+
+
+def test_the_time_for_planning_is_that_of_a_step_and_its_end_is_no_reason_to_give_up_for_good():
+    steps = []
+
+    def budget():
+        steps.append(0)
+        late = len(steps) < 20
+        return lambda: not late
+
+    world = np.zeros((700, 700), np.int8)
+    world[:650, 350] = 100
+    bench = Bench(world, world, budget=budget)
+    end = bench.drive(30.0, 5.0, seconds=6.0)
+    assert end is None
+    assert any(text.startswith(f"{Rung.WAIT.value}: the time was over") for text in bench.texts)
+    assert bench.texts[-1].endswith("m to go")
+
+
+def test_a_robot_whose_nose_is_in_a_wall_by_its_map_drives_out_of_there():
+    """By 15 mm, as a localiser errs: that is no reason against the goal."""
+    cells = room()
+    bench = Bench(cells, cells, start=SE2(2.0, 0.235, -math.pi / 2))
+    bench.move = lambda v, omega: Bench.move(bench, v, omega, checked=False)
+    assert bench.drive(5.0, 2.0).status is Status.DONE
 
 
 def test_a_planner_that_there_is_not_is_refused_with_those_that_there_are():

@@ -1,0 +1,73 @@
+"""What a step of the navigator depends on, and what it decides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from robotctl.messages.mode import Mode
+from robotctl.messages.requests import Request
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.guard.obstacle_guard import Point
+
+
+class NavigationInputs(NamedTuple):
+    """All that a step depends on."""
+
+    pose: SE2
+    """`base` in `world`; in `odom` until its place in that is known, and not `localised` then."""
+    twist: Twist
+    """Present velocity of `base`."""
+    ranges_m: tuple[float, ...]
+    """One range for each sonar mount [m]: inf without echo, nan if missing, faulty or stale.
+
+    Any other number of ranges counts as all missing.
+    """
+    heard_ns: tuple[int, ...]
+    """When each range came [ns]: one that came before the last step is not taken again."""
+    enabled: bool
+    """The control core follows commands now: armed and without fault."""
+    requests: tuple[Request, ...] = ()
+    """Requests since the last step, oldest first."""
+    localised: bool = True
+    """The pose is more than a guess."""
+    attended: bool = True
+    """Whether the required operator is present."""
+    heard: bool = True
+    """The control core has published recently; otherwise it is not `enabled` either."""
+    floor_base: Sequence[Point] = ()
+    """Points on the floor not to be driven over."""
+    epoch: tuple[int, int] = (0, 0)
+    """Changes when the pose jumps, since the robot was found elsewhere: `WorldPose.epoch`."""
+    scans: Sequence[tuple[SE2, RangeScan]] = ()
+    """Scans of a lidar since the last step, each with `base` in `odom` at its time."""
+    T_world_odom: SE2 = SE2()
+    """The drift of `odom` now."""
+
+
+class NavigationOutputs(NamedTuple):
+    """What a step decides; `item` counts from 0 and equals `items` once all are done."""
+
+    v_m_s: float
+    omega_rad_s: float
+    mode: Mode
+    item: int
+    items: int
+    item_name: str
+    mission_completed: bool
+    mission_failed: bool
+    message: str
+    item_s_m: float
+    """Distance along an item that is a path or a wall [m]."""
+    held: bool = False
+    """Whether `message` says why the robot went to HOLD by itself."""
+    plans: int = 0
+    """Paths taken in driving by plan, since the start."""
+    recoveries: int = 0
+    """Tries to get on again."""
+    goals: int = 0
+    """Positions taken in GUIDED."""
+    goal_reached: bool | None = None
+    """How the last of them ended; None: it is under way, or was given up for something else."""
