@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from typing import Final, TypeAlias
 
@@ -10,7 +9,14 @@ import zmq
 
 from robotctl.app.supervision.running_robot import running
 from robotctl.errors import RobotctlError
-from robotctl.messages.control import ControlState, NavigationState, Notice, PositionTarget, SetMode
+from robotctl.messages.control import (
+    ControlState,
+    NavigationRequest,
+    NavigationState,
+    Notice,
+    PositionTarget,
+    SetMode,
+)
 from robotctl.messages.mode import Mode
 from robotctl.messages.ports import Clock
 from robotctl.runtime.clock import RealClock
@@ -19,8 +25,8 @@ from robotctl.safety.state_machine import POWERED
 
 _Heard: TypeAlias = ControlState | NavigationState | Notice
 
-_ANSWER_S: Final = 3.0
-_POLL_S: Final = 0.05
+_ANSWER_NS: Final = 3_000_000_000
+_POLL_NS: Final = 50_000_000
 
 
 class RefusedError(RobotctlError):
@@ -34,6 +40,8 @@ class RemoteRobot:
     ----------
     instance
         Its name; empty: the only one that runs.
+    clock
+        That of the requests, and of waiting for answers.
 
     Raises
     ------
@@ -41,13 +49,13 @@ class RemoteRobot:
         If there is none.
     """
 
-    def __init__(self, instance: str = "") -> None:
+    def __init__(self, instance: str = "", clock: Clock | None = None) -> None:
         endpoints = running(instance)
         self._context = zmq.Context()
         published = endpoints.control_state, endpoints.navigation_state
         self._states = Subscriber[_Heard](self._context, published, _Heard)
         self._to_navigation = RequestSender(self._context, endpoints.navigation_requests)
-        self._clock: Clock = RealClock()
+        self._clock = clock or RealClock()
         self.control: ControlState | None = None
         self.navigation: NavigationState | None = None
 
@@ -91,10 +99,9 @@ class RemoteRobot:
                 f"the robot is not armed ({control.state.name.lower().replace('_', ' ')}"
                 f"{': ' + control.reason if control.reason else ''}); arm it first"
             )
-        self._to_navigation.send(SetMode(self._clock.now_ns(), Mode.GUIDED))
+        self._ask(lambda now_ns: SetMode(now_ns, Mode.GUIDED))
         self._await(lambda: self._is_guided, self._why)
-        goal = PositionTarget(self._clock.now_ns(), x_m, y_m, heading_rad)
-        self._to_navigation.send(goal)
+        self._ask(lambda now_ns: PositionTarget(now_ns, x_m, y_m, heading_rad))
         self._await(lambda: self._goals > before.goals, self._why)
         while True:
             _, state = self._seen()
@@ -107,9 +114,16 @@ class RemoteRobot:
 
     def hold(self) -> None:
         """Let it stand."""
-        self._to_navigation.send(SetMode(self._clock.now_ns(), Mode.HOLD))
+        self._ask(lambda now_ns: SetMode(now_ns, Mode.HOLD))
         self._await(
             lambda: self.navigation is not None and self.navigation.mode is Mode.HOLD, self._why
+        )
+
+    def _ask(self, request: Callable[[int], NavigationRequest]) -> None:
+        """Send a request of a time as soon as navigation takes it."""
+        self._await(
+            lambda: self._to_navigation.send(request(self._clock.now_ns())),
+            lambda: "navigation takes no requests",
         )
 
     @property
@@ -138,15 +152,15 @@ class RemoteRobot:
         RefusedError
             If it is not, in time.
         """
-        deadline_s = time.monotonic() + _ANSWER_S
+        deadline_ns = self._clock.now_ns() + _ANSWER_NS
         while not is_so():
-            if time.monotonic() > deadline_s:
+            if self._clock.now_ns() > deadline_ns:
                 raise RefusedError(why_not())
             self._listen()
 
     def _listen(self) -> None:
         """Take what the robot says in the next moment."""
-        time.sleep(_POLL_S)
+        self._clock.sleep_until(self._clock.now_ns() + _POLL_NS)
         for message in self._states.receive():
             if isinstance(message, ControlState):
                 self.control = message

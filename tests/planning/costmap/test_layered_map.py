@@ -329,3 +329,32 @@ def test_a_zone_that_makes_no_sense_is_refused_by_name(key, change):
 def test_settings_out_of_range_are_refused_by_name(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         LayersConfig(**change)
+
+
+def test_the_floor_is_known_where_the_robot_stands_and_where_a_sensor_has_looked():
+    live = open_map()
+    behind, ahead = (np.array([[HERE.x_m + x, HERE.y_m, 0.0]]) for x in (-0.5, 0.5))
+    assert not live.is_known(np.array([[HERE.x_m, HERE.y_m, HERE.theta_rad]]))
+    live.stand_at(HERE)
+    assert live.is_known(np.array([[HERE.x_m, HERE.y_m, HERE.theta_rad]]))
+    assert not live.is_known(ahead)
+    seen = scan(HERE, ROOM, beams=720)
+    front = np.abs(seen.angles_rad) < 2.0
+    live.see_scan(
+        HERE, RangeScan(0, seen.angles_rad[front], seen.ranges_m[front], seen.max_range_m), 0
+    )
+    assert live.is_known(ahead)
+    assert not live.is_known(behind)
+    assert not live.is_known(np.array([[-50.0, 0.0, 0.0]]))
+
+
+def test_what_is_not_seen_now_can_be_forgotten_and_the_floor_stays_known():
+    live, wall = open_map(), [(2.0, 0.5, 2.0, 2.5)]
+    for now_ns in range(0, 3 * TENTH_NS, TENTH_NS):
+        live.see_scan(HERE, scan(HERE, wall, beams=720), now_ns)
+    assert is_blocked(live, 2.02, 1.5)
+    live.forget_unseen(2 * TENTH_NS)
+    assert is_blocked(live, 2.02, 1.5)
+    live.forget_unseen(3 * TENTH_NS)
+    assert not is_blocked(live, 2.02, 1.5)
+    assert live.is_known(np.array([[1.5, 1.6, 0.0]]))

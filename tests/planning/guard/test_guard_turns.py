@@ -13,9 +13,10 @@ import pytest
 from robotctl.messages.requests import VelocityRequest
 from robotctl.model.drives.drives import DifferentialDrive
 from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.guarded import limited
 from robotctl.planning.guard.behaviour import BehaviourOutput
-from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.guard.obstacle_guard import GuardConfig, GuardStep, ObstacleGuard
 from robotctl.planning.remote_velocity import guided_velocity
 from tests.planning.costmap.rays import box, ranges
 
@@ -108,3 +109,29 @@ def test_a_robot_that_is_blocked_ahead_turns_where_it_can(omega, turns):
     step = guided_velocity(wish, 0.0, DifferentialDrive("differential", 0.3, 0.05, 2400), guard, 0)
     assert step.v_m_s == 0.0
     assert step.omega_rad_s == (omega if turns else 0.0)
+
+
+SONAR_AHEAD = (SonarMount("front", 0.2, 0.0, 0.0),)
+
+
+def test_a_robot_whose_lidar_is_silent_stands_where_no_sonar_looks():
+    alone = ObstacleGuard(CONFIG, (), has_lidar=True)
+    with_sonar = ObstacleGuard(CONFIG, SONAR_AHEAD, has_lidar=True)
+    blind = GuardStep(0.0, "the lidar gives no scans")
+    for points in (None, np.empty((0, 2)), None):
+        alone.observe((), (), (), points)
+        with_sonar.observe((3.0,), (True,), (), points)
+        seen = points is not None
+        for motion in ((0.3, 0.0), (-0.3, 0.1), (0.0, 0.5)):
+            assert (alone.step(*motion) == blind) is not seen
+        assert with_sonar.step(0.3) != blind
+        assert (with_sonar.step(-0.3) == blind) is not seen
+        assert with_sonar.step(0.0, 0.5) != blind
+    waits, _ = limited(BehaviourOutput(0.0, 0.5), alone)
+    assert waits == BehaviourOutput(0.0, 0.0, text="waiting: the lidar gives no scans")
+
+
+def test_a_robot_without_a_lidar_waits_for_none():
+    guard = ObstacleGuard(CONFIG, ())
+    guard.observe((), ())
+    assert guard.step(0.3).v_max_m_s == guard.step(0.0, 1.0).v_max_m_s == math.inf

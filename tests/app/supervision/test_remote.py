@@ -1,0 +1,154 @@
+"""Driving a running robot from beside it: its other end is played here, in step with the clock."""
+
+import msgspec
+import pytest
+import zmq
+
+from robotctl.app.processes.robot import make_core
+from robotctl.app.supervision.remote import RefusedError, RemoteRobot
+from robotctl.app.supervision.running_robot import running
+from robotctl.config.options import StackOptions
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.errors import LinkError
+from robotctl.messages.control import (
+    LoopStatistics,
+    NavigationState,
+    PositionTarget,
+    SafetyState,
+    SetMode,
+)
+from robotctl.messages.mode import Mode
+from robotctl.runtime.ipc.topics import Endpoints, Publisher, RequestReceiver, endpoint_directory
+
+STANDBY = make_core(load_robot(find_file("diff_drive")), StackOptions("x", "")).snapshot(
+    0, LoopStatistics()
+)
+ARMED = msgspec.structs.replace(STANDBY, state=SafetyState.ARMED)
+
+
+class Robot:
+    """Control and navigation of a robot, and the clock: it answers whenever somebody waits."""
+
+    def __init__(self, control=ARMED):
+        self.context = zmq.Context()
+        ends = Endpoints(endpoint_directory("rover"))
+        self.publishers = [
+            Publisher(self.context, each) for each in (ends.control_state, ends.navigation_state)
+        ]
+        self.requests = RequestReceiver(
+            self.context, ends.navigation_requests, SetMode | PositionTarget
+        )
+        self.control, self.time_ns = control, 0
+        self.state = NavigationState(0, Mode.HOLD, "", 0, 0, "", False, False, "")
+        self.heard = []
+        self.obeys = True
+        self.after_goal = []
+        """States that follow once there is a goal, as changes."""
+
+    def now_ns(self):
+        return self.time_ns
+
+    def sleep_until(self, _deadline_ns):
+        self.time_ns += 1_000_000  # so that sockets have time to connect
+        for request in self.requests.receive():
+            self.heard.append(request)
+            if not self.obeys:
+                self.change(message="refused: no")
+            elif isinstance(request, SetMode):
+                self.change(mode=request.mode)
+            else:
+                self.change(goals=self.state.goals + 1, goal_reached=None, message="2.0 m to go")
+        if self.state.goals and self.after_goal:
+            self.change(**self.after_goal.pop(0))
+        for publisher, message in zip(self.publishers, (self.control, self.state), strict=True):
+            publisher.send(message)
+
+    def change(self, **what):
+        self.state = msgspec.structs.replace(self.state, **what)
+
+
+@pytest.fixture
+def make_robot(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    made = []
+
+    def make(*args):
+        made.append(Robot(*args))
+        return made[-1]
+
+    yield make
+    for robot in made:
+        robot.context.destroy(linger=0)
+
+
+def test_a_goal_is_asked_for_in_guided_and_followed_to_its_end(make_robot):
+    robot = make_robot()
+    robot.after_goal = [
+        {},
+        {"message": "1.0 m to go"},
+        {"goal_reached": True, "message": "arrived"},
+    ]
+    with RemoteRobot(clock=robot) as remote:
+        states = list(remote.goto(1.0, -2.0, 0.5))
+    mode, goal = robot.heard
+    assert mode.mode is Mode.GUIDED
+    assert (goal.x_m, goal.y_m, goal.heading_rad) == (1.0, -2.0, 0.5)
+    assert all(state.goal_reached is None for state in states[:-1])
+    assert (states[-1].goal_reached, states[-1].message) == (True, "arrived")
+
+
+def test_a_robot_that_gives_up_says_why(make_robot):
+    robot = make_robot()
+    robot.after_goal = [{"goal_reached": False, "message": "gave up after 5 tries: closed"}]
+    with RemoteRobot(clock=robot) as remote:
+        *_, last = remote.goto(1.0, -2.0)
+    assert last.goal_reached is False
+    assert last.message == "gave up after 5 tries: closed"
+
+
+@pytest.mark.parametrize("other", [{"mode": Mode.HOLD}, {"goals": 2}])
+def test_a_robot_that_somebody_else_takes_over_is_left_to_him(make_robot, other):
+    robot = make_robot()
+    robot.after_goal = [{}, {"message": "taken", **other}]
+    with (
+        RemoteRobot(clock=robot) as remote,
+        pytest.raises(RefusedError, match="given up for something else: taken"),
+    ):
+        list(remote.goto(1.0, -2.0))
+    assert len(robot.heard) == 2
+
+
+def test_an_unarmed_robot_is_asked_for_nothing(make_robot):
+    robot = make_robot(STANDBY)
+    with (
+        RemoteRobot(clock=robot) as remote,
+        pytest.raises(RefusedError, match=r"not armed \(.*\); arm it first"),
+    ):
+        list(remote.goto(1.0, -2.0))
+    assert robot.heard == []
+
+
+def test_a_refusal_is_told_in_the_robots_words(make_robot):
+    robot = make_robot()
+    robot.obeys = False
+    with (
+        RemoteRobot(clock=robot) as remote,
+        pytest.raises(RefusedError, match="refused: no"),
+    ):
+        list(remote.goto(1.0, -2.0))
+
+
+def test_hold_is_waited_for(make_robot):
+    robot = make_robot()
+    robot.change(mode=Mode.GUIDED)
+    with RemoteRobot(clock=robot) as remote:
+        remote.hold()
+        assert remote.navigation.mode is Mode.HOLD
+    assert [each.mode for each in robot.heard] == [Mode.HOLD]
+
+
+def test_without_a_name_it_is_the_only_one_that_runs(make_robot):
+    with pytest.raises(LinkError, match="no robot: none runs"):
+        running("")
+    make_robot()
+    assert running("").control_state == running("rover").control_state
