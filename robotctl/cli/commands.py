@@ -73,6 +73,9 @@ COMMANDS: Final = {
 A test holds the second to the docstring.
 """
 
+_WITH_NUMBERS: Final = frozenset({"goto"})
+"""Subcommands whose arguments are numbers."""
+
 
 class _LazyGroup(TyperGroup):
     """Subcommands that are only names until one is called or completed."""
@@ -91,7 +94,10 @@ def load(name: str) -> Any:
     if isinstance(target, typer.Typer):
         holder.add_typer(target, name=name)
     else:
-        holder.command(name)(target)
+        # An argument may be a negative number.
+        holder.command(name, context_settings={"ignore_unknown_options": name in _WITH_NUMBERS})(
+            target
+        )
     group: Any = get_command(holder)
     return group.commands[name]
 

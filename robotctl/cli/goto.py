@@ -13,10 +13,10 @@ NOT_REACHED = 1
 
 
 def goto(
-    x: Annotated[float, typer.Argument(metavar="X", help="Of the world [m].")],
-    y: Annotated[float, typer.Argument(metavar="Y", help="Of the world [m].")],
+    x: Annotated[float, typer.Argument(metavar="X", help="In the world, in metres.")],
+    y: Annotated[float, typer.Argument(metavar="Y", help="In the world, in metres.")],
     heading: Annotated[
-        float | None, typer.Argument(metavar="[DEG]", help="At the end; default: any.")
+        float | None, typer.Argument(metavar="DEG", help="Heading at the end; default: any.")
     ] = None,
     instance: Annotated[
         str, typer.Option(help="Name of the robot; default: the only one that runs.")

@@ -14,7 +14,7 @@ from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.errors import ConfigError
 from robotctl.messages.control import NavigationState
 from robotctl.planning.behaviours.goto import GotoItem
-from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.behaviours.straight_to import StraightToItem
 
 _SHORTEST_M = 0.5
@@ -45,7 +45,7 @@ def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...])
     world
         Its file.
     start
-        x, y and heading [m, m, deg]; empty: where the world says.
+        x, y and perhaps a heading [m, m, deg]; empty: where the world says.
     goal
         x, y and perhaps a heading [m, m, deg].
 
@@ -55,12 +55,13 @@ def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...])
         If the world is wrong.
     """
     room = load_room(world)
-    x_m, y_m, heading_deg = start or (*room.start[:2], math.degrees(room.start[2]))
+    begin = StartPose(*start) if start else StartPose(*room.start[:2], math.degrees(room.start[2]))
     heading = f"heading_deg = {goal[2]:.9g}\n" if len(goal) == 3 else ""
     return (
         'name = "goal"\n'
         f"world = {json.dumps(str(world), ensure_ascii=False)}\n"
-        f"start = {{ x_m = {x_m:.9g}, y_m = {y_m:.9g}, heading_deg = {heading_deg:.9g} }}\n"
+        f"start = {{ x_m = {begin.x_m:.9g}, y_m = {begin.y_m:.9g}, "
+        f"heading_deg = {begin.heading_deg:.9g} }}\n"
         "[[item]]\n"
         'kind = "goto"\n'
         f"x_m = {goal[0]:.9g}\ny_m = {goal[1]:.9g}\n{heading}"
