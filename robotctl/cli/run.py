@@ -39,6 +39,17 @@ def place_of(saved: StoredProgress, items: int) -> str:
     return f"{item} at x {saved.x_m:.2f} m, y {saved.y_m:.2f} m, {heading_deg:.0f} deg"
 
 
+def _resumed(options: StackOptions, items: int) -> StackOptions:
+    """Return the options to resume the interrupted run, whose mission has so many items."""
+    options, saved, notes = resumed(options, items)
+    if saved.mission_file:
+        items = len(load_mission(Path(saved.mission_file)).item)
+    for note in notes:
+        print(note)
+    print(f"resuming {place_of(saved, items)}: the robot must stand there")
+    return options
+
+
 def run(
     robot: RobotName = "diff_drive",
     mission: Annotated[
@@ -79,11 +90,7 @@ def run(
     )
     config = options.load()
     if resume:
-        items = len(loaded.item) if loaded else 0
-        options, saved, notes = resumed(options, items)
-        for note in notes:
-            print(note)
-        print(f"resuming {place_of(saved, items)}: the robot must stand there")
+        options = _resumed(options, len(loaded.item) if loaded else 0)
     stopped = StopFlag()
     asked_early = EmergencySignal()
     notifier = ServiceNotifier(os.environ)

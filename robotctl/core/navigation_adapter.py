@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Final
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from robotctl.errors import ConfigError
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.scan_messages import lidar_scan
 from robotctl.messages.control import (
@@ -24,9 +26,21 @@ from robotctl.messages.control import (
     VelocityTarget,
 )
 from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
+from robotctl.messages.mission import (
+    AbortMission,
+    ExploreTarget,
+    GoAhead,
+    JumpToItem,
+    LoadMission,
+    MissionCommand,
+)
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
     REQUEST_LIFE_NS,
+    AbortRequest,
+    ExploreRequest,
+    GoAheadRequest,
+    JumpRequest,
     ModeRequest,
     PositionRequest,
     Request,
@@ -37,15 +51,28 @@ from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behaviours.mission import Mission, parse_mission
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.floor_memory import FloorMemory, FloorView
 from robotctl.planning.guard.obstacle_guard import Point
-from robotctl.planning.navigation_step import NavigationInputs
+from robotctl.planning.navigation_step import LoadRequest, NavigationInputs
 from robotctl.planning.navigator import Navigator
 from robotctl.safety.state_machine import POWERED
 
 COMMAND_LIFE_PERIODS: Final = 4
 """Periods of the navigator after which a velocity command expires."""
+
+_Simple: TypeAlias = (
+    SetMode
+    | VelocityTarget
+    | PositionTarget
+    | ManualControl
+    | ExploreTarget
+    | GoAhead
+    | JumpToItem
+    | AbortMission
+)
+"""Requests that need no more than to be translated."""
 
 STATE_MAX_AGE_NS: Final = 200_000_000
 """An older control state is not acted on [ns]."""
@@ -53,15 +80,24 @@ STATE_MAX_AGE_NS: Final = 200_000_000
 PRESENCE_MAX_AGE_NS: Final = 1_000_000_000
 """Time without a report from telemetry after which there is no ground station [ns]."""
 
-"""Prefix of a message on a hold that nobody requested."""
-
 _UNSEEN: Final = (
     "what was seen of the floor is forgotten: the robot does not drive forwards by itself until "
     "the camera has seen what lies right before it; back it up a little by hand"
 )
 
+_COMMAND: Final = frozenset({"v_m_s", "omega_rad_s"})
+"""What of a step is no part of the state."""
+
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 """Before the first control state; the navigator then stands still and drops no breadcrumb."""
+
+
+class _Offer(NamedTuple):
+    """A mission with the file that it is from, and the CRC-32 of that."""
+
+    mission: Mission
+    file: str
+    crc: int
 
 
 class NavigationAdapter:
@@ -71,8 +107,6 @@ class NavigationAdapter:
     ----------
     navigator, config
         The navigator and its settings.
-    mission
-        Name of its mission; empty: it has none.
     has_localiser
         Whether one is to be waited for.
     looks
@@ -93,14 +127,16 @@ class NavigationAdapter:
         navigator: Navigator,
         config: NavigationConfig,
         *,
-        mission: str,
         has_localiser: bool,
         looks: bool,
         needs_station: bool,
     ) -> None:
         self.navigator = navigator
         self.period_ns = round(1e9 / config.rate_hz)
-        self._mission = mission
+        self._file, self._crc = "", 0
+        """The mission's file and CRC-32, if it was loaded since the start."""
+        self._offer: _Offer | None = None
+        """A mission that the navigator is asked to take in this step."""
         self._odometry = OdometryHistory()
         self._floor = FloorMemory()
         self._looks = looks
@@ -137,27 +173,18 @@ class NavigationAdapter:
             self._world.localise(localisation)
         inputs = self._inputs(control, requests, now_ns, seen)
         out = self.navigator.step(inputs, now_ns)
+        offer, self._offer = self._offer, None
+        if offer is not None and self.navigator.mission is offer.mission:
+            self._file, self._crc = offer.file, offer.crc
         command = VelocityCommand(
             now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
         )
         if out.message != self._message and inputs.enabled and out.held:
             self._notices.append(out.message)
         self._message = out.message
+        told = {key: value for key, value in out._asdict().items() if key not in _COMMAND}
         state = NavigationState(
-            stamp_ns=now_ns,
-            mode=out.mode,
-            mission=self._mission,
-            item=out.item,
-            items=out.items,
-            item_name=out.item_name,
-            mission_completed=out.mission_completed,
-            mission_failed=out.mission_failed,
-            message=out.message,
-            item_s_m=out.item_s_m,
-            plans=out.plans,
-            recoveries=out.recoveries,
-            goals=out.goals,
-            goal_reached=out.goal_reached,
+            stamp_ns=now_ns, mission_file=self._file, mission_crc=self._crc, **told
         )
         return command, state
 
@@ -169,11 +196,12 @@ class NavigationAdapter:
         seen: Sequence[LidarScan | CameraView],
     ) -> NavigationInputs:
         """Return the messages of a step as the navigator takes them."""
-        taken = tuple(
-            _request(each)
+        wanted = [
+            self._loaded(each) if isinstance(each, LoadMission) else _request(each)
             for each in self._in_time(requests, now_ns)
             if not isinstance(each, ExternalPose | GroundStationPresence)
-        )
+        ]
+        taken = tuple(each for each in wanted if each is not None)
         attended = self._attended(requests, now_ns)
         if control is None:
             self._armings = None
@@ -204,7 +232,29 @@ class NavigationAdapter:
             epoch=self._world.epoch(control),
             scans=self._placed(seen),
             T_world_odom=pose @ control.T_odom_base.inverse(),
+            charge=math.nan if control.battery is None else control.battery.charge,
         )
+
+    def remember(self, mission: Mission, file: str, crc: int) -> None:
+        """Take a mission that was loaded before this process began.
+
+        Raises
+        ------
+        MissionError
+            If the robot cannot drive it.
+        """
+        self.navigator.load(mission)
+        self._file, self._crc = file, crc
+
+    def _loaded(self, message: LoadMission) -> LoadRequest | None:
+        """Return the request for a mission; None if it is none, which its sender should know."""
+        try:
+            mission = parse_mission(message.content.decode("utf-8-sig"), message.file)
+        except (ConfigError, UnicodeDecodeError) as error:
+            self._notices.append(f"mission refused: {error}")
+            return None
+        self._offer = _Offer(mission, message.file, zlib.crc32(message.content))
+        return LoadRequest(mission)
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""
@@ -286,13 +336,15 @@ def _floor_view(view: CameraView) -> FloorView:
 
 def _too_late(message: NavigationRequest, now_ns: int) -> bool:
     """Return whether a request waited too long to move the robot."""
-    if isinstance(message, SetMode) and message.mode is Mode.HOLD:
+    if isinstance(message, AbortMission) or (
+        isinstance(message, SetMode) and message.mode is Mode.HOLD
+    ):
         return False
     old = now_ns - message.stamp_ns > REQUEST_LIFE_NS
-    return old and isinstance(message, SetMode | PositionTarget)
+    return old and isinstance(message, SetMode | PositionTarget | MissionCommand)
 
 
-def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl) -> Request:
+def _request(message: _Simple) -> Request:
     """Translate a message for the planning layer, which knows none."""
     match message:
         case SetMode():
@@ -305,3 +357,11 @@ def _request(message: SetMode | VelocityTarget | PositionTarget | ManualControl)
             return PositionRequest(message.x_m, message.y_m, message.heading_rad)
         case ManualControl():
             return StickRequest(message.expires_ns, message.forward, message.turn)
+        case ExploreTarget():
+            return ExploreRequest()
+        case GoAhead():
+            return GoAheadRequest()
+        case JumpToItem():
+            return JumpRequest(message.item)
+        case AbortMission():
+            return AbortRequest()

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import msgspec
 
 from robotctl.messages.faults import Fault, FaultCode
+from robotctl.messages.mission import MissionCommand
 from robotctl.messages.mode import Mode as Mode  # noqa: PLC0414 - part of the messages
 from robotctl.model.geometry.se2 import SE2
 
@@ -352,7 +353,13 @@ ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop
 """Requests to the control process."""
 
 NavigationRequest: TypeAlias = (
-    SetMode | VelocityTarget | PositionTarget | ManualControl | ExternalPose | GroundStationPresence
+    SetMode
+    | VelocityTarget
+    | PositionTarget
+    | ManualControl
+    | ExternalPose
+    | GroundStationPresence
+    | MissionCommand
 )
 """Requests to the navigation process."""
 
@@ -444,9 +451,16 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
 
     `item` counts mission items from 0 and equals `items` when the mission is completed; `item_s_m`
     is the distance along an item that is a path or a wall (m). `plans` and `recoveries` count what
-    driving by plan took since the start. `goals` counts the positions that were taken in GUIDED,
-    and `goal_reached` says how the last one ended, None while it is under way or given up for
-    something else.
+    driving by plan took since the start. `goals` counts the positions and explorations that were
+    taken in GUIDED, and `goal_reached` says how the last one ended, None while it is under way or
+    given up for something else.
+
+    `mission_file` is the file of a mission that was loaded since the start, `mission_crc` the
+    CRC-32 of its content; empty and 0 for the mission of the start. `mission_runs` counts how often
+    a mission was loaded, begun anew or aborted. `loop_counts` says how often each repeat and jump
+    was taken, `loops` the same for people. `waits`: for an operator's go-ahead. `trouble` is the
+    last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
+    and `message` says why.
     """
 
     stamp_ns: int
@@ -464,6 +478,14 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     recoveries: int = 0
     goals: int = 0
     goal_reached: bool | None = None
+    mission_file: str = ""
+    mission_crc: int = 0
+    mission_runs: int = 0
+    loop_counts: tuple[int, ...] = ()
+    loops: str = ""
+    waits: bool = False
+    trouble: str = ""
+    held: bool = False
 
 
 class Notice(msgspec.Struct, frozen=True, tag=True):

@@ -47,5 +47,32 @@ class StickRequest(NamedTuple):
     turn: float
 
 
-Request: TypeAlias = ModeRequest | VelocityRequest | PositionRequest | StickRequest
+class ExploreRequest(NamedTuple):
+    """GUIDED: drive to what is unknown until the map is complete."""
+
+
+class GoAheadRequest(NamedTuple):
+    """AUTO: go on with a mission that waits for an operator's word."""
+
+
+class JumpRequest(NamedTuple):
+    """Go on with another item of the mission: its number, counted from 1, or its name."""
+
+    to: int | str
+
+
+class AbortRequest(NamedTuple):
+    """Give up the mission: stand, and begin anew with the next AUTO."""
+
+
+Request: TypeAlias = (
+    ModeRequest
+    | VelocityRequest
+    | PositionRequest
+    | StickRequest
+    | ExploreRequest
+    | GoAheadRequest
+    | JumpRequest
+    | AbortRequest
+)
 """Any of them; the application makes them from its messages."""

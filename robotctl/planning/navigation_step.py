@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,7 +11,14 @@ from robotctl.messages.requests import Request
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.guard.obstacle_guard import Point
+
+
+class LoadRequest(NamedTuple):
+    """Take another mission in place of the present one."""
+
+    mission: Mission
 
 
 class NavigationInputs(NamedTuple):
@@ -29,7 +37,7 @@ class NavigationInputs(NamedTuple):
     """When each range came [ns]: one that came before the last step is not taken again."""
     enabled: bool
     """The control core follows commands now: armed and without fault."""
-    requests: tuple[Request, ...] = ()
+    requests: tuple[Request | LoadRequest, ...] = ()
     """Requests since the last step, oldest first."""
     localised: bool = True
     """The pose is more than a guess."""
@@ -45,6 +53,8 @@ class NavigationInputs(NamedTuple):
     """Scans of a lidar since the last step, each with `base` in `odom` at its time."""
     T_world_odom: SE2 = SE2()
     """The drift of `odom` now."""
+    charge: float = math.nan
+    """Of the battery, in [0, 1]; nan: unknown."""
 
 
 class NavigationOutputs(NamedTuple):
@@ -53,21 +63,33 @@ class NavigationOutputs(NamedTuple):
     v_m_s: float
     omega_rad_s: float
     mode: Mode
+    message: str
+    held: bool
+    """Whether `message` says why the robot went to HOLD by itself."""
+    plans: int
+    """Paths taken in driving by plan, since the start."""
+    recoveries: int
+    """Tries to get on again."""
+    goals: int
+    """Positions and explorations taken in GUIDED."""
+    goal_reached: bool | None
+    """How the last of them ended; None: it is under way, or was given up for something else."""
+    mission_runs: int
+    """How often a mission was loaded, begun anew or aborted."""
+    mission: str
+    """Name of the mission; empty: there is none."""
     item: int
     items: int
     item_name: str
     mission_completed: bool
     mission_failed: bool
-    message: str
     item_s_m: float
     """Distance along an item that is a path or a wall [m]."""
-    held: bool = False
-    """Whether `message` says why the robot went to HOLD by itself."""
-    plans: int = 0
-    """Paths taken in driving by plan, since the start."""
-    recoveries: int = 0
-    """Tries to get on again."""
-    goals: int = 0
-    """Positions taken in GUIDED."""
-    goal_reached: bool | None = None
-    """How the last of them ended; None: it is under way, or was given up for something else."""
+    loop_counts: tuple[int, ...]
+    """How often each repeat and jump of the mission was taken."""
+    loops: str
+    """The same for people."""
+    waits: bool
+    """The present item waits for an operator's go-ahead."""
+    trouble: str
+    """The last failure of an item in this run of the mission."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from robotctl.control.limiter import LimitsConfig
+from robotctl.errors import MissionError
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
     FARTHEST_M,
+    AbortRequest,
+    ExploreRequest,
+    GoAheadRequest,
+    JumpRequest,
     ModeRequest,
     PositionRequest,
     Request,
@@ -20,27 +22,25 @@ from robotctl.messages.requests import (
 )
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
-from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot, Seen
+from robotctl.planning.behaviours.goto import NO_PILOT
+from robotctl.planning.behaviours.kind import NavigatedRobot, Paths, Pilot
 from robotctl.planning.behaviours.mission import Mission
-from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
+from robotctl.planning.behaviours.registry import behaviour_for
 from robotctl.planning.behaviours.rejoin import Rejoining
 from robotctl.planning.behaviours.relocalise import LookAround
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
-from robotctl.planning.mission.runner import MissionRunner
-from robotctl.planning.navigation_step import NavigationInputs, NavigationOutputs
+from robotctl.planning.mission.auto import Auto, needs_pilot
+from robotctl.planning.navigation_step import LoadRequest, NavigationInputs, NavigationOutputs
 from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
+from robotctl.planning.surroundings import Surroundings
 
 _LONGEST_STEP_NS = 500_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
 
-
-_SCAN_LIFE_NS = 500_000_000
-"""An older scan says nothing of what is around now [ns]."""
 
 _STOPPED = "the robot was stopped"
 
@@ -107,12 +107,11 @@ class Navigator:
         self._config = config
         self._drive = drive
         self._limits = limits
-        self._sonars = len(mounts)
-        self._heard_ns = (-1,) * self._sonars
         self._guard = ObstacleGuard(config.guard, mounts, has_lidar=has_lidar)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
         self._robot = NavigatedRobot(config, drive, mounts, self._guard, self._crumbs)
-        self._runner = MissionRunner(mission, self._robot) if mission else None
+        self._surroundings = Surroundings(self._robot)
+        self._auto = Auto(mission, self._robot)
         self._look_around = LookAround(drive, self._guard, mounts, config.look_around_speed_m_s)
         self._searching = False
         self._attended = True
@@ -124,12 +123,8 @@ class Navigator:
         self._held = False
         """Whether `_ended` says why the robot went to HOLD by itself."""
         self._refused = ""
-        self._scan: tuple[SE2, RangeScan, int] | None = None
-        """The last, with `base` in `odom` at its time, and when it came [ns]."""
         self._goals = 0
         self._goal_reached: bool | None = None
-        self._seen_epoch: tuple[int, int] | None = None
-        """In which all was seen that is known of the surroundings."""
         self._enabled = False
         """As of the last step with a control state."""
         self._stopped_ns = -1
@@ -145,12 +140,20 @@ class Navigator:
     @property
     def mission_completed(self) -> bool:
         """AUTO would start the mission over."""
-        return self._runner is not None and self._runner.completed
+        return self._auto.is_completed
 
-    def resume(self, item: int, s_m: float) -> None:
-        """Let AUTO resume at an item and a distance along it [m]."""
-        if self._runner is not None:
-            self._runner.resume(item, s_m)
+    @property
+    def mission(self) -> Mission | None:
+        """What AUTO does."""
+        return self._auto.mission
+
+    def resume(self, item: int, s_m: float, counts: Sequence[int] = ()) -> None:
+        """Let AUTO resume at an item, a distance along it [m], and counts of repeats and jumps."""
+        self._auto.resume(item, s_m, counts)
+
+    def load(self, mission: Mission) -> None:
+        """Take another mission, as `Auto.load`."""
+        self._auto.load(mission)
 
     def learn_paths(self, paths: Paths) -> None:
         """Set the free paths through the world, to continue from where the robot is found."""
@@ -163,14 +166,13 @@ class Navigator:
     @property
     def drives_by_plan(self) -> bool:
         """The mission has items that a pilot drives."""
-        items = () if self._runner is None else self._runner.mission.item
-        return any(BEHAVIOURS[type(item)].piloted for item in items)
+        return self._auto.needs_pilot
 
     def refusal(self, mode: Mode) -> str:
         """Return why `mode` cannot be had, empty if it can."""
         if not self._attended and mode not in _BY_HAND:
             return "no ground station is connected"
-        if mode is Mode.AUTO and self._runner is None:
+        if mode is Mode.AUTO and self._auto.mission is None:
             return "no mission is loaded"
         if mode is Mode.RTL and self._crumbs.has_gap:
             return "the path home is not known: navigation started, or lost its place, on it"
@@ -195,7 +197,7 @@ class Navigator:
         if not known:
             self._pause()
             return self._outputs(BehaviourOutput(0.0, 0.0, text="no valid pose or velocity"))
-        situation = self._observe(inputs, now_ns)
+        situation = self._surroundings.observe(inputs, now_ns)
         if not inputs.enabled:
             self._pause()
             text = "not armed" if inputs.heard else "no messages from control"
@@ -205,53 +207,14 @@ class Navigator:
             return self._outputs(self._look_around.step(situation))
         return self._outputs(self._decide(situation, now_ns))
 
-    def _observe(self, inputs: NavigationInputs, now_ns: int) -> BehaviourInput:
-        """Let guard and pilot see what the sensors see; return it for behaviours."""
-        ranges, heard_ns = inputs.ranges_m, inputs.heard_ns
-        if len(ranges) != self._sonars or len(heard_ns) != self._sonars:
-            ranges, heard_ns = (math.nan,) * self._sonars, (0,) * self._sonars
-        new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
-        self._heard_ns = heard_ns
-        if inputs.epoch != self._seen_epoch:  # all was seen from a wrong place
-            self._seen_epoch, self._scan = inputs.epoch, None
-            if self._robot.pilot is not None:
-                self._robot.pilot.forget()
-        for T_odom_base, scan in inputs.scans:
-            self._scan = T_odom_base, scan, now_ns
-        points = self._scanned(inputs, now_ns)
-        self._guard.observe(ranges, new, inputs.floor_base, points)
-        pilot = self._robot.pilot
-        if pilot is not None and inputs.localised:
-            heard = tuple(
-                reading if is_new else math.nan for reading, is_new in zip(ranges, new, strict=True)
-            )
-            pilot.see(
-                inputs.pose,
-                Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base),
-                now_ns,
-            )
-        return BehaviourInput(inputs.pose, inputs.twist, ranges, new, inputs.epoch)
-
-    def _scanned(self, inputs: NavigationInputs, now_ns: int) -> NDArray[np.float64] | None:
-        """Return the last scan's points in `base` now, (n, 2) [m]; None without a late scan."""
-        if self._scan is None or now_ns - self._scan[2] > _SCAN_LIFE_NS:
-            return None
-        T_odom_then, scan, _ = self._scan
-        T_odom_now = inputs.T_world_odom.inverse() @ inputs.pose
-        moved = T_odom_now.inverse() @ T_odom_then
-        c, s = math.cos(moved.theta_rad), math.sin(moved.theta_rad)
-        turn = np.array([[c, s], [-s, c]])
-        points: NDArray[np.float64] = scan.points_base() @ turn + (moved.x_m, moved.y_m)
-        return points
-
     def _searches(self, localised: bool) -> bool:
         """Return whether the present behaviour needs a place in the world that is unknown."""
         searching = not localised and self._is_under_way()
         if searching and not self._searching:
             self._pause_mode()
             self._look_around.reset()
-            if self._mode is Mode.AUTO and self._runner is not None:
-                self._runner.relocate()
+            if self._mode is Mode.AUTO:
+                self._auto.relocate()
             elif self._behaviour is not None:
                 self._behaviour.relocate()
         self._searching = searching
@@ -259,8 +222,8 @@ class Navigator:
 
     def _is_under_way(self) -> bool:
         """Say whether there is something to drive: a robot that has done it does not set off."""
-        if self._mode is Mode.AUTO and self._runner is not None:
-            return not (self._runner.completed or self._runner.failure)
+        if self._mode is Mode.AUTO:
+            return self._auto.is_under_way
         return self._mode in {Mode.RTL, Mode.GUIDED} and self._behaviour is not None
 
     def _note_way(self, pose: SE2) -> None:
@@ -289,7 +252,7 @@ class Navigator:
             self._change_mode(Mode.HOLD)
             self._ended, self._held = f"hold: {reason}", True
 
-    def _take(self, request: Request, enabled: bool, now_ns: int) -> None:
+    def _take(self, request: Request | LoadRequest, enabled: bool, now_ns: int) -> None:
         """Take one request; of what was asked for until a stop was heard of nothing that drives."""
         match request:
             case ModeRequest(mode, stamp_ns):
@@ -302,13 +265,41 @@ class Navigator:
                 self._velocity = request
                 if self._mode is Mode.GUIDED:
                     self._behaviour = None
-            case PositionRequest(x, y, _):
-                if enabled and self._mode is Mode.GUIDED and _on_earth(x, y):
-                    self._velocity, self._ended = None, ""
-                    self._goals, self._goal_reached = self._goals + 1, None
-                    self._behaviour = behaviour_for(request, self._robot)
+            case PositionRequest() | ExploreRequest():
+                if enabled and self._mode is Mode.GUIDED:
+                    self._guide(request)
             case StickRequest():
                 self._sticks = request
+            case LoadRequest() | GoAheadRequest() | JumpRequest() | AbortRequest():
+                try:
+                    self._command(request)
+                    self._refused = ""
+                except (MissionError, ValueError) as error:
+                    self._refused = str(error)
+
+    def _guide(self, request: PositionRequest | ExploreRequest) -> None:
+        """Drive to a goal in GUIDED."""
+        if isinstance(request, PositionRequest) and not _on_earth(request.x_m, request.y_m):
+            return
+        self._velocity, self._ended = None, ""
+        self._goals, self._goal_reached = self._goals + 1, None
+        self._behaviour = behaviour_for(request, self._robot)
+
+    def _command(self, request: LoadRequest | GoAheadRequest | JumpRequest | AbortRequest) -> None:
+        """Do what is asked of the mission; `MissionError`, `ValueError`: it cannot be done."""
+        drives = self._mode is Mode.AUTO
+        if isinstance(request, LoadRequest):
+            if drives and self._auto.is_under_way:
+                raise MissionError("a mission is under way; pause or abort it first")
+            if needs_pilot(request.mission) and self._robot.pilot is None:
+                raise MissionError(f"{request.mission.name}: {NO_PILOT}")
+            self._auto.load(request.mission)
+        elif isinstance(request, GoAheadRequest) and not drives:
+            raise MissionError("the mission is not under way")
+        else:
+            self._auto.command(request)
+        if drives and isinstance(request, LoadRequest | AbortRequest):
+            self._change_mode(Mode.HOLD)
 
     def _change_mode(self, mode: Mode) -> None:
         """Leave the present mode and start another; the same one starts over."""
@@ -316,8 +307,8 @@ class Navigator:
         self._mode = mode
         self._behaviour, self._velocity, self._sticks, self._ended = None, None, None, ""
         self._held = False
-        if mode is Mode.AUTO and self._runner is not None:
-            self._runner.begin()
+        if mode is Mode.AUTO:
+            self._auto.begin()
         if mode is Mode.RTL:
             self._behaviour = behaviour_for(mode, self._robot)
 
@@ -329,8 +320,8 @@ class Navigator:
 
     def _pause_mode(self) -> None:
         """Tell the present behaviour that another mode steers for a while."""
-        if self._mode is Mode.AUTO and self._runner is not None:
-            self._runner.pause()
+        if self._mode is Mode.AUTO:
+            self._auto.pause()
         if self._behaviour is not None:
             self._behaviour.pause()
 
@@ -338,8 +329,8 @@ class Navigator:
         """Return the step of the present mode."""
         if self._mode is Mode.MANUAL:
             return stick_velocity(self._sticks, self._limits, self._drive, now_ns)
-        if self._mode is Mode.AUTO and self._runner is not None:
-            return self._runner.step(situation, now_ns)
+        if self._mode is Mode.AUTO:
+            return self._auto.step(situation, now_ns)
         if self._behaviour is not None:
             step = self._behaviour.step(situation, now_ns)
             if step.status is Status.RUNNING:
@@ -355,23 +346,19 @@ class Navigator:
 
     def _outputs(self, step: BehaviourOutput) -> NavigationOutputs:
         """Return a step as outputs."""
-        runner, pilot = self._runner, self._robot.pilot
+        pilot = self._robot.pilot
         return NavigationOutputs(
             step.v_m_s,
             step.omega_rad_s,
             self._mode,
-            runner.index if runner else 0,
-            len(runner.mission.item) if runner else 0,
-            runner.item_name if runner else "",
-            runner.completed if runner else False,
-            bool(runner.failure) if runner else False,
             f"refused: {self._refused}" if self._refused else step.text,
-            runner.item_s_m if runner else 0.0,
             self._held and not self._refused and step.text == self._ended,
             pilot.plans if pilot else 0,
             pilot.recoveries if pilot else 0,
             self._goals,
             self._goal_reached,
+            self._auto.runs,
+            **self._auto.progress._asdict(),
         )
 
 

@@ -183,6 +183,7 @@ class Run:
     enabled: bool = True
     messages: list[str] = field(default_factory=list)
     trace: list[SE2] = field(default_factory=list)
+    charge: float = math.nan  # of the battery
     found: int = 0  # how often the localiser found the robot elsewhere
 
     def jump(self, to: SE2) -> None:
@@ -199,6 +200,7 @@ class Run:
             self.enabled,
             requests,
             epoch=(0, self.found),
+            charge=self.charge,
         )
         out = self.navigator.step(inputs, self.now_ns)
         if not self.messages or self.messages[-1] != out.message:

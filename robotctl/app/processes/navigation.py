@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import Final, TypeAlias
 
 import zmq
 
 from robotctl.app.localisation.load_estimators import load_estimators
 from robotctl.app.processes.entry import enter
-from robotctl.app.processes.navigator import equip, make_navigation
+from robotctl.app.processes.navigator import equip, load_mission, make_navigation
 from robotctl.app.processes.progress import StoredProgress, last_pose, load_progress
 from robotctl.app.supervision.signals import StopFlag
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import RobotConfig
+from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.core.navigation_tick import NavigationTick
 from robotctl.core.operator import Operator
+from robotctl.errors import RobotctlError
 from robotctl.messages.control import ControlState, NavigationRequest, Notice, Severity
 from robotctl.messages.estimation import SensorMessage
-from robotctl.planning.navigator import Navigator
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
@@ -37,18 +39,22 @@ _Heard: TypeAlias = SensorMessage | Notice
 
 
 def resume(
-    navigator: Navigator, options: StackOptions, saved: StoredProgress | None
+    adapter: NavigationAdapter, options: StackOptions, saved: StoredProgress | None
 ) -> tuple[str, ...]:
-    """Restore the mission's progress from before this process restarted; return notices."""
+    """Restore mission and progress from before this process restarted; return notices."""
     if saved is None or not saved.fits(options):
         return ()
+    navigator = adapter.navigator
     try:
-        navigator.resume(saved.item, saved.item_s_m)
-    except ValueError as error:
+        if saved.mission_file:
+            mission = load_mission(Path(saved.mission_file))
+            adapter.remember(mission, saved.mission_file, saved.mission_crc)
+        navigator.resume(saved.item, saved.item_s_m, saved.loop_counts)
+    except (ValueError, RobotctlError) as error:
         return (f"{options.state}: {error}; mode AUTO starts the mission over",)
     if navigator.mission_completed:
         return ("the mission is completed; mode AUTO repeats it",)
-    if not saved.item:
+    if not saved.item and not any(saved.loop_counts):
         return ()
     return (f"the mission is at item {saved.item + 1}; mode AUTO resumes there",)
 
@@ -70,7 +76,7 @@ def run(config: RobotConfig, options: StackOptions) -> None:
     heartbeat = ProcessHeartbeat(os.environ)
     adapter = make_navigation(config, options)
     saved, notes = load_progress(options)
-    if notes := (*notes, *resume(adapter.navigator, options, saved)):
+    if notes := (*notes, *resume(adapter, options, saved)):
         publisher.greet(Notice(clock.now_ns(), Severity.WARNING, "\n".join(notes)))
 
     def say(text: str) -> None:

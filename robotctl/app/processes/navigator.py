@@ -16,7 +16,7 @@ from robotctl.errors import ConfigError, InvalidValue
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.planning.behaviours.kind import Pilot
-from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.behaviours.mission import Mission, mission_rules
 from robotctl.planning.guard.body import body_outline
 from robotctl.planning.navigator import Navigator
 
@@ -32,7 +32,7 @@ def load_mission(path: Path) -> Mission:
     ConfigError
         With one line for each error.
     """
-    return toml_source.load(path, Mission)
+    return toml_source.load(path, Mission, rules=mission_rules)
 
 
 def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAdapter:
@@ -56,7 +56,6 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
     return NavigationAdapter(
         navigator,
         config.navigation,
-        mission="" if mission is None else mission.name,
         has_localiser=config.localisation.method != "none",
         looks=config.camera is not None and config.camera.enabled,
         needs_station=config.mavlink.hold_without_gcs,

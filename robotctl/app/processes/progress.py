@@ -53,6 +53,10 @@ class StoredProgress(msgspec.Struct, frozen=True):
         CRC-32 of the mission's file; 0 without a mission.
     item, item_s_m
         Mission item in progress, from 0, and the distance along it [m].
+    loop_counts
+        How often each repeat and jump of the mission was taken.
+    mission_file
+        File of a mission that was loaded since the start; empty: it is that of the options.
 
     Raises
     ------
@@ -68,6 +72,8 @@ class StoredProgress(msgspec.Struct, frozen=True):
     mission_crc: int = 0
     item: int = 0
     item_s_m: float = 0.0
+    loop_counts: tuple[int, ...] = ()
+    mission_file: str = ""
 
     def __post_init__(self) -> None:
         """Check the ranges; the odometer is nan if it is unknown."""
@@ -83,10 +89,13 @@ class StoredProgress(msgspec.Struct, frozen=True):
             raise ValueError(f"item must be at least 0, not {self.item}")
         if not 0.0 <= self.item_s_m < math.inf:
             raise ValueError(f"item_s_m must be finite and at least 0, not {self.item_s_m:g}")
+        if any(count < 0 for count in self.loop_counts):
+            raise ValueError(f"loop_counts must be at least 0, not {self.loop_counts}")
 
     def fits(self, options: StackOptions) -> bool:
         """Return whether pose and mission item are those of this run and this mission."""
-        return self.run == options.run and self.mission_crc == mission_crc(options)
+        crc = file_crc(self.mission_file) if self.mission_file else mission_crc(options)
+        return self.run == options.run and self.mission_crc == crc
 
 
 def progress_file(directory: Path) -> StateFile[StoredProgress]:
@@ -155,6 +164,8 @@ def resumed(
         raise StateError(
             "\n".join((*notes, f"{options.state}: the run saved there is of another mission"))
         )
+    if saved.mission_file:  # has taken the place of the one in the options
+        return msgspec.structs.replace(options, mission=saved.mission_file), saved, notes
     if saved.item > items:
         why = f"the mission has {items} items, against {saved.item} done in the run saved there"
         raise StateError("\n".join((*notes, f"{options.state}: {why}")))
@@ -164,6 +175,14 @@ def resumed(
 def mission_crc(options: StackOptions) -> int:
     """Return the CRC-32 of the mission's file; 0 without one."""
     return zlib.crc32(Path(options.mission).read_bytes()) if options.mission else 0
+
+
+def file_crc(path: str) -> int | None:
+    """Return the CRC-32 of a file; None if it cannot be read."""
+    try:
+        return zlib.crc32(Path(path).read_bytes())
+    except OSError:
+        return None
 
 
 def load_progress(options: StackOptions) -> tuple[StoredProgress | None, tuple[str, ...]]:
@@ -254,15 +273,12 @@ class ProgressKeeper:
         None before anything was received, without odometer, and for values that would be refused on
         reading.
         """
-        control, navigation = self._control, self._navigation
+        control = self._control
         if control is None or not math.isfinite(control.odometer_m):
             return None
         place: SE2 | StoredProgress | None = self._world.pose(control)
         if place is None:
             place = control.T_odom_base if self._saved is None else self._saved
-        item, item_s_m = (navigation.item, navigation.item_s_m) if navigation else (0, 0.0)
-        if navigation is None and self._saved is not None:
-            item, item_s_m = self._saved.item, self._saved.item_s_m
         try:
             return StoredProgress(
                 self._run,
@@ -270,12 +286,26 @@ class ProgressKeeper:
                 place.x_m,
                 place.y_m,
                 place.theta_rad,
-                self._mission_crc,
-                item,
-                item_s_m,
+                *self._mission(),
             )
         except ValueError:
             return None
+
+    def _mission(self) -> tuple[int, int, float, tuple[int, ...], str]:
+        """Return the fields of `StoredProgress` from `mission_crc` on."""
+        now, saved = self._navigation, self._saved
+        if now is not None:
+            crc = now.mission_crc if now.mission_file else self._mission_crc
+            return crc, now.item, now.item_s_m, now.loop_counts, now.mission_file
+        if saved is not None:
+            return (
+                saved.mission_crc,
+                saved.item,
+                saved.item_s_m,
+                saved.loop_counts,
+                saved.mission_file,
+            )
+        return self._mission_crc, 0, 0.0, (), ""
 
     def _due(self, progress: StoredProgress, now_ns: int) -> bool:
         """Return whether to save now."""
@@ -289,7 +319,7 @@ class ProgressKeeper:
             return True
         stamps = [control.stamp_ns] + ([navigation.stamp_ns] if navigation else [])
         return (
-            progress.item != saved.item
+            _place(progress) != _place(saved)
             or age_ns >= _SAVE_NS
             or (age_ns >= _SAVE_AT_REST_NS and abs(control.v_m_s) < _REST_M_S)
             or any(now_ns - stamp_ns >= _SILENCE_NS for stamp_ns in stamps)
@@ -313,9 +343,15 @@ class ProgressKeeper:
 def _are_alike(a: StoredProgress, b: StoredProgress) -> bool:
     """Return whether two states are the same but for the last digits."""
     return (
-        (a.run, a.mission_crc, a.item) == (b.run, b.mission_crc, b.item)
+        a.run == b.run
+        and _place(a) == _place(b)
         and abs(a.odometer_m - b.odometer_m) < _SAME_M
         and math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) < _SAME_M
         and abs(wrap_angle(a.theta_rad - b.theta_rad)) < _SAME_RAD
         and abs(a.item_s_m - b.item_s_m) < _SAME_M
     )
+
+
+def _place(progress: StoredProgress) -> tuple[object, ...]:
+    """Return the mission and where it is, but for the distance along an item."""
+    return progress.mission_crc, progress.mission_file, progress.item, progress.loop_counts

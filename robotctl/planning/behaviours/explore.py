@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from robotctl.messages.requests import ExploreRequest
 from robotctl.planning.behaviours.goto import Piloted
 from robotctl.planning.behaviours.item import require_positive
 from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
@@ -44,4 +45,9 @@ def _time_out_s(item: ExploreItem) -> float | None:
     return item.time_out_s
 
 
+def _make_guided(_wanted: ExploreRequest, robot: NavigatedRobot) -> Piloted:
+    return _make(ExploreItem("explore"), robot)
+
+
 EXPLORE = Kind(_make, _time_out_s, piloted=True)
+GUIDED_EXPLORATION = Kind(_make_guided)

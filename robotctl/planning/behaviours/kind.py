@@ -119,3 +119,5 @@ class Kind(NamedTuple):
     """Yields why a robot with this drive and sonars to these sides cannot do it."""
     piloted: bool = False
     """Whether it needs the robot's pilot."""
+    drives: bool = True
+    """Whether the robot moves."""

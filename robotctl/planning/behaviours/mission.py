@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
 from typing import TYPE_CHECKING, Annotated, Union
 
@@ -10,13 +11,16 @@ from pydantic import Field
 
 from robotctl import toml_source
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.flow import FlowItem
 from robotctl.planning.behaviours.item import require_bounded
 from robotctl.planning.behaviours.registry import BEHAVIOURS
+from robotctl.planning.mission.flow import flow_problems
 
 if TYPE_CHECKING:
     from robotctl.planning.behaviours.item import Item
 else:
-    Item = Union[tuple(filter(is_dataclass, BEHAVIOURS))]  # noqa: UP007 - as many as there are
+    # As many as there are.
+    Item = Union[(*filter(is_dataclass, BEHAVIOURS), FlowItem)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,4 +74,10 @@ def parse_mission(text: str, file_name: str) -> Mission:
     ConfigError
         With one line for each error: file, line, key, what is wrong, nearest right name.
     """
-    return toml_source.parse(text, Mission, file_name)
+    return toml_source.parse(text, Mission, file_name, rules=mission_rules)
+
+
+def mission_rules(mission: Mission) -> Iterator[tuple[toml_source.Key, str]]:
+    """Yield what is wrong between the items of a file: key, and why."""
+    for index, key, why in flow_problems(mission.item):
+        yield ("item", index, key), why

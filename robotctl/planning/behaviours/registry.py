@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from robotctl.messages.mode import Mode
-from robotctl.messages.requests import PositionRequest
-from robotctl.planning.behaviours.explore import EXPLORE, ExploreItem
+from robotctl.messages.requests import ExploreRequest, PositionRequest
+from robotctl.planning.behaviours.explore import EXPLORE, GUIDED_EXPLORATION, ExploreItem
 from robotctl.planning.behaviours.follow_path import DRIVE, DriveItem
 from robotctl.planning.behaviours.follow_wall import FOLLOW_WALL, FollowWallItem
 from robotctl.planning.behaviours.goto import GOTO, GUIDED_POSITION, GotoItem
@@ -18,6 +18,7 @@ from robotctl.planning.behaviours.return_home import RETURN_HOME
 from robotctl.planning.behaviours.straight_to import STRAIGHT_TO, StraightToItem
 from robotctl.planning.behaviours.turn_to import TURN_TO, TurnToItem
 from robotctl.planning.behaviours.wait import WAIT, WaitItem
+from robotctl.planning.behaviours.wait_for import WAIT_FOR, WaitForItem
 
 BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     DriveItem: DRIVE,
@@ -27,13 +28,22 @@ BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     StraightToItem: STRAIGHT_TO,
     TurnToItem: TURN_TO,
     WaitItem: WAIT,
+    WaitForItem: WAIT_FOR,
     PositionRequest: GUIDED_POSITION,
+    ExploreRequest: GUIDED_EXPLORATION,
     Mode.RTL: RETURN_HOME,
 }
 """All, by what asks for them: an item of a mission's file, a request, a mode."""
 
 
-def behaviour_for(wanted: Item | PositionRequest | Mode, robot: NavigatedRobot) -> Rejoining:
+def kind_of(item: Item) -> Kind | None:
+    """Return the kind of behaviour of a mission's item; None: it only says which is next."""
+    return BEHAVIOURS.get(type(item))
+
+
+def behaviour_for(
+    wanted: Item | PositionRequest | ExploreRequest | Mode, robot: NavigatedRobot
+) -> Rejoining:
     """Return the supervised behaviour for an item, request or mode."""
     kind = BEHAVIOURS[wanted if isinstance(wanted, Mode) else type(wanted)]
     guarded = Guarded(

@@ -67,4 +67,4 @@ def _make(item: WaitItem, robot: NavigatedRobot) -> Wait:  # noqa: ARG001 - as o
     return Wait(item.duration_s)
 
 
-WAIT = Kind(_make)
+WAIT = Kind(_make, drives=False)

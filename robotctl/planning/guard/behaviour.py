@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
@@ -23,6 +24,10 @@ class BehaviourInput(NamedTuple):
     """Which of the ranges are new since the last step."""
     epoch: tuple[int, int] = (0, 0)
     """Changes when the pose jumps, since the robot was found elsewhere."""
+    charge: float = math.nan
+    """Of the battery, in [0, 1]; nan: unknown."""
+    go_ahead: bool = False
+    """Whether an operator has just said to go on."""
 
 
 class Status(enum.Enum):

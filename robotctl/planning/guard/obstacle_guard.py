@@ -96,7 +96,7 @@ class GuardStep(NamedTuple):
     """What limits it, as text; empty if nothing does."""
 
 
-_BLIND: Final = GuardStep(0.0, "the lidar gives no scans")
+_BLIND: Final = "the lidar gives no scans"
 
 
 class _View(NamedTuple):
@@ -216,18 +216,35 @@ class ObstacleGuard:
         if v_m_s == 0.0:
             return self._on_the_spot(omega_rad_s)
         direction = math.copysign(1.0, v_m_s)
+        distance_m, obstacle = self._free(direction, omega_rad_s / abs(v_m_s), self._views)
+        return GuardStep(self._speed_for(distance_m), obstacle)
+
+    @property
+    def sees_ahead(self) -> bool:
+        """Whether a sonar or lidar looks ahead."""
+        return self._has_lidar or self.looks(1.0)
+
+    def free_ahead(self) -> tuple[float, str]:
+        """Return how far `base` may drive straight on [m], inf: without end; and what is there.
+
+        Only sonars that look ahead count: others see walls that the robot would pass.
+        """
+        views = [view for view in self._views if self._is_ahead(view, 1.0)]
+        return self._free(1.0, 0.0, views)
+
+    def _free(self, direction: float, turn: float, views: Sequence[_View]) -> tuple[float, str]:
+        """Return the way of `base` on an arc until an obstacle's margin [m], and which obstacle."""
         if self._is_blind and not self.looks(direction):
-            return _BLIND
-        turn = omega_rad_s / abs(v_m_s)
+            return 0.0, _BLIND
         # Motion of a corner per distance of `base` on the arc: (d - k y, k x), curvature k.
         moves = [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
         distance_m, obstacle = math.inf, ""
-        for view in self._views:
+        for view in views:
             reading = _median(self._history[view.slot])
             if math.isnan(reading):
                 if self._is_ahead(view, direction):
                     # Blind ahead: stand still rather than guess.
-                    return GuardStep(0.0, f"sonar {view.name} gives no reading")
+                    return 0.0, f"sonar {view.name} gives no reading"
                 continue
             free = self._free_distance(view, reading, moves)
             if free < distance_m:
@@ -239,14 +256,14 @@ class ObstacleGuard:
         free, place = self._free_way(direction, turn)
         if free < distance_m:
             distance_m, obstacle = free, place
-        return GuardStep(self._speed_for(distance_m), obstacle)
+        return distance_m, obstacle
 
     def _on_the_spot(self, omega_rad_s: float) -> GuardStep:
         """Return the limit of the outermost corner, which brakes as the robot does."""
         if omega_rad_s == 0.0:
             return GuardStep(math.inf, "")
         if self._is_blind and not self._views:
-            return _BLIND
+            return GuardStep(0.0, _BLIND)
         free_rad, place = self._free_way(0.0, math.copysign(1.0, omega_rad_s))
         return GuardStep(self._speed_for(free_rad * self.reach_m), place)
 

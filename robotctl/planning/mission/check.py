@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from robotctl.errors import MissionError
 from robotctl.model.drives.drives import Drive
 from robotctl.planning.behaviours.mission import Mission
-from robotctl.planning.behaviours.registry import BEHAVIOURS
+from robotctl.planning.behaviours.registry import kind_of
 from robotctl.planning.guard.obstacle_guard import GuardConfig
+from robotctl.planning.mission.flow import flow_problems
 
 
 def item_title(mission: Mission, index: int) -> str:
@@ -40,8 +43,19 @@ def check_mission(
     """
     problems = [
         f"{mission.name}: {item_title(mission, index)}: {problem}"
-        for index, item in enumerate(mission.item)
-        for problem in BEHAVIOURS[type(item)].problems(item, drive, sides, guard)
+        for index, problem in _problems(mission, drive, sides, guard)
     ]
     if problems:
         raise MissionError("\n".join(problems))
+
+
+def _problems(
+    mission: Mission, drive: Drive, sides: frozenset[str], guard: GuardConfig
+) -> Iterator[tuple[int, str]]:
+    """Yield what is wrong with an item, and its index."""
+    for index, key, why in flow_problems(mission.item):
+        yield index, f"{key}: {why}"
+    for index, item in enumerate(mission.item):
+        if (kind := kind_of(item)) is not None:
+            for problem in kind.problems(item, drive, sides, guard):
+                yield index, problem

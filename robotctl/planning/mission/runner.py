@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from robotctl.planning.behaviours.flow import Target
 from robotctl.planning.behaviours.kind import NavigatedRobot
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import behaviour_for
+from robotctl.planning.behaviours.rejoin import Rejoining
+from robotctl.planning.behaviours.wait_for import WaitForItem
 from robotctl.planning.guard.behaviour import (
     BehaviourInput,
     BehaviourOutput,
@@ -14,6 +19,7 @@ from robotctl.planning.guard.behaviour import (
 )
 from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.mission.check import check_mission, item_title
+from robotctl.planning.mission.flow import MissionFlow, item_index
 
 
 class MissionRunner:
@@ -26,6 +32,15 @@ class MissionRunner:
     robot
         That does it.
 
+    Attributes
+    ----------
+    index
+        The present item, from 0; the number of items once all are done.
+    failure
+        Why the present item has failed; empty: it has not.
+    trouble
+        The last failure of any item since the mission began; empty: there was none.
+
     Raises
     ------
     MissionError
@@ -35,14 +50,20 @@ class MissionRunner:
     def __init__(self, mission: Mission, robot: NavigatedRobot) -> None:
         check_mission(mission, robot.drive, sonar_directions(robot.mounts), robot.config.guard)
         self.mission = mission
-        self._behaviours = [behaviour_for(item, robot) for item in mission.item]
+        self._flow = MissionFlow(mission.item)
+        self._behaviours = {
+            index: behaviour_for(item, robot)
+            for index, item in enumerate(mission.item)
+            if not self._flow.leads(index)
+        }
         self.index = 0
         self.failure = ""
+        self.trouble = ""
 
     @property
     def completed(self) -> bool:
         """All items are done."""
-        return self.index == len(self._behaviours)
+        return self.index == len(self.mission.item)
 
     @property
     def item_name(self) -> str:
@@ -55,9 +76,35 @@ class MissionRunner:
     @property
     def item_s_m(self) -> float:
         """Distance along the present item [m]; 0 if it is neither path nor wall."""
-        return 0.0 if self.completed else self._behaviours[self.index].s_m
+        return 0.0 if self._present is None else self._present.s_m
 
-    def resume(self, item: int, s_m: float) -> None:
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """How often each repeat and jump was taken, in the order of the items."""
+        return self._flow.counts
+
+    @property
+    def loops(self) -> str:
+        """How far the repeats and jumps are that were begun, as text."""
+        told = [
+            (item_title(self.mission, index), self._flow.told(index))
+            for index in range(len(self.mission.item))
+            if self._flow.leads(index)
+        ]
+        return ", ".join(f"{title}: {count}" for title, count in told if count)
+
+    @property
+    def waits(self) -> bool:
+        """The present item waits for an operator's go-ahead."""
+        item = None if self.completed else self.mission.item[self.index]
+        return isinstance(item, WaitForItem) and item.go_ahead and not self.failure
+
+    @property
+    def _present(self) -> Rejoining | None:
+        """The present item's behaviour; None: there is none."""
+        return self._behaviours.get(self.index)
+
+    def resume(self, item: int, s_m: float, counts: Sequence[int] = ()) -> None:
         """Set the place where an earlier run was interrupted; `begin` continues from there.
 
         Parameters
@@ -66,50 +113,76 @@ class MissionRunner:
             Its item, 0 to the number of items.
         s_m
             Distance along it [m].
+        counts
+            As `counts` was then.
         """
-        if not 0 <= item <= len(self._behaviours):
-            raise ValueError(f"item must be 0 to {len(self._behaviours)}, not {item}")
+        if not 0 <= item <= len(self.mission.item):
+            raise ValueError(f"item must be 0 to {len(self.mission.item)}, not {item}")
+        self._flow.resume(counts)
         self.index = item
-        if not self.completed:
-            self._behaviours[item].resume(s_m)
+        if self._present is not None:
+            self._present.resume(s_m)
 
     def relocate(self) -> None:
         """Let a robot that lost and found its pose return to where its item was interrupted."""
-        if not self.completed:
-            self._behaviours[self.index].relocate()
+        if self._present is not None:
+            self._present.relocate()
 
     def begin(self) -> None:
         """Start, resume where it stopped, retry a failed item, or repeat a completed mission."""
         if self.completed:
-            self._restart()
+            self.restart()
         elif self.failure:
             self.failure = ""
-            self._behaviours[self.index].retry()
+            if self._present is not None:
+                self._present.retry()
+
+    def restart(self) -> None:
+        """Stand at the first item, with nothing counted."""
+        self._flow.reset()
+        self.trouble = ""
+        self._enter(0)
+
+    def jump(self, to: Target) -> None:
+        """Stand at the beginning of another item; what was counted stays.
+
+        Raises
+        ------
+        ValueError
+            If there is no such item.
+        """
+        self._enter(item_index(self.mission.item, to))
 
     def pause(self) -> None:
         """Another mode steers for a while."""
-        if not self.completed:
-            self._behaviours[self.index].pause()
+        if self._present is not None:
+            self._present.pause()
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the step of the present item; a new item begins in the step that ends the last."""
+        followed = set[int]()
         while not self.completed and not self.failure:
-            step = self._behaviours[self.index].step(situation, now_ns)
             title = item_title(self.mission, self.index)
+            behaviour = self._present
+            if behaviour is None:
+                if self.index in followed:  # items that are done at once lead in a circle
+                    return BehaviourOutput(0.0, 0.0, text=title)
+                followed.add(self.index)
+                self._enter(self._flow.follow(self.index))
+                continue
+            step = behaviour.step(situation, now_ns)
             if step.status is Status.FAILED:
-                self.failure = f"{title}: {step.text}"
+                self.failure = self.trouble = f"{title}: {step.text}"
             elif step.status is Status.RUNNING:
-                text = f"{title}: {step.text}"
-                return BehaviourOutput(step.v_m_s, step.omega_rad_s, step.status, text)
+                return step._replace(text=f"{title}: {step.text}")
             else:
-                self.index += 1
+                self._enter(self.index + 1)
         if self.failure:
             return failed(self.failure)
         return done(f"mission {self.mission.name} completed")
 
-    def _restart(self) -> None:
-        """Begin with the first item."""
-        self.index = 0
-        self.failure = ""
-        for behaviour in self._behaviours:
-            behaviour.reset()
+    def _enter(self, index: int) -> None:
+        """Begin another item from its start: it may have been done before."""
+        self.index, self.failure = index, ""
+        if self._present is not None:
+            self._present.reset()

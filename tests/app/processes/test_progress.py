@@ -407,7 +407,7 @@ def test_an_item_beyond_the_mission_resumes_nothing_and_navigation_begins_anew(
     with pytest.raises(StateError, match="mission has 3 items, against 4 done"):
         resumed(options, 3)
     adapter = make_navigation(CONFIG, options)
-    (note,) = resume(adapter.navigator, options, load_progress(options)[0])
+    (note,) = resume(adapter, options, load_progress(options)[0])
     assert note == f"{options.state}: item must be 0 to 3, not 4; mode AUTO starts the mission over"
     assert adapter.step(None, None, [], 0)[1].item == 0
 
@@ -417,7 +417,7 @@ def test_a_completed_mission_is_said_to_be_completed_behind_a_restart(
 ) -> None:
     write_progress(options, item=3)
     adapter = make_navigation(CONFIG, options)
-    (note,) = resume(adapter.navigator, options, load_progress(options)[0])
+    (note,) = resume(adapter, options, load_progress(options)[0])
     assert note == "the mission is completed; mode AUTO repeats it"
     assert adapter.step(None, None, [], 0)[1].mission_completed
 

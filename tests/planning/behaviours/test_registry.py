@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robotctl.messages.mode import Mode
-from robotctl.messages.requests import PositionRequest
+from robotctl.messages.requests import ExploreRequest, PositionRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
@@ -22,6 +22,7 @@ from robotctl.planning.behaviours.registry import BEHAVIOURS, behaviour_for
 from robotctl.planning.behaviours.straight_to import StraightToItem
 from robotctl.planning.behaviours.turn_to import TurnToItem
 from robotctl.planning.behaviours.wait import WaitItem
+from robotctl.planning.behaviours.wait_for import WaitForItem
 from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.behaviour import BehaviourInput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
@@ -37,6 +38,8 @@ WANTED = [
     GotoItem("goto", 2.0, 1.0),
     ExploreItem("explore"),
     PositionRequest(2.0, 1.0),
+    ExploreRequest(),
+    WaitForItem("wait_for", go_ahead=True),
     Mode.RTL,
 ]
 

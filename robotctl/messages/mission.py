@@ -1,0 +1,46 @@
+"""Requests to a running robot that concern its mission, or that it explores."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import msgspec
+
+
+class LoadMission(msgspec.Struct, frozen=True, tag=True):
+    """Take another mission in place of the present one; mode AUTO then drives it.
+
+    `content` is that of the file, whose absolute path is `file`.
+    """
+
+    stamp_ns: int
+    file: str
+    content: bytes
+
+
+class GoAhead(msgspec.Struct, frozen=True, tag=True):
+    """Go on with a mission that waits for an operator's word."""
+
+    stamp_ns: int
+
+
+class JumpToItem(msgspec.Struct, frozen=True, tag=True):
+    """Go on with another item of the mission: its number, counted from 1, or its name."""
+
+    stamp_ns: int
+    item: int | str
+
+
+class AbortMission(msgspec.Struct, frozen=True, tag=True):
+    """Give up the mission: the robot stands, and AUTO would begin anew."""
+
+    stamp_ns: int
+
+
+class ExploreTarget(msgspec.Struct, frozen=True, tag=True):
+    """GUIDED: drive to what is unknown until the map is complete."""
+
+    stamp_ns: int
+
+
+MissionCommand: TypeAlias = LoadMission | GoAhead | JumpToItem | AbortMission | ExploreTarget

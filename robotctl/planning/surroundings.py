@@ -1,0 +1,73 @@
+"""What a robot sees around itself, handed to the obstacle guard and the pilot."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.sensors.range_scan import RangeScan
+from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
+from robotctl.planning.guard.behaviour import BehaviourInput
+from robotctl.planning.navigation_step import NavigationInputs
+
+_SCAN_LIFE_NS = 500_000_000
+"""An older scan says nothing of what is around now [ns]."""
+
+
+class Surroundings:
+    """Lets guard and pilot see what the sensors see.
+
+    Parameters
+    ----------
+    robot
+        With its guard, and its pilot once it has one.
+    """
+
+    def __init__(self, robot: NavigatedRobot) -> None:
+        self._robot = robot
+        self._heard_ns = (-1,) * len(robot.mounts)
+        self._scan: tuple[SE2, RangeScan, int] | None = None
+        """The last, with `base` in `odom` at its time, and when it came [ns]."""
+        self._epoch: tuple[int, int] | None = None
+        """In which all was seen that is known."""
+
+    def observe(self, inputs: NavigationInputs, now_ns: int) -> BehaviourInput:
+        """Take in what is new; return it for behaviours."""
+        ranges, heard_ns = inputs.ranges_m, inputs.heard_ns
+        count, pilot = len(self._robot.mounts), self._robot.pilot
+        if len(ranges) != count or len(heard_ns) != count:
+            ranges, heard_ns = (math.nan,) * count, (0,) * count
+        new = tuple(now > then for now, then in zip(heard_ns, self._heard_ns, strict=True))
+        self._heard_ns = heard_ns
+        if inputs.epoch != self._epoch:  # all was seen from a wrong place
+            self._epoch, self._scan = inputs.epoch, None
+            if pilot is not None:
+                pilot.forget()
+        for T_odom_base, scan in inputs.scans:
+            self._scan = T_odom_base, scan, now_ns
+        points = self._scanned(inputs, now_ns)
+        self._robot.guard.observe(ranges, new, inputs.floor_base, points)
+        if pilot is not None and inputs.localised:
+            heard = tuple(
+                reading if is_new else math.nan for reading, is_new in zip(ranges, new, strict=True)
+            )
+            seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base)
+            pilot.see(inputs.pose, seen, now_ns)
+        return BehaviourInput(
+            inputs.pose, inputs.twist, ranges, new, inputs.epoch, charge=inputs.charge
+        )
+
+    def _scanned(self, inputs: NavigationInputs, now_ns: int) -> NDArray[np.float64] | None:
+        """Return the last scan's points in `base` now, (n, 2) [m]; None without a late scan."""
+        if self._scan is None or now_ns - self._scan[2] > _SCAN_LIFE_NS:
+            return None
+        T_odom_then, scan, _ = self._scan
+        T_odom_now = inputs.T_world_odom.inverse() @ inputs.pose
+        moved = T_odom_now.inverse() @ T_odom_then
+        c, s = math.cos(moved.theta_rad), math.sin(moved.theta_rad)
+        turn = np.array([[c, s], [-s, c]])
+        points: NDArray[np.float64] = scan.points_base() @ turn + (moved.x_m, moved.y_m)
+        return points
