@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,14 +11,19 @@ from numpy.typing import NDArray
 
 from firmware_sim.world.people import RADIUS_M
 from firmware_sim.world.world import World
+from robotctl.app.simulation.best_path import Best, best_path
 from robotctl.app.simulation.score import StampedPose
 from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
+from robotctl.config.robot_file import RobotConfig
+from robotctl.planning.behaviours.mission import Mission
 
 _LEFT_M: Final = 0.1
 """A robot this far from its start has set off [m]."""
 _NEAR_MISS_M: Final = 0.05
 _CLEAR_M: Final = 0.10
 """A near miss is over with this much room [m]."""
+_NEARS_M_S: Final = 0.01
+"""A robot that stands, or is passed by somebody, does not come nearer as fast as this [m/s]."""
 _LOOK_M: Final = 2.0
 """Farther away from the body nothing is looked at [m]."""
 
@@ -32,36 +37,49 @@ class JourneyScore:
         (k, 2) corners of its outline in `base`, in order around it, convex [m].
     sides
         (n, 4) sides of all that stands in the world: x, y, x, y [m].
+    best
+        Finds the best path, once the run is over.
 
     Attributes
     ----------
     min_clearance_m
         Smallest distance of the outline from a side; 0 where it touched one, inf before a pose.
     near_misses
-        Times that it came nearer than 5 cm without touching; 10 cm away the next may begin.
+        Times that its own motion brought it nearer than 5 cm to something without touching; 10 cm
+        away the next may begin.
     """
 
-    def __init__(self, body: NDArray[np.float64], sides: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        body: NDArray[np.float64],
+        sides: NDArray[np.float64],
+        best: Callable[[], Best | None] = lambda: None,
+    ) -> None:
         self._body = body
         self._sides = sides
+        self._best = best
         self._reach_m = float(np.hypot(*body.T).max()) + _LOOK_M
         self.min_clearance_m = math.inf
         self.near_misses = 0
         self._missing = False
         self._first: StampedPose | None = None
+        self._last: StampedPose | None = None
         self._left_ns: int | None = None
-        self._last_ns = 0
 
     @property
     def time_s(self) -> float | None:
         """Time since the robot set off [s]; None if it never did."""
-        return None if self._left_ns is None else (self._last_ns - self._left_ns) * 1e-9
+        if self._left_ns is None or self._last is None:
+            return None
+        return (self._last.stamp_ns - self._left_ns) * 1e-9
 
     def report(self) -> dict[str, Any]:
         """Return its part of the report of a run."""
-        time_s, clearance_m = self.time_s, self.min_clearance_m
+        time_s, clearance_m, best = self.time_s, self.min_clearance_m, self._best()
         return {
             "time_s": None if time_s is None else round(time_s, 3),
+            "best_m": None if best is None else round(best.length_m, 3),
+            "best_s": None if best is None else round(best.time_s, 3),
             "min_clearance_m": round(clearance_m, 4) if math.isfinite(clearance_m) else None,
             "near_misses": self.near_misses,
         }
@@ -69,15 +87,21 @@ class JourneyScore:
     def truth(self, pose: StampedPose, people_m: Sequence[tuple[float, float]] = ()) -> None:
         """Take a true pose, and where people are then; they come in the order of their stamps."""
         self._first = self._first or pose
-        self._last_ns = pose.stamp_ns
+        before, self._last = self._last or pose, pose
         if self._left_ns is None and pose.distance_m(self._first) > _LEFT_M:
             self._left_ns = pose.stamp_ns
-        clearance_m = min(self._clearance_m(pose), self._from_people_m(pose, people_m))
+        clearance_m = self._clearance_m(pose, people_m)
         self.min_clearance_m = min(self.min_clearance_m, clearance_m)
         if not self._missing and 0.0 < clearance_m < _NEAR_MISS_M:
-            self.near_misses += 1
-            self._missing = True
+            nearer_m = self._clearance_m(before, people_m) - clearance_m
+            since_s = (pose.stamp_ns - before.stamp_ns) * 1e-9
+            self._missing = nearer_m > _NEARS_M_S * since_s
+            self.near_misses += self._missing
         self._missing &= clearance_m < _CLEAR_M
+
+    def _clearance_m(self, pose: StampedPose, people_m: Sequence[tuple[float, float]]) -> float:
+        """Return the distance of the outline from the nearest thing or person [m]."""
+        return min(self._from_sides_m(pose), self._from_people_m(pose, people_m))
 
     def _from_people_m(self, pose: StampedPose, people_m: Sequence[tuple[float, float]]) -> float:
         """Return the distance of the outline from the nearest person [m]; inf without people."""
@@ -88,7 +112,7 @@ class JourneyScore:
         ends = np.repeat(middles[:, np.newaxis], 2, axis=1)
         return max(outline_distance(self._body, ends) - RADIUS_M, 0.0)
 
-    def _clearance_m(self, pose: StampedPose) -> float:
+    def _from_sides_m(self, pose: StampedPose) -> float:
         """Return the distance of the outline from the nearest side [m]; inf if none is near."""
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
         ends = self._sides.reshape(-1, 2, 2) - (pose.x_m, pose.y_m)
@@ -99,7 +123,9 @@ class JourneyScore:
         return outline_distance(self._body, ends)
 
 
-def journey_score(options: SimOptions, room: World) -> JourneyScore:
+def journey_score(
+    options: SimOptions, room: World, mission: Mission, robot: RobotConfig
+) -> JourneyScore:
     """Return the score of a run.
 
     Raises
@@ -111,7 +137,8 @@ def journey_score(options: SimOptions, room: World) -> JourneyScore:
     x, y = body.T
     if (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0:
         body = body[::-1]
-    return JourneyScore(body, room.touchable)
+    start = options.start_of(mission).pose
+    return JourneyScore(body, room.touchable, lambda: best_path(robot, room, start, mission))
 
 
 def outline_distance(body: NDArray[np.float64], ends: NDArray[np.float64]) -> float:

@@ -97,7 +97,7 @@ class LockstepRun:
         seen = camera_score(self.config, options, room)
         self._score = RunScore(
             walls,
-            journey_score(options, room),
+            journey_score(options, room, self._mission, self.config),
             seen,
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,

@@ -125,9 +125,10 @@ class Report(msgspec.Struct, frozen=True):
     could not begin; then those that never began, since the run was over before their time.
     `collisions` are those that the robot causes; `ran_into` counts people who ran into it.
     `arrived` says so of a mission of one `goto`, None of others; `time_s` is from when the robot
-    set off until the end, None if it never did; `min_clearance_m` is the smallest distance of its
-    body from what stands around, None where nothing does; near misses are nearer than 5 cm; `plans`
-    and `recoveries` are those of driving by plan.
+    set off until the end, None if it never did; `best_m` and `best_s` are length and time of the
+    best path, see `best_path`; `min_clearance_m` is the smallest distance of its body from what
+    stands around, None where nothing does; near misses are nearer than 5 cm by its own motion;
+    `plans` and `recoveries` are those of driving by plan.
     `log_trouble` names logs, truth or map that could not be written. `pose_error` is that of the
     pose that the robot goes by; `localisation`, `map_quality` and `camera` are None without a
     localiser, without mapping and without a camera.
@@ -160,6 +161,8 @@ class Report(msgspec.Struct, frozen=True):
     ran_into: int = 0
     arrived: bool | None = None
     time_s: float | None = None
+    best_m: float | None = None
+    best_s: float | None = None
     min_clearance_m: float | None = None
     near_misses: int = 0
     plans: int = 0

@@ -208,7 +208,7 @@ class SimRun:
         """Whether the robot was stopped from the keyboard, which may arm it again."""
         self._score = RunScore(
             self.walls,
-            journey_score(options, room),
+            journey_score(options, room, self.mission, self.config),
             camera_score(self.config, options, room),
             has_localiser=self.config.localisation.method != "none",
             is_recorded=options.record is not None,

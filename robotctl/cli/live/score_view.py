@@ -62,9 +62,24 @@ def score_table(report: Report) -> Table:
     )
     if report.log_trouble:
         rows += (("logs", report.log_trouble),)
+    rows = (*rows[:3], *_journey_rows(report), *rows[3:])
     for name, text in (*rows, *_computer_rows(report), *_place_rows(report), *_fault_rows(report)):
         table.add_row(name, text)
     return table
+
+
+def _journey_rows(report: Report) -> list[tuple[str, str]]:
+    """Return how the robot got on, where it drove by plan."""
+    if not report.plans:
+        return []
+    best = ""
+    if report.time_s is not None and report.best_s and report.mission_completed:
+        ratio = report.time_s / report.best_s
+        best = f"{ratio:.2f} × the best time of {report.best_s:.1f} s; "
+    text = f"{best}{report.plans} plans, {report.recoveries} recoveries"
+    if report.min_clearance_m is not None:
+        text += f"; {report.min_clearance_m:.3f} m clear, {report.near_misses} near misses"
+    return [("journey", text)]
 
 
 def _computer_rows(report: Report) -> list[tuple[str, str]]:

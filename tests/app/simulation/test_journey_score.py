@@ -46,3 +46,13 @@ def test_a_turned_robot_that_touches_has_no_clearance():
     score.truth(at(0, 0.85, 0.0, math.pi / 2))
     assert score.min_clearance_m == 0.0
     assert score.near_misses == 0
+
+
+def test_somebody_who_comes_near_is_no_near_miss_of_a_robot_that_stands_or_turns_away():
+    score = JourneyScore(BODY, np.empty((0, 4)))
+    for k, gap_m in enumerate((0.5, 0.2, 0.04, 0.03)):
+        score.truth(at(k, 0.0), [(0.3 + 0.22 + gap_m, 0.0)])
+    score.truth(at(4, -0.02), [(0.56, 0.0)])
+    assert score.near_misses == 0
+    score.truth(at(5, 0.01), [(0.56, 0.0)])
+    assert score.near_misses == 1

@@ -1,0 +1,66 @@
+"""What a simulated robot could do at best: the shortest path at the speed that is allowed."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from firmware_sim.world.world import World
+from robotctl.config.robot_file import RobotConfig
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.wall_map import WallMap
+from robotctl.planning.behaviours.goto import GotoItem
+from robotctl.planning.behaviours.mission import Mission
+from robotctl.planning.guard.body import body_outline
+
+
+class Best(NamedTuple):
+    """The best path."""
+
+    length_m: float
+    time_s: float
+    """At the largest speed that is allowed all along, without turns on the spot [s]."""
+
+
+def best_path(robot: RobotConfig, room: World, start: SE2, mission: Mission) -> Best | None:
+    """Return the best path from goal to goal of a mission.
+
+    None if the mission has anything but goals, or the planner, which knows all that stands there
+    but no people and no zones, finds no path. That of a robot that steers is up to 15 % longer than
+    the shortest one.
+    """
+    goals = [item for item in mission.item if isinstance(item, GotoItem)]
+    if not goals or len(goals) < len(mission.item):
+        return None
+    # numba and scipy take a while to load.
+    from robotctl.estimation.grid.wall_raster import grid_of_walls  # noqa: PLC0415
+    from robotctl.planning.costmap.planning_map import PlanningMap  # noqa: PLC0415
+    from robotctl.planning.global_planning.plan import (  # noqa: PLC0415
+        Plan,
+        PlannerConfig,
+        facing,
+    )
+    from robotctl.planning.global_planning.planners import PLANNERS  # noqa: PLC0415
+
+    outline = body_outline(robot.navigation.guard, robot.sonar)
+    space = PlanningMap(grid_of_walls(WallMap(room.touchable)), outline)
+    planner = PLANNERS["hybrid" if robot.drive.steered else "astar"](
+        PlannerConfig(
+            margin_m=robot.navigation.pilot.margin_m,
+            comfort_weight=0.0,
+            turning_radius_m=robot.drive.min_turning_radius_m or outline.inscribed_m,
+        )
+    )
+    here, length_m, time_s = start, 0.0, 0.0
+    for goal in goals:
+        there = facing(here, goal.x_m, goal.y_m)
+        if goal.heading_deg is not None:
+            there = SE2(goal.x_m, goal.y_m, math.radians(goal.heading_deg))
+        plan = planner.plan(space, here, there)
+        if not isinstance(plan, Plan):
+            return None
+        speed_m_s = goal.speed_m_s or robot.navigation.guided_speed_m_s
+        length_m += plan.length_m
+        time_s += plan.length_m / min(speed_m_s, robot.limits.v_max_m_s)
+        here = there
+    return Best(length_m, time_s)

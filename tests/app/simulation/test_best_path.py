@@ -1,0 +1,45 @@
+"""The best path against lengths that are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from firmware_sim.world.world import World
+from robotctl.app.simulation.best_path import best_path
+from robotctl.config.robot_file import find_file, load_robot
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.mission import parse_mission
+
+HEAD = 'name = "m"\nworld = "w"\nstart = { x_m = 1.0, y_m = 1.0 }\n'
+ROOM = [(0, 0, 8, 0), (8, 0, 8, 4), (8, 4, 0, 4), (0, 4, 0, 0)]
+
+
+def best(robot, items, walls=()):
+    mission = parse_mission(HEAD + items, "m.toml")
+    room = World.from_segments(np.array([*ROOM, *walls], float))
+    return best_path(load_robot(find_file(robot)), room, SE2(1.0, 1.0, 0.0), mission)
+
+
+@pytest.mark.parametrize("robot", ["diff_drive", "ackermann"])
+def test_straight_to_two_goals_it_is_their_distance_at_the_speed_of_each(robot):
+    found = best(
+        robot,
+        '[[item]]\nkind = "goto"\nx_m = 4.0\ny_m = 1.0\nspeed_m_s = 0.3\n'
+        '[[item]]\nkind = "goto"\nx_m = 6.0\ny_m = 1.0\nspeed_m_s = 9.0\n',
+    )
+    assert found.length_m == pytest.approx(5.0, abs=0.02)
+    assert found.time_s == pytest.approx(3.0 / 0.3 + 2.0 / 0.8, rel=0.01)
+
+
+def test_it_leads_round_what_stands_there_and_there_is_none_where_that_closes_the_way():
+    goal = '[[item]]\nkind = "goto"\nx_m = 7.0\ny_m = 1.0\n'
+    round_m = 2.0 * math.hypot(3.0, 2.0)  # by (4, 3), the end of the wall, and the robot's width
+    found = best("diff_drive", goal, [(4, 0, 4, 3)])
+    assert round_m < found.length_m < round_m + 0.6
+    assert best("diff_drive", goal, [(4, 0, 4, 4)]) is None
+
+
+def test_a_mission_that_does_more_than_drive_to_goals_has_none():
+    goal = '[[item]]\nkind = "goto"\nx_m = 7.0\ny_m = 1.0\n'
+    assert best("diff_drive", goal + '[[item]]\nkind = "wait"\nduration_s = 1.0\n') is None
