@@ -21,6 +21,11 @@ COMMANDS: Final = {
         "goto:goto",
         "Let a robot that runs on this computer, and is armed, drive to a place by plan.",
     ),
+    "explore": (
+        "goto:explore",
+        "Let a robot that runs on this computer, and is armed, explore until its map is complete.",
+    ),
+    "mission": ("mission:app", "Missions of a robot that runs on this computer."),
     "tune": (
         "tune.tune:tune",
         "Measure the simulated robot's wheels, compute gains, show the responses before and after.",

@@ -1,4 +1,4 @@
-"""`robotctl goto`: lets a running robot drive to a place."""
+"""`robotctl goto` and `robotctl explore`: let a running robot drive by plan."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from robotctl.cli.console import plain_console
+from robotctl.cli.driving import Instance, drive
 
-NOT_REACHED = 1
+STOPPED = "stopped: the robot stands, in mode HOLD"
 
 
 def goto(
@@ -18,34 +18,27 @@ def goto(
     heading: Annotated[
         float | None, typer.Argument(metavar="DEG", help="Heading at the end; default: any.")
     ] = None,
-    instance: Annotated[
-        str, typer.Option(help="Name of the robot; default: the only one that runs.")
-    ] = "",
+    instance: Instance = "",
 ) -> None:
     """Let a robot that runs on this computer, and is armed, drive to a place by plan.
 
     Status 0: it is there. 1: it gave up, or somebody else took it over. Ctrl-C lets it stand.
     """
-    from robotctl.app.supervision.remote import RefusedError, RemoteRobot  # noqa: PLC0415
-
-    console = plain_console()
     if not all(map(math.isfinite, (x, y, heading or 0.0))):
         raise typer.BadParameter("a place is finite numbers")
-    said = ""
-    with RemoteRobot(instance) as robot, console.status("") as status:
-        try:
-            for state in robot.goto(x, y, None if heading is None else math.radians(heading)):
-                status.update(state.message)
-                words = state.message.strip("0123456789. ")
-                if words != said:  # of a countdown the first line
-                    said = words
-                    console.print(state.message, soft_wrap=True)
-        except KeyboardInterrupt:
-            robot.hold()
-            console.print("stopped: the robot stands, in mode HOLD")
-            raise
-        except RefusedError as error:
-            console.print(f"not reached: {error}", soft_wrap=True)
-            raise typer.Exit(NOT_REACHED) from error
-    if not state.goal_reached:
-        raise typer.Exit(NOT_REACHED)
+    heading_rad = None if heading is None else math.radians(heading)
+    drive(
+        instance,
+        lambda robot: robot.goto(x, y, heading_rad),
+        lambda state: state.goal_reached,
+        STOPPED,
+    )
+
+
+def explore(instance: Instance = "") -> None:
+    """Let a robot that runs on this computer, and is armed, explore until its map is complete.
+
+    Status 0: it is complete, as far as the robot can reach. 1: it gave up, or somebody else took it
+    over. Ctrl-C lets it stand.
+    """
+    drive(instance, lambda robot: robot.explore(), lambda state: state.goal_reached, STOPPED)

@@ -457,7 +457,8 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
 
     `mission_file` is the file of a mission that was loaded since the start, `mission_crc` the
     CRC-32 of its content; empty and 0 for the mission of the start. `mission_runs` counts how often
-    a mission was loaded, begun anew or aborted. `loop_counts` says how often each repeat and jump
+    a mission was loaded, begun anew or aborted, `mission_commands` how often something that was
+    asked of the mission was done. `loop_counts` says how often each repeat and jump
     was taken, `loops` the same for people. `waits`: for an operator's go-ahead. `trouble` is the
     last failure of an item in this run of the mission. `held`: the robot went to HOLD by itself,
     and `message` says why.
@@ -481,6 +482,7 @@ class NavigationState(msgspec.Struct, frozen=True, tag=True):
     mission_file: str = ""
     mission_crc: int = 0
     mission_runs: int = 0
+    mission_commands: int = 0
     loop_counts: tuple[int, ...] = ()
     loops: str = ""
     waits: bool = False

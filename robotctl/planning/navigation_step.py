@@ -76,6 +76,8 @@ class NavigationOutputs(NamedTuple):
     """How the last of them ended; None: it is under way, or was given up for something else."""
     mission_runs: int
     """How often a mission was loaded, begun anew or aborted."""
+    mission_commands: int
+    """How often something that was asked of the mission was done."""
     mission: str
     """Name of the mission; empty: there is none."""
     item: int

@@ -124,6 +124,7 @@ class Navigator:
         """Whether `_ended` says why the robot went to HOLD by itself."""
         self._refused = ""
         self._goals = 0
+        self._commands = 0
         self._goal_reached: bool | None = None
         self._enabled = False
         """As of the last step with a control state."""
@@ -300,6 +301,7 @@ class Navigator:
             self._auto.command(request)
         if drives and isinstance(request, LoadRequest | AbortRequest):
             self._change_mode(Mode.HOLD)
+        self._commands += 1
 
     def _change_mode(self, mode: Mode) -> None:
         """Leave the present mode and start another; the same one starts over."""
@@ -358,6 +360,7 @@ class Navigator:
             self._goals,
             self._goal_reached,
             self._auto.runs,
+            self._commands,
             **self._auto.progress._asdict(),
         )
 

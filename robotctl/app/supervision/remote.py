@@ -17,6 +17,13 @@ from robotctl.messages.control import (
     PositionTarget,
     SetMode,
 )
+from robotctl.messages.mission import (
+    AbortMission,
+    ExploreTarget,
+    GoAhead,
+    JumpToItem,
+    LoadMission,
+)
 from robotctl.messages.mode import Mode
 from robotctl.messages.ports import Clock
 from robotctl.runtime.clock import RealClock
@@ -93,31 +100,135 @@ class RemoteRobot:
         RefusedError
             If the robot is not armed, or refuses, or somebody else takes it over.
         """
-        control, before = self._seen()
-        if control.state not in POWERED:
-            raise RefusedError(
-                f"the robot is not armed ({control.state.name.lower().replace('_', ' ')}"
-                f"{': ' + control.reason if control.reason else ''}); arm it first"
-            )
+        return self._guide(lambda now_ns: PositionTarget(now_ns, x_m, y_m, heading_rad))
+
+    def explore(self) -> Iterator[NavigationState]:
+        """Explore in mode GUIDED until the map is complete; all else as `goto`."""
+        return self._guide(ExploreTarget)
+
+    def run_mission(self, file: str, content: bytes) -> Iterator[NavigationState]:
+        """Drive the mission of a file in mode AUTO; yield the states until it has ended.
+
+        `NavigationState.mission_completed` of the last one says how. While the robot is in HOLD
+        because somebody asked for that, this goes on.
+
+        Raises
+        ------
+        RefusedError
+            As `goto`.
+        """
+        self._require_armed()
+        self._command(lambda now_ns: LoadMission(now_ns, file, content))
+        runs = self._seen()[1].mission_runs
+        self._drive_mission()
+        while True:
+            _, state = self._seen()
+            yield state
+            if state.mission_completed or state.mission_failed:
+                return
+            if state.mission_runs != runs:
+                raise RefusedError("given up for something else: another mission, or aborted")
+            if state.held or state.mode not in {Mode.AUTO, Mode.HOLD}:
+                raise RefusedError(
+                    f"interrupted in mode {state.mode.name}: {self._why()}; "
+                    "`robotctl mission resume` goes on"
+                )
+            self._listen()
+
+    def pause(self) -> None:
+        """Let a robot that drives a mission stand; it keeps its place in that.
+
+        Raises
+        ------
+        RefusedError
+            If it drives none.
+        """
+        _, state = self._seen()
+        if state.mode is not Mode.AUTO or state.mission_completed or state.mission_failed:
+            raise RefusedError("no mission is under way")
+        self.hold()
+
+    def resume(self) -> None:
+        """Go on with the mission, try a failed item again, or give the go-ahead it waits for.
+
+        Raises
+        ------
+        RefusedError
+            If there is nothing to go on with, or the robot is not armed, or refuses.
+        """
+        _, state = self._seen()
+        if state.mission_completed:
+            raise RefusedError("the mission is completed; `robotctl mission run` starts one")
+        if state.mode is Mode.AUTO and state.waits:
+            self._command(GoAhead)
+        elif state.mode is Mode.AUTO and not state.mission_failed:
+            raise RefusedError("the mission is under way")
+        else:
+            self._require_armed()
+            self._drive_mission()
+
+    def jump(self, item: int | str) -> None:
+        """Go on with another item of the mission: its number, counted from 1, or its name.
+
+        Raises
+        ------
+        RefusedError
+            If there is none.
+        """
+        self._command(lambda now_ns: JumpToItem(now_ns, item))
+
+    def abort(self) -> None:
+        """Give up the mission: the robot stands, and the mission would begin anew.
+
+        Raises
+        ------
+        RefusedError
+            If there is none.
+        """
+        self._command(AbortMission)
+
+    def hold(self) -> None:
+        """Let it stand."""
+        self._ask(lambda now_ns: SetMode(now_ns, Mode.HOLD))
+        self._await(lambda: self._mode is Mode.HOLD, self._why)
+
+    def _guide(self, target: Callable[[int], NavigationRequest]) -> Iterator[NavigationState]:
+        """Drive to a target in mode GUIDED; yield the states until that has ended."""
+        before = self._seen()[1].goals
+        self._require_armed()
         self._ask(lambda now_ns: SetMode(now_ns, Mode.GUIDED))
-        self._await(lambda: self._is_guided, self._why)
-        self._ask(lambda now_ns: PositionTarget(now_ns, x_m, y_m, heading_rad))
-        self._await(lambda: self._goals > before.goals, self._why)
+        self._await(lambda: self._mode is Mode.GUIDED, self._why)
+        self._ask(target)
+        self._await(lambda: self._seen()[1].goals > before, self._why)
         while True:
             _, state = self._seen()
             yield state
             if state.goal_reached is not None:
                 return
-            if not self._is_guided or state.goals != before.goals + 1:
+            if state.mode is not Mode.GUIDED or state.goals != before + 1:
                 raise RefusedError(f"given up for something else: {self._why()}")
             self._listen()
 
-    def hold(self) -> None:
-        """Let it stand."""
-        self._ask(lambda now_ns: SetMode(now_ns, Mode.HOLD))
+    def _drive_mission(self) -> None:
+        """Let it drive its mission, which it does from where that stands."""
+        self._ask(lambda now_ns: SetMode(now_ns, Mode.AUTO))
         self._await(
-            lambda: self.navigation is not None and self.navigation.mode is Mode.HOLD, self._why
+            lambda: self._mode is Mode.AUTO and not self._seen()[1].mission_failed, self._why
         )
+
+    def _command(self, request: Callable[[int], NavigationRequest]) -> None:
+        """Ask something of the mission, and wait until it is done."""
+        before = self._seen()[1].mission_commands
+        self._ask(request)
+        self._await(lambda: self._seen()[1].mission_commands > before, self._why)
+
+    def _require_armed(self) -> None:
+        control, _ = self._seen()
+        if control.state not in POWERED:
+            raise RefusedError(
+                f"the robot is not armed ({control.state.name.lower().replace('_', ' ')}"
+                f"{': ' + control.reason if control.reason else ''}); arm it first"
+            )
 
     def _ask(self, request: Callable[[int], NavigationRequest]) -> None:
         """Send a request of a time as soon as navigation takes it."""
@@ -127,12 +238,8 @@ class RemoteRobot:
         )
 
     @property
-    def _is_guided(self) -> bool:
-        return self.navigation is not None and self.navigation.mode is Mode.GUIDED
-
-    @property
-    def _goals(self) -> int:
-        return 0 if self.navigation is None else self.navigation.goals
+    def _mode(self) -> Mode | None:
+        return None if self.navigation is None else self.navigation.mode
 
     def _why(self) -> str:
         """Return what the robot says."""

@@ -33,6 +33,7 @@ from robotctl.messages.control import (
     SetMode,
 )
 from robotctl.messages.estimation import LocalisationState
+from robotctl.messages.mission import JumpToItem, LoadMission
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.storage.state_file import StateError
@@ -52,6 +53,12 @@ waypoints = [[1.0, 1.0], [9.0, 1.0]]
 [[item]]
 kind = "wait"
 duration_s = 1.0
+"""
+ROUNDS = """
+[[item]]
+kind = "repeat"
+name = "again"
+times = 2
 """
 BLANK = msgspec.structs.replace(
     make_core(CONFIG, StackOptions("x", "")).snapshot(0, LoopStatistics()),
@@ -443,3 +450,32 @@ def test_a_user_without_a_home_is_told_what_to_set(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("pwd.getpwuid", nobody)
     with pytest.raises(StateError, match="XDG_STATE_HOME"):
         state_directory({})
+
+
+def test_a_mission_that_was_loaded_is_the_one_that_goes_on_behind_a_restart(
+    options: StackOptions, tmp_path: Path
+) -> None:
+    file = tmp_path / "rounds.toml"
+    file.write_text(MISSION.replace("out and back", "rounds") + ROUNDS)
+    adapter = make_navigation(CONFIG, options)
+    load = LoadMission(0, str(file), file.read_bytes())
+    _, state = adapter.step(control(0), None, [load, JumpToItem(0, "again")], 0)
+    assert (state.mission, state.item, state.mission_commands) == ("rounds", 3, 2)
+    keeper(options).step([control(0), msgspec.structs.replace(state, loop_counts=(1,))], 0)
+    later = make_navigation(CONFIG, options)
+    notes = resume(later, options, on_disk(options))
+    assert notes == ("the mission is at item 4; mode AUTO resumes there",)
+    _, state = later.step(control(0), None, [], 0)
+    assert (state.mission, state.item, state.loop_counts) == ("rounds", 3, (1,))
+    assert state.mission_file == str(file)
+    again, saved, _ = resumed(msgspec.structs.replace(options, run="second"), 3)
+    assert (again.mission, saved.loop_counts) == (str(file), (1,))
+    file.write_text(MISSION)
+    assert resume(make_navigation(CONFIG, options), options, on_disk(options)) == ()
+
+
+def test_a_mission_that_is_none_is_told_and_leaves_the_present_one(options: StackOptions) -> None:
+    adapter = make_navigation(CONFIG, options)
+    _, state = adapter.step(control(0), None, [LoadMission(0, "x.toml", b"name = 1")], 0)
+    assert (state.mission, state.mission_runs) == ("out and back", 0)
+    assert "mission refused: x.toml:1: name: " in adapter.take_notices()[0]

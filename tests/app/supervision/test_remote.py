@@ -7,6 +7,7 @@ import zmq
 from robotctl.app.processes.robot import make_core
 from robotctl.app.supervision.remote import RefusedError, RemoteRobot
 from robotctl.app.supervision.running_robot import running
+from robotctl.cli.mission import status_lines
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import LinkError
@@ -16,6 +17,14 @@ from robotctl.messages.control import (
     PositionTarget,
     SafetyState,
     SetMode,
+)
+from robotctl.messages.mission import (
+    AbortMission,
+    ExploreTarget,
+    GoAhead,
+    JumpToItem,
+    LoadMission,
+    MissionCommand,
 )
 from robotctl.messages.mode import Mode
 from robotctl.runtime.ipc.topics import Endpoints, Publisher, RequestReceiver, endpoint_directory
@@ -36,14 +45,14 @@ class Robot:
             Publisher(self.context, each) for each in (ends.control_state, ends.navigation_state)
         ]
         self.requests = RequestReceiver(
-            self.context, ends.navigation_requests, SetMode | PositionTarget
+            self.context, ends.navigation_requests, SetMode | PositionTarget | MissionCommand
         )
         self.control, self.time_ns = control, 0
         self.state = NavigationState(0, Mode.HOLD, "", 0, 0, "", False, False, "")
         self.heard = []
-        self.obeys = True
+        self.obeys, self.began_mission = True, False
         self.after_goal = []
-        """States that follow once there is a goal, as changes."""
+        """States that follow once there is a goal or a mission under way, as changes."""
 
     def now_ns(self):
         return self.time_ns
@@ -55,10 +64,20 @@ class Robot:
             if not self.obeys:
                 self.change(message="refused: no")
             elif isinstance(request, SetMode):
-                self.change(mode=request.mode)
+                self.change(mode=request.mode, mission_failed=False)
+                self.began_mission |= request.mode is Mode.AUTO
+            elif isinstance(request, LoadMission | AbortMission):
+                self.change(
+                    mission_runs=self.state.mission_runs + 1,
+                    mission_commands=self.state.mission_commands + 1,
+                    items=3,
+                )
+            elif isinstance(request, GoAhead | JumpToItem):
+                self.change(mission_commands=self.state.mission_commands + 1, waits=False)
             else:
                 self.change(goals=self.state.goals + 1, goal_reached=None, message="2.0 m to go")
-        if self.state.goals and self.after_goal:
+        is_begun = self.state.goals or self.began_mission
+        if is_begun and self.after_goal:
             self.change(**self.after_goal.pop(0))
         for publisher, message in zip(self.publishers, (self.control, self.state), strict=True):
             publisher.send(message)
@@ -152,3 +171,89 @@ def test_without_a_name_it_is_the_only_one_that_runs(make_robot):
         running("")
     make_robot()
     assert running("").control_state == running("rover").control_state
+
+
+def test_exploring_is_followed_as_a_goal_is(make_robot):
+    robot = make_robot()
+    robot.after_goal = [{}, {"goal_reached": True, "message": "the map is complete"}]
+    with RemoteRobot(clock=robot) as remote:
+        *_, last = remote.explore()
+    assert [type(each) for each in robot.heard] == [SetMode, ExploreTarget]
+    assert last.goal_reached
+
+
+def test_a_mission_is_loaded_driven_and_followed_through_a_pause_to_its_end(make_robot):
+    robot = make_robot()
+    robot.after_goal = [
+        {"message": "item 1"},
+        {"mode": Mode.HOLD},
+        {"mode": Mode.AUTO},
+        {"mission_completed": True},
+    ]
+    with RemoteRobot(clock=robot) as remote:
+        *_, last = remote.run_mission("/tmp/m.toml", b"name = 1")
+    load, mode = robot.heard
+    assert (load.file, load.content) == ("/tmp/m.toml", b"name = 1")
+    assert mode.mode is Mode.AUTO
+    assert last.mission_completed
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        ({"mission_runs": 7}, "another mission, or aborted"),
+        ({"mode": Mode.HOLD, "held": True, "message": "hold: the robot was stopped"}, "stopped"),
+        ({"mode": Mode.MANUAL}, "interrupted in mode MANUAL"),
+    ],
+)
+def test_a_mission_that_somebody_else_ends_is_left_to_him(make_robot, other, told):
+    robot = make_robot()
+    robot.after_goal = [{}, other]
+    with RemoteRobot(clock=robot) as remote, pytest.raises(RefusedError, match=told):
+        list(remote.run_mission("/tmp/m.toml", b""))
+
+
+def test_resuming_is_what_the_mission_needs(make_robot):
+    robot = make_robot()
+    with RemoteRobot(clock=robot) as remote:
+
+        def see(**what):
+            robot.change(**what)
+            remote._await(lambda: remote.navigation == robot.state, lambda: "not heard")
+
+        remote.resume()
+        see(waits=True)
+        remote.resume()
+        see(mission_failed=True)
+        remote.resume()
+        see()
+        with pytest.raises(RefusedError, match="is under way"):
+            remote.resume()
+        see(mission_completed=True)
+        with pytest.raises(RefusedError, match="is completed"):
+            remote.resume()
+        with pytest.raises(RefusedError, match="no mission is under way"):
+            remote.pause()
+        remote.abort()
+        remote.jump("home")
+    kinds = [type(each) for each in robot.heard]
+    assert kinds == [SetMode, GoAhead, SetMode, AbortMission, JumpToItem]
+    assert robot.heard[-1].item == "home"
+
+
+def test_the_status_of_a_mission_is_told_in_lines():
+    state = NavigationState(
+        0, Mode.AUTO, "rounds", 2, 7, "kitchen", False, False, "item 3: 1.2 m to go",
+        loops="item 5 (repeat): 2 of 3", trouble="item 1 (goto): blocked", waits=True,
+    )  # fmt: skip
+    assert status_lines(state) == [
+        "mission: rounds",
+        "state: waits for the go-ahead: `robotctl mission resume`",
+        'item: 3 of 7 "kitchen"',
+        "robot: item 3: 1.2 m to go",
+        "loops: item 5 (repeat): 2 of 3",
+        "trouble: item 1 (goto): blocked",
+    ]
+    held = msgspec.structs.replace(state, mode=Mode.HOLD, waits=False)
+    assert "state: not under way: mode HOLD" in status_lines(held)
+    assert status_lines(msgspec.structs.replace(state, items=0)) == ["no mission is loaded"]
