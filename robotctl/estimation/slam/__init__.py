@@ -1,0 +1,1 @@
+"""Simultaneous localisation and mapping: one joint estimate of robot and map."""

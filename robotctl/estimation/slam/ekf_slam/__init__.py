@@ -1,0 +1,1 @@
+"""EKF-SLAM: one Gaussian of the robot and all features."""

@@ -1,0 +1,92 @@
+"""Kinds of features: how the robot measures one, and where one is that it measures.
+
+A feature has two numbers, and so has its measurement. The Jacobians of a new feature follow from
+those of its measurement z = h(x_v, y) by the implicit function theorem:
+dy = (dh/dy)^-1 (dz - dh/dx_v dx_v). So a kind is two functions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.compiled import compiled
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureKind:
+    """What EKF-SLAM needs to know of a kind of feature.
+
+    Parameters
+    ----------
+    name
+        For people and reports.
+    expected
+        From the robot's state (nv,) and k features (k, 2) to the expected measurements (k, 2),
+        and their Jacobians by the robot's state (k, 2, nv) and by the feature (k, 2, 2).
+    initial
+        From the robot's state (nv,) and a measurement (2,) to the feature (2,).
+    angles
+        Which of the two numbers of a measurement are angles [rad].
+    """
+
+    name: str
+    expected: Callable[[Array, Array], tuple[Array, Array, Array]]
+    initial: Callable[[Array, Array], Array]
+    angles: tuple[bool, bool]
+
+    def residual(self, z: Array, expected: Array) -> Array:
+        """Return measured minus expected, (m, 2), angles on the circle."""
+        return _difference(z, expected, *self.angles)
+
+
+@compiled
+def _difference(z: Array, expected: Array, first: bool, second: bool) -> Array:
+    """Return z - expected, (m, 2), wrapped where it is an angle."""
+    off = z - expected
+    for column in range(2):
+        if (first, second)[column]:
+            for a in range(len(off)):
+                off[a, column] -= math.tau * round(off[a, column] / math.tau)
+    return off
+
+
+@compiled
+def _sighted(x_v: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return expected range [m] and bearing [rad] of points (k, 2), and their Jacobians."""
+    count = len(y)
+    z, by_feature = np.empty((count, 2)), np.empty((count, 2, 2))
+    by_robot = np.zeros((count, 2, len(x_v)))
+    for k in range(count):
+        dx, dy = y[k, 0] - x_v[0], y[k, 1] - x_v[1]
+        square = dx * dx + dy * dy
+        r = math.sqrt(square)
+        turned = math.atan2(dy, dx) - x_v[2]
+        z[k, 0] = r
+        z[k, 1] = turned - math.tau * round(turned / math.tau)
+        by_feature[k, 0, 0], by_feature[k, 0, 1] = dx / r, dy / r
+        by_feature[k, 1, 0], by_feature[k, 1, 1] = -dy / square, dx / square
+        by_robot[k, :, 0], by_robot[k, :, 1] = -by_feature[k, :, 0], -by_feature[k, :, 1]
+        by_robot[k, 1, 2] = -1.0
+    return z, by_robot, by_feature
+
+
+@compiled
+def _point(x_v: Array, z: Array) -> Array:
+    """Return where a point is that was seen at a range [m] and bearing [rad], (2,) [m]."""
+    direction = x_v[2] + z[1]
+    return np.array([x_v[0] + z[0] * math.cos(direction), x_v[1] + z[0] * math.sin(direction)])
+
+
+POINT: Final = FeatureKind("point", _sighted, _point, (False, True))
+"""Points (x, y) [m] of `world`, seen at range [m] and bearing [rad] of `base`.
+
+Source: Thrun, Burgard, Fox: Probabilistic Robotics, section 10.2; not defined on the point itself.
+"""

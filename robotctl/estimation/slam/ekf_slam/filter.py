@@ -1,0 +1,246 @@
+"""EKF-SLAM: the pose of a robot and a map of features, estimated together.
+
+    slam = EkfSlam(np.zeros(3), np.zeros((3, 3)))
+    slam.move(distance_m, turn_rad, noise)
+    slam.sight(POINT, ["tree", "lamp"], z, R)                    # the sensor knows the names
+    which = slam.associate(POINT, z, R)                          # it does not
+    slam.update(POINT, which, z, R)                              # of those that are known
+    slam.add(POINT, "bush", z, R)
+
+Source: Smith, Self, Cheeseman: Estimating uncertain spatial relationships in robotics, 1990; Thrun,
+Burgard, Fox: Probabilistic Robotics, chapter 10. World coordinates are those in which the start is
+given; with a start without doubt, P = 0, they are the robot's own.
+
+An EKF linearises one and the same feature at a different estimate each time, and so takes a turn of
+the whole map, which nothing measures, for measured: it becomes too sure of the heading. With
+`first_estimates` all Jacobians are taken where robot and feature were first believed to be, which
+keeps position and heading of the whole unobservable (Huang, Mourikis, Roumeliotis:
+Observability-based rules for designing consistent EKF SLAM estimators, IJRR 29(5), 2010). That
+pays while estimates do not move far: with large errors of the first estimates it costs accuracy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.kalman.consistency import chi2_quantile, pose_nees
+from robotctl.estimation.slam.ekf_slam.association import (
+    NONE,
+    Gates,
+    joint_compatibility,
+    nearest_neighbour,
+    pair_nis,
+)
+from robotctl.estimation.slam.ekf_slam.features import FeatureKind
+from robotctl.estimation.slam.ekf_slam.gaussian import JointGaussian
+from robotctl.model.drives.motion import arc
+from robotctl.model.drives.motion_noise import MotionNoise, added_covariance, pose_jacobian
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.pose_estimate import PoseEstimate
+from robotctl.model.geometry.se2 import SE2
+
+Array: TypeAlias = NDArray[np.float64]
+Indices: TypeAlias = NDArray[np.int64]
+
+NEW: Final = -2
+"""What `associate` says of a measurement that is of no feature of the map."""
+_POSE: Final = 3
+
+
+class EkfSlam:
+    """The joint belief in a robot and in features, and what measurements do to it.
+
+    Parameters
+    ----------
+    x_v, P_xx
+        The robot's state (nv,), which begins with x [m], y [m], theta [rad], and its covariance.
+    first_estimates
+        Whether Jacobians are taken at the first estimates, see above.
+    gates
+        Limits of association.
+    """
+
+    def __init__(
+        self, x_v: Array, P_xx: Array, *, first_estimates: bool = False, gates: Gates | None = None
+    ) -> None:
+        self.belief = JointGaussian(x_v, P_xx)
+        """State and covariance of all."""
+        self.names: list[int | str] = []
+        """Of each feature."""
+        self.kinds: list[FeatureKind] = []
+        """Of each feature."""
+        self.gates = gates or Gates()
+        self._first_estimates = first_estimates
+        self._predicted = x_v[:_POSE].copy()
+        self._first = np.empty((0, 2))
+        self._index: dict[int | str, int] = {}
+
+    @property
+    def pose(self) -> SE2:
+        """`base` in `world`."""
+        x, y, theta = self.belief.x_v[:_POSE].tolist()
+        return SE2(x, y, wrap_angle(theta))
+
+    def estimate(self, stamp_ns: int) -> PoseEstimate:
+        """Return the pose and its covariance, of a time [ns]."""
+        covariance = self.belief.block(None, None)[:_POSE, :_POSE].copy()
+        return PoseEstimate(stamp_ns, self.pose, covariance, LocalisationStatus.LOCALISED)
+
+    def nees(self, truth: SE2) -> float:
+        """Return the squared error of the pose, normalised by its covariance; 3 dimensions."""
+        return pose_nees(self.estimate(0), truth)
+
+    def index(self, name: int | str) -> int | None:
+        """Return which feature has a name; None if none has."""
+        return self._index.get(name)
+
+    def move(self, distance_m: float, turn_rad: float, noise: MotionNoise) -> None:
+        """Move a robot whose state is its pose by an arc that odometry counted [m], [rad]."""
+        pose = self.pose
+        end = arc(pose, distance_m, turn_rad)
+        self.predict(
+            np.array([end.x_m, end.y_m, end.theta_rad]),
+            pose_jacobian(pose, distance_m, turn_rad),
+            added_covariance(pose, distance_m, turn_rad, noise),
+        )
+
+    def predict(self, x_v: Array, F: Array, Q: Array) -> None:
+        """Move the robot to a state (nv,).
+
+        Parameters
+        ----------
+        F, Q
+            Jacobian of the new state by the old one, and the noise of the motion, (nv, nv).
+        """
+        if self._first_estimates:
+            # The way from the old position is to be that from where the last step predicted it.
+            off = self.belief.x_v[:2] - self._predicted[:2]
+            F = F.copy()
+            F[0, 2] -= off[1]
+            F[1, 2] += off[0]
+        self.belief.predict(x_v, F, Q)
+        self._predicted[:] = x_v[:_POSE]
+
+    def sight(
+        self, kind: FeatureKind, names: Sequence[int | str], z: Array, R: Array
+    ) -> float | None:
+        """Correct by measurements of m features with names, and add those that are new.
+
+        Parameters
+        ----------
+        z, R
+            Measurements (m, 2), all of one time, and their noises (m, 2, 2).
+
+        Returns
+        -------
+        NIS of those that were known, of twice their number of dimensions; None without any.
+        """
+        index = self._index
+        known = [a for a, name in enumerate(names) if name in index]
+        nis = None
+        if known:
+            which = np.array([index[names[a]] for a in known])
+            nis = self.update(kind, which, z[known], R[known])
+        for a, name in enumerate(names):
+            if name not in index:
+                self.add(kind, name, z[a], R[a])
+        return nis
+
+    def update(self, kind: FeatureKind, which: Indices, z: Array, R: Array) -> float:
+        """Correct by measurements of m known features, all of one time; return their NIS.
+
+        Parameters
+        ----------
+        which
+            The features, (m,).
+        z, R
+            Measurements (m, 2), and their noises (m, 2, 2).
+
+        Raises
+        ------
+        ValueError
+            If the covariance of the innovations is not positive definite: noises without any.
+        """
+        expected, by_robot, by_feature = self._expected(kind, which)
+        off = kind.residual(z, expected)
+        return self.belief.update(which, by_robot, by_feature, off, R)
+
+    def add(self, kind: FeatureKind, name: int | str, z: Array, R: Array) -> int:
+        """Add the feature of a measurement (2,) with the noise R (2, 2); return its number."""
+        y = kind.initial(self.belief.x_v, z)
+        x_v = self._linearised()
+        _, by_robot, by_feature = kind.expected(x_v, y[np.newaxis])
+        inverse = np.linalg.inv(by_feature[0])
+        number = self.belief.append(y, -inverse @ by_robot[0], inverse @ R @ inverse.T)
+        self.names.append(name)
+        self.kinds.append(kind)
+        self._index[name] = number
+        self._first = np.concatenate([self._first, y[np.newaxis]])
+        return number
+
+    def remove(self, which: int) -> None:
+        """Forget a feature; those behind it move up by one."""
+        self.belief.remove(which)
+        self._first = np.delete(self._first, which, axis=0)
+        del self.names[which], self.kinds[which]
+        self._index = {name: number for number, name in enumerate(self.names)}
+
+    def associate(
+        self, kind: FeatureKind, z: Array, R: Array, method: Literal["nearest", "joint"] = "joint"
+    ) -> Indices:
+        """Return of which feature each of m measurements is, all of one time.
+
+        Parameters
+        ----------
+        z, R
+            Measurements (m, 2), and their noises (m, 2, 2).
+        method
+            See `association`.
+
+        Returns
+        -------
+        (m,): a feature; `NEW` where it is far from all; `NONE` where it is too far from one to be
+        of it, and too near to be of another.
+        """
+        which = np.flatnonzero([each is kind for each in self.kinds])
+        if len(which) == 0:
+            return np.full(len(z), NEW)
+        expected, by_robot, by_feature = self._expected(kind, which)
+        off = kind.residual(
+            np.repeat(z, len(which), axis=0), np.tile(expected, (len(z), 1))
+        ).reshape(len(z), len(which), 2)
+        nis = pair_nis(off, self.belief.innovation_covariances(which, by_robot, by_feature), R)
+        gate = chi2_quantile(self.gates.compatible, 2)
+        if method == "nearest":
+            found = nearest_neighbour(nis, gate)
+        else:
+            near = np.flatnonzero((nis <= gate).any(axis=0))
+            G = self.belief.joint_innovation_covariance(
+                which[near], by_robot[near], by_feature[near]
+            )
+            found = joint_compatibility(off[:, near], G, R, nis[:, near], self.gates.compatible)
+            found = np.where(found >= 0, near[found] if len(near) else NONE, NONE)
+        is_far = (nis > chi2_quantile(self.gates.new, 2)).all(axis=1)
+        result: Indices = np.where(found >= 0, which[found], np.where(is_far, NEW, NONE))
+        return result
+
+    def _linearised(self) -> Array:
+        """Return the robot's state at which Jacobians are taken."""
+        if not self._first_estimates:
+            return self.belief.x_v
+        x_v = self.belief.x_v.copy()
+        x_v[:_POSE] = self._predicted
+        return x_v
+
+    def _expected(self, kind: FeatureKind, which: Indices) -> tuple[Array, Array, Array]:
+        """Return the expected measurements of features, and their Jacobians."""
+        belief = self.belief
+        expected, by_robot, by_feature = kind.expected(belief.x_v, belief.features[which])
+        if self._first_estimates:
+            _, by_robot, by_feature = kind.expected(self._linearised(), self._first[which])
+        return expected, by_robot, by_feature

@@ -1,0 +1,140 @@
+"""EKF-SLAM against the textbook's with whole matrices, and the laws of its covariance."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robotctl.estimation.kalman.consistency import chi2_bounds
+from robotctl.estimation.slam.ekf_slam.features import POINT
+from robotctl.estimation.slam.ekf_slam.filter import EkfSlam
+from robotctl.model.drives.motion import arc
+from robotctl.model.drives.motion_noise import MotionNoise, added_covariance, pose_jacobian
+from tests.estimation.slam.ekf_slam.textbook import DenseSlam, R, drive
+
+NOISE = MotionNoise(0.02, 0.02, 0.03)
+START = np.diag([0.01, 0.02, 0.005])
+seeds = st.integers(0, 2**32 - 1)
+
+
+def both(seed, steps=40):
+    """Drive once with both filters; features are also removed now and then."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-8.0, 8.0, (25, 2))
+    slam, dense = EkfSlam(np.zeros(3), START), DenseSlam(np.zeros(3), START)
+    for k, (d, a, _, near, z) in enumerate(drive(rng, steps, points, NOISE)):
+        pose = slam.pose
+        moved = arc(pose, d, a)
+        x_v = [moved.x_m, moved.y_m, moved.theta_rad]
+        dense.predict(x_v, pose_jacobian(pose, d, a), added_covariance(pose, d, a, NOISE))
+        slam.move(d, a, NOISE)
+        known = [number for number, name in enumerate(near) if slam.index(name) is not None]
+        which = [slam.index(near[number]) for number in known]
+        nis = slam.sight(POINT, near.tolist(), z, np.tile(R, (len(near), 1, 1)))
+        if known:
+            assert dense.update(which, z[known]) == pytest.approx(nis, rel=1e-6)
+        for number in range(len(near)):
+            if number not in known:
+                dense.add(z[number])
+        if k % 9 == 8 and len(slam.belief):
+            gone = int(rng.integers(len(slam.belief)))
+            slam.remove(gone)
+            dense.remove(gone)
+    return slam, dense
+
+
+@settings(max_examples=15)
+@given(seeds)
+def test_it_is_the_textbooks_filter_with_whole_matrices(seed):
+    slam, dense = both(seed)
+    assert slam.belief.x == pytest.approx(dense.x, abs=1e-9)
+    assert slam.belief.covariance() == pytest.approx(dense.P, abs=1e-10)
+
+
+def test_the_blocks_are_views_of_the_one_covariance():
+    slam, dense = both(3)
+    belief = slam.belief
+    places = {None: slice(0, 3)} | {f: slice(3 + 2 * f, 5 + 2 * f) for f in range(len(belief))}
+    for a, rows in places.items():
+        for b, columns in places.items():
+            block = belief.block(a, b)
+            assert block == pytest.approx(dense.P[rows, columns], abs=1e-10)
+            assert np.shares_memory(block, belief.block(b, a))
+    before = belief.block(1, 0)
+    slam.update(POINT, np.array([0]), np.array([[1.0, 0.0]]), R[np.newaxis])
+    assert belief.block(1, 0) == pytest.approx(before)  # the same memory
+    with pytest.raises(IndexError, match="there are"):
+        belief.block(None, len(belief))
+
+
+def test_the_names_stay_with_their_features():
+    slam, _ = both(5)
+    assert [slam.index(name) for name in slam.names] == list(range(len(slam.belief)))
+    gone, last = slam.names[0], slam.belief.features[-1].copy()
+    slam.remove(0)
+    assert slam.index(gone) is None
+    assert slam.belief.features[-1] == pytest.approx(last)
+
+
+def test_moving_changes_only_what_is_of_the_robot():
+    slam, _ = both(7)
+    before = slam.belief.covariance()
+    slam.move(0.3, 0.2, NOISE)
+    after = slam.belief.covariance()
+    assert np.array_equal(before[3:, 3:], after[3:, 3:])
+    assert np.linalg.eigvalsh(after).min() > 0.0
+
+
+def test_a_measurement_without_noise_of_a_certain_feature_is_refused():
+    slam = EkfSlam(np.zeros(3), np.zeros((3, 3)))
+    none = np.zeros((1, 2, 2))
+    slam.add(POINT, 1, np.array([2.0, 0.1]), none[0])
+    with pytest.raises(ValueError, match="positive definite"):
+        slam.update(POINT, np.array([0]), np.array([[2.0, 0.1]]), none)
+    assert slam.belief.features[0] == pytest.approx([2.0 * np.cos(0.1), 2.0 * np.sin(0.1)])
+
+
+def run(seed, *, first_estimates=False, noise=NOISE, start=START):
+    """Return the filter after a drive, its NEES, and what it learned of a turn of the whole.
+
+    The last is the information on it over that at the start: no more than 1, as nothing measures
+    it. (A robot that starts with doubt draws its start from that.)
+    """
+    rng = np.random.default_rng(seed)
+    points = rng.uniform([-6.0, -4.0], [8.0, 12.0], (30, 2))
+    x_v = np.sqrt(np.diag(start)) * rng.standard_normal(3)
+    slam = EkfSlam(x_v, start, first_estimates=first_estimates)
+    first = {}
+    steps = list(drive(rng, 100, points, noise))
+    for d, a, _, near, z in steps:
+        slam.move(d, a, noise)
+        predicted = slam.pose
+        slam.sight(POINT, near.tolist(), z, np.tile(R, (len(near), 1, 1)))
+        for name in near.tolist():  # new ones were added after the update
+            first.setdefault(name, slam.belief.features[slam.index(name)].copy())
+    turn = [-predicted.y_m, predicted.x_m, 1.0]
+    for name in slam.names:
+        turn += [-first[name][1], first[name][0]]
+    learned = turn @ np.linalg.solve(slam.belief.covariance(), turn)
+    begin = np.array([-x_v[1], x_v[0], 1.0])
+    return slam.nees(steps[-1][2]), learned / (begin @ np.linalg.solve(start, begin))
+
+
+def test_the_errors_over_50_drives_are_what_the_covariance_says():
+    certain = 1e-8 * np.eye(3)  # the world is where the robot starts
+    nees = [run(seed, start=certain)[0] for seed in range(50)]
+    low, high = chi2_bounds(3 * len(nees), 0.99)
+    assert low <= sum(nees) <= high
+
+
+def test_an_unsure_start_makes_it_too_sure_except_with_first_estimates():
+    seeds = range(100, 115)
+    _, high = chi2_bounds(3 * len(seeds), 0.99)
+    assert sum(run(seed, first_estimates=True)[0] for seed in seeds) <= 1.2 * high
+    assert sum(run(seed)[0] for seed in seeds) > 1.5 * high
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_nothing_is_learned_of_a_turn_of_the_whole_with_first_estimates(seed):
+    assert run(seed, first_estimates=True)[1] <= 1.0 + 1e-6
+    assert run(seed)[1] > 1.1
