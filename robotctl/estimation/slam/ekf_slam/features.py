@@ -35,12 +35,16 @@ class FeatureKind:
         From the robot's state (nv,) and a measurement (2,) to the feature (2,).
     angles
         Which of the two numbers of a measurement are angles [rad].
+    turns
+        Whether a feature is a place, (x, y) in `world`, and so turns with the whole about its
+        origin.
     """
 
     name: str
     expected: Callable[[Array, Array], tuple[Array, Array, Array]]
     initial: Callable[[Array, Array], Array]
     angles: tuple[bool, bool]
+    turns: bool = True
 
     def residual(self, z: Array, expected: Array) -> Array:
         """Return measured minus expected, (m, 2), angles on the circle."""

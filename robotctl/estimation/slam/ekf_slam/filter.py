@@ -11,12 +11,16 @@ Source: Smith, Self, Cheeseman: Estimating uncertain spatial relationships in ro
 Burgard, Fox: Probabilistic Robotics, chapter 10. World coordinates are those in which the start is
 given; with a start without doubt, P = 0, they are the robot's own.
 
-An EKF linearises one and the same feature at a different estimate each time, and so takes a turn of
-the whole map, which nothing measures, for measured: it becomes too sure of the heading. With
-`first_estimates` all Jacobians are taken where robot and feature were first believed to be, which
-keeps position and heading of the whole unobservable (Huang, Mourikis, Roumeliotis:
-Observability-based rules for designing consistent EKF SLAM estimators, IJRR 29(5), 2010). That
-pays while estimates do not move far: with large errors of the first estimates it costs accuracy.
+A textbook EKF linearises one and the same feature at a different estimate each time. So it takes a
+turn of the whole, robot and map, which nothing measures, for measured, and becomes too sure of its
+heading. With `invariant` the covariance is that of errors which turn with the heading: positions as
+seen by a world that is turned by the heading's error. Their Jacobians leave position and heading of
+the whole unobservable at whatever estimates (Barrau, Bonnabel: An EKF-SLAM algorithm with
+consistency properties, arXiv 1510.06263, 2015; Zhang et al.: Convergence and consistency analysis
+for a 3-D invariant-EKF SLAM, IEEE RA-L 2(2), 2017), as observability-constrained Jacobians do
+(Huang, Mourikis, Roumeliotis, IJRR 29(5), 2010), but not at first estimates, which may be far off.
+In the coordinates of this filter that is the same filter with two differences after each update: a
+correction moves positions along the exponential of SE(2), and the covariance follows them.
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.estimation.kalman.consistency import chi2_quantile, pose_nees
+from robotctl.estimation.kalman.consistency import chi2_quantile
 from robotctl.estimation.slam.ekf_slam.association import (
     NONE,
     Gates,
@@ -59,14 +63,14 @@ class EkfSlam:
     ----------
     x_v, P_xx
         The robot's state (nv,), which begins with x [m], y [m], theta [rad], and its covariance.
-    first_estimates
-        Whether Jacobians are taken at the first estimates, see above.
+    invariant
+        Whether nothing can be learned of a turn of the whole, see above; False: as in textbooks.
     gates
         Limits of association.
     """
 
     def __init__(
-        self, x_v: Array, P_xx: Array, *, first_estimates: bool = False, gates: Gates | None = None
+        self, x_v: Array, P_xx: Array, *, invariant: bool = True, gates: Gates | None = None
     ) -> None:
         self.belief = JointGaussian(x_v, P_xx)
         """State and covariance of all."""
@@ -75,9 +79,7 @@ class EkfSlam:
         self.kinds: list[FeatureKind] = []
         """Of each feature."""
         self.gates = gates or Gates()
-        self._first_estimates = first_estimates
-        self._predicted = x_v[:_POSE].copy()
-        self._first = np.empty((0, 2))
+        self._turns = np.ones(1 if invariant else 0, np.bool_)
         self._index: dict[int | str, int] = {}
 
     @property
@@ -92,8 +94,18 @@ class EkfSlam:
         return PoseEstimate(stamp_ns, self.pose, covariance, LocalisationStatus.LOCALISED)
 
     def nees(self, truth: SE2) -> float:
-        """Return the squared error of the pose, normalised by its covariance; 3 dimensions."""
-        return pose_nees(self.estimate(0), truth)
+        """Return the squared error of the pose, normalised by its covariance; 3 dimensions.
+
+        With `invariant` the error is that in the tangent space in which the filter corrects.
+        """
+        pose = self.pose
+        turn = wrap_angle(truth.theta_rad - pose.theta_rad)
+        x, y = truth.x_m - pose.x_m, truth.y_m - pose.y_m
+        if len(self._turns):
+            x, y, _ = SE2(x, y, turn).log()
+        error = np.array([x, y, turn])
+        P = self.belief.block(None, None)[:_POSE, :_POSE]
+        return float(error @ np.linalg.solve(P, error))
 
     def index(self, name: int | str) -> int | None:
         """Return which feature has a name; None if none has."""
@@ -117,14 +129,7 @@ class EkfSlam:
         F, Q
             Jacobian of the new state by the old one, and the noise of the motion, (nv, nv).
         """
-        if self._first_estimates:
-            # The way from the old position is to be that from where the last step predicted it.
-            off = self.belief.x_v[:2] - self._predicted[:2]
-            F = F.copy()
-            F[0, 2] -= off[1]
-            F[1, 2] += off[0]
         self.belief.predict(x_v, F, Q)
-        self._predicted[:] = x_v[:_POSE]
 
     def sight(
         self, kind: FeatureKind, names: Sequence[int | str], z: Array, R: Array
@@ -168,25 +173,26 @@ class EkfSlam:
         """
         expected, by_robot, by_feature = self._expected(kind, which)
         off = kind.residual(z, expected)
-        return self.belief.update(which, by_robot, by_feature, off, R)
+        return self.belief.update(which, by_robot, by_feature, off, R, self._turns)
 
     def add(self, kind: FeatureKind, name: int | str, z: Array, R: Array) -> int:
         """Add the feature of a measurement (2,) with the noise R (2, 2); return its number."""
         y = kind.initial(self.belief.x_v, z)
-        x_v = self._linearised()
-        _, by_robot, by_feature = kind.expected(x_v, y[np.newaxis])
+        _, by_robot, by_feature = kind.expected(self.belief.x_v, y[np.newaxis])
         inverse = np.linalg.inv(by_feature[0])
         number = self.belief.append(y, -inverse @ by_robot[0], inverse @ R @ inverse.T)
         self.names.append(name)
         self.kinds.append(kind)
         self._index[name] = number
-        self._first = np.concatenate([self._first, y[np.newaxis]])
+        if len(self._turns):
+            self._turns = np.insert(self._turns, number, kind.turns)
         return number
 
     def remove(self, which: int) -> None:
         """Forget a feature; those behind it move up by one."""
         self.belief.remove(which)
-        self._first = np.delete(self._first, which, axis=0)
+        if len(self._turns):
+            self._turns = np.delete(self._turns, which)
         del self.names[which], self.kinds[which]
         self._index = {name: number for number, name in enumerate(self.names)}
 
@@ -229,18 +235,6 @@ class EkfSlam:
         result: Indices = np.where(found >= 0, which[found], np.where(is_far, NEW, NONE))
         return result
 
-    def _linearised(self) -> Array:
-        """Return the robot's state at which Jacobians are taken."""
-        if not self._first_estimates:
-            return self.belief.x_v
-        x_v = self.belief.x_v.copy()
-        x_v[:_POSE] = self._predicted
-        return x_v
-
     def _expected(self, kind: FeatureKind, which: Indices) -> tuple[Array, Array, Array]:
         """Return the expected measurements of features, and their Jacobians."""
-        belief = self.belief
-        expected, by_robot, by_feature = kind.expected(belief.x_v, belief.features[which])
-        if self._first_estimates:
-            _, by_robot, by_feature = kind.expected(self._linearised(), self._first[which])
-        return expected, by_robot, by_feature
+        return kind.expected(self.belief.x_v, self.belief.features[which])

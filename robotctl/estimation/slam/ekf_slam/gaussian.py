@@ -35,7 +35,7 @@ class JointGaussian:
     def __init__(self, x_v: Array, P_xx: Array) -> None:
         self.nv = len(x_v)
         self._count = 0
-        self._x, self._P, self._W = x_v, P_xx.ravel(), np.empty((2, 0))
+        self._x, self._P, self._W = x_v, P_xx.ravel(), np.empty((2, 4, 0))
         self._grow(_FIRST_ROOM)
 
     def __len__(self) -> int:
@@ -100,7 +100,15 @@ class JointGaussian:
         kernels.predict(self._P, self._count, self.nv, F, Q)
         self._x[: self.nv] = x_v
 
-    def update(self, which: Indices, Hv: Array, Hf: Array, innovations: Array, R: Array) -> float:
+    def update(
+        self,
+        which: Indices,
+        Hv: Array,
+        Hf: Array,
+        innovations: Array,
+        R: Array,
+        turns: NDArray[np.bool_],
+    ) -> float:
         """Correct all by measurements of m features jointly; return their NIS, of dimension 2 m.
 
         Parameters
@@ -111,16 +119,19 @@ class JointGaussian:
             Jacobians of the measurements by the robot (m, 2, nv) and by the feature (m, 2, 2).
         innovations, R
             Measured minus expected (m, 2), and noises of the measurements (m, 2, 2).
+        turns
+            Whether the errors of each feature and at last of the robot's position turn with that of
+            the heading, (features + 1,); (0,): none.
 
         Raises
         ------
         ValueError
             If the innovations have no positive definite covariance; nothing has changed then.
         """
-        if len(self._W) < 2 * len(which):
-            self._W = np.empty((2 * len(which), len(self._x)))
+        if self._W.shape[1] < 2 * len(which) + 2:
+            self._W = np.empty((2, 2 * len(which) + 2, len(self._x)))
         nis = kernels.update(
-            self._x, self._P, self._count, self.nv, which, Hv, Hf, innovations, R, self._W
+            self._x, self._P, self._count, self.nv, which, Hv, Hf, innovations, R, self._W, turns
         )
         if nis != nis:  # noqa: PLR0124 - nan
             raise ValueError("the covariance of the innovations is not positive definite")
@@ -174,4 +185,4 @@ class JointGaussian:
         x, P = np.zeros(self.nv + 2 * features), np.zeros(kernels.panel_start(self.nv, features))
         x[: self.n] = self._x
         P[: len(self._P)] = self._P
-        self._x, self._P, self._W = x, P, np.empty((len(self._W), len(x)))
+        self._x, self._P, self._W = x, P, np.empty((2, self._W.shape[1], len(x)))

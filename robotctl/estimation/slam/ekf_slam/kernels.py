@@ -109,6 +109,7 @@ def update(  # noqa: C901 - one loop nest
     innovations: Array,
     R: Array,
     W: Array,
+    turns: NDArray[np.bool_],
 ) -> float:
     """Correct `x` and `P` by m measurements of features jointly; return their joint NIS.
 
@@ -124,15 +125,19 @@ def update(  # noqa: C901 - one loop nest
     innovations, R
         Measured minus expected, (m, 2), and the noises of the measurements, (m, 2, 2).
     W
-        Working memory, (2 m or more, n or more).
+        Working memory, (2, 2 m + 2 or more, n or more).
+    turns
+        Which features, (count,), and at last the robot, turn with the heading (see `_turn`); (0,)
+        without this.
 
     Returns
     -------
     nan if S is not positive definite; nothing is changed then.
     """
     m, n = len(which), nv + 2 * count
+    A, B = W[0], W[1]
     for a in range(m):
-        _project(P, count, nv, which[a], Hv[a], Hf[a], W[2 * a : 2 * a + 2])
+        _project(P, count, nv, which[a], Hv[a], Hf[a], A[2 * a : 2 * a + 2])
     L, y = np.empty((2 * m, 2 * m)), np.empty(2 * m)
     nis = 0.0
     for a in range(2 * m):
@@ -140,11 +145,11 @@ def update(  # noqa: C901 - one loop nest
         for b in range(a + 1):
             to, r = b // 2, b % 2
             at = nv + 2 * which[to]
-            total = W[a, at] * Hf[to, r, 0] + W[a, at + 1] * Hf[to, r, 1]
+            total = A[a, at] * Hf[to, r, 0] + A[a, at + 1] * Hf[to, r, 1]
             if a // 2 == to:
                 total += R[to, a % 2, r]
             for k in range(nv):
-                total += W[a, k] * Hv[to, r, k]
+                total += A[a, k] * Hv[to, r, k]
             for k in range(b):
                 total -= L[a, k] * L[b, k]
             if a > b:
@@ -157,26 +162,39 @@ def update(  # noqa: C901 - one loop nest
         y[a] /= L[a, a]
         nis += y[a] * y[a]
     for a in range(2 * m):
-        row = W[a, :n]
+        row, same = A[a, :n], B[a, :n]
         for k in range(a):
-            share, other = L[a, k], W[k, :n]
+            share, other = L[a, k], A[k, :n]
             for j in range(n):
                 row[j] -= share * other[j]
-        scale, step = 1.0 / L[a, a], y[a]
+        scale = 1.0 / L[a, a]
         for j in range(n):
             row[j] *= scale
-            x[j] += step * row[j]
-    _subtract(P, count, nv, W, m)
+            same[j] = row[j]
+    change = B[2 * m, :n]
+    change[:] = 0.0
+    for a in range(2 * m):
+        step, row = y[a], A[a, :n]
+        for j in range(n):
+            change[j] += step * row[j]
+    pairs = m
+    if len(turns):
+        _turn(x, P, count, nv, A, B, m, turns)
+        pairs = m + 1
+    else:
+        for j in range(n):
+            x[j] += change[j]
+    _subtract(P, count, nv, A, B, pairs)
     return nis
 
 
 @compiled
-def _subtract(P: Array, count: int, nv: int, W: Array, m: int) -> None:
-    """Subtract W' W: one pass, two rows of the covariance and two of W at a time."""
+def _subtract(P: Array, count: int, nv: int, A: Array, B: Array, pairs: int) -> None:
+    """Subtract A' B: one pass, two rows of the covariance and two of A and B at a time."""
     for i in range(nv):
         for j in range(nv):
-            for a in range(2 * m):
-                P[i * nv + j] -= W[a, i] * W[a, j]
+            for a in range(2 * pairs):
+                P[i * nv + j] -= A[a, i] * B[a, j]
     start = nv * nv
     for f in range(count):
         i = nv + 2 * f
@@ -184,13 +202,53 @@ def _subtract(P: Array, count: int, nv: int, W: Array, m: int) -> None:
         upper = P[start : start + length]
         lower = P[start + length : start + 2 * length]
         start += 2 * length
-        for a in range(m):
-            first, second = W[2 * a, :length], W[2 * a + 1, :length]
-            u0, v0, u1, v1 = first[i], second[i], first[i + 1], second[i + 1]
+        for a in range(pairs):
+            u0, v0, u1, v1 = A[2 * a, i], A[2 * a + 1, i], A[2 * a, i + 1], A[2 * a + 1, i + 1]
+            first, second = B[2 * a, :length], B[2 * a + 1, :length]
             for j in range(length):
                 p, q = first[j], second[j]
                 upper[j] -= u0 * p + v0 * q
                 lower[j] -= u1 * p + v1 * q
+
+
+@compiled
+def _turn(
+    x: Array, P: Array, count: int, nv: int, A: Array, B: Array, m: int, turns: NDArray[np.bool_]
+) -> None:
+    """Correct `x` as errors that turn with the heading have it, and prepare the same for `P`.
+
+    A correction by dp and dtheta moves a point by V(dtheta) dp, the exponential of SE(2). The
+    errors that the covariance is of then are those at the new estimate: M P M', where M adds
+    J Delta times the error of the heading to the error of a point that moved by Delta. That is
+    P + u v' + v u' with u = J Delta, and v the heading's row and half its variance times u.
+    """
+    n = nv + 2 * count
+    change, u, v = B[2 * m, :n].copy(), A[2 * m, :n], A[2 * m + 1, :n]
+    turned = change[2]
+    half = 0.5 * turned
+    sinc = math.sin(half) / half if abs(half) > 1e-8 else 1.0
+    c, s = sinc * math.cos(half), sinc * math.sin(half)
+    u[:] = 0.0
+    for f in range(-1, count):
+        at = 0 if f < 0 else nv + 2 * f
+        if turns[f]:
+            dx, dy = change[at], change[at + 1]
+            change[at], change[at + 1] = c * dx - s * dy, s * dx + c * dy
+            u[at], u[at + 1] = -change[at + 1], change[at]
+    start = nv * nv
+    for j in range(n):
+        x[j] += change[j]
+        if j < nv:
+            v[j] = P[j * nv + 2]
+        else:
+            v[j] = P[start + 2]
+            start += j + 2 - (j - nv) % 2
+        for a in range(2 * m):
+            v[j] -= B[a, 2] * B[a, j]
+    variance = 0.5 * v[2]
+    for j in range(n):
+        v[j] += variance * u[j]
+        B[2 * m, j], B[2 * m + 1, j] = -v[j], -u[j]
 
 
 @compiled

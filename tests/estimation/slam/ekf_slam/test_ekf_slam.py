@@ -10,6 +10,7 @@ from robotctl.estimation.slam.ekf_slam.features import POINT
 from robotctl.estimation.slam.ekf_slam.filter import EkfSlam
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise, added_covariance, pose_jacobian
+from robotctl.model.geometry.se2 import SE2
 from tests.estimation.slam.ekf_slam.textbook import DenseSlam, R, drive
 
 NOISE = MotionNoise(0.02, 0.02, 0.03)
@@ -21,7 +22,7 @@ def both(seed, steps=40):
     """Drive once with both filters; features are also removed now and then."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(-8.0, 8.0, (25, 2))
-    slam, dense = EkfSlam(np.zeros(3), START), DenseSlam(np.zeros(3), START)
+    slam, dense = EkfSlam(np.zeros(3), START, invariant=False), DenseSlam(np.zeros(3), START)
     for k, (d, a, _, near, z) in enumerate(drive(rng, steps, points, NOISE)):
         pose = slam.pose
         moved = arc(pose, d, a)
@@ -94,7 +95,7 @@ def test_a_measurement_without_noise_of_a_certain_feature_is_refused():
     assert slam.belief.features[0] == pytest.approx([2.0 * np.cos(0.1), 2.0 * np.sin(0.1)])
 
 
-def run(seed, *, first_estimates=False, noise=NOISE, start=START):
+def run(seed, *, invariant=True, noise=NOISE, start=START):
     """Return the filter after a drive, its NEES, and what it learned of a turn of the whole.
 
     The last is the information on it over that at the start: no more than 1, as nothing measures
@@ -103,38 +104,58 @@ def run(seed, *, first_estimates=False, noise=NOISE, start=START):
     rng = np.random.default_rng(seed)
     points = rng.uniform([-6.0, -4.0], [8.0, 12.0], (30, 2))
     x_v = np.sqrt(np.diag(start)) * rng.standard_normal(3)
-    slam = EkfSlam(x_v, start, first_estimates=first_estimates)
-    first = {}
+    slam = EkfSlam(x_v, start, invariant=invariant)
     steps = list(drive(rng, 100, points, noise))
     for d, a, _, near, z in steps:
         slam.move(d, a, noise)
-        predicted = slam.pose
         slam.sight(POINT, near.tolist(), z, np.tile(R, (len(near), 1, 1)))
-        for name in near.tolist():  # new ones were added after the update
-            first.setdefault(name, slam.belief.features[slam.index(name)].copy())
-    turn = [-predicted.y_m, predicted.x_m, 1.0]
-    for name in slam.names:
-        turn += [-first[name][1], first[name][0]]
+    pose = slam.pose
+    turn = [-pose.y_m, pose.x_m, 1.0]
+    for x, y in slam.belief.features:
+        turn += [-y, x]
     learned = turn @ np.linalg.solve(slam.belief.covariance(), turn)
     begin = np.array([-x_v[1], x_v[0], 1.0])
     return slam.nees(steps[-1][2]), learned / (begin @ np.linalg.solve(start, begin))
 
 
 def test_the_errors_over_50_drives_are_what_the_covariance_says():
-    certain = 1e-8 * np.eye(3)  # the world is where the robot starts
-    nees = [run(seed, start=certain)[0] for seed in range(50)]
+    unsure = np.diag([0.01, 0.02, 0.1])
+    nees = [run(seed, start=unsure)[0] for seed in range(50)]
     low, high = chi2_bounds(3 * len(nees), 0.99)
     assert low <= sum(nees) <= high
 
 
-def test_an_unsure_start_makes_it_too_sure_except_with_first_estimates():
-    seeds = range(100, 115)
+def test_the_textbooks_filter_is_too_sure_of_it():
+    seeds = range(100, 110)
     _, high = chi2_bounds(3 * len(seeds), 0.99)
-    assert sum(run(seed, first_estimates=True)[0] for seed in seeds) <= 1.2 * high
-    assert sum(run(seed)[0] for seed in seeds) > 1.5 * high
+    assert sum(run(seed, invariant=False)[0] for seed in seeds) > 1.5 * high
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_nothing_is_learned_of_a_turn_of_the_whole_with_first_estimates(seed):
-    assert run(seed, first_estimates=True)[1] <= 1.0 + 1e-6
-    assert run(seed)[1] > 1.1
+def test_nothing_is_learned_of_a_turn_of_the_whole_but_by_the_textbooks_filter(seed):
+    assert run(seed)[1] <= 1.0 + 1e-6
+    assert run(seed, invariant=False)[1] > 1.1
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_turned_and_moved_world_gives_the_same_turned_and_moved(seed):
+    rng = np.random.default_rng(seed)
+    steps = list(drive(rng, 30, rng.uniform(-6.0, 6.0, (20, 2)), NOISE))
+    T = SE2(3.0, -2.0, 2.5)
+    M = np.eye(3)
+    M[:2, :2] = [[np.cos(2.5), -np.sin(2.5)], [np.sin(2.5), np.cos(2.5)]]
+    one = EkfSlam(np.zeros(3), START)
+    other = EkfSlam(np.array([T.x_m, T.y_m, T.theta_rad]), M @ START @ M.T)
+    for slam in (one, other):
+        for d, a, _, near, z in steps:
+            slam.move(d, a, NOISE)
+            slam.sight(POINT, near.tolist(), z, np.tile(R, (len(near), 1, 1)))
+    for (x, y), found in zip(one.belief.features, other.belief.features, strict=True):
+        assert found == pytest.approx(T.apply(x, y), abs=1e-9)
+    moved = T @ one.pose
+    assert other.pose.x_m == pytest.approx(moved.x_m, abs=1e-9)
+    whole = np.kron(np.eye(len(one.belief) + 1), M[:2, :2])
+    whole = np.insert(np.insert(whole, 2, 0.0, axis=0), 2, 0.0, axis=1)
+    whole[2, 2] = 1.0
+    P = whole @ one.belief.covariance() @ whole.T
+    assert other.belief.covariance() == pytest.approx(P, abs=1e-9)
