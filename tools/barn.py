@@ -187,6 +187,9 @@ def main() -> int:
     challenge, courses = read(options.source)
     if options.only:
         numbers = {int(text) for text in options.only.split(",")}
+        if unknown := numbers - {each.number for each in courses}:
+            listed = ", ".join(str(each.number) for each in courses)
+            parser.error(f"--only: no course {min(unknown)}; there are {listed}")
         courses = [each for each in courses if each.number in numbers]
     results: list[Result] = []
     with ThreadPoolExecutor(options.jobs) as pool:

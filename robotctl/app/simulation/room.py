@@ -52,9 +52,15 @@ def goal_mission(world: Path, start: tuple[float, ...], goal: tuple[float, ...])
     Raises
     ------
     ConfigError
-        If the world is wrong.
+        If the world is wrong, or the goal lies outside.
     """
     room = load_room(world)
+    low_x, low_y, high_x, high_y = room.bounds
+    if not (low_x <= goal[0] <= high_x and low_y <= goal[1] <= high_y):
+        raise ConfigError(
+            f"--goal: x {goal[0]:g} m, y {goal[1]:g} m lies outside {room.name}: allowed are "
+            f"x {low_x:g}..{high_x:g} m, y {low_y:g}..{high_y:g} m"
+        )
     begin = StartPose(*start) if start else StartPose(*room.start[:2], math.degrees(room.start[2]))
     heading = f"heading_deg = {goal[2]:.9g}\n" if len(goal) == 3 else ""
     return (

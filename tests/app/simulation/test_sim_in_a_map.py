@@ -113,6 +113,12 @@ def test_a_start_in_a_wall_is_refused_with_the_nearest_place(
     assert "the nearest place for it with this heading is x -0.55 m, y" in said
 
 
+def test_a_goal_outside_of_the_world_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of("sim", "--world", "flat", "--goal", "30,1", "--lockstep") == 2
+    said = capsys.readouterr().err
+    assert "--goal: x 30 m, y 1 m lies outside flat: allowed are x 0..8 m, y 0..5 m" in said
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [
