@@ -59,7 +59,8 @@ class Navigator:
       counts only while `enabled`: arming shall not set off to one that was sent long before.
     - AUTO runs the mission from where it was left, also after an item has failed; a completed
       mission is repeated when AUTO is requested again.
-    - RTL drives home along the breadcrumbs, see `Breadcrumbs`.
+    - RTL drives home by plan where the robot has a map or a lidar, otherwise, and where that
+      fails, along the breadcrumbs, see `Breadcrumbs`.
 
     While `localised` is false, AUTO, RTL and positions of GUIDED look around, see `LookAround`: a
     way through the world needs a place in it. A velocity along a direction of the world is void.
@@ -175,7 +176,9 @@ class Navigator:
             return "no ground station is connected"
         if mode is Mode.AUTO and self._auto.mission is None:
             return "no mission is loaded"
-        if mode is Mode.RTL and self._crumbs.has_gap:
+        pilot = self._robot.pilot
+        by_plan = pilot is not None and pilot.knows_ways
+        if mode is Mode.RTL and self._crumbs.has_gap and not by_plan:
             return "the path home is not known: navigation started, or lost its place, on it"
         return ""
 

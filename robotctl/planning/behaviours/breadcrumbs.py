@@ -77,6 +77,12 @@ class Breadcrumbs:
         return len(self._crumbs)
 
     @property
+    def home(self) -> SE2:
+        """Where the path begins."""
+        home = self._crumbs[0]
+        return SE2(home.x_m, home.y_m, home.theta_rad)
+
+    @property
     def has_gap(self) -> bool:
         """Whether a part of the path home is unknown."""
         return any(crumb.gap for crumb in self._crumbs)

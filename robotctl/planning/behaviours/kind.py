@@ -58,6 +58,10 @@ class Pilot(Protocol):
     def recoveries(self) -> int:
         """Tries to get on again since the start."""
 
+    @property
+    def knows_ways(self) -> bool:
+        """Whether it has a map, or a lidar that shows the way; else only sonars."""
+
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
 

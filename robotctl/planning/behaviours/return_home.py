@@ -1,4 +1,4 @@
-"""The behaviour that drives back home along the breadcrumbs."""
+"""The behaviours that drive back home: by plan, or along the breadcrumbs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs, Leg
 from robotctl.planning.behaviours.follow_path import FollowPath
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.goto import Piloted
+from robotctl.planning.behaviours.kind import Goal, Kind, NavigatedRobot
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -15,6 +16,7 @@ from robotctl.planning.guard.behaviour import (
     BehaviourOutput,
     Status,
     done,
+    failed,
 )
 from robotctl.planning.local.path import Path
 from robotctl.planning.local.pursuit import PursuitConfig
@@ -95,9 +97,68 @@ class ReturnHome(Behaviour):
             )
 
 
-def _make(_mode: Mode, robot: NavigatedRobot) -> ReturnHome:
+class PlannedReturn(Behaviour):
+    """Drives home by plan, and along the breadcrumbs where that fails.
+
+    Parameters
+    ----------
+    robot
+        With a pilot, and the path that it came by.
+    """
+
+    def __init__(self, robot: NavigatedRobot) -> None:
+        home, speed_m_s = robot.crumbs.home, robot.config.return_speed_m_s
+        goal = Goal(home.x_m, home.y_m)
+        self._crumbs = robot.crumbs
+        self._plan = Piloted(lambda pilot: pilot.journey(goal, speed_m_s), robot)
+        self._trail = _trail(robot)
+        self.reset()
+
+    def anchor(self, pose: SE2) -> Anchor:
+        """Return where the robot is, as long as it plans from there; else the nearest crumb."""
+        return self._trail.anchor(pose) if self._failure else self._plan.anchor(pose)
+
+    def reset(self) -> None:
+        """Plan again."""
+        self._failure = ""
+        self._plan.reset()
+        self._trail.pause()
+
+    def join(self) -> None:
+        """Continue near the anchor."""
+        (self._trail if self._failure else self._plan).join()
+
+    def pause(self) -> None:
+        """Plan anew after the pause; on the breadcrumbs, replan those."""
+        self._plan.pause()
+        self._trail.pause()
+
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity; done at home."""
+        if not self._failure:
+            # The way back to the way it came has to be known should the plan fail.
+            self._crumbs.record(situation.pose)
+            step = self._plan.step(situation, now_ns)
+            if step.status is not Status.FAILED:
+                return done("home") if step.status is Status.DONE else step
+            if self._crumbs.has_gap:
+                return failed(f"{step.text}; and it does not know all of the way it came")
+            self._failure = step.text
+            self._trail.reset()
+        step = self._trail.step(situation, now_ns)
+        if step.status is Status.DONE:
+            return step
+        return step._replace(text=f"back the way it came ({self._failure}): {step.text}")
+
+
+def _trail(robot: NavigatedRobot) -> ReturnHome:
     config = robot.config
     return ReturnHome(robot.crumbs, config.pursuit, robot.drive, config.return_speed_m_s)
+
+
+def _make(_mode: Mode, robot: NavigatedRobot) -> Behaviour:
+    by_plan = robot.pilot is not None and robot.pilot.knows_ways
+    return PlannedReturn(robot) if by_plan else _trail(robot)
 
 
 RETURN_HOME = Kind(_make)

@@ -245,6 +245,11 @@ class MapPilot:
         return Exploration(self, speed_m_s)
 
     @property
+    def knows_ways(self) -> bool:
+        """Whether it has a map, or a lidar that shows the way; else only sonars."""
+        return self._grid is not None or self._sees_by_lidar
+
+    @property
     def _sees_by_lidar(self) -> bool:
         """Whether there is a lidar, in the robot's file or heard by now."""
         return self._has_lidar or self._scan_ns >= 0
