@@ -62,6 +62,10 @@ COMMANDS: Final = {
         "plan:plan",
         "Find the path between two places of a map, or say why there is none.",
     ),
+    "optimize": (
+        "optimize:optimize",
+        "Find the poses and points that fit the measurements of a graph best.",
+    ),
     "characterise": (
         "characterise.characterise:characterise",
         "Find noise, outliers and limits of sonars or lidar, with 95 % intervals.",

@@ -1,0 +1,96 @@
+"""`robotctl optimize`: the optimum of a pose graph or factor graph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import check_files, write_file
+
+if TYPE_CHECKING:
+    from robotctl.workbench.graphs.optimize import OptimizeResult
+
+
+def optimize(
+    graph: Annotated[Path, typer.Argument(help="A g2o, TORO or GTSAM file.", metavar="IN")],
+    solver: Annotated[str, typer.Option(help="gn, lm or dogleg.")] = "lm",
+    robust: Annotated[
+        str, typer.Option(metavar="KERNEL", help="huber, cauchy, geman-mcclure, dcs or gnc.")
+    ] = "",
+    init: Annotated[str, typer.Option(help="odometry, tree, chordal or file.")] = "",
+    out: Annotated[Path | None, typer.Option(help="Write the optimum here.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write the figures here, JSON.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw start, optimum and chi2 here: .png, .svg or .pdf.")
+    ] = None,
+    marginals: Annotated[
+        str, typer.Option(metavar="ID,...", help="Covariances of these variables; l5 is a point.")
+    ] = "",
+) -> None:
+    """Find the poses and points that fit the measurements of a graph best.
+
+    Without --init the start is the chordal relaxation, with --robust the odometry. The status is 1
+    if the solver did not converge.
+    """
+    check_files(out, report, plot=plot)
+    # It loads numba, which other subcommands can do without.
+    from robotctl.cli.progress import progress_bar  # noqa: PLC0415
+    from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+    from robotctl.logs.graphs.graph_files import format_of  # noqa: PLC0415
+    from robotctl.workbench.graphs.optimize import (  # noqa: PLC0415
+        OptimizeOptions,
+        write_graph,
+        write_report,
+    )
+    from robotctl.workbench.graphs.optimize import optimize as work  # noqa: PLC0415
+
+    if out is not None:
+        format_of(out)
+    console = plain_console(stderr=True)
+    if cache_is_cold():
+        console.print(COMPILING, soft_wrap=True)
+    options = OptimizeOptions(
+        graph,
+        solver,
+        robust,
+        init or ("odometry" if robust else "chordal"),
+        tuple(filter(None, marginals.replace(" ", "").split(","))),
+    )
+    with progress_bar(console, graph.name, "optimising") as tell:
+        result = work(options, lambda _, done, total: tell(done, total))
+    if report is not None:
+        write_file(report, lambda file: write_report(result, file))
+    if out is not None:
+        write_file(out, lambda file: write_graph(result, file))
+    if plot is not None:
+        from robotctl.cli.optimize_plot import save_plot  # noqa: PLC0415 - an extra
+
+        write_file(plot, lambda file: save_plot(result, file))
+    print(summary(result))
+    if not result.solution.is_converged:
+        raise typer.Exit(1)
+
+
+def summary(result: OptimizeResult) -> str:
+    """Return what there is to say of an optimum."""
+    figures = result.report()
+    time_ms = figures["time_ms"]["total"]
+    lines = [
+        "{vertices} variables, {edges} factors, {connected_components} connected".format(**figures),
+        "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in {iterations} iterations".format(**figures)
+        + f", {time_ms:.1f} ms",
+    ]
+    if figures["switched_off"]:
+        lines.append(
+            f"{figures['switched_off']} factors switched off; chi2 of the rest "
+            f"{figures['chi2_kept']:.8g}"
+        )
+    if not figures["converged"]:
+        lines.append("not converged: try another --init, or --robust")
+    for name, covariance in result.covariances.items():
+        sigma = ", ".join(f"{each:.3g}" for each in covariance.diagonal() ** 0.5)
+        lines.append(f"{name}: standard deviations {sigma} in its own frame, m and rad")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""The kinds of factors; `registry` lists them."""

@@ -1,0 +1,1 @@
+"""Factor graphs: variables, factors, and both put together."""

@@ -1,0 +1,64 @@
+"""Putting a graph together, arrays of variables and factors at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind, Ints
+from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values
+from robotctl.estimation.slam.graph.variables import KINDS, Floats, VariableKind
+
+
+class GraphBuilder:
+    """Collects variables and factors; variables that only factors name are made with them."""
+
+    def __init__(self) -> None:
+        self._variables: dict[VariableKind, list[tuple[Ints, Floats]]] = {}
+        self._factors: dict[FactorKind, list[tuple[Ints, Floats, Floats]]] = {}
+
+    def variables(self, kind: VariableKind, ids: Ints, values: Floats) -> None:
+        """Add variables (n,) with their values (n, size); a later value replaces an earlier."""
+        self._variables.setdefault(kind, []).append((ids, values))
+
+    def factors(
+        self, kind: FactorKind, ids: Ints, measurements: Floats, information: Floats
+    ) -> None:
+        """Add factors on the variables `ids` (n, 1 or 2); arrays as in `FactorBlock`."""
+        self._factors.setdefault(kind, []).append((ids, measurements, information))
+
+    def build(self) -> tuple[FactorGraph, Values, dict[VariableKind, NDArray[np.bool_]]]:
+        """Return the graph, values, and of each kind which of them were given, (n,)."""
+        ids: dict[VariableKind, Ints] = {}
+        values: Values = {}
+        known = {}
+        for kind in KINDS:
+            named = [own for own, _ in self._variables.get(kind, ())]
+            for factor, parts in self._factors.items():
+                for slot, variable in enumerate(factor.variables):
+                    if variable is kind:
+                        named += [part[0][:, slot] for part in parts]
+            if not named:
+                continue
+            ids[kind] = np.unique(np.concatenate(named))
+            values[kind] = np.tile(np.array(kind.identity), (len(ids[kind]), 1))
+            known[kind] = np.zeros(len(ids[kind]), np.bool_)
+            for own, given in self._variables.get(kind, ()):
+                rows = np.searchsorted(ids[kind], own)
+                values[kind][rows], known[kind][rows] = given, True
+        blocks = []
+        for factor, parts in self._factors.items():
+            named = [np.concatenate([part[0][:, slot] for part in parts]) for slot in range(len(factor.variables))]  # fmt: skip # noqa: E501
+            rows_of = tuple(
+                np.searchsorted(ids[kind], own).astype(np.int64)
+                for kind, own in zip(factor.variables, named, strict=True)
+            )
+            blocks.append(
+                FactorBlock(
+                    factor,
+                    rows_of,
+                    np.ascontiguousarray(np.concatenate([part[1] for part in parts])),
+                    np.ascontiguousarray(np.concatenate([part[2] for part in parts])),
+                )
+            )
+        return FactorGraph(ids, tuple(blocks)), values, known

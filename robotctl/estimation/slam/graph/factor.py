@@ -1,0 +1,135 @@
+"""Kinds of factors, and blocks of many factors of one kind.
+
+A factor says how well its variables fit a measurement: r^T Omega r with the residual r and the
+information matrix Omega, the inverse of the covariance of r. The sum of all is chi2, without the
+factor one half, as g2o reports it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.estimation.slam.graph.variables import Floats, VariableKind
+
+Ints: TypeAlias = NDArray[np.int64]
+_STEP: float = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FactorKind:
+    """One kind of factors: a residual function, and perhaps its Jacobians.
+
+    Parameters
+    ----------
+    name
+        For messages.
+    variables
+        Kinds of the one or two variables of a factor.
+    measurement
+        Numbers of one measurement.
+    size
+        Of one residual.
+    residual
+        Maps the values of each variable, (n, size of its kind), and measurements (n, measurement)
+        to residuals (n, size). Angles in it are wrapped.
+    linearise
+        Takes the same, then arrays that it fills: residuals (n, size) and, for each variable, their
+        derivatives by its increment (n, size, dof). None: differences of `residual`.
+    """
+
+    name: str
+    variables: tuple[VariableKind, ...]
+    measurement: int
+    size: int
+    residual: Callable[..., Floats]
+    linearise: Callable[..., None] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FactorBlock:
+    """Factors of one kind, as arrays.
+
+    Parameters
+    ----------
+    kind
+        Of all of them.
+    variables
+        For each variable of the kind, its row among the values of its kind, (n,).
+    measurements
+        (n, measurement).
+    information
+        Inverse covariances of the residuals, (n, size, size), symmetric, positive definite.
+    """
+
+    kind: FactorKind
+    variables: tuple[Ints, ...]
+    measurements: Floats
+    information: Floats
+
+    def __len__(self) -> int:
+        return len(self.measurements)
+
+    def take(self, chosen: NDArray[Any]) -> FactorBlock:
+        """Return some of the factors: a mask or indices, (m,)."""
+        return FactorBlock(
+            self.kind,
+            tuple(each[chosen] for each in self.variables),
+            self.measurements[chosen],
+            self.information[chosen],
+        )
+
+
+@dataclass(slots=True, eq=False)
+class Linearised:
+    """A block of factors about values of its variables.
+
+    Parameters
+    ----------
+    residuals
+        (n, size).
+    jacobians
+        For each variable, (n, size, dof).
+    """
+
+    residuals: Floats
+    jacobians: tuple[Floats, ...]
+
+    @staticmethod
+    def empty(block: FactorBlock) -> Linearised:
+        """Return space for a block."""
+        n, size = len(block), block.kind.size
+        return Linearised(
+            np.empty((n, size)),
+            tuple(np.empty((n, size, each.dof)) for each in block.kind.variables),
+        )
+
+    def fill(self, block: FactorBlock, values: tuple[Floats, ...]) -> None:
+        """Linearise a block about the values of its variables, each (n, size of its kind)."""
+        kind = block.kind
+        if kind.linearise is not None:
+            kind.linearise(*values, block.measurements, self.residuals, *self.jacobians)
+            return
+        self.residuals[:] = kind.residual(*values, block.measurements)
+        numerical_jacobians(block, values, self.jacobians)
+
+
+def numerical_jacobians(
+    block: FactorBlock, values: tuple[Floats, ...], jacobians: tuple[Floats, ...]
+) -> None:
+    """Fill Jacobians with central differences of the residual function."""
+    kind = block.kind
+    for slot, (variable, jacobian) in enumerate(zip(kind.variables, jacobians, strict=True)):
+        for column in range(variable.dof):
+            step = np.zeros((len(block), variable.dof))
+            ends = []
+            for sign in (1.0, -1.0):
+                step[:, column] = sign * _STEP
+                moved = list(values)
+                moved[slot] = variable.retract(values[slot], step)
+                ends.append(kind.residual(*moved, block.measurements))
+            jacobian[:, :, column] = (ends[0] - ends[1]) / (2.0 * _STEP)

@@ -1,0 +1,1 @@
+"""Sparse symmetric equations: order of elimination, Cholesky factor, covariances."""

@@ -1,0 +1,1 @@
+"""Measurements that are wrong: robust kernels and graduated non-convexity."""

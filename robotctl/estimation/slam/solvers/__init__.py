@@ -1,0 +1,1 @@
+"""Solvers of factor graphs on one interface; `registry` lists them."""

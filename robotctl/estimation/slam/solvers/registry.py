@@ -1,0 +1,14 @@
+"""The solvers by name; a new one is a file and a line here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.estimation.slam.solvers.batch import dog_leg, gauss_newton, levenberg_marquardt
+from robotctl.estimation.slam.solvers.problem import Solver
+
+SOLVERS: Final[dict[str, Solver]] = {
+    "gn": gauss_newton,
+    "lm": levenberg_marquardt,
+    "dogleg": dog_leg,
+}

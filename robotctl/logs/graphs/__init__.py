@@ -1,0 +1,1 @@
+"""Files of factor graphs: g2o, TORO and GTSAM's text."""

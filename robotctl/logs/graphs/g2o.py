@@ -1,0 +1,184 @@
+"""g2o's files: poses and points in the plane and in space, with full information matrices.
+
+Format: https://github.com/RainerKuemmerle/g2o/wiki/File-Format. Quaternions are x, y, z, w. The
+residuals of the factors are g2o's, so chi2 is what g2o reports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.slam.factors.between import BETWEEN_2D, BETWEEN_3D
+from robotctl.estimation.slam.factors.landmarks import BEARING, SEEN_2D
+from robotctl.estimation.slam.factors.points_in_space import SEEN_3D
+from robotctl.estimation.slam.factors.prior import (
+    POSITION_2D,
+    PRIOR_2D,
+    PRIOR_3D,
+    PRIOR_POINT_2D,
+)
+from robotctl.estimation.slam.graph.builder import GraphBuilder
+from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind
+from robotctl.estimation.slam.graph.variables import POINT2, POINT3, SE2, SE3, Floats
+from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat, GraphFormatError
+from robotctl.logs.graphs.tagged_text import (
+    Rows,
+    Tag,
+    checked,
+    factors,
+    lines_of,
+    read_tagged,
+    symmetric,
+    tags_of,
+    triangle,
+    upper,
+    variables,
+)
+
+_SE2: Final = ("x", "y", "theta")
+_SE3: Final = ("x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+def _normalised(numbers: Floats) -> Floats:
+    poses = numbers.copy()
+    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    return poses
+
+
+def _split(rows: Rows, size: int) -> tuple[Floats, Floats]:
+    """Return measurements in the first numbers, information of `size` in the last."""
+    behind = size * (size + 1) // 2
+    numbers = rows.numbers[:, :-behind]
+    if size == SE3.dof:
+        rows.check(np.linalg.norm(numbers[:, 3:], axis=1) > 0.0, "the quaternion is 0")
+        numbers = _normalised(numbers)
+    return numbers, checked(rows, symmetric(rows.numbers[:, -behind:], size))
+
+
+def _factor(kind: FactorKind, columns: tuple[str, ...]) -> Tag:
+    size = kind.size
+    return Tag(
+        len(kind.variables),
+        (*columns, *triangle(size)),
+        factors(kind, lambda rows: _split(rows, size)),
+    )
+
+
+def _without_offset(kind: FactorKind, columns: tuple[str, ...]) -> Tag:
+    """Return the tag of factors that name, as their first number, the place of a sensor."""
+    size = kind.size
+
+    def split(rows: Rows) -> tuple[Floats, Floats]:
+        return _split(Rows(rows.ids, rows.numbers[:, 1:], rows.lines, rows.path), size)
+
+    return Tag(
+        len(kind.variables), ("parameter id", *columns, *triangle(size)), factors(kind, split)
+    )
+
+
+def _offset(_: GraphBuilder, rows: Rows) -> None:
+    rows.check(
+        np.all(rows.numbers == [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], axis=1),
+        "a sensor that is not at the origin of the pose is not supported",
+    )
+
+
+TAGS: Final[dict[str, Tag]] = {
+    "VERTEX_SE2": Tag(1, _SE2, variables(SE2, lambda numbers: numbers)),
+    "VERTEX_XY": Tag(1, _SE2[:2], variables(POINT2, lambda numbers: numbers)),
+    "VERTEX_SE3:QUAT": Tag(1, _SE3, variables(SE3, _normalised)),
+    "VERTEX_TRACKXYZ": Tag(1, _SE3[:3], variables(POINT3, lambda numbers: numbers)),
+    "EDGE_SE2": _factor(BETWEEN_2D, _SE2),
+    "EDGE_SE3:QUAT": _factor(BETWEEN_3D, _SE3),
+    "EDGE_SE2_XY": _factor(SEEN_2D, _SE2[:2]),
+    "EDGE_BEARING_SE2_XY": _factor(BEARING, ("bearing",)),
+    "EDGE_PRIOR_SE2": _factor(PRIOR_2D, _SE2),
+    "EDGE_PRIOR_SE2_XY": _factor(POSITION_2D, _SE2[:2]),
+    "EDGE_PRIOR_XY": _factor(PRIOR_POINT_2D, _SE2[:2]),
+    "EDGE_SE3_PRIOR": _without_offset(PRIOR_3D, _SE3),
+    "EDGE_SE3_TRACKXYZ": _without_offset(SEEN_3D, _SE3[:3]),
+    "PARAMS_SE3OFFSET": Tag(1, _SE3, _offset),
+}
+"""All that is read."""
+
+_VARIABLES: Final = {SE2: "VERTEX_SE2", POINT2: "VERTEX_XY", SE3: "VERTEX_SE3:QUAT", POINT3: "VERTEX_TRACKXYZ"}  # fmt: skip # noqa: E501
+_FACTORS: Final = {
+    BETWEEN_2D: "EDGE_SE2",
+    BETWEEN_3D: "EDGE_SE3:QUAT",
+    SEEN_2D: "EDGE_SE2_XY",
+    BEARING: "EDGE_BEARING_SE2_XY",
+    PRIOR_2D: "EDGE_PRIOR_SE2",
+    POSITION_2D: "EDGE_PRIOR_SE2_XY",
+    PRIOR_POINT_2D: "EDGE_PRIOR_XY",
+    PRIOR_3D: "EDGE_SE3_PRIOR",
+    SEEN_3D: "EDGE_SE3_TRACKXYZ",
+}
+_WITH_OFFSET: Final = (PRIOR_3D, SEEN_3D)
+
+
+def ids_of(file: GraphFile, block: FactorBlock) -> np.ndarray:
+    """Return the ids of the variables of each factor, (n, variables)."""
+    return np.column_stack(
+        [
+            file.graph.ids[kind][rows]
+            for kind, rows in zip(block.kind.variables, block.variables, strict=True)
+        ]
+    )
+
+
+def _read(path: Path) -> GraphFile:
+    file = read_tagged(path, TAGS, "FIX")
+    ids = list(file.graph.ids.values())
+    twice = np.intersect1d(ids[0], ids[-1]) if len(ids) > 1 else ids[0][:0]
+    if len(twice):
+        raise GraphFormatError(f"{path}: {twice[0]} is both a pose and a point")
+    return file
+
+
+def write_factors(
+    path: Path, file: GraphFile, name: str, lines: Callable[[FactorBlock], list[str] | None]
+) -> list[str]:
+    """Return the lines of all factors.
+
+    Raises
+    ------
+    GraphFormatError
+        If the format `name` has none for a kind.
+    """
+    result = []
+    for block in file.graph.blocks:
+        own = lines(block)
+        if own is None:
+            raise GraphFormatError(f"{path}: {name} has no factors {block.kind.name!r}")
+        result += own
+    return result
+
+
+def _write(path: Path, file: GraphFile) -> None:
+    text = []
+    if any(block.kind in _WITH_OFFSET for block in file.graph.blocks):
+        text.append("PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1")
+    for kind, ids in file.graph.ids.items():
+        text += lines_of(_VARIABLES[kind], ids[:, None], file.values[kind])
+    text += [f"FIX {file.graph.name(int(each)).split()[-1]}" for each in file.fixed]
+
+    def lines(block: FactorBlock) -> list[str] | None:
+        if block.kind not in _FACTORS:
+            return None
+        ids = ids_of(file, block)
+        if block.kind in _WITH_OFFSET:
+            ids = np.column_stack([ids, np.zeros(len(ids), np.int64)])
+        numbers = np.hstack([block.measurements, upper(block.information)])
+        return lines_of(_FACTORS[block.kind], ids, numbers)
+
+    text += write_factors(path, file, "g2o", lines)
+    path.write_text("\n".join(text) + "\n", encoding="ascii")
+
+
+G2O: Final = GraphFormat(
+    "g2o", ".g2o", lambda path: bool(tags_of(path) & TAGS.keys()), _read, _write
+)

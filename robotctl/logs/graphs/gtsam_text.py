@@ -1,0 +1,103 @@
+"""GTSAM's text for the plane: odometry and landmarks, as its `load2D` reads.
+
+ODOMETRY a b x y theta and the upper triangle of the covariance; LANDMARK pose point x y and that
+of its covariance, in the frame of the pose; BR pose point bearing range and their standard
+deviations; VERTEX2 and EDGE2 as TORO has them. Landmarks have numbers of their own. (From LANDMARK
+GTSAM makes bearing and range, with a covariance guessed from the first number; here it is taken as
+it stands.) https://github.com/borglab/gtsam/blob/develop/gtsam/slam/dataset.cpp
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.slam.factors.between import BETWEEN_2D
+from robotctl.estimation.slam.factors.landmarks import RANGE_BEARING, SEEN_2D
+from robotctl.estimation.slam.graph.factor import FactorBlock
+from robotctl.estimation.slam.graph.variables import SE2, Floats
+from robotctl.logs.graphs.g2o import ids_of, write_factors
+from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat, GraphFormatError
+from robotctl.logs.graphs.tagged_text import (
+    Rows,
+    Tag,
+    checked,
+    factors,
+    lines_of,
+    read_tagged,
+    symmetric,
+    tags_of,
+    triangle,
+    upper,
+)
+from robotctl.logs.graphs.toro import EDGE2, VERTEX2
+
+_OWN: Final = frozenset({"ODOMETRY", "LANDMARK", "BR"})
+
+
+def inverses(matrices: Floats) -> Floats:
+    """Return the inverse of each matrix, (n, size, size)."""
+    result: Floats = np.linalg.inv(matrices)
+    return result
+
+
+def _odometry(rows: Rows) -> tuple[Floats, Floats]:
+    covariance = checked(rows, symmetric(rows.numbers[:, 3:], 3), "covariance")
+    return rows.numbers[:, :3], inverses(covariance)
+
+
+def _landmark(rows: Rows) -> tuple[Floats, Floats]:
+    covariance = checked(rows, symmetric(rows.numbers[:, 2:], 2), "covariance")
+    return rows.numbers[:, :2], inverses(covariance)
+
+
+def _bearing_range(rows: Rows) -> tuple[Floats, Floats]:
+    sigma = rows.numbers[:, [3, 2]]
+    rows.check(np.all(sigma > 0.0, axis=1), "standard deviations above 0 are needed")
+    return rows.numbers[:, [1, 0]], np.eye(2) / sigma[:, None, :] ** 2
+
+
+TAGS: Final[dict[str, Tag]] = {
+    "VERTEX2": VERTEX2,
+    "EDGE2": EDGE2,
+    "ODOMETRY": Tag(2, ("x", "y", "theta", *triangle(3, "C")), factors(BETWEEN_2D, _odometry)),
+    "LANDMARK": Tag(2, ("x", "y", *triangle(2, "C")), factors(SEEN_2D, _landmark)),
+    "BR": Tag(
+        2,
+        ("bearing", "range", "sigma of the bearing", "sigma of the range"),
+        factors(RANGE_BEARING, _bearing_range),
+    ),
+}
+
+
+def _lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
+    ids, z = ids_of(file, block), block.measurements
+    if block.kind in (BETWEEN_2D, SEEN_2D):
+        tag = "ODOMETRY" if block.kind is BETWEEN_2D else "LANDMARK"
+        return lines_of(tag, ids, np.hstack([z, upper(inverses(block.information))]))
+    if block.kind is RANGE_BEARING and not np.any(block.information[:, 0, 1]):
+        sigma = 1.0 / np.sqrt(np.diagonal(block.information, axis1=1, axis2=2))
+        return lines_of("BR", ids, np.hstack([z[:, ::-1], sigma[:, ::-1]]))
+    return None
+
+
+def _write(path: Path, file: GraphFile) -> None:
+    text = []
+    for kind, ids in file.graph.ids.items():
+        if kind is SE2:
+            text += lines_of("VERTEX2", ids[:, None], file.values[kind])
+        elif kind.is_pose:
+            raise GraphFormatError(f"{path}: GTSAM's text has no poses in space")
+    text += write_factors(path, file, "GTSAM's text", lambda block: _lines(file, block))
+    path.write_text("\n".join(text) + "\n", encoding="ascii")
+
+
+GTSAM: Final = GraphFormat(
+    "GTSAM's text",
+    ".txt",
+    lambda path: bool(tags_of(path) & _OWN),
+    lambda path: read_tagged(path, TAGS),
+    _write,
+)

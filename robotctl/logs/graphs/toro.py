@@ -1,0 +1,126 @@
+"""TORO's files: poses in the plane and in space, as `.graph`.
+
+VERTEX2 id x y theta; EDGE2 a b x y theta I11 I12 I22 I33 I13 I23; VERTEX3 and EDGE3 with roll,
+pitch, yaw (R = Rz Ry Rx) and the upper triangle of the information.
+Grisetti, Stachniss and Burgard, https://openslam-org.github.io/toro.html
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotctl.estimation.slam.factors.between import BETWEEN_2D, BETWEEN_3D
+from robotctl.estimation.slam.graph.factor import FactorBlock
+from robotctl.estimation.slam.graph.variables import SE2, SE3, Floats
+from robotctl.logs.graphs.g2o import ids_of, write_factors
+from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat, GraphFormatError
+from robotctl.logs.graphs.tagged_text import (
+    Rows,
+    Tag,
+    checked,
+    factors,
+    lines_of,
+    read_tagged,
+    symmetric,
+    tags_of,
+    triangle,
+    upper,
+    variables,
+)
+
+_SE2: Final = ("x", "y", "theta")
+_SE3: Final = ("x", "y", "z", "roll", "pitch", "yaw")
+_ORDER: Final = [0, 1, 3, 5, 2, 4]
+"""Of the upper triangle by rows, in EDGE2; its inverse is `_BACK`."""
+_BACK: Final = [0, 1, 4, 2, 5, 3]
+
+
+def quaternion_poses(numbers: Floats) -> Floats:
+    """Return poses (n, 7) of x, y, z, roll, pitch, yaw (n, 6)."""
+    c, s = np.cos(0.5 * numbers[:, 3:]).T, np.sin(0.5 * numbers[:, 3:]).T
+    return np.column_stack(
+        [
+            numbers[:, :3],
+            s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
+            c[0] * s[1] * c[2] + s[0] * c[1] * s[2],
+            c[0] * c[1] * s[2] - s[0] * s[1] * c[2],
+            c[0] * c[1] * c[2] + s[0] * s[1] * s[2],
+        ]
+    )
+
+
+def euler_poses(poses: Floats) -> Floats:
+    """Return x, y, z, roll, pitch, yaw (n, 6) of poses (n, 7)."""
+    x, y, z, w = poses[:, 3:].T
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.column_stack([poses[:, :3], roll, pitch, yaw])
+
+
+def _split_2d(rows: Rows) -> tuple[Floats, Floats]:
+    return rows.numbers[:, :3], checked(rows, symmetric(rows.numbers[:, 3:][:, _BACK], 3))
+
+
+def _split_3d(rows: Rows) -> tuple[Floats, Floats]:
+    numbers = rows.numbers[:, 6:].copy()
+    numbers[~np.any(numbers, axis=1)] = upper(np.eye(6)[None])  # without information: 1
+    # Roll, pitch and yaw are twice the vector part of the quaternion, to first order.
+    double = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+    information = symmetric(numbers, 6) * np.outer(double, double)
+    return quaternion_poses(rows.numbers[:, :6]), checked(rows, information)
+
+
+VERTEX2: Final = Tag(1, _SE2, variables(SE2, lambda numbers: numbers))
+EDGE2: Final = Tag(
+    2, (*_SE2, "I11", "I12", "I22", "I33", "I13", "I23"), factors(BETWEEN_2D, _split_2d)
+)
+TAGS: Final[dict[str, Tag]] = {
+    "VERTEX2": VERTEX2,
+    "EDGE2": EDGE2,
+    "VERTEX3": Tag(1, _SE3, variables(SE3, quaternion_poses)),
+    "EDGE3": Tag(2, (*_SE3, *triangle(6)), factors(BETWEEN_3D, _split_3d), optional=21),
+}
+
+
+def edge2_lines(file: GraphFile, block: FactorBlock) -> list[str]:
+    """Return the lines of measured poses in the plane."""
+    numbers = np.hstack([block.measurements, upper(block.information)[:, _ORDER]])
+    return lines_of("EDGE2", ids_of(file, block), numbers)
+
+
+def _lines(file: GraphFile, block: FactorBlock) -> list[str] | None:
+    if block.kind is BETWEEN_2D:
+        return edge2_lines(file, block)
+    if block.kind is not BETWEEN_3D:
+        return None
+    half = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])
+    information = upper(block.information * np.outer(half, half))
+    return lines_of(
+        "EDGE3", ids_of(file, block), np.hstack([euler_poses(block.measurements), information])
+    )
+
+
+def _write(path: Path, file: GraphFile) -> None:
+    text = []
+    for kind, ids in file.graph.ids.items():
+        if kind is SE2:
+            text += lines_of("VERTEX2", ids[:, None], file.values[kind])
+        elif kind is SE3:
+            text += lines_of("VERTEX3", ids[:, None], euler_poses(file.values[kind]))
+        else:
+            raise GraphFormatError(f"{path}: TORO has no points")
+    text += write_factors(path, file, "TORO", lambda block: _lines(file, block))
+    path.write_text("\n".join(text) + "\n", encoding="ascii")
+
+
+TORO: Final = GraphFormat(
+    "TORO",
+    ".graph",
+    lambda path: bool(tags_of(path) & TAGS.keys()),
+    lambda path: read_tagged(path, TAGS),
+    _write,
+)

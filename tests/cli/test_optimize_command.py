@@ -1,0 +1,73 @@
+"""`robotctl optimize`: from a file to the optimum, its report, picture and file; plain errors."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from robotctl.cli.commands import app
+from robotctl.errors import RobotctlError
+from robotctl.logs.graphs.graph_files import read_graph
+
+
+@pytest.fixture
+def square(tmp_path):
+    """Return a file with a square of four poses, whose start is far off, and a landmark."""
+    lines = [f"VERTEX_SE2 {k} {3 * k} 1 0" for k in range(4)]
+    lines += [f"EDGE_SE2 {k} {(k + 1) % 4} 1 0 {np.pi / 2} 4 0 0 4 0 25" for k in range(4)]
+    lines += ["EDGE_SE2_XY 0 9 2 1 100 0 100", "EDGE_SE2_XY 2 9 -1 0.1 100 0 100"]
+    path = tmp_path / "square.g2o"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def run(*words):
+    result = CliRunner().invoke(app, ["optimize", *map(str, words)])
+    if isinstance(result.exception, RobotctlError):
+        raise result.exception
+    return result
+
+
+def test_it_writes_optimum_report_and_picture(square, tmp_path):
+    out, report, plot = (tmp_path / name for name in ("out.g2o", "r.json", "p.png"))
+    result = run(square, "--out", out, "--report", report, "--plot", plot, "--marginals", "2,9")
+    assert result.exit_code == 0, result.output
+    figures = json.loads(report.read_text())
+    assert {"parse", "order", "optimise", "total"} <= figures["time_ms"].keys()
+    assert (figures["vertices"], figures["edges"], figures["connected_components"]) == (5, 6, 1)
+    assert figures["chi2_final"] < figures["chi2_initial"] < 5.0
+    assert (figures["switched_off"], figures["fixed"]) == (0, ["pose 0"])
+    assert np.array(figures["marginals"]["2"]).shape == (3, 3)
+    assert np.array(figures["marginals"]["9"]).shape == (2, 2)
+    assert plot.stat().st_size > 10_000
+    # The optimum is where its own file begins, and stays there.
+    assert run(out, "--init", "file", "--report", report).exit_code == 0
+    again = json.loads(report.read_text())
+    assert again["chi2_initial"] == pytest.approx(figures["chi2_final"], abs=1e-9)
+    assert read_graph(out).graph.size == 5
+    assert "point 9" not in result.output
+    assert "9: standard deviations" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("--solver", "lmm"), 'did you mean "lm"'),
+        (("--robust", "hubert"), 'did you mean "huber"'),
+        (("--init", "cordal"), 'did you mean "chordal"'),
+        (("--marginals", "12"), "--marginals 12: there is no such variable; ids go from 0 to 9"),
+        (("--out", "x.csv"), "the suffix says the format"),
+    ],
+)
+def test_a_wrong_option_is_named(square, words, problem):
+    with pytest.raises(RobotctlError) as error:
+        run(square, *words)
+    assert problem in str(error.value)
+
+
+def test_a_graph_that_is_not_determined_names_the_variable(square):
+    with square.open("a") as file:
+        file.write("EDGE_BEARING_SE2_XY 1 77 0.3 100\n")
+    with pytest.raises(RobotctlError, match="point 77: too few measurements"):
+        run(square)
