@@ -39,8 +39,7 @@ _OWN: Final = frozenset({"ODOMETRY", "LANDMARK", "BR"})
 
 def inverses(matrices: Floats) -> Floats:
     """Return the inverse of each matrix, (n, size, size)."""
-    result: Floats = np.linalg.inv(matrices)
-    return result
+    return np.linalg.inv(matrices).astype(np.float64)
 
 
 def _odometry(rows: Rows) -> tuple[Floats, Floats]:

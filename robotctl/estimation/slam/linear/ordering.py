@@ -69,13 +69,18 @@ def minimum_degree(  # noqa: C901 - one compiled loop
         Variables, the first to be eliminated first.
     """
     n = len(weights)
-    total = int(weights.sum())
-    lists = np.empty(2 * len(neighbours) + n + 1, np.int64)
-    lists[: len(neighbours)] = neighbours
-    free = len(neighbours)
-    begin, count = starts[:n].copy(), starts[1:] - starts[:n]
+    lists, free = np.empty(2 * len(neighbours) + n + 1, np.int64), len(neighbours)
+    for at in range(free):
+        lists[at] = neighbours[at]
+    begin, count = np.empty(n, np.int64), np.empty(n, np.int64)
+    nv = np.empty(n, np.int64)  # negative in the element under construction, 0 if gone
+    total, free_variables = 0, 0
+    for i in range(n):
+        begin[i], count[i] = starts[i], starts[i + 1] - starts[i]
+        nv[i] = weights[i]
+        total += weights[i]
+        free_variables += 0 if is_last[i] else 1
     elements = np.zeros(n, np.int64)  # of the list of a variable, which begins with them
-    nv = weights.copy()  # negative in the element under construction, 0 if gone
     size = np.zeros(n, np.int64)  # weight of the variables of an element
     is_dead = np.zeros(n, np.bool_)  # of elements
     degree = np.zeros(n, np.int64)
@@ -95,7 +100,6 @@ def minimum_degree(  # noqa: C901 - one compiled loop
         if not is_last[i]:
             _link(heads, following, previous, degree[i], i)
     least = 0
-    free_variables = n - int(is_last.sum())
     while done < free_variables:
         while heads[least] < 0:
             least += 1
@@ -109,7 +113,8 @@ def minimum_degree(  # noqa: C901 - one compiled loop
             need += count[lists[at]]
         if free + need > len(lists):
             larger = np.empty(2 * len(lists) + need, np.int64)
-            larger[:free] = lists[:free]
+            for at in range(free):
+                larger[at] = lists[at]
             lists = larger
         first = free
         size_me = 0

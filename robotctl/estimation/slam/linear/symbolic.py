@@ -95,7 +95,8 @@ def _structures(  # noqa: C901 - one compiled loop
             child = following[child]
         if used + need > len(below):
             larger = np.empty(2 * len(below) + need, np.int64)
-            larger[:used] = below[:used]
+            for at in range(used):
+                larger[at] = below[at]
             below = larger
         mark[j] = j
         for at in range(starts[order[j]], starts[order[j] + 1]):
@@ -245,11 +246,14 @@ def analyse(  # noqa: C901 - one compiled loop
     counts = new_begins[1:] - new_begins[:-1]
     firsts = _supernodes(new_parent, counts, new_begins, new_below, widths)
     total = len(firsts) - 1
-    supernode, columns = np.empty(n, np.int64), scalars[firsts]
+    supernode, columns = np.empty(n, np.int64), np.empty(total + 1, np.int64)
+    for s in range(total + 1):
+        columns[s] = scalars[firsts[s]]
     parents, row_starts = np.full(total, -1, np.int64), np.zeros(total + 1, np.int64)
     panel_starts = np.zeros(total + 1, np.int64)
     for s in range(total):
-        supernode[firsts[s] : firsts[s + 1]] = s
+        for k in range(firsts[s], firsts[s + 1]):
+            supernode[k] = s
     for s in range(total):
         last = firsts[s + 1] - 1
         height = columns[s + 1] - columns[s]
@@ -261,18 +265,28 @@ def analyse(  # noqa: C901 - one compiled loop
         if new_parent[last] >= 0:
             parents[s] = supernode[new_parent[last]]
     rows, relative = np.empty(row_starts[total], np.int64), np.zeros(row_starts[total], np.int64)
+    filled = np.empty(total, np.int64)
+    # By the positions that have each position below them, all rows come out ascending.
+    head, following = np.full(n, -1, np.int64), np.full(len(new_below), -1, np.int64)
+    owner = np.empty(len(new_below), np.int64)
     for s in range(total):
-        at = row_starts[s]
+        filled[s] = row_starts[s]
         for column in range(columns[s], columns[s + 1]):
-            rows[at] = column
-            at += 1
-        last = firsts[s + 1] - 1
-        for i in np.sort(new_below[new_begins[last] : new_begins[last + 1]]):
+            rows[filled[s]] = column
+            filled[s] += 1
+        for at in range(new_begins[firsts[s + 1] - 1], new_begins[firsts[s + 1]]):
+            owner[at], following[at] = s, head[new_below[at]]
+            head[new_below[at]] = at
+    for i in range(n):
+        at = head[i]
+        while at >= 0:
+            s = owner[at]
             for row in range(scalars[i], scalars[i + 1]):
-                rows[at] = row
-                at += 1
+                rows[filled[s]] = row
+                filled[s] += 1
+            at = following[at]
     place = np.zeros(scalars[n], np.int64)
-    waiting, held, peak, top = np.zeros(total, np.int64), np.zeros(total, np.int64), 0, 0
+    waiting, peak, top = np.zeros(total, np.int64), 0, 0
     for s in range(total - 1, -1, -1):  # places in a parent, for each of its children
         if parents[s] >= 0:
             up = parents[s]
@@ -285,7 +299,6 @@ def analyse(  # noqa: C901 - one compiled loop
         size = below_s * below_s
         peak = max(peak, top + size)
         top += size - waiting[s]
-        held[s] = size
         if parents[s] >= 0:
             waiting[parents[s]] += size
     return Symbolic(
@@ -323,7 +336,14 @@ def locate(symbolic: Symbolic, rows: Ints, columns: Ints) -> tuple[Ints, Ints]:
         s = symbolic.supernode[columns[k]]
         low, high = symbolic.row_starts[s], symbolic.row_starts[s + 1]
         strides[k] = high - low
-        row = np.searchsorted(symbolic.rows[low:high], symbolic.scalars[rows[k]])
+        wanted, begin = symbolic.scalars[rows[k]], low
+        while high - begin > 1:  # the place of a row that is there, by halves
+            middle = (begin + high) // 2
+            if symbolic.rows[middle] <= wanted:
+                begin = middle
+            else:
+                high = middle
+        row = begin - low
         column = symbolic.scalars[columns[k]] - symbolic.columns[s]
         places[k] = symbolic.panel_starts[s] + column * strides[k] + row
     return places, strides

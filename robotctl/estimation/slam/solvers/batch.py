@@ -207,7 +207,8 @@ def _bent(newton: Floats, steepest: Floats, radius: float) -> Floats:
         return shortened
     leg = newton - steepest
     a, b, c = float(leg @ leg), float(steepest @ leg), length**2 - radius**2
-    return steepest + leg * ((-b + np.sqrt(b * b - a * c)) / a)
+    share = float((-b + np.sqrt(b * b - a * c)) / a)
+    return steepest + share * leg
 
 
 def solve(problem: Problem, tell: Tell, make_rule: Callable[[], Rule]) -> Solution:
