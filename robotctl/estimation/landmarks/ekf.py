@@ -15,7 +15,8 @@ from robotctl.estimation.kalman.ekf_models import bearing_residual
 from robotctl.estimation.kalman.robust_kalman import Innovation, RobustKalman
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.fix import SeenLandmark, pose_from_landmarks
-from robotctl.estimation.landmarks.models import OdometryReading, S, moved, sighting
+from robotctl.estimation.landmarks.models import OdometryReading, S, sighting
+from robotctl.estimation.landmarks.prediction import predict, walk_of
 from robotctl.model.drives.motion import arc
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.pose_estimate import LocalisationStatus, PoseEstimate
@@ -48,8 +49,7 @@ class LandmarkEkf:
         P = np.diag(sigma**2)
         mean[:3] = start.pose.x_m, start.pose.y_m, start.pose.theta_rad
         P[:3, :3] = start.covariance
-        self._walk = sigma**2 / config.calibration_holds_s
-        self._walk[[S.X, S.Y, S.THETA, S.WANDER]] = 0.0
+        self._walk = walk_of(config)
         self._kalman = RobustKalman(mean, P, config.robust, opening_states=3)
         self._window = InnovationWindow(config.window)
         self._variances = tuple(
@@ -116,21 +116,11 @@ class LandmarkEkf:
         """
         if stamp_ns < self._stamp_ns:
             raise ValueError(f"time goes back: {stamp_ns} ns after {self._stamp_ns} ns")
-        c, kalman = self._config, self._kalman
+        kalman = self._kalman
         dt_s = 1e-9 * (stamp_ns - self._stamp_ns)
-        after, F, G, distance_m, turn_rad = moved(kalman.x, begin, end)
-        kept = math.exp(-dt_s / c.wander_time_s)
-        after[S.WANDER] *= kept
-        F[S.WANDER, S.WANDER] = kept
-        noise = c.motion
-        factor = self.motion_noise_factor**2
-        along = noise.e_m_per_sqrt_m**2 * abs(distance_m)
-        turning = noise.f_rad_per_sqrt_m**2 * abs(distance_m)
-        turning += noise.g_rad_per_sqrt_rad**2 * abs(turn_rad)
-        turning += c.standing_rad_per_sqrt_s**2 * dt_s
-        Q = np.diag(self._walk * dt_s)
-        Q[:3, :3] = (G * (factor * along, factor * turning)) @ G.T
-        Q[S.WANDER, S.WANDER] = c.wander_sigma_rad**2 * (1.0 - kept**2)
+        after, F, Q, distance_m, turn_rad = predict(
+            kalman.x, begin, end, dt_s, self._config, self._walk, self.motion_noise_factor
+        )
         kalman.predict(after, F, Q)
         self._since = F @ self._since @ F.T
         self._since[:3, :3] += Q[:3, :3]

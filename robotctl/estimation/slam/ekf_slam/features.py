@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, NoReturn, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,3 +94,12 @@ POINT: Final = FeatureKind("point", _sighted, _point, (False, True))
 
 Source: Thrun, Burgard, Fox: Probabilistic Robotics, section 10.2; not defined on the point itself.
 """
+
+
+def _unmeasured(*_: Array) -> NoReturn:
+    raise NotImplementedError("past poses are not measured")
+
+
+PLACE: Final = FeatureKind("place", _unmeasured, _unmeasured, (False, False))
+HEADING: Final = FeatureKind("heading", _unmeasured, _unmeasured, (False, False), turns=False)
+"""A past pose (`EkfSlam.remember`): (x, y) [m], and (theta, 0) [rad]."""

@@ -39,7 +39,7 @@ from robotctl.estimation.slam.ekf_slam.association import (
     nearest_neighbour,
     pair_nis,
 )
-from robotctl.estimation.slam.ekf_slam.features import FeatureKind
+from robotctl.estimation.slam.ekf_slam.features import HEADING, PLACE, FeatureKind
 from robotctl.estimation.slam.ekf_slam.gaussian import JointGaussian
 from robotctl.model.drives.motion import arc
 from robotctl.model.drives.motion_noise import MotionNoise, added_covariance, pose_jacobian
@@ -67,10 +67,20 @@ class EkfSlam:
         Whether nothing can be learned of a turn of the whole, see above; False: as in textbooks.
     gates
         Limits of association.
+    considered
+        Which of the robot's states are not estimated, though their doubt counts: those of which the
+        measurements only seem to tell (Schmidt: Application of state-space methods to navigation
+        problems, Advances in Control Systems 3, 1966).
     """
 
     def __init__(
-        self, x_v: Array, P_xx: Array, *, invariant: bool = True, gates: Gates | None = None
+        self,
+        x_v: Array,
+        P_xx: Array,
+        *,
+        invariant: bool = True,
+        gates: Gates | None = None,
+        considered: Sequence[int] = (),
     ) -> None:
         self.belief = JointGaussian(x_v, P_xx)
         """State and covariance of all."""
@@ -79,6 +89,7 @@ class EkfSlam:
         self.kinds: list[FeatureKind] = []
         """Of each feature."""
         self.gates = gates or Gates()
+        self._considered = np.ix_(considered, considered) if considered else None
         self._turns = np.ones(1 if invariant else 0, np.bool_)
         self._index: dict[int | str, int] = {}
 
@@ -98,14 +109,8 @@ class EkfSlam:
 
         With `invariant` the error is that in the tangent space in which the filter corrects.
         """
-        pose = self.pose
-        turn = wrap_angle(truth.theta_rad - pose.theta_rad)
-        x, y = truth.x_m - pose.x_m, truth.y_m - pose.y_m
-        if len(self._turns):
-            x, y, _ = SE2(x, y, turn).log()
-        error = np.array([x, y, turn])
         P = self.belief.block(None, None)[:_POSE, :_POSE]
-        return float(error @ np.linalg.solve(P, error))
+        return tangent_nees(self.pose, P, truth) if len(self._turns) else _nees(self.pose, P, truth)
 
     def index(self, name: int | str) -> int | None:
         """Return which feature has a name; None if none has."""
@@ -173,14 +178,56 @@ class EkfSlam:
         """
         expected, by_robot, by_feature = self._expected(kind, which)
         off = kind.residual(z, expected)
-        return self.belief.update(which, by_robot, by_feature, off, R, self._turns)
+        if self._considered is None:
+            return self.belief.update(which, by_robot, by_feature, off, R, self._turns)
+        states, P_xx = self._considered[1][0], self.belief.block(None, None)
+        x, P = self.belief.x_v[states].copy(), P_xx[self._considered].copy()
+        nis = self.belief.update(which, by_robot, by_feature, off, R, self._turns)
+        self.belief.x_v[states], P_xx[self._considered] = x, P
+        return nis
 
     def add(self, kind: FeatureKind, name: int | str, z: Array, R: Array) -> int:
         """Add the feature of a measurement (2,) with the noise R (2, 2); return its number."""
         y = kind.initial(self.belief.x_v, z)
         _, by_robot, by_feature = kind.expected(self.belief.x_v, y[np.newaxis])
         inverse = np.linalg.inv(by_feature[0])
-        number = self.belief.append(y, -inverse @ by_robot[0], inverse @ R @ inverse.T)
+        return self._append(kind, name, y, -inverse @ by_robot[0], inverse @ R @ inverse.T)
+
+    def remember(self, name: int | str) -> None:
+        """Keep the present pose, which what is measured later then corrects as well.
+
+        It is two features that are never measured: `PLACE`, and `HEADING` with a second number
+        that is 0. `past` returns them.
+        """
+        nothing = np.zeros((2, 2))
+        by_pose = np.zeros((2, 2, self.belief.nv))
+        by_pose[0, 0, 0] = by_pose[0, 1, 1] = by_pose[1, 0, 2] = 1.0
+        x, y, theta = self.belief.x_v[:_POSE].tolist()
+        self._append(PLACE, f"place {name}", np.array([x, y]), by_pose[0], nothing)
+        self._append(HEADING, f"heading {name}", np.array([theta, 0.0]), by_pose[1], nothing)
+
+    def past(self, name: int | str) -> tuple[SE2, Array]:
+        """Return a remembered pose as it is estimated now, and its covariance (3, 3).
+
+        Raises
+        ------
+        KeyError
+            If none was remembered by this name.
+        """
+        place, heading = self._index[f"place {name}"], self._index[f"heading {name}"]
+        belief = self.belief
+        (x, y), theta = belief.features[place].tolist(), float(belief.features[heading, 0])
+        P = np.empty((3, 3))
+        P[:2, :2] = belief.block(place, place)
+        P[:2, 2] = P[2, :2] = belief.block(place, heading)[:, 0]
+        P[2, 2] = belief.block(heading, heading)[0, 0]
+        return SE2(x, y, wrap_angle(theta)), P
+
+    def _append(
+        self, kind: FeatureKind, name: int | str, y: Array, by_robot: Array, noise: Array
+    ) -> int:
+        """Add a feature; return its number."""
+        number = self.belief.append(y, by_robot, noise)
         self.names.append(name)
         self.kinds.append(kind)
         self._index[name] = number
@@ -238,3 +285,24 @@ class EkfSlam:
     def _expected(self, kind: FeatureKind, which: Indices) -> tuple[Array, Array, Array]:
         """Return the expected measurements of features, and their Jacobians."""
         return kind.expected(self.belief.x_v, self.belief.features[which])
+
+
+def tangent_nees(pose: SE2, P: Array, truth: SE2) -> float:
+    """Return the squared error of a pose in the tangent space of SE(2), normalised; 3 dimensions.
+
+    The error (dx, dy, dtheta) moves `pose` along the exponential to the truth, in `world`: for a
+    heading that is far off it is the one of which P (3, 3) can be the covariance.
+    """
+    turn = wrap_angle(truth.theta_rad - pose.theta_rad)
+    x, y, _ = SE2(truth.x_m - pose.x_m, truth.y_m - pose.y_m, turn).log()
+    return _normalised(np.array([x, y, turn]), P)
+
+
+def _nees(pose: SE2, P: Array, truth: SE2) -> float:
+    """Return the squared error of a pose, normalised by its covariance."""
+    turn = wrap_angle(truth.theta_rad - pose.theta_rad)
+    return _normalised(np.array([truth.x_m - pose.x_m, truth.y_m - pose.y_m, turn]), P)
+
+
+def _normalised(error: Array, P: Array) -> float:
+    return float(error @ np.linalg.solve(P, error))
