@@ -58,6 +58,10 @@ COMMANDS: Final = {
         "map:map_log",
         "Map the lidar scans of a recorded log, at its reference poses or its odometry.",
     ),
+    "slam": (
+        "slam:slam",
+        "Make a trajectory and a map of landmarks from a recorded drive.",
+    ),
     "plan": (
         "plan:plan",
         "Find the path between two places of a map, or say why there is none.",

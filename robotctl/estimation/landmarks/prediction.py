@@ -1,4 +1,4 @@
-"""The prediction of a filter whose state is that of `models`: motion, its noise, and calibration."""
+"""The prediction of a filter with the state of `models`: motion, its noise, and calibration."""
 
 from __future__ import annotations
 

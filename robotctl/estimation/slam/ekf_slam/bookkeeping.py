@@ -77,6 +77,4 @@ class LandmarkBook:
                 del self._first_ns[name]
             elif stamp_ns - first_ns > self.trial_ns:
                 del self._first_ns[name], self.counts[name]
-                number = slam.index(name)
-                assert number is not None
-                slam.remove(number)
+                slam.remove(slam.names.index(name))

@@ -71,7 +71,7 @@ def _seen(x: Array, y: Array) -> tuple[Array, Array, Array]:
 def _place(x: Array, z: Array) -> Array:
     """Return where a point is that is seen at a range [m] and bearing [rad], (2,) [m]."""
     direction = x[2] + z[1]
-    y = x[:2] + z[0] * np.array([math.cos(direction), math.sin(direction)])
+    y: Array = x[:2] + z[0] * np.array([math.cos(direction), math.sin(direction)])
     for _ in range(_STEPS):
         expected, _, by_point = _seen(x, y[np.newaxis])
         y = y + np.linalg.solve(by_point[0], CAMERA_POINT.residual(z[np.newaxis], expected)[0])

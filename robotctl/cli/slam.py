@@ -1,0 +1,98 @@
+"""`robotctl slam`: where did a recorded drive go, and what did it pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+import typer
+
+from robotctl.cli.arguments import TimeUnit
+from robotctl.cli.console import plain_console
+from robotctl.cli.files import check_files, write_file
+from robotctl.cli.progress import progress_bar
+from robotctl.errors import ConfigError
+
+
+def slam(
+    log: Annotated[Path, typer.Option(help="MRCLAM folder, or another log with sightings.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Write the results into this folder.")],
+    features: Annotated[str, typer.Option(help="What the map is made of: landmarks.")] = (
+        "landmarks"
+    ),
+    solver: Annotated[str, typer.Option(help="ekf: one Gaussian of robot and map.")] = "ekf",
+    association: Annotated[
+        str,
+        typer.Option(
+            help="Which landmark is seen: names: as the log says; joint: what fits together best; "
+            "nearest: each by itself."
+        ),
+    ] = "names",
+    mrclam_robot: Annotated[
+        int | None, typer.Option(min=1, help="Robot of an MRCLAM folder; default: 1.")
+    ] = None,
+    time_unit: TimeUnit = None,
+) -> None:
+    """Make a trajectory and a map of landmarks from a recorded drive.
+
+    Writes trajectory.tum, online.tum, landmarks.csv, report.json and, with the extra `plot`,
+    plot.png.
+    """
+    if not out.parent.is_dir():
+        raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"--out {out}: is a file, a folder is needed")
+    console = plain_console(stderr=True)
+    with progress_bar(console, log.name, "SLAM") as tell:
+        # It takes a second or more, in which nothing would be seen.
+        from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+        from robotctl.workbench.slam.slam import (  # noqa: PLC0415
+            SlamOptions,
+            write_results,
+        )
+        from robotctl.workbench.slam.slam import slam as run  # noqa: PLC0415
+
+        options = SlamOptions(
+            log=log,
+            features=features,
+            solver=solver,
+            association=cast("Any", association),
+            mrclam_robot=mrclam_robot,
+            time_unit=time_unit,
+        )
+        if cache_is_cold():
+            console.print(COMPILING, soft_wrap=True)
+        result = run(options, tell)
+    for note in result.notes:
+        console.print(f"note: {note}", soft_wrap=True)
+    write_file(out, lambda folder: folder.mkdir(exist_ok=True))
+    write_file(out, lambda folder: write_results(result, folder))
+    plot = out / "plot.png"
+    try:
+        check_files(plot=plot)
+    except ConfigError as error:
+        console.print(f"note: no picture: {error}", soft_wrap=True)
+    else:
+        from robotctl.cli.slam_plot import save_plot  # noqa: PLC0415
+
+        write_file(plot, lambda file: save_plot(result, file))
+    print(_sentence(result.report()))
+
+
+def _sentence(report: dict[str, Any]) -> str:
+    """Return the outcome for people."""
+    seen, compared = report["sightings"], report["trajectory"]
+    parts = [f"{report['landmarks']} landmarks", f"{seen['used']} sightings"]
+    if seen["unused"]:
+        parts.append(f"{seen['unused']} unused")
+    if compared is None:
+        parts.append("no reference to compare with")
+    else:
+        parts.append(
+            f"position error {compared['rmse_m']:.3f} m rms after alignment, at most "
+            f"{compared['max_m']:.3f} m"
+        )
+        if "nees_inside_95" in compared:
+            parts.append(f"NEES inside 95 % bounds {compared['nees_inside_95']:.1%}")
+    parts.append(f"{1e-3 * sum(report['time_ms'].values()):.1f} s")
+    return ", ".join(parts)

@@ -1,0 +1,1 @@
+"""Maps and trajectories from recorded drives: the work behind `robotctl slam`."""

@@ -1,0 +1,188 @@
+"""`robotctl slam`: trajectory and map of a recorded drive, by what it saw."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.estimation.landmarks.config import LandmarkConfig
+from robotctl.estimation.landmarks.localisation import CountedOdometry
+from robotctl.estimation.slam.ekf_slam.bookkeeping import ASSOCIATIONS, Association
+from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
+from robotctl.estimation.slam.ekf_slam.recorded import RecordedSlam
+from robotctl.logs.formats.recorded_log import read_recording
+from robotctl.logs.formats.tum import write_tum
+from robotctl.logs.recorded_motion import known_from_ns, start_pose
+from robotctl.model.geometry.localisation import LocalisationStatus
+from robotctl.model.geometry.pose_estimate import PoseEstimate
+from robotctl.model.geometry.se2 import SE2
+from robotctl.model.recording import UNKNOWN_LANDMARK, Recording
+from robotctl.model.trajectory import Trajectory
+from robotctl.toml_source import nearest
+from robotctl.workbench.slam.result import Estimated, Landmarks, SlamResult
+
+Progress: TypeAlias = Callable[[int, int], None]
+
+FEATURES: Final = ("landmarks",)
+SOLVERS: Final = ("ekf",)
+_TOLD: Final = 1000
+
+
+class SlamError(RobotctlError):
+    """A log has not what SLAM needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlamOptions:
+    """The options.
+
+    Parameters
+    ----------
+    log
+        File or folder of a recording.
+    features, solver, association
+        One of `FEATURES`, of `SOLVERS`, and of `ASSOCIATIONS`.
+    mrclam_robot, time_unit
+        See `read_recording`.
+
+    Raises
+    ------
+    ConfigError
+        If a word is none of these.
+    """
+
+    log: Path
+    features: str = "landmarks"
+    solver: str = "ekf"
+    association: Association = "names"
+    mrclam_robot: int | None = None
+    time_unit: str | None = None
+
+    def __post_init__(self) -> None:
+        for option, words in (
+            ("features", FEATURES),
+            ("solver", SOLVERS),
+            ("association", ASSOCIATIONS),
+        ):
+            word = getattr(self, option)
+            if word not in words:
+                raise ConfigError(
+                    f"--{option} {word}: unknown; allowed are {', '.join(words)}"
+                    f"{nearest(word, list(words))}"
+                )
+
+
+def slam(options: SlamOptions, progress: Progress) -> SlamResult:
+    """Make trajectory and map of a log.
+
+    Raises
+    ------
+    RobotctlError
+        If the log cannot be read, or has no motion or no sightings.
+    OSError
+        If a file cannot be read.
+    """
+    recording = read_recording(
+        options.log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit
+    )
+    return slam_of_recording(recording, options, progress)
+
+
+def slam_of_recording(recording: Recording, options: SlamOptions, progress: Progress) -> SlamResult:
+    """Make trajectory and map of a recording; raises `SlamError`."""
+    if not recording.sightings:
+        raise SlamError(
+            f"{options.log}: no sightings of landmarks in it, which --features landmarks needs; "
+            "a MRCLAM folder has them"
+        )
+    if options.association == "names" and any(
+        each.landmark == UNKNOWN_LANDMARK for each in recording.sightings
+    ):
+        raise SlamError(
+            f"{options.log}: its landmarks have no names; use --association joint or nearest"
+        )
+    config = LandmarkConfig()
+    try:
+        start = _start(recording, config)
+    except ValueError as error:
+        raise SlamError(f"{options.log}: {error}") from error
+    drive = RecordedSlam(recording, config, start, options.association)
+    began_ns = time.process_time_ns()
+    online = []
+    for step in drive.steps():
+        online.append(step.estimate)
+        progress(round(_TOLD * step.share), _TOLD)
+    spent_ms = 1e-6 * (time.process_time_ns() - began_ns)
+    poses, covariances = drive.poses()
+    trajectory = Trajectory(np.array(drive.past_ns, np.int64), poses)
+    return SlamResult(
+        recording.name,
+        Estimated(trajectory, covariances),
+        Estimated(
+            Trajectory.of((each.stamp_ns for each in online), (each.pose for each in online)),
+            np.array([each.covariance for each in online]),
+        ),
+        _landmarks(drive),
+        recording.reference if recording.reference_has_heading else None,
+        recording.landmarks,
+        {
+            "association": options.association,
+            "sightings": {"used": len(drive.seen), "unused": drive.book.unused},
+            "time_ms": {"filter": spent_ms},
+        },
+        recording.notes,
+    )
+
+
+def _start(recording: Recording, config: LandmarkConfig) -> PoseEstimate:
+    """Return where the drive begins: at the reference if there is one, as near as it is known."""
+    begin_ns = max(CountedOdometry(recording).begin_ns, known_from_ns(recording))
+    if recording.reference is not None:
+        begin_ns = max(begin_ns, int(recording.reference.stamps_ns[0]))
+    pose = start_pose(recording, begin_ns) if recording.reference_has_heading else None
+    sigma = np.array([config.map_sigma_m, config.map_sigma_m, config.map_sigma_rad])
+    if pose is None:
+        pose, sigma = SE2(), np.full(3, 1e-6)
+    return PoseEstimate(begin_ns, pose, np.diag(sigma**2), LocalisationStatus.LOCALISED)
+
+
+def _landmarks(drive: RecordedSlam) -> Landmarks:
+    """Return the map of a filter."""
+    slam = drive.run.slam
+    numbers = [number for number, kind in enumerate(slam.kinds) if kind is CAMERA_POINT]
+    names = tuple(slam.names[number] for number in numbers)
+    return Landmarks(
+        names,
+        slam.belief.features[numbers],
+        np.array([slam.belief.block(number, number) for number in numbers]).reshape(-1, 2, 2),
+        tuple(drive.book.counts[name] for name in names),
+    )
+
+
+def write_results(result: SlamResult, folder: Path) -> None:
+    """Write trajectory.tum, online.tum, landmarks.csv and report.json into a folder.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    write_tum(folder / "trajectory.tum", result.estimate.trajectory)
+    if result.online is not None:
+        write_tum(folder / "online.tum", result.online.trajectory)
+    marks = result.landmarks
+    lines = ["name,x_m,y_m,var_x_m2,cov_xy_m2,var_y_m2,sightings"]
+    for name, (x, y), P, count in zip(
+        marks.names, marks.positions.tolist(), marks.covariances, marks.sightings, strict=True
+    ):
+        lines.append(f"{name},{x:.6f},{y:.6f},{P[0, 0]:.6g},{P[0, 1]:.6g},{P[1, 1]:.6g},{count}")
+    (folder / "landmarks.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    text = json.dumps(result.report(), indent=2) + "\n"
+    (folder / "report.json").write_text(text, encoding="utf-8")
