@@ -6,6 +6,7 @@ from typing import Final
 
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ExploreRequest, PositionRequest
+from robotctl.planning.behaviours.dock import DOCK, DockItem
 from robotctl.planning.behaviours.explore import EXPLORE, GUIDED_EXPLORATION, ExploreItem
 from robotctl.planning.behaviours.follow_path import DRIVE, DriveItem
 from robotctl.planning.behaviours.follow_wall import FOLLOW_WALL, FollowWallItem
@@ -29,6 +30,7 @@ BEHAVIOURS: Final[dict[type | Mode, Kind]] = {
     TurnToItem: TURN_TO,
     WaitItem: WAIT,
     WaitForItem: WAIT_FOR,
+    DockItem: DOCK,
     PositionRequest: GUIDED_POSITION,
     ExploreRequest: GUIDED_EXPLORATION,
     Mode.RTL: RETURN_HOME,

@@ -8,7 +8,14 @@ from collections.abc import Sequence
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.sensors.sonar import SonarMount
 
-DIRECTIONS_RAD = {"front": 0.0, "left": 0.5 * math.pi, "right": -0.5 * math.pi, "rear": math.pi}
+DIRECTIONS_RAD = {
+    "front": 0.0,
+    "front_left": 0.25 * math.pi,
+    "front_right": -0.25 * math.pi,
+    "left": 0.5 * math.pi,
+    "right": -0.5 * math.pi,
+    "rear": math.pi,
+}
 _WITHIN_RAD = math.radians(20.0)
 
 

@@ -13,6 +13,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
+from robotctl.planning.behaviours.dock import DockItem
 from robotctl.planning.behaviours.explore import ExploreItem
 from robotctl.planning.behaviours.follow_path import DriveItem
 from robotctl.planning.behaviours.follow_wall import FollowWallItem, Until
@@ -38,6 +39,7 @@ WANTED = [
     GotoItem("goto", 2.0, 1.0),
     ExploreItem("explore"),
     PositionRequest(2.0, 1.0),
+    DockItem("dock", 0.2),
     ExploreRequest(),
     WaitForItem("wait_for", go_ahead=True),
     Mode.RTL,

@@ -1,0 +1,174 @@
+"""The behaviour that docks: square to what is ahead, and at a distance from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from robotctl.model.drives.drives import Drive
+from robotctl.model.geometry.angles import wrap_angle
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.item import require_positive
+from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.wall_ahead import SONARS, WallAhead
+from robotctl.planning.guard.behaviour import (
+    Behaviour,
+    BehaviourInput,
+    BehaviourOutput,
+    Stopwatch,
+    done,
+    failed,
+)
+from robotctl.planning.guard.obstacle_guard import GuardConfig
+
+_SQUARE_RAD: Final = math.radians(2.0)
+_SKEW_MAX_RAD: Final = math.radians(6.0)
+"""A robot that cannot turn on the spot has failed if it ends farther off square."""
+_NEAR_M: Final = 0.01
+"""Of the distance, at which it counts as reached [m]."""
+_TURN_RAD_S: Final = 0.3
+_LEAST_TURN_RAD_S: Final = 0.1
+_TURN_GAIN_S: Final = 1.5
+_BEND_M: Final = 0.3
+"""Way over which a skew is steered out [m]."""
+_BRAKES_M_S2: Final = 0.1
+_CREEP_M_S: Final = 0.05
+_STANDS_RAD_S: Final = 0.05
+_STANDS_STEPS: Final = 8
+"""Steps in which a robot at rest looks whether it is square: its sonars have looked again then."""
+_LOOK_NS: Final = 2_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class DockItem:
+    """Drive to a wall ahead, and stop square to it at a distance.
+
+    Parameters
+    ----------
+    kind
+        Always "dock".
+    distance_m
+        Between the front sonar and the wall [m], > 0.
+    speed_m_s
+        Largest speed [m/s], > 0.
+    name
+        Name shown to people.
+    time_out_s
+        The item fails after this time [s], > 0.
+    """
+
+    kind: Literal["dock"]
+    distance_m: float
+    speed_m_s: float = 0.15
+    name: str = ""
+    time_out_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "distance_m", "speed_m_s", "time_out_s")
+
+
+class DockAtWall(Behaviour):
+    """Turns square to the wall, drives up to it, and turns square again.
+
+    A robot that cannot turn on the spot steers out its skew on the way.
+
+    Parameters
+    ----------
+    item
+        Distance and speed.
+    mounts
+        The sonars: one to the front, and one to each side of that.
+    drive
+        Whether it turns on the spot, and how sharply it steers.
+    """
+
+    def __init__(self, item: DockItem, mounts: Sequence[SonarMount], drive: Drive) -> None:
+        self._item = item
+        self._wall = WallAhead(mounts)
+        self._turns = not drive.steered
+        radius_m = drive.min_turning_radius_m
+        self._curvature_max = 1.0 / radius_m if radius_m > 0.0 else math.inf
+        self.reset()
+
+    def reset(self) -> None:
+        """Start over."""
+        self._is_there = False
+        self.pause()
+
+    def pause(self) -> None:
+        """Look at the wall anew, and turn square first."""
+        self._wall.reset()
+        self._is_square = not self._turns
+        self._stood = 0
+        self._watch = Stopwatch()
+
+    def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
+        """Return the next velocity; done square at the distance."""
+        self._wall.see(situation)
+        pose = situation.pose
+        gap_m = self._wall.distance_m(pose)
+        if gap_m is None:
+            if self._watch.step(now_ns) > _LOOK_NS:
+                return failed("the front sonar sees no wall ahead")
+            return BehaviourOutput(0.0, 0.0, text="looks for the wall ahead")
+        self._watch = Stopwatch()
+        normal_rad = self._wall.normal_rad
+        skew_rad = 0.0 if normal_rad is None else wrap_angle(normal_rad - pose.theta_rad)
+        text = f"{gap_m:.2f} m from the wall, {math.degrees(skew_rad):.0f} deg off square"
+        if not self._is_square:
+            return self._turn(skew_rad, situation, text)
+        left_m = gap_m - self._item.distance_m
+        if not self._is_there and abs(left_m) > _NEAR_M:
+            return self._approach(left_m, skew_rad, text)
+        if self._is_there or not self._turns:
+            off = abs(skew_rad) > _SKEW_MAX_RAD
+            return failed(f"stands askew: {text}") if off else done(text)
+        self._is_there, self._is_square = True, False
+        return BehaviourOutput(0.0, 0.0, text=text)
+
+    def _turn(self, skew_rad: float, situation: BehaviourInput, text: str) -> BehaviourOutput:
+        """Turn on the spot; square after a look at rest."""
+        if abs(skew_rad) > _SQUARE_RAD:
+            self._stood = 0
+            rate = min(max(_TURN_GAIN_S * abs(skew_rad), _LEAST_TURN_RAD_S), _TURN_RAD_S)
+            return BehaviourOutput(0.0, math.copysign(rate, skew_rad), text=text)
+        self._stood += abs(situation.twist.omega_rad_s) < _STANDS_RAD_S
+        self._is_square = self._stood >= _STANDS_STEPS
+        return BehaviourOutput(0.0, 0.0, text=text)
+
+    def _approach(self, left_m: float, skew_rad: float, text: str) -> BehaviourOutput:
+        """Drive up to the distance, or back to it, and steer out the skew."""
+        v = min(self._item.speed_m_s, math.sqrt(2.0 * _BRAKES_M_S2 * abs(left_m)))
+        v = math.copysign(max(v, _CREEP_M_S), left_m)
+        curvature = skew_rad / _BEND_M if left_m > 0.0 else 0.0
+        curvature = min(max(curvature, -self._curvature_max), self._curvature_max)
+        return BehaviourOutput(v, curvature * v, text=text)
+
+
+def _make(item: DockItem, robot: NavigatedRobot) -> DockAtWall:
+    return DockAtWall(item, robot.mounts, robot.drive)
+
+
+def _time_out_s(item: DockItem) -> float:
+    return item.time_out_s
+
+
+def _problems(
+    item: DockItem,
+    drive: Drive,  # noqa: ARG001 - as of all kinds
+    sides: frozenset[str],
+    guard: GuardConfig,
+) -> Iterator[str]:
+    for side in SONARS:
+        if side not in sides:
+            yield f"this robot has no sonar that looks to the {side.replace('_', ' ')}"
+    if item.distance_m <= guard.margin_m:
+        yield (
+            f"distance_m = {item.distance_m:g} is never reached, since this robot stops "
+            f"{guard.margin_m:g} m before an obstacle; above navigation.guard.margin_m is allowed"
+        )
+
+
+DOCK = Kind(_make, _time_out_s, _problems)
