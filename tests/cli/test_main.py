@@ -16,6 +16,21 @@ from robotctl.config.robot_file import find_file
 
 DEADLINE_S = 90.0
 ROBOTCTL = [sys.executable, "-c", "from robotctl.cli.main import main; main()"]
+ONE_BY_ONE = """
+import json, sys
+from robotctl.cli.main import main
+ended = []
+place = sys.argv[2]
+for words in json.loads(sys.argv[1]):
+    sys.argv[1:] = words
+    try:
+        main()
+    except SystemExit as end:
+        ended.append(end.code)
+with open(place, "w") as file:
+    json.dump(ended, file)
+"""
+"""Several commands in one process, which loads numba once; their statuses go into a file."""
 
 
 PRINTS = [["config", "schema"], ["config", "show"], ["version"], ["sim", "--help"]]
@@ -100,36 +115,28 @@ WAYS = [
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_run_keeps_its_files_and_its_status_whoever_reads_along(
-    tmp_path: Path, way: Callable[[list[str]], "subprocess.CompletedProcess[str]"]
+def test_files_are_written_and_the_status_is_kept_whoever_reads_along(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    way: Callable[[list[str]], "subprocess.CompletedProcess[str]"],
 ) -> None:
-    report = tmp_path / "report.json"
-    done = way(["sim", "--lockstep", "--max-seconds", "1", "--report", str(report)])
-    assert done.returncode == 3
-    assert json.loads(report.read_text())["duration_s"] == 1.0
-    assert "Traceback" not in (done.stderr or "")
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_map_is_written_whoever_reads_along(
-    tmp_path: Path, way: Callable[[list[str]], "subprocess.CompletedProcess[str]"]
-) -> None:
-    log = tmp_path / "one.log"
+    report, log, patch, ended = (
+        tmp_path / name for name in ("report.json", "one.log", "patch.toml", "ended.json")
+    )
     log.write_text(f"FLASER 180 {'2.0 ' * 180}1 1 0 1 1 0 1.0 host 1.0\n")
-    done = way(["map", "--log", str(log), "--out", str(tmp_path / "room")])
-    assert done.returncode == 0
+    commands = [
+        ["sim", "--lockstep", "--max-seconds", "1", "--report", str(report)],
+        ["tune", "--wheel", "left", "--out", str(patch)],
+        ["map", "--log", str(log), "--out", str(tmp_path / "room")],
+    ]
+    monkeypatch.setattr(f"{__name__}.ROBOTCTL", [sys.executable, "-c", ONE_BY_ONE])
+    done = way([json.dumps(commands), str(ended)])
+    assert "Traceback" not in (done.stderr or "")
+    assert json.loads(ended.read_text()) == [3, 0, 0]
+    assert json.loads(report.read_text())["duration_s"] == 1.0
+    assert "[control.left]" in patch.read_text()
     assert (tmp_path / "room.yaml").exists()
     assert (tmp_path / "room.pgm").exists()
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_patch_is_written_whoever_reads_along(
-    tmp_path: Path, way: Callable[[list[str]], "subprocess.CompletedProcess[str]"]
-) -> None:
-    patch = tmp_path / "patch.toml"
-    done = way(["tune", "--wheel", "left", "--out", str(patch)])
-    assert done.returncode == 0
-    assert "[control.left]" in patch.read_text()
 
 
 def test_characters_that_an_encoding_has_not_are_written_plainly() -> None:
