@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 import pytest
+from numba import njit  # type: ignore[import-untyped]
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.model.drives.drives import AckermannDrive, DifferentialDrive, Drive, TricycleDrive
@@ -75,20 +76,44 @@ ROBOTS = {
 }
 
 
-def cast(walls: np.ndarray, x: np.ndarray, y: np.ndarray, angles: np.ndarray) -> np.ndarray:
+@njit
+def cast(walls, x, y, angles):
     """Return range and |cosine of incidence| of each ray from (x, y), (n, 2)."""
-    ux, uy = np.cos(angles)[:, None], np.sin(angles)[:, None]
-    ex, ey = walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]
-    dx, dy = walls[:, 0] - x[:, None], walls[:, 1] - y[:, None]
-    cross = ux * ey - uy * ex
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        along = (dx * ey - dy * ex) / cross
-        share = (dx * uy - dy * ux) / cross
-    along = np.where((along > 0) & (share >= 0) & (share <= 1), along, np.inf)
-    nearest = np.argmin(along, axis=1)
-    length = np.hypot(ex, ey)[nearest]
-    rows = np.arange(len(angles))
-    return np.stack([along[rows, nearest], np.abs(cross[rows, nearest]) / length], axis=1)
+    hits = np.empty((len(angles), 2))
+    for ray in range(len(angles)):
+        ux, uy = math.cos(angles[ray]), math.sin(angles[ray])
+        nearest, cosine = math.inf, 0.0
+        for x0, y0, x1, y1 in walls:
+            ex, ey, dx, dy = x1 - x0, y1 - y0, x0 - x[ray], y0 - y[ray]
+            cross = ux * ey - uy * ex
+            if cross == 0.0:
+                continue
+            along, share = (dx * ey - dy * ex) / cross, (dx * uy - dy * ux) / cross
+            if 0.0 < along < nearest and 0.0 <= share <= 1.0:
+                nearest, cosine = along, abs(cross) / math.hypot(ex, ey)
+        hits[ray] = nearest, cosine
+    return hits
+
+
+@njit
+def crosses(walls, x, y, theta, rear, front, side):
+    """Return whether a wall crosses the rectangle of a body at a pose (Liang-Barsky)."""
+    c, s = math.cos(theta), math.sin(theta)
+    for x0, y0, x1, y1 in walls:
+        first, last = 0.0, 1.0
+        ends = (
+            (c * (x0 - x) + s * (y0 - y), c * (x1 - x0) + s * (y1 - y0), rear, front),
+            (c * (y0 - y) - s * (x0 - x), c * (y1 - y0) - s * (x1 - x0), -side, side),
+        )
+        for begin, along, low, high in ends:
+            if along != 0.0:
+                a, b = (low - begin) / along, (high - begin) / along
+                first, last = max(first, min(a, b)), min(last, max(a, b))
+            elif not low <= begin <= high:
+                last = -1.0
+        if first <= last:
+            return True
+    return False
 
 
 @dataclass
@@ -140,18 +165,7 @@ class World:
 
     def check_contact(self) -> None:
         r = self.robot
-        local = self.all_walls().reshape(-1, 2) - [self.pose.x_m, self.pose.y_m]
-        c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
-        local = (local @ np.array([[c, -s], [s, c]])).reshape(-1, 4)
-        # Liang-Barsky: does a wall cross the body's rectangle?
-        p0, d = local[:, :2], local[:, 2:] - local[:, :2]
-        low, high = np.array([r.rear, -r.side]), np.array([r.front, r.side])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a, b = (low - p0) / d, (high - p0) / d
-        inside = (p0 >= low) & (p0 <= high)
-        enter = np.where(d == 0, np.where(inside, -np.inf, np.inf), np.minimum(a, b)).max(axis=1)
-        leave = np.where(d == 0, np.where(inside, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
-        if np.any((enter <= leave) & (enter <= 1) & (leave >= 0)):
+        if crosses(self.all_walls(), *astuple(self.pose), r.rear, r.front, r.side):
             self.touched += 1
 
     def ranges(self) -> tuple[float, ...]:
