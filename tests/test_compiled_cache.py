@@ -70,7 +70,8 @@ def start(
 ) -> tuple[int, str]:
     """Call a compiled function in a new process; return how often the cache had it, and where."""
     code = (
-        f"import tempfile\ntempfile.tempdir = {str(temporary)!r}\n{before}\n{CALL.format(package=package)}{SAY}"
+        f"import tempfile\ntempfile.tempdir = {str(temporary)!r}\n{before}\n"
+        f"{CALL.format(package=package)}{SAY}"
     )
     environment = {"HOME": str(home), "PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
