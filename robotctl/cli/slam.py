@@ -15,12 +15,17 @@ from robotctl.errors import ConfigError
 
 
 def slam(
-    log: Annotated[Path, typer.Option(help="MRCLAM folder, or another log with sightings.")],
+    log: Annotated[
+        Path, typer.Option(help="MRCLAM folder, another log with sightings, or a graph.")
+    ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Write the results into this folder.")],
     features: Annotated[str, typer.Option(help="What the map is made of: landmarks.")] = (
         "landmarks"
     ),
-    solver: Annotated[str, typer.Option(help="ekf: one Gaussian of robot and map.")] = "ekf",
+    solver: Annotated[
+        str,
+        typer.Option(help="ekf: one Gaussian of robot and map. graph: then the best fit of all."),
+    ] = "ekf",
     association: Annotated[
         str,
         typer.Option(
@@ -35,8 +40,8 @@ def slam(
 ) -> None:
     """Make a trajectory and a map of landmarks from a recorded drive.
 
-    Writes trajectory.tum, online.tum, landmarks.csv, report.json and, with the extra `plot`,
-    plot.png.
+    Writes trajectory.tum, online.tum, landmarks.csv, graph.g2o and report.json; with the extra
+    `plot` plot.png.
     """
     if not out.parent.is_dir():
         raise ConfigError(f"--out {out}: the folder {out.parent} does not exist")

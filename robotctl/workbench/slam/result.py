@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.kalman.consistency import share_inside
 from robotctl.estimation.slam.ekf_slam.filter import tangent_nees
+from robotctl.logs.graphs.graph_format import GraphFile
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.trajectory import Trajectory
 
@@ -39,18 +40,19 @@ class Landmarks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimated:
-    """Poses that were estimated, with their covariances.
+    """Poses that were estimated, some with their covariances.
 
     Parameters
     ----------
     trajectory
         The poses.
-    covariances
-        (n, 3, 3) of (x, y, theta) in `world`; None if they were not computed.
+    rows, covariances
+        Which of them have one, (k,), and these, (k, 3, 3) of (x, y, theta) in `world`.
     """
 
     trajectory: Trajectory
-    covariances: Array | None
+    rows: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    covariances: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
 
     def compared(self, reference: Trajectory | None) -> dict[str, Any] | None:
         """Return how far the poses are from those of a reference; None without any.
@@ -77,13 +79,15 @@ class Estimated:
             "max_m": float(off.max()),
             "unaligned_rmse_m": math.sqrt(float(np.mean(np.sum((own[:, :2] - true) ** 2, axis=1)))),
         }
-        if self.covariances is not None:
-            nees = np.array(
-                [
-                    tangent_nees(SE2(*self.trajectory.poses[row].tolist()), P, truth)
-                    for (row, truth), P in zip(pairs, self.covariances[rows], strict=True)
-                ]
-            )
+        doubts = dict(zip(self.rows.tolist(), self.covariances, strict=True))
+        nees = np.array(
+            [
+                tangent_nees(SE2(*self.trajectory.poses[row].tolist()), doubts[row], truth)
+                for row, truth in pairs
+                if row in doubts
+            ]
+        )
+        if len(nees):
             result["nees_mean"] = float(nees.mean())
             result["nees_inside_95"] = share_inside(nees, 3)
         return result
@@ -103,6 +107,8 @@ class SlamResult:
         The drive as the filter had it at each time, with what was seen until then; None without.
     landmarks
         The map.
+    graph
+        The drive as a factor graph, at the estimate.
     reference, true_landmarks
         What the log knows of the truth.
     figures
@@ -115,6 +121,7 @@ class SlamResult:
     estimate: Estimated
     online: Estimated | None
     landmarks: Landmarks
+    graph: GraphFile
     reference: Trajectory | None = None
     true_landmarks: dict[int, tuple[float, float]] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)

@@ -17,8 +17,11 @@ from robotctl.estimation.landmarks.localisation import CountedOdometry
 from robotctl.estimation.slam.ekf_slam.bookkeeping import ASSOCIATIONS, Association
 from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
 from robotctl.estimation.slam.ekf_slam.recorded import RecordedSlam
+from robotctl.estimation.slam.graph.variables import SE2 as POSES
 from robotctl.logs.formats.recorded_log import read_recording
 from robotctl.logs.formats.tum import write_tum
+from robotctl.logs.graphs.g2o import G2O
+from robotctl.logs.graphs.graph_files import GRAPH_FORMATS, read_graph
 from robotctl.logs.recorded_motion import known_from_ns, start_pose
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.pose_estimate import PoseEstimate
@@ -26,12 +29,14 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.recording import UNKNOWN_LANDMARK, Recording
 from robotctl.model.trajectory import Trajectory
 from robotctl.toml_source import nearest
+from robotctl.workbench.slam.graphs import slam_of_graph, smoothed
+from robotctl.workbench.slam.recorded_graph import graph_of_recording
 from robotctl.workbench.slam.result import Estimated, Landmarks, SlamResult
 
 Progress: TypeAlias = Callable[[int, int], None]
 
 FEATURES: Final = ("landmarks",)
-SOLVERS: Final = ("ekf",)
+SOLVERS: Final = ("ekf", "graph")
 _TOLD: Final = 1000
 
 
@@ -89,14 +94,27 @@ def slam(options: SlamOptions, progress: Progress) -> SlamResult:
     OSError
         If a file cannot be read.
     """
-    recording = read_recording(
-        options.log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit
-    )
-    return slam_of_recording(recording, options, progress)
+    log = options.log
+    if log.is_file() and any(each.matches(log) for each in GRAPH_FORMATS):
+        if options.association != "names":
+            raise ConfigError(
+                f"--association {options.association}: {log} is a graph, which says what is seen; "
+                "only names is possible"
+            )
+        try:
+            result = slam_of_graph(log.name, read_graph(log), progress)
+        except ValueError as error:
+            raise SlamError(f"{log}: {error}; robotctl optimize solves any graph") from error
+    else:
+        recording = read_recording(
+            log, options.mrclam_robot, with_sonars=False, time_unit=options.time_unit
+        )
+        result = slam_of_recording(recording, options, progress)
+    return smoothed(result) if options.solver == "graph" else result
 
 
 def slam_of_recording(recording: Recording, options: SlamOptions, progress: Progress) -> SlamResult:
-    """Make trajectory and map of a recording; raises `SlamError`."""
+    """Filter along a recording; raises `SlamError`."""
     if not recording.sightings:
         raise SlamError(
             f"{options.log}: no sightings of landmarks in it, which --features landmarks needs; "
@@ -120,16 +138,22 @@ def slam_of_recording(recording: Recording, options: SlamOptions, progress: Prog
         online.append(step.estimate)
         progress(round(_TOLD * step.share), _TOLD)
     spent_ms = 1e-6 * (time.process_time_ns() - began_ns)
-    poses, covariances = drive.poses()
-    trajectory = Trajectory(np.array(drive.past_ns, np.int64), poses)
+    marks = _landmarks(drive)
+    graph, stamps_ns = graph_of_recording(drive, start, marks.names)
     return SlamResult(
         recording.name,
-        Estimated(trajectory, covariances),
+        Estimated(
+            Trajectory(np.array(stamps_ns, np.int64), graph.values[POSES]),
+            np.searchsorted(stamps_ns, drive.past_ns),
+            drive.past(),
+        ),
         Estimated(
             Trajectory.of((each.stamp_ns for each in online), (each.pose for each in online)),
+            np.arange(len(online)),
             np.array([each.covariance for each in online]),
         ),
-        _landmarks(drive),
+        marks,
+        graph,
         recording.reference if recording.reference_has_heading else None,
         recording.landmarks,
         {
@@ -167,7 +191,7 @@ def _landmarks(drive: RecordedSlam) -> Landmarks:
 
 
 def write_results(result: SlamResult, folder: Path) -> None:
-    """Write trajectory.tum, online.tum, landmarks.csv and report.json into a folder.
+    """Write trajectory.tum, online.tum, landmarks.csv, graph.g2o and report.json into a folder.
 
     Raises
     ------
@@ -184,5 +208,6 @@ def write_results(result: SlamResult, folder: Path) -> None:
     ):
         lines.append(f"{name},{x:.6f},{y:.6f},{P[0, 0]:.6g},{P[0, 1]:.6g},{P[1, 1]:.6g},{count}")
     (folder / "landmarks.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    G2O.write(folder / "graph.g2o", result.graph)
     text = json.dumps(result.report(), indent=2) + "\n"
     (folder / "report.json").write_text(text, encoding="utf-8")

@@ -8,7 +8,6 @@ rounding of the linearisation. So this state is considered and not estimated.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -79,15 +78,7 @@ class CalibratedSlam:
         if stamp_ns < self._stamp_ns:
             raise ValueError(f"time goes back: {stamp_ns} ns after {self._stamp_ns} ns")
         dt_s = 1e-9 * (stamp_ns - self._stamp_ns)
-        made = predict(
-            self.slam.belief.x_v,
-            begin,
-            end,
-            dt_s,
-            self._config,
-            self._walk,
-            self.motion_noise_factor,
-        )
+        made = self.prediction(self.slam.belief.x_v, begin, end, dt_s)
         self.slam.predict(made.x, made.F, made.Q)
         self._since = made.F @ self._since @ made.F.T
         self._since[:3, :3] += made.Q[:3, :3]
@@ -96,6 +87,13 @@ class CalibratedSlam:
             variance.fade(dt_s)
         self._stamp_ns = stamp_ns
         return made
+
+    def prediction(
+        self, x: Array, begin: OdometryReading, end: OdometryReading, dt_s: float
+    ) -> Prediction:
+        """Return where a motion of some time [s] takes a state (nv,)."""
+        factor = self.motion_noise_factor
+        return predict(x, begin, end, dt_s, self._config, self._walk, factor)
 
     def correct(self, which: NDArray[np.int64], z: Array) -> float:
         """Correct by measurements (m, 2) of known features (m,), all of now; return their NIS."""
@@ -146,10 +144,3 @@ class CalibratedSlam:
             S_ = whole + noise / self._config.correlation - taken + learned
             self._motion_factor.add(off, S_, learned)
         self._since[:] = 0.0
-
-
-def names_of(points: EkfSlam) -> Sequence[int | str]:
-    """Return the names of the landmarks, without past poses."""
-    return [
-        name for name, kind in zip(points.names, points.kinds, strict=True) if kind is CAMERA_POINT
-    ]

@@ -96,6 +96,34 @@ Source: Thrun, Burgard, Fox: Probabilistic Robotics, section 10.2; not defined o
 """
 
 
+@compiled
+def _in_base(x_v: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return points (k, 2) in the frame of the robot [m], and their Jacobians."""
+    count = len(y)
+    z, by_feature = np.empty((count, 2)), np.empty((count, 2, 2))
+    by_robot = np.zeros((count, 2, len(x_v)))
+    c, s = math.cos(x_v[2]), math.sin(x_v[2])
+    for k in range(count):
+        dx, dy = y[k, 0] - x_v[0], y[k, 1] - x_v[1]
+        z[k, 0], z[k, 1] = c * dx + s * dy, c * dy - s * dx
+        by_feature[k, 0, 0], by_feature[k, 0, 1] = c, s
+        by_feature[k, 1, 0], by_feature[k, 1, 1] = -s, c
+        by_robot[k, :, 0], by_robot[k, :, 1] = -by_feature[k, :, 0], -by_feature[k, :, 1]
+        by_robot[k, 0, 2], by_robot[k, 1, 2] = z[k, 1], -z[k, 0]
+    return z, by_robot, by_feature
+
+
+@compiled
+def _in_world(x_v: Array, z: Array) -> Array:
+    """Return where a point of the robot's frame is, (2,) [m]."""
+    c, s = math.cos(x_v[2]), math.sin(x_v[2])
+    return np.array([x_v[0] + c * z[0] - s * z[1], x_v[1] + s * z[0] + c * z[1]])
+
+
+SEEN_POINT: Final = FeatureKind("point", _in_base, _in_world, (False, False))
+"""Points (x, y) [m] of `world`, of which a sensor tells x and y in `base` [m]."""
+
+
 def _unmeasured(*_: Array) -> NoReturn:
     raise NotImplementedError("past poses are not measured")
 

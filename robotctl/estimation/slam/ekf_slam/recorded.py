@@ -3,7 +3,7 @@
     drive = RecordedSlam(recording, LandmarkConfig(), start, "joint")
     for step in drive.steps():
         step.estimate, step.share
-    drive.run.slam.names, drive.poses()
+    drive.run.slam.names, drive.run.slam.past(drive.past_ns[0])
 
 gives the estimate at each time at which something was seen, with what was seen until then; and in
 the end the whole drive, with all that was seen. The work is done between steps.
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from robotctl.estimation.landmarks.config import LandmarkConfig
 from robotctl.estimation.landmarks.localisation import CountedOdometry
+from robotctl.estimation.landmarks.prediction import Prediction
 from robotctl.estimation.slam.ekf_slam.bookkeeping import Association, LandmarkBook
 from robotctl.estimation.slam.ekf_slam.calibrated import CalibratedSlam
 from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
@@ -116,11 +117,16 @@ class RecordedSlam:
             share = (stamp_ns - begin_ns) / max(1, end_ns - begin_ns)
             yield SlamStep(self.run.slam.estimate(stamp_ns), nis, share)
 
-    def poses(self) -> tuple[Array, Array]:
-        """Return the poses that were kept as they are estimated now, (k, 3), and (k, 3, 3)."""
-        found = [self.run.slam.past(stamp_ns) for stamp_ns in self.past_ns]
-        poses = np.array([[pose.x_m, pose.y_m, pose.theta_rad] for pose, _ in found])
-        return poses, np.array([P for _, P in found])
+    def past(self) -> Array:
+        """Return the covariances of the poses that were kept, with all that was seen, (k, 3, 3)."""
+        return np.array([self.run.slam.past(stamp_ns)[1] for stamp_ns in self.past_ns])
+
+    def motion(self, begin_ns: int, end_ns: int) -> Prediction:
+        """Return the motion from one time to another [ns], from pose 0 on, as calibrated now."""
+        x = self.run.slam.belief.x_v.copy()
+        x[:3] = 0.0
+        begin, end = (self._odometry.at(at, self.run.delay_s) for at in (begin_ns, end_ns))
+        return self.run.prediction(x, begin, end, 1e-9 * (end_ns - begin_ns))
 
     def _way_m(self, stamps_ns: list[int]) -> float:
         """Return how far odometry went [m]."""

@@ -1,0 +1,106 @@
+"""SLAM of graph files: the filter beside the optimum of all, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from robotctl.errors import ConfigError, RobotctlError
+from robotctl.estimation.slam.ekf_slam.way import way_of
+from robotctl.estimation.slam.graph.variables import POINT2
+from robotctl.estimation.slam.graph.variables import SE2 as POSES
+from robotctl.logs.graphs.graph_files import read_graph
+from robotctl.model.geometry.se2 import SE2
+from robotctl.workbench.slam.slam import SlamOptions, slam, write_results
+
+
+def silent(*_):
+    pass
+
+
+def written(folder, *, sigma_m=0.02, seed=0, tail=""):
+    """A drive round a square among nine landmarks, as GTSAM's text."""
+    rng = np.random.default_rng(seed)
+    points = np.array([[x, y] for x in (-1.0, 2.0, 5.0) for y in (-1.5, 2.0, 5.5)])
+    pose, lines = SE2(), []
+    for k in range(81):
+        if k:
+            delta = SE2(0.2, 0.0, np.pi / 2 if k % 20 == 0 else 0.0)
+            pose = pose @ delta
+            x, y, turn = np.array([0.2, 0.0, delta.theta_rad]) + rng.normal(0.0, 0.005, 3)
+            lines.append(f"ODOMETRY {k - 1} {k} {x} {y} {turn} 2.5e-5 0 0 2.5e-5 0 2.5e-5")
+        for number, point in enumerate(points):
+            x, y = pose.inverse().apply(*point.tolist())
+            if np.hypot(x, y) < 3.0:
+                x, y = np.array([x, y]) + rng.normal(0.0, sigma_m, 2)
+                lines.append(f"LANDMARK {k} {100 + number} {x} {y} {sigma_m**2} 0 {sigma_m**2}")
+    path = folder / "square.txt"
+    path.write_text("\n".join(lines) + "\n" + tail)
+    return path, points
+
+
+def test_filter_and_smoother_agree_on_map_and_way_and_with_the_truth(tmp_path):
+    path, points = written(tmp_path)
+    found = {
+        solver: slam(SlamOptions(log=path, solver=solver), silent) for solver in ("ekf", "graph")
+    }
+    ekf, graph = found["ekf"], found["graph"]
+    assert ekf.landmarks.positions == pytest.approx(graph.landmarks.positions, abs=0.01)
+    assert ekf.landmarks.positions == pytest.approx(points, abs=0.1)
+    assert ekf.landmarks.covariances == pytest.approx(
+        graph.landmarks.covariances, rel=0.1, abs=1e-6
+    )
+    poses = [each.estimate.trajectory.poses for each in (ekf, graph)]
+    assert poses[0][:, :2] == pytest.approx(poses[1][:, :2], abs=0.03)
+    doubts = dict(zip(graph.estimate.rows.tolist(), graph.estimate.covariances, strict=True))
+    for row, P in zip(ekf.estimate.rows.tolist()[1:], ekf.estimate.covariances[1:], strict=True):
+        assert pytest.approx(doubts[row], rel=0.15, abs=2e-6) == P
+
+
+def test_the_graph_that_is_written_is_read_again_at_the_same_place(tmp_path):
+    path, points = written(tmp_path)
+    result = slam(SlamOptions(log=path, solver="graph"), silent)
+    write_results(result, tmp_path)
+    again = read_graph(tmp_path / "graph.g2o")
+    assert again.values[POINT2] == pytest.approx(result.landmarks.positions, abs=1e-6)
+    assert again.values[POSES] == pytest.approx(result.estimate.trajectory.poses, abs=1e-6)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["landmarks"] == len(points)
+    assert report["trajectory"] is None
+
+
+@pytest.mark.parametrize(
+    ("tail", "message"),
+    [
+        ("ODOMETRY 0 40 1 0 0 1 0 0 1 0 1\n", "poses 0 and 40 are linked"),
+        ("ODOMETRY 81 82 1 0 0 1 0 0 1 0 1\n", "nothing leads to pose 81"),
+    ],
+)
+def test_a_graph_that_is_no_way_is_refused(tmp_path, tail, message):
+    path, _ = written(tmp_path, tail=tail)
+    with pytest.raises(RobotctlError, match=message):
+        slam(SlamOptions(log=path), silent)
+
+
+def test_association_is_that_of_the_graph(tmp_path):
+    path, _ = written(tmp_path)
+    with pytest.raises(ConfigError, match="only names is possible"):
+        slam(SlamOptions(log=path, association="joint"), silent)
+
+
+def test_a_way_keeps_what_is_known_and_shares_the_rest_out_evenly():
+    deltas = np.tile([1.0, 0.0, 0.0], (5, 1))
+    found = way_of(deltas, [0, 4], [SE2(), SE2(4.0, 0.4, 0.0)])
+    assert found[:, 0] == pytest.approx(np.arange(5.0))
+    assert found[:, 1] == pytest.approx(0.1 * np.arange(5.0))
+
+
+@pytest.mark.recordings("landmark/victoria_park.txt")
+def test_victoria_park_is_driven_through_as_the_smoother_has_it(recordings):
+    path = recordings / "landmark" / "victoria_park.txt"
+    ekf = slam(SlamOptions(log=path), silent)
+    graph = slam(SlamOptions(log=path, solver="graph"), silent)
+    assert len(ekf.landmarks.names) == 151
+    off = ekf.estimate.trajectory.poses[:, :2] - graph.estimate.trajectory.poses[:, :2]
+    assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 2.0
+    assert graph.figures["chi2"] == pytest.approx(6184.1, abs=0.1)
