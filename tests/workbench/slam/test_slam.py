@@ -35,7 +35,7 @@ def test_the_camera_of_many_points_is_that_of_one(seed):
 
 @pytest.mark.parametrize("association", ["names", "joint", "nearest"])
 def test_a_drive_and_its_map_are_found_with_and_without_names(association):
-    report = made(simulated_drive(1, seconds=60.0), association=association)
+    report = made(simulated_drive(1, seconds=80.0), association=association)
     assert report["landmarks"] == 8
     assert report["trajectory"]["rmse_m"] < 0.15
     assert report["trajectory"]["nees_inside_95"] > 0.8
