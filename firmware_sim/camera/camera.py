@@ -27,6 +27,7 @@ from firmware_sim.camera.fan import Fan
 from firmware_sim.camera.floor import LEVELS, TEXEL_M, floor_texture, plaster_texture
 from firmware_sim.camera.lens import PixelRays, pixel_rays
 from firmware_sim.camera.light import floor_light
+from firmware_sim.camera.marker import MarkerPainter
 from firmware_sim.camera.scene import SHADE, make_scene
 from firmware_sim.camera.view import FLOOR, NOTHING, PIXEL, QUANTILES, draw
 from firmware_sim.config.camera_parameters import CameraMount, CameraParameters, Intrinsics
@@ -105,6 +106,9 @@ class Camera:
         self._light = light.cells
         self._light_at = np.array([light.x_m, light.y_m, 1.0 / light.cell_m])
         self._boards = board_rows(world.boards)
+        self._painter = MarkerPainter(
+            world.markers, rays.ahead, rays.left, rays.slope, rays.turn_rad, self.mount.z_m
+        )
         self._shade = np.ascontiguousarray(self._scene.sides[:, SHADE])
         floor = floor_texture(world.floor.texture, world.floor.seed)
         self._floor, self._starts = floor.texels, floor.starts
@@ -155,6 +159,8 @@ class Camera:
             distances,
             picture.reshape(shape[0], -1),
         )
+        rng = np.random.default_rng(self._key(number))
+        self._painter.paint(picture, distances, (x, y, heading), self._pixels["gain"], rng)
         return View(picture, self._shown[labels], distances)
 
     def turn(self, x_m: float, y_m: float, theta_rad: float) -> tuple[float, float, float]:

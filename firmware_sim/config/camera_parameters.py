@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -58,13 +58,14 @@ class CameraMount:
 @closed
 @dataclass(frozen=True, slots=True)
 class CameraSection:
-    """The table `[camera]`; the simulator leaves `source` and `enabled` to robotctl."""
+    """The table `[camera]`; `source`, `enabled` and `markers` are robotctl's."""
 
     intrinsics: Intrinsics
     mount: CameraMount
     source: str = "sim"
     rate_hz: Rate = 10.0
     enabled: bool = False
+    markers: dict[str, Any] | None = None
 
 
 @closed

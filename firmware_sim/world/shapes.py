@@ -169,6 +169,23 @@ class Board:
     square_m: Positive = 0.025
 
 
+@closed
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """A square marker on something upright, with a white border of one of its cells.
+
+    `at` is the middle of its foot line, `z_m` the height of its middle, and it faces `heading_deg`;
+    `side_m` is the side of the black square. `family` is a dictionary of OpenCV without `DICT_`.
+    """
+
+    at: Point
+    number: Annotated[int, Field(strict=True, ge=0)]
+    heading_deg: Real = 0.0
+    z_m: Positive = 0.2
+    side_m: Positive = 0.12
+    family: Literal["4X4_50", "5X5_100", "6X6_250"] = "4X4_50"
+
+
 def _rectangle(centre: Point, size: tuple[float, float], heading_deg: float) -> list[Corner]:
     c, s = math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg))
     if heading_deg % 90.0 == 0.0:

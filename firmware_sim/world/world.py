@@ -39,7 +39,16 @@ from firmware_sim.config.quantities import Positive, Real, closed
 from firmware_sim.errors import SimulationError
 from firmware_sim.world.cells import Cells
 from firmware_sim.world.ros_map import SUFFIXES, load_cells
-from firmware_sim.world.shapes import WALL_M, Board, Box, Obstacle, Pillar, Thing, Wall
+from firmware_sim.world.shapes import (
+    WALL_M,
+    Board,
+    Box,
+    Marker,
+    Obstacle,
+    Pillar,
+    Thing,
+    Wall,
+)
 
 OBSTACLE = "obstacle"
 FARTHEST_M = 500.0
@@ -111,6 +120,7 @@ class WorldFile:
     floor: Floor = Floor()
     lamp: tuple[Lamp, ...] = ()
     board: tuple[Board, ...] = ()
+    marker: tuple[Marker, ...] = ()
 
     __pydantic_config__ = {"extra": "forbid"}  # noqa: RUF012
 
@@ -145,6 +155,8 @@ class World:
         Lamps; none: ceiling lamps about 3.6 m apart.
     boards
         Printed chessboards on it.
+    markers
+        Printed markers on things.
     cells
         Of a world that is a map; else None.
     """
@@ -158,6 +170,7 @@ class World:
     floor: Floor = Floor()
     lamps: tuple[Lamp, ...] = ()
     boards: tuple[Board, ...] = ()
+    markers: tuple[Marker, ...] = ()
     cells: Cells | None = None
 
     @property
@@ -272,6 +285,7 @@ def load_world(path: Path) -> World:
         floor=file.floor,
         lamps=file.lamp,
         boards=file.board,
+        markers=file.marker,
     )
 
 

@@ -232,6 +232,7 @@ class NavigationAdapter:
             epoch=self._world.epoch(control),
             scans=self._placed(seen),
             T_world_odom=pose @ control.T_odom_base.inverse(),
+            markers=self._marked(seen),
             charge=math.nan if control.battery is None else control.battery.charge,
         )
 
@@ -318,6 +319,16 @@ class NavigationAdapter:
                 scan = lidar_scan(each)
                 placed += [] if then is None else [(then, scan)]
         return placed
+
+    def _marked(self, seen: Sequence[LidarScan | CameraView]) -> list[tuple[int, SE2]]:
+        """Return the markers in the camera's views, each in `odom`."""
+        views = [each for each in seen if isinstance(each, CameraView)]
+        return [
+            (marker.number, then @ SE2(marker.x_m, marker.y_m, marker.theta_rad))
+            for view in views
+            if (then := self._odometry.at(view.stamp_ns)) is not None
+            for marker in view.markers
+        ]
 
     def _forget(self, control: ControlState, odometry: SE2) -> None:
         """Forget the floor; what lies below the picture of a moving robot is then unknown."""

@@ -156,6 +156,7 @@ class _WorldFile:
     floor: dict[str, Any] = field(default_factory=dict)
     lamp: tuple[dict[str, Any], ...] = ()
     board: tuple[dict[str, Any], ...] = ()
+    marker: tuple[dict[str, Any], ...] = ()
 
     def outlines(self) -> Iterator[tuple[toml_source.Key, Outline]]:
         """Yield the outlines of all that is on a map, each with the key that describes it."""

@@ -40,6 +40,18 @@ class SeenObstacle(msgspec.Struct, frozen=True):
     width_m: float
 
 
+class SeenMarker(msgspec.Struct, frozen=True):
+    """An upright marker, as the camera sees it from `base`.
+
+    Its number, its middle (m), and the heading of who looks square at it (rad, left of forward).
+    """
+
+    number: int
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+
 class CameraView(msgspec.Struct, frozen=True, tag=True):
     """Result of the camera process for one picture.
 
@@ -60,6 +72,7 @@ class CameraView(msgspec.Struct, frozen=True, tag=True):
     obstacles: tuple[SeenObstacle, ...] = ()
     trouble: str = ""
     step_us: float = 0.0
+    markers: tuple[SeenMarker, ...] = ()
 
 
 SensorMessage: TypeAlias = LidarScan | CameraView

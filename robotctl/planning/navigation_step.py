@@ -53,6 +53,8 @@ class NavigationInputs(NamedTuple):
     """Scans of a lidar since the last step, each with `base` in `odom` at its time."""
     T_world_odom: SE2 = SE2()
     """The drift of `odom` now."""
+    markers: Sequence[tuple[int, SE2]] = ()
+    """Markers seen since the last step: number, and pose in `odom`, x into the marker."""
     charge: float = math.nan
     """Of the battery, in [0, 1]; nan: unknown."""
 

@@ -56,8 +56,9 @@ class Surroundings:
             )
             seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base)
             pilot.see(inputs.pose, seen, now_ns)
+        markers = [(number, inputs.T_world_odom @ pose) for number, pose in inputs.markers]
         return BehaviourInput(
-            inputs.pose, inputs.twist, ranges, new, inputs.epoch, charge=inputs.charge
+            inputs.pose, inputs.twist, ranges, new, inputs.epoch, inputs.charge, markers
         )
 
     def _scanned(self, inputs: NavigationInputs, now_ns: int) -> NDArray[np.float64] | None:

@@ -198,6 +198,7 @@ class Run:
     messages: list[str] = field(default_factory=list)
     trace: list[SE2] = field(default_factory=list)
     charge: float = math.nan  # of the battery
+    markers: tuple = ()  # that the camera sees in this step
     found: int = 0  # how often the localiser found the robot elsewhere
 
     def jump(self, to: SE2) -> None:
@@ -215,6 +216,7 @@ class Run:
             requests,
             epoch=(0, self.found),
             charge=self.charge,
+            markers=self.markers,
         )
         out = self.navigator.step(inputs, self.now_ns)
         if not self.messages or self.messages[-1] != out.message:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import ConfigError
 from robotctl.estimation.camera.config import GroundCameraConfig
 from robotctl.estimation.camera.ground import GroundCamera, GroundView
+from robotctl.estimation.camera.markers import MarkerDetector
 from robotctl.estimation.camera.obstacles import GroundObstacle
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView, SeenObstacle
@@ -43,7 +45,11 @@ class GroundWatch:
     def __init__(self, camera: CameraConfig, settings: GroundCameraConfig) -> None:
         self._size = (camera.intrinsics.height_px, camera.intrinsics.width_px)
         try:
-            self._camera = GroundCamera(CameraGeometry.of(camera), settings)
+            geometry = CameraGeometry.of(camera)
+            self._camera = GroundCamera(geometry, settings)
+            self._markers: MarkerDetector | None = None
+            if camera.markers is not None:
+                self._markers = MarkerDetector(geometry, camera.markers)
         except ValueError as error:
             raise ConfigError(f"camera: {error}") from error
         strip = self._camera.strip
@@ -75,7 +81,10 @@ class GroundWatch:
         view = self._camera.step(image_bgr, stamp_ns)
         took_us = (time.thread_time_ns() - begin_ns) / 1000.0
         nearest = np.interp(view.scan.angles_rad, self._bearings_rad, self._nearest_m)
-        return camera_view(view, nearest, took_us)
+        seen = camera_view(view, nearest, took_us)
+        if self._markers is None:
+            return seen
+        return msgspec.structs.replace(seen, markers=self._markers.detect(image_bgr))
 
 
 def _rehearse() -> None:

@@ -119,6 +119,31 @@ class CameraMount:
 
 
 @dataclass(frozen=True, slots=True)
+class MarkerConfig:
+    """The table `[camera.markers]`: markers that the robot may dock to.
+
+    Parameters
+    ----------
+    family
+        As of `robotctl camera pattern`.
+    side_m
+        Side of the black square, > 0 [m].
+
+    Raises
+    ------
+    ValueError
+        If the side is not in its range.
+    """
+
+    side_m: float
+    family: str = "4x4_50"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.side_m < math.inf:
+            raise InvalidValue("side_m", f"must be > 0, not {self.side_m}", self.side_m)
+
+
+@dataclass(frozen=True, slots=True)
 class CameraConfig:
     """The table `[camera]` of a robot's file.
 
@@ -135,6 +160,8 @@ class CameraConfig:
         Pictures a second, 0.1 to 240 [Hz].
     enabled
         Whether the robot looks: a process of its own measures in each picture.
+    markers
+        Markers to look for; None: none.
 
     Raises
     ------
@@ -147,6 +174,7 @@ class CameraConfig:
     source: str = SIMULATED
     rate_hz: float = 10.0
     enabled: bool = False
+    markers: MarkerConfig | None = None
 
     def __post_init__(self) -> None:
         if not self.source:

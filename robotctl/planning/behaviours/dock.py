@@ -10,6 +10,7 @@ from typing import Final, Literal
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.behaviours.dock_marker import DockAtMarker
 from robotctl.planning.behaviours.item import require_positive
 from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
 from robotctl.planning.behaviours.wall_ahead import SONARS, WallAhead
@@ -21,7 +22,7 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
-from robotctl.planning.guard.obstacle_guard import GuardConfig
+from robotctl.planning.guard.obstacle_guard import GuardConfig, body_rectangle
 
 _SQUARE_RAD: Final = math.radians(2.0)
 _SKEW_MAX_RAD: Final = math.radians(6.0)
@@ -43,14 +44,16 @@ _LOOK_NS: Final = 2_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class DockItem:
-    """Drive to a wall ahead, and stop square to it at a distance.
+    """Drive to a wall ahead or to a marker, and stop square to it at a distance.
 
     Parameters
     ----------
     kind
         Always "dock".
     distance_m
-        Between the front sonar and the wall [m], > 0.
+        Between the front sonar and the wall, or the foremost point and the marker [m], > 0.
+    marker
+        Number of a marker that the camera sees; None: to the wall ahead, by sonar.
     speed_m_s
         Largest speed [m/s], > 0.
     name
@@ -61,6 +64,7 @@ class DockItem:
 
     kind: Literal["dock"]
     distance_m: float
+    marker: int | None = None
     speed_m_s: float = 0.15
     name: str = ""
     time_out_s: float = 60.0
@@ -147,8 +151,11 @@ class DockAtWall(Behaviour):
         return BehaviourOutput(v, curvature * v, text=text)
 
 
-def _make(item: DockItem, robot: NavigatedRobot) -> DockAtWall:
-    return DockAtWall(item, robot.mounts, robot.drive)
+def _make(item: DockItem, robot: NavigatedRobot) -> Behaviour:
+    if item.marker is None:
+        return DockAtWall(item, robot.mounts, robot.drive)
+    front_m = body_rectangle(robot.config.guard, robot.mounts).front_m
+    return DockAtMarker(item.marker, item.distance_m, item.speed_m_s, front_m, robot.drive)
 
 
 def _time_out_s(item: DockItem) -> float:
@@ -161,7 +168,7 @@ def _problems(
     sides: frozenset[str],
     guard: GuardConfig,
 ) -> Iterator[str]:
-    for side in SONARS:
+    for side in SONARS if item.marker is None else ():
         if side not in sides:
             yield f"this robot has no sonar that looks to the {side.replace('_', ' ')}"
     if item.distance_m <= guard.margin_m:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from robotctl.model.geometry.se2 import SE2
@@ -26,6 +27,8 @@ class BehaviourInput(NamedTuple):
     """Changes when the pose jumps, since the robot was found elsewhere."""
     charge: float = math.nan
     """Of the battery, in [0, 1]; nan: unknown."""
+    markers: Sequence[tuple[int, SE2]] = ()
+    """Markers seen since the last step: number, and pose in `world`, x into the marker."""
     go_ahead: bool = False
     """Whether an operator has just said to go on."""
 
