@@ -15,7 +15,7 @@ HELP: Final = (
     f"{HINT}; the robot stands until it is armed again",
     "a  arm, also after a stop        d  disarm: the motors are off",
     "m  AUTO: drive the mission, from its present item",
-    "h  HOLD: stand still             r  RTL: return home along its path",
+    "h  HOLD: stand still             r  RTL: return home",
     "?  this help                     Ctrl-C  end the run and show its score",
     "Sticks, velocities and positions come from a ground station, see `connect`.",
 )
