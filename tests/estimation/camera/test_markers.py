@@ -58,6 +58,7 @@ def test_a_picture_without_markers_has_none_and_a_family_that_there_is_not_is_re
         MarkerDetector(GEOMETRY, MarkerConfig(SIDE_M, "4x5"))
 
 
+@pytest.mark.timeout(400)  # the first picture compiles
 @pytest.mark.parametrize("pose", [SE2(3.9, 1.0, 0.0), SE2(3.6, 1.3, -0.4), SE2(4.2, 0.85, 0.2)])
 def test_the_simulated_camera_shows_a_marker_where_the_world_has_it(pose):
     world = load_world(config_directory() / "worlds" / "flat.toml")
