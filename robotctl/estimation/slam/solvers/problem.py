@@ -95,7 +95,8 @@ def gauge(graph: FactorGraph, fixed: Sequence[int] | Ints = ()) -> Ints:
         if len(block.kind.variables) == 1:
             variable = block.kind.variables[0]
             whole = variable.is_pose and block.kind.size == variable.dof
-            enough = 2 if whole else 1
+            placed = 1 if block.kind.size >= variable.positions else 0
+            enough = 2 if whole else placed
             np.add.at(places, graph.numbers(block)[0], enough)
     # In space, two positions leave a turn about the line through them.
     needed = 3 if graph.poses is not None and graph.poses.positions == 3 else 2
