@@ -14,6 +14,7 @@ from robotctl.estimation.slam.solvers.registry import SOLVERS
 from robotctl.estimation.slam.start.registry import start_values
 from robotctl.logs.graphs.graph_files import read_graph
 
+pytestmark = pytest.mark.timeout(600)  # the first of them compiles
 BATCH = ("gn", "lm", "dogleg")
 OPTIMA = {
     "M3500": 137.91295,
