@@ -56,6 +56,7 @@ def run(rounds: int, _seconds: float) -> None:
         elif name != "city":
             machine.note(f"{name}: not measured, no {path}; set ROBOTCTL_DATA")
     _batch(files, rounds)
+    _incremental(files)
     _false_loops(files)
     _memory(files["city"])
 
@@ -148,6 +149,74 @@ def _gtsam(file: GraphFile, start: Values, fixed: int) -> Callable[[], tuple[Val
         return {kind: result}, optimizer.iterations()
 
     return work
+
+
+def _incremental(files: dict[str, GraphFile]) -> None:
+    rows = []
+    for name in ("intel", "M3500", "CSAIL", "MIT"):
+        if name not in files:
+            continue
+        file = files[name]
+        start, fixed = start_of(file, "odometry")
+        works: dict[str, Callable[[], tuple[list[float], float]]] = {
+            "robotctl isam": lambda f=file, s=start, x=fixed: _isam(f, s, x)
+        }
+        if find_spec("gtsam"):
+            works["GTSAM ISAM2"] = lambda f=file, s=start: _isam2(f, s[SE2])
+        for each, work in works.items():
+            if each == "robotctl isam":
+                work()  # compiled
+            times, chi2 = work()
+            p99 = np.percentile(times, 99)
+            rows.append((name, each, f"{np.mean(times):.3f}", f"{p99:.2f}", f"{max(times):.1f}",
+                         f"{chi2:.5f}", f"{len(times)} of {len(file.graph.ids[SE2])}"))  # fmt: skip
+    heads = ("graph", "solver", "mean, CPU ms", "p99", "max", "chi2 after the last pose", "poses")
+    machine.table("Incremental, an estimate after every pose", heads, rows)
+
+
+def _isam(file: GraphFile, start: Values, fixed: np.ndarray) -> tuple[list[float], float]:
+    marks = []
+    solution = SOLVERS["isam"](
+        Problem(file.graph, start, fixed), lambda *_: marks.append(time.process_time())
+    )
+    return (1e3 * np.diff(marks)).tolist(), solution.chi2[1]
+
+
+def _isam2(file: GraphFile, odometry: np.ndarray) -> tuple[list[float], float]:
+    """Return GTSAM's times, until it throws, and chi2 of its last estimate."""
+    gtsam: Any = import_module("gtsam")
+    (block,) = file.graph.blocks
+    latest = np.maximum(*block.variables)
+    order = np.argsort(latest, kind="stable")
+    isam, times, at = gtsam.ISAM2(), [], 0
+    estimate = None
+    for pose in range(len(odometry)):
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        if pose == 0:
+            graph.add(gtsam.NonlinearEqualityPose2(0, gtsam.Pose2(*odometry[0])))
+            values.insert(0, gtsam.Pose2(*odometry[0]))
+        while at < len(order) and latest[order[at]] == pose:
+            k = order[at]
+            i, j = (int(each[k]) for each in block.variables)
+            z = gtsam.Pose2(*block.measurements[k])
+            noise = gtsam.noiseModel.Gaussian.Information(block.information[k])
+            graph.add(gtsam.BetweenFactorPose2(i, j, z, noise))
+            if abs(i - j) == 1 and not values.exists(pose):
+                before = estimate.atPose2(pose - 1)
+                values.insert(pose, before.compose(z if j == pose else z.inverse()))
+            at += 1
+        began = time.process_time()
+        try:
+            isam.update(graph, values)
+            estimate = isam.calculateEstimate()
+        except RuntimeError as error:
+            machine.note(f"GTSAM at pose {pose}: {str(error).strip().splitlines()[0]}")
+            return times, float("nan")
+        times.append(1e3 * (time.process_time() - began))
+    found = np.array(
+        [[p.x(), p.y(), p.theta()] for p in map(estimate.atPose2, range(len(odometry)))]
+    )
+    return times, chi2_of(file.graph, {SE2: found})
 
 
 def false_loops(file: GraphFile, share: float, seed: int) -> GraphFile:

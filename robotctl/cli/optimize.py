@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def optimize(
     graph: Annotated[Path, typer.Argument(help="A g2o, TORO or GTSAM file.", metavar="IN")],
-    solver: Annotated[str, typer.Option(help="gn, lm or dogleg.")] = "lm",
+    solver: Annotated[str, typer.Option(help="gn, lm, dogleg or isam.")] = "lm",
     robust: Annotated[
         str, typer.Option(metavar="KERNEL", help="huber, cauchy, geman-mcclure, dcs or gnc.")
     ] = "",
@@ -32,8 +32,8 @@ def optimize(
 ) -> None:
     """Find the poses and points that fit the measurements of a graph best.
 
-    Without --init the start is the chordal relaxation, with --robust the odometry. The status is 1
-    if the solver did not converge.
+    Without --init the start is the chordal relaxation, with --robust or isam the odometry. The
+    status is 1 if the solver did not converge.
     """
     check_files(out, report, plot=plot)
     # It loads numba, which other subcommands can do without.
@@ -56,7 +56,7 @@ def optimize(
         graph,
         solver,
         robust,
-        init or ("odometry" if robust else "chordal"),
+        init or ("odometry" if robust or solver == "isam" else "chordal"),
         tuple(filter(None, marginals.replace(" ", "").split(","))),
     )
     with progress_bar(console, graph.name, "optimising") as tell:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 from robotctl.estimation.slam.solvers.batch import dog_leg, gauss_newton, levenberg_marquardt
+from robotctl.estimation.slam.solvers.incremental import incremental
 from robotctl.estimation.slam.solvers.problem import Solver
 
 SOLVERS: Final[dict[str, Solver]] = {
     "gn": gauss_newton,
     "lm": levenberg_marquardt,
     "dogleg": dog_leg,
+    "isam": incremental,
 }

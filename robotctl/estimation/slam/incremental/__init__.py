@@ -1,0 +1,1 @@
+"""Incremental smoothing: the estimate after every pose, at the cost of what changed."""
