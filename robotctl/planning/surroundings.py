@@ -11,6 +11,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
 from robotctl.planning.guard.behaviour import BehaviourInput
+from robotctl.planning.guard.echo_motion import STANDS, EchoMotion, expected
 from robotctl.planning.navigation_step import NavigationInputs
 
 _SCAN_LIFE_NS = 500_000_000
@@ -28,6 +29,7 @@ class Surroundings:
 
     def __init__(self, robot: NavigatedRobot) -> None:
         self._robot = robot
+        self._echo_motion = EchoMotion(robot.mounts)
         self._heard_ns = (-1,) * len(robot.mounts)
         self._scan: tuple[SE2, RangeScan, int] | None = None
         """The last, with `base` in `odom` at its time, and when it came [ns]."""
@@ -49,13 +51,16 @@ class Surroundings:
         for T_odom_base, scan in inputs.scans:
             self._scan = T_odom_base, scan, now_ns
         points = self._scanned(inputs, now_ns)
-        self._robot.guard.observe(ranges, new, inputs.floor_base, points)
+        approaches = self._echo_motion.step(ranges, new, heard_ns, inputs.twist)
         if pilot is not None and inputs.localised:
-            heard = tuple(
-                reading if is_new else math.nan for reading, is_new in zip(ranges, new, strict=True)
+            heard = tuple(  # what moves leaves no marks
+                reading if is_new and approach is STANDS else math.nan
+                for reading, is_new, approach in zip(ranges, new, approaches, strict=True)
             )
             seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base)
             pilot.see(inputs.pose, seen, now_ns)
+            approaches = expected(approaches, ranges, pilot.may_move)
+        self._robot.guard.observe(ranges, new, inputs.floor_base, points, approaches)
         markers = [(number, inputs.T_world_odom @ pose) for number, pose in inputs.markers]
         return BehaviourInput(
             inputs.pose, inputs.twist, ranges, new, inputs.epoch, inputs.charge, markers

@@ -62,6 +62,10 @@ class Pilot(Protocol):
     def knows_ways(self) -> bool:
         """Whether it has a map, or a lidar that shows the way; else only sonars."""
 
+    @property
+    def may_move(self) -> tuple[bool, ...]:
+        """Of each sonar, whether its last two echoes are of what has not stood there so far."""
+
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
 

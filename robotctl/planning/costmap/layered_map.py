@@ -26,6 +26,7 @@ from robotctl.model.grid_map import OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap import marks
+from robotctl.planning.costmap.body_cells import cells_at, placed, shrunk
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.zone import Zone
@@ -46,6 +47,8 @@ _NO_ECHO_M: Final = 1.0
 """What a sonar without echo clears [m]: smooth walls at an angle return none."""
 _SONAR_BAND_M: Final = 0.05
 """Half the depth of the arc that a sonar's echo marks [m]."""
+_STOOD_NS: Final = 1_000_000_000
+"""What a sonar has seen in one place for so long stands [ns]."""
 _FLOOR_REACH_M: Final = 1.5
 """`FloorMemory` has all points within this of the robot [m]."""
 _REMEMBERS_S: Final = 86400.0
@@ -125,6 +128,7 @@ class LayeredMap:
             through_unknown=self.config.through_unknown,
             occupied_percent=_OCCUPIED_PERCENT,
         )
+        self._inner = shrunk(space.samples)
         self._limits_m_s = speed_limits(grid, zones)
         if self._limits_m_s is not None:
             slowness = np.clip(full_speed_m_s / self._limits_m_s, 1.0, _SLOWEST)
@@ -147,6 +151,7 @@ class LayeredMap:
         # One echo of a sonar in seven has nothing to do with the world: two must agree.
         self._sonar = marks.make_layer(grid.shape, 2, gain=2, needed=3, most=6)
         self._floor = marks.make_layer(grid.shape, 4, gain=1, needed=1, most=1)
+        self._layers = self._lidar, self._sonar, self._floor
         self._warm_up()
 
     @classmethod
@@ -176,7 +181,7 @@ class LayeredMap:
     def forget(self) -> None:
         """Forget all that was seen: the pose was wrong, and so are the places."""
         cells = self._cells
-        for layer in (self._lidar, self._sonar, self._floor):
+        for layer in self._layers:
             layer.evidence[:] = 0
             layer.in_list[0] = 0
         cells.marks[:] = 0
@@ -188,7 +193,7 @@ class LayeredMap:
 
     def forget_unseen(self, before_ns: int) -> None:
         """Forget marks that no sensor has seen since a time [ns]; what was seen free stays so."""
-        for layer in (self._lidar, self._sonar, self._floor):
+        for layer in self._layers:
             marks.fade(self._cells, layer, before_ns)
 
     def see_scan(
@@ -239,8 +244,11 @@ class LayeredMap:
         mounts: Sequence[SonarMount],
         ranges_m: Sequence[float],
         now_ns: int,
-    ) -> None:
-        """Take new readings of sonars.
+    ) -> list[bool]:
+        """Take new readings of sonars; return which are of what has stood there for a second.
+
+        That is what the map explains or what was marked so long ago. No echo, or one from too far
+        away to be marked, counts as well.
 
         An echo came from somewhere on an arc as wide as the cone. Two that agree mark the arc if
         neither the map nor another sensor has something there, and only where it is no wider than
@@ -255,15 +263,17 @@ class LayeredMap:
         side_m = self._space.grid.resolution_m
         half_width = 0.5 * math.radians(self.config.sonar_beam_deg)
         widest_m = self._space.footprint.inscribed_m / math.sin(half_width)
+        stands = []
         for mount, range_m in zip(mounts, ranges_m, strict=True):
             if math.isnan(range_m):
+                stands.append(True)
                 continue
             sensor = self._space.to_cells(
                 T_world_base @ SE2(mount.x_m, mount.y_m, mount.heading_rad)
             )
             free_m = _NO_ECHO_M if range_m == math.inf else range_m - 2.0 * _SONAR_BAND_M
             echo_m = range_m if range_m <= widest_m else math.nan
-            marks.see_cone(
+            stood = marks.see_cone(
                 self._cells,
                 self._sonar,
                 sensor.x_m,
@@ -275,7 +285,10 @@ class LayeredMap:
                 _SONAR_BAND_M / side_m,
                 (_AGREE_M + _AGREE_PER_M * echo_m) / side_m,
                 now_ns,
+                now_ns - _STOOD_NS,
             )
+            stands.append(bool(stood))
+        return stands
 
     def see_floor(
         self, T_world_base: SE2, points_base: Sequence[tuple[float, float]], now_ns: int
@@ -337,25 +350,24 @@ class LayeredMap:
         return self._space.collides(poses)
 
     def stand_at(self, T_world_base: SE2) -> None:
-        """Note that the floor under the robot is free."""
+        """Note that the floor under the robot is free, whatever echoes from its own edge say."""
         here = self._space.to_cells(T_world_base)
-        marks.learn_free(self._cells, self._under(here.x_m, here.y_m, here.theta_rad))
+        pose = here.x_m, here.y_m, here.theta_rad
+        marks.learn_free(self._cells, placed(self._space.samples, pose))
+        rows, columns = cells_at(placed(self._inner, pose), self._space.shape)
+        wrong = np.argwhere(self._cells.marks[rows, columns])[:, 0]
+        for row, column in zip(rows[wrong].tolist(), columns[wrong].tolist(), strict=True):
+            for layer in self._layers:
+                marks.empty_disc(self._cells, layer, column + 0.5, row + 0.5, 0.5)
 
     def is_known(self, poses_world: NDArray[np.float64]) -> bool:
         """Return whether all under the body at poses (n, 3) of `base` in `world` is known."""
         for pose in self._space.poses_to_cells(poses_world).tolist():
-            columns, rows = np.floor(self._under(*pose)).astype(np.int64).T
-            inside = (rows >= 0) & (rows < self._space.shape[0])
-            inside &= (columns >= 0) & (columns < self._space.shape[1])
-            if not inside.all() or (self._cells.live[rows, columns] < 0).any():
+            under = placed(self._space.samples, pose)
+            rows, columns = cells_at(under, self._space.shape)
+            if len(rows) < len(under) or (self._cells.live[rows, columns] < 0).any():
                 return False
         return True
-
-    def _under(self, x: float, y: float, theta: float) -> NDArray[np.float64]:
-        """Return points of the body at a pose, (n, 2) [cells]."""
-        c, s = math.cos(theta), math.sin(theta)
-        points: NDArray[np.float64] = self._space.samples @ np.array([[c, s], [-s, c]]) + (x, y)
-        return points
 
     def speed_limit_at(self, x_m: float, y_m: float) -> float:
         """Return the lowest limit of the slow zones at a point of `world` [m/s]; inf: none."""
@@ -369,7 +381,6 @@ class LayeredMap:
         return self._space.grid.centre_of(np.argwhere(self._cells.marks))
 
     def _fade(self, layer: marks.Layer, now_ns: int) -> None:
-        """Forget what a layer has not seen again."""
         marks.fade(self._cells, layer, now_ns - round(1e9 * self.config.decay_s))
 
     def _warm_up(self) -> None:
@@ -385,7 +396,5 @@ class LayeredMap:
 
 def _distances(obstacle: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return how far each cell is from an obstacle, from centre to centre [cells]; inf: none."""
-    if not obstacle.any():
-        return np.full(obstacle.shape, np.inf, np.float32)
-    distances: NDArray[np.float32] = ndimage.distance_transform_edt(~obstacle).astype(np.float32)
-    return distances
+    far = np.full(obstacle.shape, np.inf, np.float32)
+    return ndimage.distance_transform_edt(~obstacle).astype(np.float32) if obstacle.any() else far

@@ -49,6 +49,8 @@ class Layer(NamedTuple):
     """(rows, columns)."""
     stamp_ns: NDArray[np.int64]
     """When each was last seen, (rows, columns)."""
+    since_ns: NDArray[np.int64]
+    """Since when each has had evidence, (rows, columns)."""
     listed: NDArray[np.int32]
     """The cells with evidence, by their number along the rows, and some that had."""
     in_list: NDArray[np.int64]
@@ -65,6 +67,7 @@ def make_layer(shape: tuple[int, int], bit: int, *, gain: int, needed: int, most
     return Layer(
         bit,
         np.zeros(shape, np.uint8),
+        np.zeros(shape, np.int64),
         np.zeros(shape, np.int64),
         np.empty(shape[0] * shape[1], np.int32),
         np.zeros(1, np.int64),
@@ -96,6 +99,7 @@ def _mark(cells: Cells, layer: Layer, row: int, column: int, now_ns: int) -> Non
     if had == 0:
         layer.listed[layer.in_list[0]] = row * cells.live.shape[1] + column
         layer.in_list[0] += 1
+        layer.since_ns[row, column] = now_ns
     has = min(had + layer.gain, layer.most)
     layer.evidence[row, column] = has
     layer.stamp_ns[row, column] = now_ns
@@ -324,6 +328,14 @@ def _learn_free(cells: Cells, row: int, column: int) -> None:
 
 
 @compiled
+def _has_stood(cells: Cells, layer: Layer, row: int, column: int, stood_ns: int) -> bool:
+    """Return whether a cell has been marked by a layer since a time, or by another one."""
+    if cells.marks[row, column] == 0:
+        return False
+    return bool(cells.marks[row, column] != layer.bit or layer.since_ns[row, column] <= stood_ns)
+
+
+@compiled
 def see_cone(
     cells: Cells,
     layer: Layer,
@@ -336,11 +348,13 @@ def see_cone(
     band: float,
     agree: float,
     now_ns: int,
-) -> None:
+    stood_ns: int,
+) -> bool:
     """Take a sonar's reading: its cone is free up to a distance, and an arc may hold the obstacle.
 
     The arc is marked only where neither the map nor another layer has anything on it: an echo from
-    a door's post must not close the door.
+    a door's post must not close the door. Returns whether the echo is from something that has stood
+    there for a while: of the map, or marked, within `agree`.
 
     Parameters
     ----------
@@ -352,8 +366,10 @@ def see_cone(
         The arc that may be marked, and half its depth [cells]; nan: none.
     agree
         An obstacle of the map within this explains the echo [cells].
+    stood_ns
+        What was marked before this has stood there [ns].
     """
-    far = free if math.isnan(echo) else max(free, echo + band)
+    far = free if math.isnan(echo) else max(free, echo + agree)
     c, s = math.cos(heading), math.sin(heading)
     least = math.cos(half_width)
     wide = far * math.sin(half_width)
@@ -363,23 +379,25 @@ def see_cone(
     row0, row1 = max(math.floor(y + low), 0), min(math.floor(y + high) + 1, cells.live.shape[0])
     column0 = max(math.floor(x + left), 0)
     column1 = min(math.floor(x + right) + 1, cells.live.shape[1])
-    explained = math.isnan(echo)
+    stands = explained = math.isnan(echo)
     for row in range(row0, row1):
         for column in range(column0, column1):
             dx, dy = column + 0.5 - x, row + 0.5 - y
             distance = math.hypot(dx, dy)
             if c * dx + s * dy < least * distance:
                 continue
+            near = abs(distance - echo) <= agree
+            stands |= near and _has_stood(cells, layer, row, column, stood_ns)
             if distance < free:
                 _pass(cells, layer, row, column, now_ns)
             elif abs(distance - echo) <= band:
                 others = cells.marks[row, column] & (255 - layer.bit)
                 explained |= others != 0 or cells.from_static[row, column] <= agree
-    if explained:
-        return
-    for row in range(row0, row1):
-        for column in range(column0, column1):
-            dx, dy = column + 0.5 - x, row + 0.5 - y
-            distance = math.hypot(dx, dy)
-            if c * dx + s * dy >= least * distance and abs(distance - echo) <= band:
-                _mark(cells, layer, row, column, now_ns)
+    if not explained:
+        for row in range(row0, row1):
+            for column in range(column0, column1):
+                dx, dy = column + 0.5 - x, row + 0.5 - y
+                distance = math.hypot(dx, dy)
+                if c * dx + s * dy >= least * distance and abs(distance - echo) <= band:
+                    _mark(cells, layer, row, column, now_ns)
+    return stands or explained

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from robotctl.errors import InvalidValue
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard.echo_motion import STANDS, Approach
 
 if TYPE_CHECKING:  # numpy would be slow to load for each process that reads a robot's file
     import numpy as np
@@ -163,6 +164,7 @@ class ObstacleGuard:
         self._history = [[] for _ in range(self._count)]
         self._floor: Sequence[Point] = ()
         self._points: NDArray[np.float64] | None = None
+        self._approaches: Sequence[Approach] = ()
 
     @property
     def reach_m(self) -> float:
@@ -175,6 +177,7 @@ class ObstacleGuard:
         new: Sequence[bool],
         floor_base: Sequence[Point] = (),
         points_base: NDArray[np.float64] | None = None,
+        approaches: Sequence[Approach] = (),
     ) -> None:
         """Take sonar ranges, floor points and a lidar's points; once per step.
 
@@ -189,9 +192,12 @@ class ObstacleGuard:
             Points of the floor in `base` [m].
         points_base
             (n, 2) points in `base` that the body must not touch [m]; None: nobody looks for them.
+        approaches
+            What comes nearer to each sonar by itself; none: all stands.
         """
         self._floor = floor_base
         self._points = points_base
+        self._approaches = approaches
         for past, reading, is_new in zip(self._history, ranges_m, new, strict=True):
             # A repeated reading must not outvote new ones in the median.
             if is_new or math.isnan(reading):
@@ -215,9 +221,11 @@ class ObstacleGuard:
         """
         if v_m_s == 0.0:
             return self._on_the_spot(omega_rad_s)
-        direction = math.copysign(1.0, v_m_s)
-        distance_m, obstacle = self._free(direction, omega_rad_s / abs(v_m_s), self._views)
-        return GuardStep(self._speed_for(distance_m), obstacle)
+        direction, turn = math.copysign(1.0, v_m_s), omega_rad_s / abs(v_m_s)
+        distance_m, obstacle = self._free(direction, turn, self._views)
+        allowed = GuardStep(self._speed_for(distance_m), obstacle)
+        yields = self._speed_before_others(direction, turn)
+        return min(yields, allowed, key=lambda each: each.v_max_m_s)
 
     @property
     def sees_ahead(self) -> bool:
@@ -236,8 +244,7 @@ class ObstacleGuard:
         """Return the way of `base` on an arc until an obstacle's margin [m], and which obstacle."""
         if self._is_blind and not self.looks(direction):
             return 0.0, _BLIND
-        # Motion of a corner per distance of `base` on the arc: (d - k y, k x), curvature k.
-        moves = [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
+        moves = self._moves(direction, turn)
         distance_m, obstacle = math.inf, ""
         for view in views:
             reading = _median(self._history[view.slot])
@@ -257,6 +264,34 @@ class ObstacleGuard:
         if free < distance_m:
             distance_m, obstacle = free, place
         return distance_m, obstacle
+
+    def _moves(self, direction: float, turn: float) -> list[Point]:
+        """Return the motion of each corner per distance of `base` on an arc."""
+        # (d - k y, k x) with the direction d and the curvature k.
+        return [(direction - turn * y_m, turn * x_m) for x_m, y_m in self._corners]
+
+    def _speed_before_others(self, direction: float, turn: float) -> GuardStep:
+        """Return the speed from which `base` stands before what comes nearer is there.
+
+        With w the speed of that, c the way of a corner towards it per way of `base`, a the
+        deceleration and t the reaction time, it comes w (t + v / a) nearer until `base` stands,
+        and the corner goes c (v t + v^2 / 2 a) towards it: at v both close the gap.
+        """
+        moves = self._moves(direction, turn)
+        a, t = self._config.deceleration_m_s2, self._config.reaction_s
+        v_max_m_s, who = math.inf, ""
+        for view in self._views:
+            range_m, w = self._approaches[view.slot] if self._approaches else STANDS
+            for reach_m, (x, y) in zip(view.reaches_m, moves, strict=True):
+                c = view.normal[0] * x + view.normal[1] * y
+                if w <= 0.0 or c <= _LEAST_CLOSING:
+                    continue
+                gap_m = max(range_m - reach_m - self._config.margin_m - w * t, 0.0)
+                b = t + w / (a * c)
+                v_m_s = a * (math.sqrt(b * b + 2.0 * gap_m / (a * c)) - b)
+                if v_m_s < v_max_m_s:
+                    v_max_m_s, who = v_m_s, f"{view.name} sees something that may come nearer"
+        return GuardStep(v_max_m_s, who)
 
     def _on_the_spot(self, omega_rad_s: float) -> GuardStep:
         """Return the limit of the outermost corner, which brakes as the robot does."""

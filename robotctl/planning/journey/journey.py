@@ -34,7 +34,9 @@ _BETTER: Final = 0.9
 _OFF_PATH_M: Final = 0.6
 """Farther off, the robot plans from where it is [m]."""
 _STUCK_NS: Final = 1_500_000_000
-"""A robot that wants to drive and stands for this long is in trouble [ns]."""
+"""A robot that wants to drive and stands for this long is in trouble [ns],"""
+_PATIENT_NS: Final = 6_000_000_000
+"""and for this long where somebody is near, who goes on [ns]."""
 _STANDS_M_S: Final = 0.02
 _STANDS_RAD_S: Final = 0.05
 _PROGRESS_M: Final = 0.5
@@ -209,7 +211,8 @@ class Journey(Behaviour):
             self._stuck_ns = now_ns
             if motion.blocked:
                 self._route = None  # perhaps another path leads there
-        return self._stuck_ns is not None and now_ns - self._stuck_ns > _STUCK_NS
+        longest_ns = _PATIENT_NS if self._pilot.is_somebody_near(situation.pose) else _STUCK_NS
+        return self._stuck_ns is not None and now_ns - self._stuck_ns > longest_ns
 
     def _in_trouble(self, reason: str, pose: SE2, now_ns: int) -> BehaviourOutput:
         """Take the next rung of the ladder; fail where there is none."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -40,6 +41,9 @@ from robotctl.planning.local.controllers import CONTROLLERS
 
 _BLIND_NS: Final = 500_000_000
 """Without a scan for this long, a robot that has a lidar stands [ns]."""
+_AGREE: Final = 2
+"""One echo alone may have nothing to do with the world."""
+_SOMEBODY_M: Final = 2.0
 _LATELY_NS: Final = 1_000_000_000
 _LOOK_M: Final = 4.0
 """Half of the side of the map that the controller gets [m]."""
@@ -141,6 +145,7 @@ class MapPilot:
         )
         self.controller = CONTROLLERS[wanted.controller](self.config, drive, limits, footprint)
         self.moving = NOTHING_MOVES
+        self._new_echoes = [0] * len(mounts)
         self._map = self._around(home, home) if grid is None else self._with_map(grid)
         self._given = self._map.space()
         """Before anything was seen."""
@@ -210,8 +215,25 @@ class MapPilot:
                 self._scan_ns = scan.stamp_ns
                 self._take(seen.T_world_odom, T_odom_base, scan)
         if not self._sees_by_lidar:
-            self._map.see_echoes(pose, self._mounts, seen.ranges_m, now_ns)
+            self._hear(pose, seen.ranges_m, now_ns)
         self._map.see_floor(pose, seen.floor_base, now_ns)
+
+    def _hear(self, pose: SE2, ranges_m: Sequence[float], now_ns: int) -> None:
+        """Take echoes of sonars."""
+        stand = self._map.see_echoes(pose, self._mounts, ranges_m, now_ns)
+        for i, (range_m, stands) in enumerate(zip(ranges_m, stand, strict=True)):
+            if not math.isnan(range_m):
+                self._new_echoes[i] = 0 if stands else self._new_echoes[i] + 1
+
+    @property
+    def may_move(self) -> tuple[bool, ...]:
+        """Of each sonar, whether its last two echoes are of what has not stood there so far."""
+        return tuple(count >= _AGREE for count in self._new_echoes)
+
+    def is_somebody_near(self, pose: SE2) -> bool:
+        """Return whether something that moves, or may move, is near a pose."""
+        away_m = np.hypot(self.moving[:, 0] - pose.x_m, self.moving[:, 1] - pose.y_m)
+        return any(self.may_move) or bool((away_m < _SOMEBODY_M).any())
 
     def _take(self, T_world_odom: SE2, T_odom_base: SE2, scan: RangeScan) -> None:
         """Take a scan: what moves by itself is tracked, the rest marked in the map."""

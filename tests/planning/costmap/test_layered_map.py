@@ -358,3 +358,32 @@ def test_what_is_not_seen_now_can_be_forgotten_and_the_floor_stays_known():
     live.forget_unseen(3 * TENTH_NS)
     assert not is_blocked(live, 2.02, 1.5)
     assert live.is_known(np.array([[1.5, 1.6, 0.0]]))
+
+
+def test_an_echo_is_of_what_stands_once_it_has_come_from_one_place_for_a_second():
+    live, pose = open_map(), SE2(1.0, 1.5, 0.0)
+    for i in range(1, 20):
+        stands = live.see_echoes(pose, SONARS, [0.5], i * TENTH_NS)
+        assert stands == [i > 10]
+    assert live.see_echoes(pose, SONARS, [0.3], 20 * TENTH_NS) == [False]
+    assert live.see_echoes(SE2(1.1, 1.5, 0.0), SONARS, [0.4], 21 * TENTH_NS) == [True]
+    assert live.see_echoes(pose, SONARS, [2.0], 22 * TENTH_NS) == [True]
+
+
+def test_a_wall_of_the_map_stands_from_the_first_echo_on():
+    live = LayeredMap(room_map(), BODY)
+    assert live.see_echoes(SE2(3.3, 1.5, 0.0), SONARS, [0.52], TENTH_NS) == [True]
+    assert live.see_echoes(SE2(3.3, 1.5, 0.0), SONARS, [0.3], 2 * TENTH_NS) == [False]
+
+
+def test_echoes_from_the_robots_own_edge_leave_no_marks_below_it():
+    """Somebody touches it: the arc of a sonar that sits inside of the outline is inside, too."""
+    live, pose = open_map(), SE2(1.0, 1.5, 0.3)
+    sonars = [SonarMount("inside", -0.1, 0.0, 0.0), SonarMount("front", 0.2, 0.0, 0.0)]
+    for i in range(1, 4):
+        live.see_echoes(pose, sonars, [0.2, 0.15], i * TENTH_NS)
+    places = [pose.apply(x_m, 0.0) for x_m in (0.08, 0.1, 0.12)]
+    assert any(is_blocked(live, *place) for place in places)
+    live.stand_at(pose)
+    assert not any(is_blocked(live, *place) for place in places)
+    assert is_blocked(live, *pose.apply(0.35, 0.0))

@@ -1,0 +1,34 @@
+"""The cells that a body covers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def placed(body: NDArray[np.float64], pose: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Return the points (n, 2) of a body at a pose x, y, heading [cells, cells, rad]."""
+    x, y, theta = pose
+    c, s = math.cos(theta), math.sin(theta)
+    points: NDArray[np.float64] = body @ np.array([[c, s], [-s, c]]) + (x, y)
+    return points
+
+
+def cells_at(
+    points: NDArray[np.float64], shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and columns of points (n, 2) [cells] as far as they are on a map."""
+    columns, rows = np.floor(points).astype(np.int64).T
+    inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
+    return rows[inside], columns[inside]
+
+
+def shrunk(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points (n, 2) of a body, drawn inwards by a cell on each side [cells]."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    share: NDArray[np.float64] = np.maximum(1.0 - 2.0 / np.maximum(high - low, 2.0), 0.0)
+    middle = 0.5 * (low + high)
+    inner: NDArray[np.float64] = middle + share * (points - middle)
+    return inner

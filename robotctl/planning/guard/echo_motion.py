@@ -1,0 +1,187 @@
+"""How fast what a sonar sees comes nearer by itself: a person who walks towards the robot.
+
+Each sonar's range is carried along by the robot's own motion and by the speed of what it sees, and
+both are corrected by each reading: a critically damped observer of second order (Benedict, Bordner,
+"Synthesis of an optimal set of radar track-while-scan smoothing equations", 1962, treats the gains
+of such filters). One reading far off is left out; two that agree are something else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.sonar import SonarMount
+
+_FORGETS_S: Final = 0.12
+"""Time in which a wrong speed fades [s]."""
+_JUMP_M: Final = 0.2
+"""A reading farther off than this is of something else [m]."""
+_LONGEST_S: Final = 0.3
+"""After a longer silence the speed is unknown [s]."""
+_SURE: Final = 4
+"""Readings after which a speed counts."""
+_STANDS_M_S: Final = 0.2
+"""What comes nearer more slowly stands [m/s]: the readings are noisy."""
+_SLANT: Final = 0.7
+"""A wall that the robot turns to comes nearer by this per range and angle: the tangent of the
+greatest incidence that gives an echo, 35 degrees."""
+_WALKS_M_S: Final = 0.8
+"""How fast what may move is assumed to come nearer [m/s]."""
+_HIDDEN_NS: Final = 1_000_000_000
+"""Who came nearer and left the beam may be between two beams for so long [ns]."""
+_HIDDEN_M: Final = 1.5
+"""Who leaves the beam farther away is seen again [m]."""
+
+
+class Approach(NamedTuple):
+    """Something that comes nearer to a sonar."""
+
+    range_m: float
+    """How far away it is [m]."""
+    speed_m_s: float
+    """How fast it comes nearer by itself [m/s]; below 0 it goes away."""
+
+
+STANDS: Final = Approach(math.inf, 0.0)
+"""Nothing comes nearer or goes away."""
+
+
+def expected(
+    seen: Sequence[Approach], ranges_m: Sequence[float], may_move: Sequence[bool]
+) -> tuple[Approach, ...]:
+    """Return what has to be expected to come nearer.
+
+    Somebody who walks across the beam comes no nearer at first, and the next step may be towards
+    the robot: what may move is taken to walk, unless it is seen to go away.
+
+    Parameters
+    ----------
+    seen
+        As `EchoMotion.step` returns it.
+    ranges_m, may_move
+        Of each sonar the last reading [m], and whether nothing is known to stand there.
+    """
+    return tuple(
+        Approach(range_m, _WALKS_M_S) if may and each is STANDS else each
+        for each, range_m, may in zip(seen, ranges_m, may_move, strict=True)
+    )
+
+
+class EchoMotion:
+    """Watches the ranges of all sonars.
+
+    Parameters
+    ----------
+    mounts
+        The sonars, in the order of the ranges.
+    """
+
+    def __init__(self, mounts: Sequence[SonarMount]) -> None:
+        self._sights = [_Sight(mount) for mount in mounts]
+
+    def reset(self) -> None:
+        """Forget past readings."""
+        for sight in self._sights:
+            sight.reset()
+
+    def step(
+        self,
+        ranges_m: Sequence[float],
+        new: Sequence[bool],
+        heard_ns: Sequence[int],
+        twist: Twist,
+    ) -> tuple[Approach, ...]:
+        """Return what moves in the beams, or is hidden between them; `STANDS`: nothing does.
+
+        Parameters
+        ----------
+        ranges_m, new, heard_ns
+            Of each sonar the last reading [m], whether it came since the last step, and when [ns].
+        twist
+            Velocity of the robot now.
+        """
+        now_ns = max(heard_ns, default=0)
+        for sight, range_m, is_new, stamp_ns in zip(
+            self._sights, ranges_m, new, heard_ns, strict=True
+        ):
+            if is_new and math.isfinite(range_m):
+                sight.take(range_m, stamp_ns, twist)
+        return tuple(sight.approach(twist, now_ns) for sight in self._sights)
+
+
+class _Sight:
+    """What one sonar sees."""
+
+    def __init__(self, mount: SonarMount) -> None:
+        self._x_m, self._y_m = mount.x_m, mount.y_m
+        self._cos, self._sin = math.cos(mount.heading_rad), math.sin(mount.heading_rad)
+        self.reset()
+
+    def reset(self) -> None:
+        """Know nothing."""
+        self._count = 0
+        self._range_m = self._nears_m_s = 0.0
+        self._stamp_ns = 0
+        self._odd: tuple[float, int] | None = None
+        """A reading of something else, perhaps."""
+        self._hidden = STANDS
+        self._hidden_ns = 0
+
+    def take(self, range_m: float, stamp_ns: int, twist: Twist) -> None:
+        """Take an echo."""
+        since_s = (stamp_ns - self._stamp_ns) * 1e-9
+        if self._count == 0 or since_s > _LONGEST_S:
+            self._begin(range_m, stamp_ns)
+            return
+        own_m_s = self._cos * (twist.v_m_s - twist.omega_rad_s * self._y_m)
+        own_m_s += self._sin * twist.omega_rad_s * self._x_m
+        expected_m = self._range_m - (own_m_s + self._nears_m_s) * since_s
+        off_m = expected_m - range_m
+        if abs(off_m) > _JUMP_M:
+            if self._odd is not None and abs(self._odd[0] - range_m) <= _JUMP_M:
+                self._begin(*self._odd)
+                self.take(range_m, stamp_ns, twist)
+            else:
+                self._hide(twist)
+                self._odd = range_m, stamp_ns
+            return
+        self._odd = None
+        keep = math.exp(-since_s / _FORGETS_S)
+        self._range_m = expected_m - (1.0 - keep * keep) * off_m
+        self._nears_m_s += (1.0 - keep) ** 2 * off_m / since_s
+        self._stamp_ns = stamp_ns
+        self._count += 1
+
+    def _begin(self, range_m: float, stamp_ns: int) -> None:
+        """Take a reading as that of something new."""
+        self._count, self._odd = 1, None
+        self._range_m, self._nears_m_s, self._stamp_ns = range_m, 0.0, stamp_ns
+
+    def _hide(self, twist: Twist) -> None:
+        """Keep what came nearer and is not in the beam any more."""
+        seen = self._seen(twist)
+        if seen.speed_m_s > 0.0 and seen.range_m < _HIDDEN_M:
+            self._hidden, self._hidden_ns = seen, self._stamp_ns
+
+    def _seen(self, twist: Twist) -> Approach:
+        """Return what moves in the beam; `STANDS` if nothing does, or that is unknown."""
+        least_m_s = _STANDS_M_S + _SLANT * abs(twist.omega_rad_s) * self._range_m
+        if self._count < _SURE or abs(self._nears_m_s) <= least_m_s:
+            return STANDS
+        return Approach(self._range_m, self._nears_m_s)
+
+    def approach(self, twist: Twist, now_ns: int) -> Approach:
+        """Return what moves in the beam, or has just left it and may be beside it."""
+        if (now_ns - self._stamp_ns) * 1e-9 > _LONGEST_S and self._count:
+            self._hide(twist)
+            self._count = 0
+        seen, seen_ns = self._seen(twist), self._stamp_ns
+        if seen is STANDS and now_ns - self._hidden_ns <= _HIDDEN_NS:
+            seen, seen_ns = self._hidden, self._hidden_ns
+        if seen is STANDS:
+            return seen
+        range_m, speed_m_s = seen
+        return Approach(max(range_m - speed_m_s * (now_ns - seen_ns) * 1e-9, 0.0), speed_m_s)

@@ -1,0 +1,106 @@
+"""Who comes nearer is told from walls, and the guard stops the robot before they are there."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotctl.model.geometry.twist import Twist
+from robotctl.model.sensors.sonar import SonarMount
+from robotctl.planning.guard.echo_motion import STANDS, Approach, EchoMotion, expected
+from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+
+DT_S = 0.05
+FRONT = SonarMount("front", 0.2, 0.0, 0.0)
+CONFIG = GuardConfig(nose_m=0.2)
+
+
+def noisy(rng, range_m):
+    """Return a reading as sonars give it; one in fifty has nothing to do with the world."""
+    if rng.random() < 0.02:
+        return rng.uniform(0.02, 4.0)
+    return range_m + rng.normal(0.0, 0.003 + 0.004 * range_m)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.5, 1.2), st.floats(-0.3, 0.6))
+def test_the_speed_of_who_comes_nearer_is_known_within_half_a_second(seed, walks, drives):
+    rng = np.random.default_rng(seed)
+    motion, range_m = EchoMotion([FRONT]), 1.8
+    for k in range(1, 13):
+        range_m -= (walks + drives) * DT_S
+        heard_ns = (round(k * DT_S * 1e9),)
+        reading = range_m + rng.normal(0.0, 0.003 + 0.004 * range_m)
+        (seen,) = motion.step((reading,), (True,), heard_ns, Twist(drives, 0.0))
+    assert seen.range_m == pytest.approx(range_m, abs=0.1)
+    assert seen.speed_m_s == pytest.approx(walks, abs=0.3)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-0.4, 0.8), st.floats(-1.5, 1.5), st.floats(-0.9, 0.9))
+def test_a_wall_stands_however_the_robot_moves(seed, v, omega, bearing):
+    """The wall is at x = 2; a cone of 25 degrees sees its nearest point, up to 35 degrees aside."""
+    rng = np.random.default_rng(seed)
+    motion, x, theta = EchoMotion([FRONT]), 0.0, bearing
+    wrong = 0
+    for k in range(1, 60):
+        x += v * math.cos(theta) * DT_S
+        theta += omega * DT_S
+        slant = max(abs(theta) - math.radians(12.5), 0.0)
+        range_m = (2.0 - x - 0.2 * math.cos(theta)) / math.cos(slant)
+        if slant > math.radians(35.0) or not 0.05 < range_m < 4.0:
+            range_m = math.inf
+        heard_ns = (round(k * DT_S * 1e9),)
+        reading = noisy(rng, range_m) if math.isfinite(range_m) else range_m
+        wrong += motion.step((reading,), (True,), heard_ns, Twist(v, omega)) != (STANDS,)
+    assert wrong <= 3
+
+
+@pytest.mark.parametrize("walks", [0.6, 0.9, 1.2])
+def test_the_robot_stands_when_somebody_who_comes_towards_it_is_there(walks):
+    guard, motion = ObstacleGuard(CONFIG, [FRONT]), EchoMotion([FRONT])
+    gap_m, v, commands = 2.0, 0.4, [0.4] * 2
+    for k in range(1, 200):
+        heard_ns = (round(k * DT_S * 1e9),)
+        seen = motion.step((gap_m,), (True,), heard_ns, Twist(v, 0.0))
+        guard.observe((gap_m,), (True,), approaches=seen)
+        commands.append(min(0.4, guard.step(0.4).v_max_m_s))
+        v = max(commands[-3], v - 0.8 * DT_S)  # a late and slow brake
+        gap_m -= (walks + v) * DT_S
+        if gap_m <= 0.0:
+            break
+    assert gap_m <= 0.0
+    assert v < 0.05
+
+
+def test_who_comes_nearer_and_leaves_the_beam_is_expected_beside_it_for_a_second():
+    guard, motion, still = ObstacleGuard(CONFIG, [FRONT]), EchoMotion([FRONT]), Twist(0.0, 0.0)
+    for k in range(1, 28):
+        motion.step((2.0 - 0.05 * k,), (True,), (k * 50_000_000,), still)
+    for k in range(28, 60):
+        seen = motion.step((3.0,), (True,), (k * 50_000_000,), still)
+        guard.observe((3.0,), (True,), approaches=seen)
+        allowed = guard.step(0.4)
+        if k < 46:
+            assert seen[0].range_m == pytest.approx(max(2.0 - 0.05 * k, 0.0), abs=0.05)
+            assert allowed.v_max_m_s < 0.2
+            assert "front sees something that may come nearer" in allowed.obstacle
+    assert seen == (STANDS,)
+    assert allowed.v_max_m_s > 1.0
+
+
+def test_a_sonar_that_falls_silent_knows_nothing_any_more():
+    motion, still = EchoMotion([FRONT]), Twist(0.0, 0.0)
+    for k in range(1, 12):
+        motion.step((3.0 - 0.05 * k,), (True,), (k * 50_000_000,), still)
+    assert motion.step((2.45,), (False,), (550_000_000,), still)[0].speed_m_s > 0.7
+    assert motion.step((math.inf,), (True,), (1_000_000_000,), still) == (STANDS,)
+
+
+def test_what_may_move_is_expected_to_walk_unless_it_goes_away():
+    away = Approach(0.5, -0.6)
+    seen = (STANDS, STANDS, away, Approach(0.7, 1.1))
+    found = expected(seen, (0.4, 0.5, 0.5, 0.7), (True, False, True, True))
+    assert found[0].range_m == 0.4
+    assert found[0].speed_m_s > 0.5
+    assert found[1:] == seen[1:]
