@@ -26,7 +26,7 @@ _SURE: Final = 4
 _STANDS_M_S: Final = 0.2
 """What comes nearer more slowly stands [m/s]: the readings are noisy."""
 _SLANT: Final = 0.7
-"""A wall that the robot turns to comes nearer by this per range and angle: the tangent of the
+"""A wall may be so slanted that it comes nearer by this per way across the beam: the tangent of the
 greatest incidence that gives an echo, 35 degrees."""
 _WALKS_M_S: Final = 0.8
 """How fast what may move is assumed to come nearer [m/s]."""
@@ -136,8 +136,7 @@ class _Sight:
         if self._count == 0 or since_s > _LONGEST_S:
             self._begin(range_m, stamp_ns)
             return
-        own_m_s = self._cos * (twist.v_m_s - twist.omega_rad_s * self._y_m)
-        own_m_s += self._sin * twist.omega_rad_s * self._x_m
+        own_m_s, _ = self._own_m_s(twist)
         expected_m = self._range_m - (own_m_s + self._nears_m_s) * since_s
         off_m = expected_m - range_m
         if abs(off_m) > _JUMP_M:
@@ -155,6 +154,11 @@ class _Sight:
         self._stamp_ns = stamp_ns
         self._count += 1
 
+    def _own_m_s(self, twist: Twist) -> tuple[float, float]:
+        """Return how fast the robot moves the sonar along its beam and across it, to the left."""
+        x, y = twist.v_m_s - twist.omega_rad_s * self._y_m, twist.omega_rad_s * self._x_m
+        return self._cos * x + self._sin * y, self._cos * y - self._sin * x
+
     def _begin(self, range_m: float, stamp_ns: int) -> None:
         """Take a reading as that of something new."""
         self._count, self._odd = 1, None
@@ -168,7 +172,8 @@ class _Sight:
 
     def _seen(self, twist: Twist) -> Approach:
         """Return what moves in the beam; `STANDS` if nothing does, or that is unknown."""
-        least_m_s = _STANDS_M_S + _SLANT * abs(twist.omega_rad_s) * self._range_m
+        _, across_m_s = self._own_m_s(twist)
+        least_m_s = _STANDS_M_S + _SLANT * abs(across_m_s + twist.omega_rad_s * self._range_m)
         if self._count < _SURE or abs(self._nears_m_s) <= least_m_s:
             return STANDS
         return Approach(self._range_m, self._nears_m_s)

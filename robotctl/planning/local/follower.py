@@ -283,8 +283,6 @@ class Follower:
                 return motion._replace(
                     arrived=wanted.arrived and still, blocked=wanted.missed and still, text=text
                 )
-        if is_too_near(problem.space, problem.tight, problem.pose):
-            return self._moving(situation, problem, choice)
         text = "something is too near to the goal"
         return _motion(situation, choice)._replace(blocked=True, text=text)
 

@@ -10,6 +10,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.config import NavigationConfig, PilotConfig
 from robotctl.planning.guard.behaviour import Status
 from robotctl.planning.journey.recovery import LADDER, Ladder, Rung
+from robotctl.planning.local.controller import LocalMotion
 from tests.planning.journey.bench import SIDE_M, Bench, room, two_rooms
 
 
@@ -154,3 +155,19 @@ def test_a_ladder_goes_up_without_progress_and_begins_anew_with_it():
     assert set(climbs) == {Rung.WAIT}
     assert len(climbs) == ladder.tries <= 10
     assert Rung.LOOK_AROUND not in [Ladder(can_turn=False).climb() for _ in LADDER]
+
+
+@pytest.mark.parametrize(("away_m", "patient_s"), [(1.0, 6.0), (3.0, 1.5)])
+def test_a_robot_that_stands_is_in_trouble_later_where_somebody_is_near(away_m, patient_s):
+    bench = Bench(room(), room())
+    nothing = LocalMotion(0.0, 0.0, np.empty((0, 3)), text="waits for somebody to pass")
+    bench.pilot.controller.step = lambda _: nothing
+    began = []
+
+    def watches(bench):
+        bench.pilot.moving = np.array([[bench.pose.x_m + away_m, 2.0, 0.0, 0.5, 0.2]])
+        if bench.pilot.recoveries and not began:
+            began.append(bench.now_ns * 1e-9)
+
+    bench.drive(5.0, 2.0, seconds=8.0, each=watches)
+    assert began[0] == pytest.approx(patient_s, abs=0.15)

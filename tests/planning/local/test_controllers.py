@@ -158,16 +158,3 @@ def test_it_lets_somebody_pass_who_crosses(name, late_s):
     assert motion.arrived
     assert time_s < 14.0
     assert slowest < 0.7
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_robot_that_steers_backs_off_what_has_come_too_near_before_a_change_of_gear(name):
-    """Somebody has left an echo a centimetre before its nose; the path leads back, then past."""
-    cells = np.zeros((80, 80), np.int8)
-    cells[38:43, 49] = 100
-    space = PlanningMap(GridMap(cells, SIDE_M), CAR_BODY)
-    start = SE2(49 * SIDE_M - 0.44, 2.0, 0.0)
-    poses = np.array([[start.x_m, 2.0, 0.0], [start.x_m - 0.3, 2.0, 0.0], [3.6, 3.2, 0.6]])
-    plan = Plan(poses, 0.0, 0, np.array([True, False]))
-    *_, (_, pose, _, _) = drive(name, space, plan, start, 2.0, CAR)
-    assert pose.x_m < start.x_m - 0.1
