@@ -61,7 +61,7 @@ def test_a_wall_stands_however_the_robot_moves(seed, v, omega, theta, heading_de
             reading = noisy(rng, range_m)
         heard_ns = (round(k * DT_S * 1e9),)
         wrong += motion.step((reading,), (True,), heard_ns, Twist(v, omega)) != (STANDS,)
-    assert wrong <= 3
+    assert wrong <= 10  # a wild reading within 20 cm counts for a quarter of a second
 
 
 @pytest.mark.parametrize("walks", [0.6, 0.9, 1.2])
