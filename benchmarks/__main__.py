@@ -35,6 +35,7 @@ from benchmarks import (
     sensor_models,
     start_up,
     tick_cost,
+    wall_following,
 )
 
 SUBJECTS = {
@@ -63,6 +64,7 @@ SUBJECTS = {
     "planning": global_planning.run,
     "local": local_planning.run,
     "navigation": navigation_step.run,
+    "walls": wall_following.run,
     "exploring": exploration.run,
     "layers": live_map.run,
     "camera-homography": camera_homography.run,

@@ -11,7 +11,7 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
 from robotctl.planning.guard.behaviour import BehaviourInput
-from robotctl.planning.guard.echo_motion import STANDS, EchoMotion, expected
+from robotctl.planning.guard.echo_motion import STANDS, EchoMotion
 from robotctl.planning.navigation_step import NavigationInputs
 
 _SCAN_LIFE_NS = 500_000_000
@@ -59,7 +59,7 @@ class Surroundings:
             )
             seen = Seen(inputs.T_world_odom, inputs.scans, heard, inputs.floor_base)
             pilot.see(inputs.pose, seen, now_ns)
-            approaches = expected(approaches, ranges, pilot.may_move)
+            approaches = self._echo_motion.expect(approaches, ranges, pilot.may_move, now_ns)
         self._robot.guard.observe(ranges, new, inputs.floor_base, points, approaches)
         markers = [(number, inputs.T_world_odom @ pose) for number, pose in inputs.markers]
         return BehaviourInput(

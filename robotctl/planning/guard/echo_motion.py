@@ -49,27 +49,6 @@ STANDS: Final = Approach(math.inf, 0.0)
 """Nothing comes nearer or goes away."""
 
 
-def expected(
-    seen: Sequence[Approach], ranges_m: Sequence[float], may_move: Sequence[bool]
-) -> tuple[Approach, ...]:
-    """Return what has to be expected to come nearer.
-
-    Somebody who walks across the beam comes no nearer at first, and the next step may be towards
-    the robot: what may move is taken to walk, unless it is seen to go away.
-
-    Parameters
-    ----------
-    seen
-        As `EchoMotion.step` returns it.
-    ranges_m, may_move
-        Of each sonar the last reading [m], and whether nothing is known to stand there.
-    """
-    return tuple(
-        Approach(range_m, _WALKS_M_S) if may and each is STANDS else each
-        for each, range_m, may in zip(seen, ranges_m, may_move, strict=True)
-    )
-
-
 class EchoMotion:
     """Watches the ranges of all sonars.
 
@@ -81,11 +60,8 @@ class EchoMotion:
 
     def __init__(self, mounts: Sequence[SonarMount]) -> None:
         self._sights = [_Sight(mount) for mount in mounts]
-
-    def reset(self) -> None:
-        """Forget past readings."""
-        for sight in self._sights:
-            sight.reset()
+        self._strangers: list[tuple[float, int]] = [(math.inf, -_HIDDEN_NS)] * len(mounts)
+        """Of each sonar how far away the last thing was that may move [m], and when [ns]."""
 
     def step(
         self,
@@ -110,6 +86,39 @@ class EchoMotion:
             if is_new and math.isfinite(range_m):
                 sight.take(range_m, stamp_ns, twist)
         return tuple(sight.approach(twist, now_ns) for sight in self._sights)
+
+    def expect(
+        self,
+        seen: Sequence[Approach],
+        ranges_m: Sequence[float],
+        may_move: Sequence[bool],
+        now_ns: int,
+    ) -> tuple[Approach, ...]:
+        """Return what has to be expected to come nearer.
+
+        Somebody who walks across the beam comes no nearer at first, and the next step may be
+        towards the robot: what may move is taken to walk, also for a while after it has left the
+        beam, unless it is seen to go away.
+
+        Parameters
+        ----------
+        seen
+            As `step` returned it.
+        ranges_m, may_move
+            Of each sonar the last reading [m], and whether nothing is known to stand there.
+        now_ns
+            Time of the step [ns].
+        """
+        for i, may in enumerate(may_move):
+            if may:
+                self._strangers[i] = ranges_m[i], now_ns
+        expected = []
+        for each, (range_m, stamp_ns) in zip(seen, self._strangers, strict=True):
+            since_s = (now_ns - stamp_ns) * 1e-9
+            walks = Approach(max(range_m - _WALKS_M_S * since_s, 0.0), _WALKS_M_S)
+            is_there = each is STANDS and now_ns - stamp_ns < _HIDDEN_NS
+            expected.append(walks if is_there else each)
+        return tuple(expected)
 
 
 class _Sight:

@@ -37,6 +37,8 @@ _STUCK_NS: Final = 1_500_000_000
 """A robot that wants to drive and stands for this long is in trouble [ns],"""
 _PATIENT_NS: Final = 6_000_000_000
 """and for this long where somebody is near, who goes on [ns]."""
+_AGAIN_NS: Final = 500_000_000
+"""Between two looks for a path past somebody who is in the way [ns]."""
 _STANDS_M_S: Final = 0.02
 _STANDS_RAD_S: Final = 0.05
 _PROGRESS_M: Final = 0.5
@@ -127,12 +129,10 @@ class Journey(Behaviour):
             self._attempt = None
         route = self._route
         if self._looks_again(pose, now_ns) or route is None:
-            answer = self._plan(pose, now_ns)
-            if isinstance(answer, PlanFailure):
-                if why := self._pilot.hopeless(pose, self._goal):
-                    return failed(why)
-                return self._in_trouble(answer.text, pose, now_ns)
-            self._route = route = answer
+            found = self._find_route(pose, now_ns)
+            if isinstance(found, BehaviourOutput):
+                return found
+            route = found
         motion = self._looked_at(pose, self._follow(situation, route.plan))
         if motion.arrived or self._is_there(pose):
             return done()
@@ -213,6 +213,27 @@ class Journey(Behaviour):
                 self._route = None  # perhaps another path leads there
         longest_ns = _PATIENT_NS if self._pilot.is_somebody_near(situation.pose) else _STUCK_NS
         return self._stuck_ns is not None and now_ns - self._stuck_ns > longest_ns
+
+    def _find_route(self, pose: SE2, now_ns: int) -> Route | BehaviourOutput:
+        """Return the path to follow from here on, or what to do where there is none."""
+        if self._is_patient(pose, now_ns) and now_ns - self._planned_ns < _AGAIN_NS:
+            return BehaviourOutput(0.0, 0.0, text="waiting for somebody to pass")
+        answer = self._plan(pose, now_ns)
+        if isinstance(answer, Route):
+            self._route = answer
+            return answer
+        if why := self._pilot.hopeless(pose, self._goal):
+            return failed(why)
+        self._stuck_ns = self._stuck_ns or now_ns
+        if self._is_patient(pose, now_ns):
+            return BehaviourOutput(0.0, 0.0, text=f"waiting for somebody: {answer.text}")
+        return self._in_trouble(answer.text, pose, now_ns)
+
+    def _is_patient(self, pose: SE2, now_ns: int) -> bool:
+        """Return whether it waits for somebody who is near and whom it has waited for a while."""
+        if self._stuck_ns is None or not self._pilot.is_somebody_near(pose):
+            return False
+        return now_ns - self._stuck_ns <= _PATIENT_NS
 
     def _in_trouble(self, reason: str, pose: SE2, now_ns: int) -> BehaviourOutput:
         """Take the next rung of the ladder; fail where there is none."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.sonar import SonarMount
-from robotctl.planning.guard.echo_motion import STANDS, Approach, EchoMotion, expected
+from robotctl.planning.guard.echo_motion import STANDS, Approach, EchoMotion
 from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
 
 DT_S = 0.05
@@ -106,9 +106,18 @@ def test_a_sonar_that_falls_silent_knows_nothing_any_more():
 
 
 def test_what_may_move_is_expected_to_walk_unless_it_goes_away():
-    away = Approach(0.5, -0.6)
-    seen = (STANDS, STANDS, away, Approach(0.7, 1.1))
-    found = expected(seen, (0.4, 0.5, 0.5, 0.7), (True, False, True, True))
+    seen = (STANDS, STANDS, Approach(0.5, -0.6), Approach(0.7, 1.1))
+    motion, may_move = EchoMotion([FRONT] * 4), (True, False, True, True)
+    found = motion.expect(seen, (0.4, 0.5, 0.5, 0.7), may_move, 1_000_000_000)
     assert found[0].range_m == 0.4
     assert found[0].speed_m_s > 0.5
     assert found[1:] == seen[1:]
+
+
+def test_who_crosses_a_beam_may_be_beside_it_for_a_while_and_a_thing_that_stood_there_is_not():
+    motion, walls = EchoMotion([FRONT]), (2.5,)
+    (crosses,) = motion.expect((STANDS,), (0.6,), (True,), 1_000_000_000)
+    (beside,) = motion.expect((STANDS,), walls, (False,), 1_300_000_000)
+    assert beside.speed_m_s == crosses.speed_m_s
+    assert beside.range_m == pytest.approx(0.6 - 0.3 * crosses.speed_m_s)
+    assert motion.expect((STANDS,), walls, (False,), 2_100_000_000) == (STANDS,)

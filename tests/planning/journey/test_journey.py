@@ -8,6 +8,7 @@ import pytest
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.config import NavigationConfig, PilotConfig
+from robotctl.planning.global_planning.plan import PlanFailure, Reason
 from robotctl.planning.guard.behaviour import Status
 from robotctl.planning.journey.recovery import LADDER, Ladder, Rung
 from robotctl.planning.local.controller import LocalMotion
@@ -171,3 +172,16 @@ def test_a_robot_that_stands_is_in_trouble_later_where_somebody_is_near(away_m, 
 
     bench.drive(5.0, 2.0, seconds=8.0, each=watches)
     assert began[0] == pytest.approx(patient_s, abs=0.15)
+
+
+def test_no_path_is_no_trouble_yet_while_somebody_is_near():
+    bench, began = Bench(room(), room()), []
+    bench.pilot.plan = lambda *_: PlanFailure(Reason.NO_PASSAGE, "somebody is in the way")
+
+    def watches(bench):
+        bench.pilot.moving = np.array([[bench.pose.x_m + 1.0, 2.0, 0.0, 0.5, 0.2]])
+        if bench.pilot.recoveries and not began:
+            began.append(bench.now_ns * 1e-9)
+
+    bench.drive(5.0, 2.0, seconds=8.0, each=watches)
+    assert began[0] == pytest.approx(6.0, abs=0.6)
