@@ -184,4 +184,4 @@ def test_no_path_is_no_trouble_yet_while_somebody_is_near():
             began.append(bench.now_ns * 1e-9)
 
     bench.drive(5.0, 2.0, seconds=8.0, each=watches)
-    assert began[0] == pytest.approx(6.0, abs=0.6)
+    assert 6.0 <= began[0] <= 6.8
