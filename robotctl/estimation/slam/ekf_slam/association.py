@@ -38,21 +38,28 @@ class Gates:
         Of a pair, and of a set of pairs jointly, in (0, 1).
     new
         A measurement outside of this of every feature is of a new one, in [compatible, 1).
+    ratio
+        A jointly compatible pair counts if it is so many times as likely as that with any feature
+        which is not paired otherwise, >= 1: a wrong pair spoils the map, a missing one costs
+        little.
 
     Raises
     ------
     ValueError
-        If a probability is out of its range.
+        If a number is out of its range.
     """
 
-    compatible: float = 0.99
-    new: float = 0.9999
+    compatible: float = 0.95
+    new: float = 0.999
+    ratio: float = 20.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.compatible <= self.new < 1.0:
             raise ValueError(
                 f"gates must be 0 < compatible <= new < 1, found {self.compatible} and {self.new}"
             )
+        if not self.ratio >= 1.0:
+            raise ValueError(f"ratio: {self.ratio} found, a number >= 1 allowed")
 
 
 def pair_nis(innovations: Array, G: Array, R: Array) -> Array:
@@ -73,6 +80,30 @@ def pair_nis(innovations: Array, G: Array, R: Array) -> Array:
     square = S[..., 1, 1] * u * u - (S[..., 0, 1] + S[..., 1, 0]) * u * v + S[..., 0, 0] * v * v
     found: Array = square / determinant
     return found
+
+
+def unambiguous(found: Indices, nis: Array, G: Array, R: Array, ratio: float) -> Indices:
+    """Return the features of measurements (m,), `NONE` for those that may as well be of another.
+
+    Parameters
+    ----------
+    found
+        The feature of each measurement.
+    nis, G, R
+        Of each pair, (m, k), and as of `pair_nis`.
+    ratio
+        See `Gates`.
+    """
+    S = R[:, np.newaxis] + G
+    cost = nis + np.log(S[..., 0, 0] * S[..., 1, 1] - S[..., 0, 1] * S[..., 1, 0])
+    paired = found[found >= 0]
+    others = cost.copy()
+    others[:, paired] = np.inf
+    rows = np.flatnonzero(found >= 0)
+    apart = others[rows].min(axis=1) - cost[rows, found[rows]]  # -2 log of likelihoods
+    result = found.copy()
+    result[rows[apart < 2.0 * np.log(ratio)]] = NONE
+    return result
 
 
 def nearest_neighbour(nis: Array, gate: float) -> Indices:

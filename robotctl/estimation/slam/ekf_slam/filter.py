@@ -38,6 +38,7 @@ from robotctl.estimation.slam.ekf_slam.association import (
     joint_compatibility,
     nearest_neighbour,
     pair_nis,
+    unambiguous,
 )
 from robotctl.estimation.slam.ekf_slam.features import HEADING, PLACE, FeatureKind
 from robotctl.estimation.slam.ekf_slam.gaussian import JointGaussian
@@ -258,7 +259,7 @@ class EkfSlam:
         Returns
         -------
         (m,): a feature; `NEW` where it is far from all; `NONE` where it is too far from one to be
-        of it, and too near to be of another.
+        of it and too near to be of another, or as well may be of another.
         """
         which = np.flatnonzero([each is kind for each in self.kinds])
         if len(which) == 0:
@@ -267,7 +268,8 @@ class EkfSlam:
         off = kind.residual(
             np.repeat(z, len(which), axis=0), np.tile(expected, (len(z), 1))
         ).reshape(len(z), len(which), 2)
-        nis = pair_nis(off, self.belief.innovation_covariances(which, by_robot, by_feature), R)
+        each = self.belief.innovation_covariances(which, by_robot, by_feature)
+        nis = pair_nis(off, each, R)
         gate = chi2_quantile(self.gates.compatible, 2)
         if method == "nearest":
             found = nearest_neighbour(nis, gate)
@@ -278,6 +280,7 @@ class EkfSlam:
             )
             found = joint_compatibility(off[:, near], G, R, nis[:, near], self.gates.compatible)
             found = np.where(found >= 0, near[found] if len(near) else NONE, NONE)
+            found = unambiguous(found, nis, each, R, self.gates.ratio)
         is_far = (nis > chi2_quantile(self.gates.new, 2)).all(axis=1)
         result: Indices = np.where(found >= 0, which[found], np.where(is_far, NEW, NONE))
         return result

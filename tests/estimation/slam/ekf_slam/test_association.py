@@ -62,10 +62,19 @@ def test_a_common_turn_misleads_the_nearest_neighbour_and_not_joint_compatibilit
 
 def test_what_is_far_from_all_is_new_and_what_is_between_is_neither():
     slam, R = two_features()
-    z = np.array([[9.0, 2.0], [5.0, 0.1 + 3.7 * np.sqrt(0.02)]])
+    z = np.array([[9.0, 2.0], [5.0, 0.1 + 3.2 * np.sqrt(0.02)]])
     assert slam.associate(POINT, z, R).tolist() == [NEW, NONE]
     empty = EkfSlam(np.zeros(3), np.eye(3))
     assert empty.associate(POINT, z, R).tolist() == [NEW, NEW]
+
+
+def test_what_may_as_well_be_of_a_neighbour_is_left_out():
+    slam, R = two_features()
+    between, near = np.array([[5.0, 0.02]]), np.array([[5.0, -0.1]])
+    assert slam.associate(POINT, between, R[:1]).tolist() == [NONE]
+    assert slam.associate(POINT, between, R[:1], "nearest")[0] in (0, 1)
+    slam.update(POINT, np.array([0, 1]), np.array([[5.0, -0.1], [5.0, 0.1]]), R)  # no doubt now
+    assert slam.associate(POINT, near, R[:1]).tolist() == [0]
 
 
 @pytest.mark.parametrize("gates", [(0.0, 0.5), (0.99, 0.9), (0.9, 1.0)])
