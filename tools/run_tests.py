@@ -195,7 +195,8 @@ def main() -> int:
     outcomes = [
         # What two workers would compile side by side, within the time limit of a test.
         stage("kernels", (*DRIVE, "--robot", "diff_drive"), (*DRIVE, "--robot", "ackermann")),
-        stage("unit tests", (*PYTEST, "-n", "2")),
+        # Costly fixtures are made by one worker only, for all tests of their group.
+        stage("unit tests", (*PYTEST, "-n", "2", "--dist", "loadgroup")),
         stage(
             "HIL on simcan",
             (*PYTEST, *(file for file in HIL if file not in MISSION_TESTS), *ON_SIMCAN),
