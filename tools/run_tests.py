@@ -195,8 +195,8 @@ def main() -> int:
     outcomes = [
         # What two workers would compile side by side, within the time limit of a test.
         stage("kernels", (*DRIVE, "--robot", "diff_drive"), (*DRIVE, "--robot", "ackermann")),
-        # Costly fixtures are made by one worker only, for all tests of their group.
-        stage("unit tests", (*PYTEST, "-n", "2", "--dist", "loadgroup")),
+        # One worker makes a file's costly fixtures, and never two a robot of the same file.
+        stage("unit tests", (*PYTEST, "-n", "2", "--dist", "loadfile")),
         stage(
             "HIL on simcan",
             (*PYTEST, *(file for file in HIL if file not in MISSION_TESTS), *ON_SIMCAN),

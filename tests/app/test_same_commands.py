@@ -33,8 +33,6 @@ from robotctl.runtime.clock import VirtualClock
 from robotctl.runtime.loop import Loop
 from robotctl.workbench.replay.replay import replay_file
 
-pytestmark = pytest.mark.xdist_group("same_commands")
-
 encoded = msgspec.msgpack.Encoder().encode
 """Encoded, nan equals nan and 0.0 differs from -0.0."""
 

@@ -404,7 +404,13 @@ def run(
     channel: str, ear: Ear, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Run]:
     made = Run(channel, tmp_path / "record", tmp_path_factory.mktemp("manager") / "notify")
-    wait(lambda: (made.told(), made.said("ready:"))[1], "the robot is ready")
+
+    def ready() -> bool:
+        made.told()
+        assert made.process.poll() is None, made.output
+        return made.said("ready:")
+
+    wait(ready, "the robot is ready")
     made.told()
     yield made
     made.process.terminate()
