@@ -2,8 +2,8 @@
 
 The vcan part runs on this kernel where it has vcan and rights allow, else in the guest of
 `tools/vcan-guest`: the whole under virtual time, a short smoke in real time. Missions on simcan run
-beside nothing that is in real time, too: their navigation has no priority, and holds the robot when
-others leave it no processor for half a second. Every stage runs even if one before it failed; the
+beside nothing: their navigation has no priority, and holds the robot when others leave it no
+processor for half a second. Every stage runs even if one before it failed; the
 last lines say what ran and what did not. Environment: VCAN=off leaves the vcan part out.
 """
 
@@ -165,11 +165,11 @@ def late_stages(wanted: str, run: Callable[..., Outcome]) -> list[Outcome]:
     return [
         ready,
         run("vcan guest: the tool's own tests", (*PYTEST, "tests/guest")),
+        alone(),
         run(  # a guest has one processor
-            "HIL on vcan, two guests, virtual time; missions on simcan",
+            "HIL on vcan, two guests, virtual time",
             (*guest, *PYTEST, *LONG, *ON_VCAN),
             (*guest, *PYTEST, *DRIVERS, *(file for file in HIL if file not in LONG), *ON_VCAN),
-            MISSIONS,
         ),
         run("smoke on vcan, guest, real time", (*guest, "--real-time", *PYTEST, *SMOKE)),
     ]
