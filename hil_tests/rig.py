@@ -555,7 +555,7 @@ class Rig:
     def store_parameters(self, node: int) -> None:
         """Let a node keep the parameters that it has now."""
         with self._sdo(node) as sdo:
-            sdo.download(0x1010, 1, b"save")
+            _ask_again(partial(sdo.download, 0x1010, 1, b"save"))
 
     @contextmanager
     def _sdo(self, node: int) -> Iterator[canopen.sdo.SdoClient]:

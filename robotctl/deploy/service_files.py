@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from robotctl.app.processes.navigator import load_mission
+from robotctl.app.processes.navigator import abilities, load_mission
 from robotctl.config.robot_file import config_directory, load_robot
 from robotctl.deploy.doctor_can import QUEUE_FRAMES
 from robotctl.drivers.can.config import RESTART_MS, sample_point
 from robotctl.errors import ConfigError
-from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.mission.check import check_mission
 
 UNIT: Final = Path("etc/systemd/system/robotctl.service")
@@ -90,8 +89,7 @@ def service_files(
             '"socketcan"'
         )
     if mission is not None:
-        sides = sonar_directions(config.sonar)
-        check_mission(load_mission(mission), config.drive, sides, config.navigation.guard)
+        check_mission(load_mission(mission), abilities(config))
     beside = {ROBOT.parent / name: data for name, data in files_beside(config, robot).items()}
     if taken := beside.keys() & {ROBOT, MISSION}:
         raise ConfigError(f"{robot}: the name {min(taken).name} is taken in /{ROBOT.parent}")

@@ -85,8 +85,8 @@ class Navigator:
         What AUTO does; None: AUTO is refused.
     home
         Where RTL leads to, usually the start, in `world`.
-    has_lidar
-        Whether the robot has a lidar.
+    has_lidar, sees_markers
+        Whether the robot has a lidar, and a camera that looks for markers.
 
     Raises
     ------
@@ -104,13 +104,14 @@ class Navigator:
         home: SE2,
         *,
         has_lidar: bool = False,
+        sees_markers: bool = False,
     ) -> None:
         self._config = config
         self._drive = drive
         self._limits = limits
         self._guard = ObstacleGuard(config.guard, mounts, has_lidar=has_lidar)
         self._crumbs = Breadcrumbs(home, steered=drive.steered)
-        self._robot = NavigatedRobot(config, drive, mounts, self._guard, self._crumbs)
+        self._robot = NavigatedRobot(config, drive, mounts, self._guard, self._crumbs, sees_markers)
         self._surroundings = Surroundings(self._robot)
         self._auto = Auto(mission, self._robot)
         self._look_around = LookAround(drive, self._guard, mounts, config.look_around_speed_m_s)
@@ -176,9 +177,7 @@ class Navigator:
             return "no ground station is connected"
         if mode is Mode.AUTO and self._auto.mission is None:
             return "no mission is loaded"
-        pilot = self._robot.pilot
-        by_plan = pilot is not None and pilot.knows_ways
-        if mode is Mode.RTL and self._crumbs.has_gap and not by_plan:
+        if mode is Mode.RTL and self._crumbs.has_gap and not self._robot.plans_home:
             return "the path home is not known: navigation started, or lost its place, on it"
         return ""
 

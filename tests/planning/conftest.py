@@ -271,6 +271,7 @@ def make_run():
             robot.mounts,
             mission,
             start,
+            sees_markers=True,
         )
         return Run(place, navigator)
 

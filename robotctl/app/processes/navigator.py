@@ -15,9 +15,10 @@ from robotctl.core.navigation_adapter import NavigationAdapter
 from robotctl.errors import ConfigError, InvalidValue
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
-from robotctl.planning.behaviours.kind import Pilot
+from robotctl.planning.behaviours.kind import Abilities, Pilot
 from robotctl.planning.behaviours.mission import Mission, mission_rules
 from robotctl.planning.guard.body import body_outline
+from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.navigator import Navigator
 
 if TYPE_CHECKING:
@@ -33,6 +34,14 @@ def load_mission(path: Path) -> Mission:
         With one line for each error.
     """
     return toml_source.load(path, Mission, rules=mission_rules)
+
+
+def abilities(config: RobotConfig) -> Abilities:
+    """Return what mission items may ask of a robot."""
+    camera = config.camera
+    sees_markers = camera is not None and camera.enabled and camera.markers is not None
+    sides = sonar_directions(config.sonar)
+    return Abilities(config.drive, sides, config.navigation.guard, sees_markers)
 
 
 def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAdapter:
@@ -52,6 +61,7 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         mission,
         SE2(options.x_m, options.y_m, options.theta_rad),
         has_lidar=config.lidar is not None,
+        sees_markers=abilities(config).sees_markers,
     )
     return NavigationAdapter(
         navigator,

@@ -11,8 +11,15 @@ from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.dock_marker import DockAtMarker
+from robotctl.planning.behaviours.docking import (
+    NEAR_M,
+    SKEW_MAX_RAD,
+    SQUARE_RAD,
+    approach_speed,
+    turn,
+)
 from robotctl.planning.behaviours.item import require_positive
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
 from robotctl.planning.behaviours.wall_ahead import SONARS, WallAhead
 from robotctl.planning.guard.behaviour import (
     Behaviour,
@@ -22,20 +29,11 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
-from robotctl.planning.guard.obstacle_guard import GuardConfig, body_rectangle
+from robotctl.planning.guard.obstacle_guard import body_rectangle
+from robotctl.planning.local.pursuit import curvature_max
 
-_SQUARE_RAD: Final = math.radians(2.0)
-_SKEW_MAX_RAD: Final = math.radians(6.0)
-"""A robot that cannot turn on the spot has failed if it ends farther off square."""
-_NEAR_M: Final = 0.01
-"""Of the distance, at which it counts as reached [m]."""
-_TURN_RAD_S: Final = 0.3
-_LEAST_TURN_RAD_S: Final = 0.1
-_TURN_GAIN_S: Final = 1.5
 _BEND_M: Final = 0.3
 """Way over which a skew is steered out [m]."""
-_BRAKES_M_S2: Final = 0.1
-_CREEP_M_S: Final = 0.05
 _STANDS_RAD_S: Final = 0.05
 _STANDS_STEPS: Final = 8
 """Steps in which a robot at rest looks whether it is square: its sonars have looked again then."""
@@ -92,8 +90,7 @@ class DockAtWall(Behaviour):
         self._item = item
         self._wall = WallAhead(mounts)
         self._turns = not drive.steered
-        radius_m = drive.min_turning_radius_m
-        self._curvature_max = 1.0 / radius_m if radius_m > 0.0 else math.inf
+        self._curvature_max = curvature_max(drive)
         self.reset()
 
     def reset(self) -> None:
@@ -124,28 +121,26 @@ class DockAtWall(Behaviour):
         if not self._is_square:
             return self._turn(skew_rad, situation, text)
         left_m = gap_m - self._item.distance_m
-        if not self._is_there and abs(left_m) > _NEAR_M:
+        if not self._is_there and abs(left_m) > NEAR_M:
             return self._approach(left_m, skew_rad, text)
         if self._is_there or not self._turns:
-            off = abs(skew_rad) > _SKEW_MAX_RAD
+            off = abs(skew_rad) > SKEW_MAX_RAD
             return failed(f"stands askew: {text}") if off else done(text)
         self._is_there, self._is_square = True, False
         return BehaviourOutput(0.0, 0.0, text=text)
 
     def _turn(self, skew_rad: float, situation: BehaviourInput, text: str) -> BehaviourOutput:
         """Turn on the spot; square after a look at rest."""
-        if abs(skew_rad) > _SQUARE_RAD:
+        if abs(skew_rad) > SQUARE_RAD:
             self._stood = 0
-            rate = min(max(_TURN_GAIN_S * abs(skew_rad), _LEAST_TURN_RAD_S), _TURN_RAD_S)
-            return BehaviourOutput(0.0, math.copysign(rate, skew_rad), text=text)
+            return turn(skew_rad, text)
         self._stood += abs(situation.twist.omega_rad_s) < _STANDS_RAD_S
         self._is_square = self._stood >= _STANDS_STEPS
         return BehaviourOutput(0.0, 0.0, text=text)
 
     def _approach(self, left_m: float, skew_rad: float, text: str) -> BehaviourOutput:
         """Drive up to the distance, or back to it, and steer out the skew."""
-        v = min(self._item.speed_m_s, math.sqrt(2.0 * _BRAKES_M_S2 * abs(left_m)))
-        v = math.copysign(max(v, _CREEP_M_S), left_m)
+        v = math.copysign(approach_speed(abs(left_m), self._item.speed_m_s), left_m)
         curvature = skew_rad / _BEND_M if left_m > 0.0 else 0.0
         curvature = min(max(curvature, -self._curvature_max), self._curvature_max)
         return BehaviourOutput(v, curvature * v, text=text)
@@ -162,14 +157,12 @@ def _time_out_s(item: DockItem) -> float:
     return item.time_out_s
 
 
-def _problems(
-    item: DockItem,
-    drive: Drive,  # noqa: ARG001 - as of all kinds
-    sides: frozenset[str],
-    guard: GuardConfig,
-) -> Iterator[str]:
+def _problems(item: DockItem, robot: Abilities) -> Iterator[str]:
+    guard = robot.guard
+    if item.marker is not None and not robot.sees_markers:
+        yield "this robot has no camera that looks for markers; see [camera.markers]"
     for side in SONARS if item.marker is None else ():
-        if side not in sides:
+        if side not in robot.sides:
             yield f"this robot has no sonar that looks to the {side.replace('_', ' ')}"
     if item.distance_m <= guard.margin_m:
         yield (

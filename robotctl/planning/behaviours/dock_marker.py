@@ -9,6 +9,13 @@ from typing import Final
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.docking import (
+    NEAR_M,
+    SKEW_MAX_RAD,
+    SQUARE_RAD,
+    approach_speed,
+    turn,
+)
 from robotctl.planning.guard.behaviour import (
     Behaviour,
     BehaviourInput,
@@ -17,6 +24,7 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
+from robotctl.planning.local.pursuit import curvature_max, reachable_curvature
 
 _KEPT: Final = 8
 """Views whose mean counts: one alone is uncertain by degrees from afar."""
@@ -28,14 +36,7 @@ _AHEAD_M: Final = 0.4
 """To the point of the marker's axis that it steers to [m]."""
 _TURN_RAD: Final = math.radians(45.0)
 """A robot that turns on the spot does so where the point is farther aside."""
-_TURN_RAD_S: Final = 0.4
-_LEAST_TURN_RAD_S: Final = 0.1
-_SQUARE_RAD: Final = math.radians(2.0)
-_SKEW_MAX_RAD: Final = math.radians(6.0)
 _ASIDE_MAX_M: Final = 0.05
-_NEAR_M: Final = 0.01
-_BRAKES_M_S2: Final = 0.1
-_CREEP_M_S: Final = 0.05
 
 
 class DockAtMarker(Behaviour):
@@ -63,8 +64,7 @@ class DockAtMarker(Behaviour):
         self._front_m = front_m
         self._speed_m_s = speed_m_s
         self._turns = not drive.steered
-        radius_m = drive.min_turning_radius_m
-        self._curvature_max = 1.0 / radius_m if radius_m > 0.0 else math.inf
+        self._curvature_max = curvature_max(drive)
         self.reset()
 
     def reset(self) -> None:
@@ -94,7 +94,7 @@ class DockAtMarker(Behaviour):
         gap_m = -here.x_m - self._front_m
         text = f"{gap_m:.2f} m from marker {self._marker}, {abs(here.y_m):.2f} m beside its axis"
         left_m = -here.x_m - self._stop_m
-        if not self._is_there and left_m > _NEAR_M:
+        if not self._is_there and left_m > NEAR_M:
             return self._approach(here, left_m, text)
         self._is_there = True
         return self._square(here, text)
@@ -103,20 +103,19 @@ class DockAtMarker(Behaviour):
         """Steer to a point of the axis ahead; `here` is `base` seen from the marker."""
         aside_rad = wrap_angle(math.atan2(-here.y_m, _AHEAD_M) - here.theta_rad)
         if self._turns and abs(aside_rad) > _TURN_RAD:
-            return BehaviourOutput(0.0, math.copysign(_TURN_RAD_S, aside_rad), text=text)
-        v = min(self._speed_m_s, math.sqrt(2.0 * _BRAKES_M_S2 * left_m))
-        v = max(v, _CREEP_M_S)
-        curvature = 2.0 * math.sin(aside_rad) / math.hypot(_AHEAD_M, here.y_m)
-        curvature = min(max(curvature, -self._curvature_max), self._curvature_max)
+            return turn(aside_rad, text)
+        v = approach_speed(left_m, self._speed_m_s)
+        away_m = math.hypot(_AHEAD_M, here.y_m)
+        x_m, y_m = away_m * math.cos(aside_rad), away_m * math.sin(aside_rad)
+        curvature = reachable_curvature(x_m, y_m, self._curvature_max)
         return BehaviourOutput(v, curvature * v, text=text)
 
     def _square(self, here: SE2, text: str) -> BehaviourOutput:
         """Turn square if that can be done on the spot; say where it stands."""
         skew_rad = -here.theta_rad
-        if self._turns and abs(skew_rad) > _SQUARE_RAD:
-            rate = min(max(abs(skew_rad), _LEAST_TURN_RAD_S), _TURN_RAD_S)
-            return BehaviourOutput(0.0, math.copysign(rate, skew_rad), text=text)
-        if abs(here.y_m) > _ASIDE_MAX_M or abs(skew_rad) > _SKEW_MAX_RAD:
+        if self._turns and abs(skew_rad) > SQUARE_RAD:
+            return turn(skew_rad, text)
+        if abs(here.y_m) > _ASIDE_MAX_M or abs(skew_rad) > SKEW_MAX_RAD:
             return failed(f"not before it: {text}, {math.degrees(skew_rad):.0f} deg askew")
         return done(text)
 

@@ -11,7 +11,7 @@ from robotctl.errors import InvalidValue
 from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.item import LARGEST, require_points, require_positive, time_for
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -20,7 +20,6 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
-from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.local.path import Path, Point, rounded
 from robotctl.planning.local.pursuit import Pursuit, PursuitConfig
 
@@ -146,14 +145,9 @@ def _time_out_s(item: DriveItem) -> float:
     return item.time_out_s or time_for(item.path().length_m, item.speed_m_s)
 
 
-def _problems(
-    item: DriveItem,
-    drive: Drive,
-    sides: frozenset[str],  # noqa: ARG001 - as of all kinds
-    guard: GuardConfig,  # noqa: ARG001
-) -> Iterator[str]:
-    radius = drive.min_turning_radius_m
-    if drive.steered and item.corner_radius_m < radius and _has_corner(item):
+def _problems(item: DriveItem, robot: Abilities) -> Iterator[str]:
+    radius = robot.drive.min_turning_radius_m
+    if robot.drive.steered and item.corner_radius_m < radius and _has_corner(item):
         yield (
             f"corner_radius_m = {item.corner_radius_m:g} is below the turning radius of this "
             f"robot, {radius:.3f} m"

@@ -13,7 +13,6 @@ from robotctl.control.wall_following import (
     critically_damped,
 )
 from robotctl.errors import InvalidValue
-from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -23,7 +22,7 @@ from robotctl.planning.behaviours.item import (
     require_positive,
     time_for,
 )
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
 from robotctl.planning.guard.behaviour import (
     Anchor,
     Behaviour,
@@ -32,7 +31,6 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
-from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.guard.sonars import sonar_towards
 from robotctl.planning.local.path import Point
 
@@ -298,15 +296,11 @@ def _time_out_s(item: FollowWallItem) -> float:
     return item.time_out_s or known_s
 
 
-def _problems(
-    item: FollowWallItem,
-    drive: Drive,  # noqa: ARG001 - as of all kinds
-    sides: frozenset[str],
-    guard: GuardConfig,
-) -> Iterator[str]:
+def _problems(item: FollowWallItem, robot: Abilities) -> Iterator[str]:
+    guard = robot.guard
     needed = [item.side] + (["front"] if item.until.front_below_m is not None else [])
     for side in needed:
-        if side not in sides:
+        if side not in robot.sides:
             yield f"this robot has no sonar that looks to the {side}"
     if item.distance_m < guard.half_width_m:
         yield (

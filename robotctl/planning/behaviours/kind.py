@@ -12,6 +12,7 @@ from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.breadcrumbs import Breadcrumbs
 from robotctl.planning.guard.behaviour import Behaviour
 from robotctl.planning.guard.obstacle_guard import GuardConfig, ObstacleGuard
+from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.local.path import Point
 
 if TYPE_CHECKING:
@@ -79,6 +80,18 @@ class Pilot(Protocol):
         """Return the behaviour that drives to what is unknown."""
 
 
+class Abilities(NamedTuple):
+    """What mission items ask of a robot."""
+
+    drive: Drive
+    sides: frozenset[str]
+    """Directions in which it has a sonar, as `sonar_directions` names them."""
+    guard: GuardConfig
+    """Nothing ahead comes nearer than the margin of this, no wall beside than its half width."""
+    sees_markers: bool = False
+    """Whether a camera of it looks for markers."""
+
+
 @dataclass(slots=True)
 class NavigatedRobot:
     """The robot as behaviours see it.
@@ -93,6 +106,8 @@ class NavigatedRobot:
         Shared by all behaviours; the navigator feeds it.
     crumbs
         The path from home.
+    sees_markers
+        Whether a camera of it looks for markers.
     paths
         Free paths through the world; None: paths are straight lines.
     pilot
@@ -104,8 +119,20 @@ class NavigatedRobot:
     mounts: Sequence[SonarMount]
     guard: ObstacleGuard
     crumbs: Breadcrumbs
+    sees_markers: bool = False
     paths: Paths | None = None
     pilot: Pilot | None = None
+
+    @property
+    def abilities(self) -> Abilities:
+        """What mission items ask of it."""
+        sides = sonar_directions(self.mounts)
+        return Abilities(self.drive, sides, self.config.guard, self.sees_markers)
+
+    @property
+    def plans_home(self) -> bool:
+        """Whether it knows enough of the world to plan the way home."""
+        return self.pilot is not None and self.pilot.knows_ways
 
 
 def _never(_wanted: object) -> float | None:
@@ -123,8 +150,8 @@ class Kind(NamedTuple):
     """Returns the behaviour for an item, a request or a mode."""
     time_out_s: Callable[[Any], float | None] = _never
     """Returns after which time it fails [s]; None: never."""
-    problems: Callable[[Any, Drive, frozenset[str], GuardConfig], Iterator[str]] = _nothing
-    """Yields why a robot with this drive and sonars to these sides cannot do it."""
+    problems: Callable[[Any, Abilities], Iterator[str]] = _nothing
+    """Yields why a robot with such abilities cannot do it."""
     piloted: bool = False
     """Whether it needs the robot's pilot."""
     drives: bool = True

@@ -157,8 +157,7 @@ def _trail(robot: NavigatedRobot) -> ReturnHome:
 
 
 def _make(_mode: Mode, robot: NavigatedRobot) -> Behaviour:
-    by_plan = robot.pilot is not None and robot.pilot.knows_ways
-    return PlannedReturn(robot) if by_plan else _trail(robot)
+    return PlannedReturn(robot) if robot.plans_home else _trail(robot)
 
 
 RETURN_HOME = Kind(_make)

@@ -7,12 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from robotctl.model.drives.drives import Drive
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.planning.behaviours.item import NO_LENGTH_S, require_bounded, require_positive
-from robotctl.planning.behaviours.kind import Kind, NavigatedRobot
+from robotctl.planning.behaviours.kind import Abilities, Kind, NavigatedRobot
 from robotctl.planning.guard.behaviour import Behaviour, BehaviourInput, BehaviourOutput, done
-from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.local.pursuit import PursuitConfig, turn_rate
 
 
@@ -76,14 +74,10 @@ def _time_out_s(item: TurnToItem) -> float:
     return item.time_out_s or NO_LENGTH_S
 
 
-def _problems(
-    item: TurnToItem,  # noqa: ARG001 - as of all kinds
-    drive: Drive,
-    sides: frozenset[str],  # noqa: ARG001
-    guard: GuardConfig,  # noqa: ARG001
-) -> Iterator[str]:
-    if drive.steered:
-        yield f"a robot with {drive.kind} drive cannot turn on the spot; use drive with an arc"
+def _problems(_item: TurnToItem, robot: Abilities) -> Iterator[str]:
+    if robot.drive.steered:
+        kind = robot.drive.kind
+        yield f"a robot with {kind} drive cannot turn on the spot; use drive with an arc"
 
 
 TURN_TO = Kind(_make, _time_out_s, _problems)

@@ -381,6 +381,7 @@ class LayeredMap:
         return self._space.grid.centre_of(np.argwhere(self._cells.marks))
 
     def _fade(self, layer: marks.Layer, now_ns: int) -> None:
+        """Forget what a layer has not seen again."""
         marks.fade(self._cells, layer, now_ns - round(1e9 * self.config.decay_s))
 
     def _warm_up(self) -> None:
@@ -396,5 +397,7 @@ class LayeredMap:
 
 def _distances(obstacle: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return how far each cell is from an obstacle, from centre to centre [cells]; inf: none."""
-    far = np.full(obstacle.shape, np.inf, np.float32)
-    return ndimage.distance_transform_edt(~obstacle).astype(np.float32) if obstacle.any() else far
+    if not obstacle.any():
+        return np.full(obstacle.shape, np.inf, np.float32)
+    distances: NDArray[np.float32] = ndimage.distance_transform_edt(~obstacle).astype(np.float32)
+    return distances

@@ -34,9 +34,9 @@ _BETTER: Final = 0.9
 _OFF_PATH_M: Final = 0.6
 """Farther off, the robot plans from where it is [m]."""
 _STUCK_NS: Final = 1_500_000_000
-"""A robot that wants to drive and stands for this long is in trouble [ns],"""
+"""A robot that wants to drive and stands for this long is in trouble [ns]."""
 _PATIENT_NS: Final = 6_000_000_000
-"""and for this long where somebody is near, who goes on [ns]."""
+"""The same where somebody is near, who is likely to go on [ns]."""
 _AGAIN_NS: Final = 500_000_000
 """Between two looks for a path past somebody who is in the way [ns]."""
 _STANDS_M_S: Final = 0.02

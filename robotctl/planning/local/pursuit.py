@@ -119,8 +119,7 @@ class Pursuit:
         self._speed = speed_m_s
         self._gear = -1.0 if reverse else 1.0
         self._turns_on_spot = not drive.steered and not reverse
-        radius = drive.min_turning_radius_m
-        self._curvature_max = 1.0 / radius if radius > 0.0 else math.inf
+        self._curvature_max = curvature_max(drive)
         self._caps = _vertex_speeds(path, config, speed_m_s)
         self.reset()
 
@@ -170,6 +169,12 @@ class Pursuit:
         way = max(self._path.vertex_s_m(vertex) - self._s, 0.0)
         slow = self._caps[vertex]
         return min(self._speed, math.sqrt(slow * slow + 2.0 * self._config.acceleration_m_s2 * way))
+
+
+def curvature_max(drive: Drive) -> float:
+    """Return the curvature of the tightest arc that a robot can drive [1/m]; inf: none is."""
+    radius_m = drive.min_turning_radius_m
+    return 1.0 / radius_m if radius_m > 0.0 else math.inf
 
 
 def reachable_curvature(x_m: float, y_m: float, limit: float) -> float:

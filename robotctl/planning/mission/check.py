@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robotctl.errors import MissionError
-from robotctl.model.drives.drives import Drive
+from robotctl.planning.behaviours.kind import Abilities
 from robotctl.planning.behaviours.mission import Mission
 from robotctl.planning.behaviours.registry import kind_of
-from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.mission.flow import flow_problems
 
 
@@ -19,22 +18,15 @@ def item_title(mission: Mission, index: int) -> str:
     return f"item {index + 1}{name} ({item.kind})"
 
 
-def check_mission(
-    mission: Mission, drive: Drive, sides: frozenset[str], guard: GuardConfig
-) -> None:
+def check_mission(mission: Mission, robot: Abilities) -> None:
     """Check that a robot can drive a mission.
 
     Parameters
     ----------
     mission
         The mission.
-    drive
-        Its drive model.
-    sides
-        Directions in which it has a sonar: any of "left", "right", "front".
-    guard
-        Of the obstacle guard: nothing ahead comes nearer than its margin, and no wall beside than
-        half of the robot's width.
+    robot
+        What the robot can do.
 
     Raises
     ------
@@ -43,19 +35,17 @@ def check_mission(
     """
     problems = [
         f"{mission.name}: {item_title(mission, index)}: {problem}"
-        for index, problem in _problems(mission, drive, sides, guard)
+        for index, problem in _problems(mission, robot)
     ]
     if problems:
         raise MissionError("\n".join(problems))
 
 
-def _problems(
-    mission: Mission, drive: Drive, sides: frozenset[str], guard: GuardConfig
-) -> Iterator[tuple[int, str]]:
+def _problems(mission: Mission, robot: Abilities) -> Iterator[tuple[int, str]]:
     """Yield what is wrong with an item, and its index."""
     for index, key, why in flow_problems(mission.item):
         yield index, f"{key}: {why}"
     for index, item in enumerate(mission.item):
         if (kind := kind_of(item)) is not None:
-            for problem in kind.problems(item, drive, sides, guard):
+            for problem in kind.problems(item, robot):
                 yield index, problem

@@ -17,7 +17,6 @@ from robotctl.planning.guard.behaviour import (
     done,
     failed,
 )
-from robotctl.planning.guard.sonars import sonar_directions
 from robotctl.planning.mission.check import check_mission, item_title
 from robotctl.planning.mission.flow import MissionFlow, item_index
 
@@ -48,7 +47,7 @@ class MissionRunner:
     """
 
     def __init__(self, mission: Mission, robot: NavigatedRobot) -> None:
-        check_mission(mission, robot.drive, sonar_directions(robot.mounts), robot.config.guard)
+        check_mission(mission, robot.abilities)
         self.mission = mission
         self._flow = MissionFlow(mission.item)
         self._behaviours = {

@@ -1,6 +1,7 @@
 """Docking to a wall by sonar: square to it, at the distance, without touching it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from robotctl.messages.mode import Mode
 from robotctl.messages.requests import ModeRequest
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.dock import DockItem
+from robotctl.planning.behaviours.kind import Abilities
 from robotctl.planning.behaviours.mission import Mission, StartPose
 from robotctl.planning.guard.obstacle_guard import GuardConfig
 from robotctl.planning.mission.check import check_mission
@@ -27,13 +29,16 @@ def docking(make_run, robot, askew_deg, gap_m=1.2, **world):
     return make_run(robot, mission=mission, start=start, **world)
 
 
-def docked(run, robot):
+def end_of(run, robot):
+    """Return distance from the wall [m], angle off square [deg] and touches once it has docked."""
     out = run.until(lambda out: out.mission_completed or out.mission_failed, 60.0)
     assert out.mission_completed, run.messages[-3:]
     pose = run.world.pose
-    assert WALL_X_M - pose.x_m - robot.front == pytest.approx(DISTANCE_M, abs=0.03)
-    assert abs(math.degrees(pose.theta_rad)) < 4.0
-    assert run.world.touched == 0
+    gap_m = WALL_X_M - pose.x_m - robot.front
+    return gap_m, math.degrees(pose.theta_rad), run.world.touched
+
+
+DOCKED = (pytest.approx(DISTANCE_M, abs=0.03), pytest.approx(0.0, abs=4.0), 0)
 
 
 @pytest.mark.parametrize("incidence_deg", [35.0, 65.0])
@@ -41,7 +46,7 @@ def docked(run, robot):
 def test_each_robot_stands_square_at_the_distance(make_run, robot, askew_deg, incidence_deg):
     run = docking(make_run, robot, askew_deg, most_incidence_deg=incidence_deg)
     run.step(AUTO)
-    docked(run, robot)
+    assert end_of(run, robot) == DOCKED
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -55,13 +60,13 @@ def test_noise_outliers_and_an_interruption_change_nothing(make_run, robot, seed
     for _ in range(10):
         run.step()
     run.step(AUTO)
-    docked(run, robot)
+    assert end_of(run, robot) == DOCKED
 
 
 def test_a_robot_too_near_backs_up_to_the_distance(make_run, differential):
     run = docking(make_run, differential, 0.0, gap_m=0.14)
     run.step(AUTO)
-    docked(run, differential)
+    assert end_of(run, differential) == DOCKED
 
 
 def test_without_a_wall_it_says_so(make_run, differential):
@@ -75,6 +80,10 @@ def test_without_a_wall_it_says_so(make_run, differential):
 def test_what_a_robot_cannot_do_is_refused(robot):
     mission = Mission("dock", "flat", StartPose(0.0, 0.0), (DockItem("dock", 0.12),))
     with pytest.raises(MissionError, match=r"distance_m = 0\.12 is never reached"):
-        check_mission(mission, robot.drive, ALL, GuardConfig())
+        check_mission(mission, Abilities(robot.drive, ALL, GuardConfig()))
+    near = Abilities(robot.drive, frozenset({"front"}), GuardConfig(margin_m=0.05))
     with pytest.raises(MissionError, match="no sonar that looks to the front left"):
-        check_mission(mission, robot.drive, frozenset({"front"}), GuardConfig(margin_m=0.05))
+        check_mission(mission, near)
+    marked = replace(mission, item=(DockItem("dock", 0.3, marker=4),))
+    with pytest.raises(MissionError, match="no camera that looks for markers"):
+        check_mission(marked, Abilities(robot.drive, ALL, GuardConfig()))
