@@ -13,22 +13,19 @@ import gzip
 import json
 import math
 import os
-import subprocess
-import sys
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+from sim_runs import side_by_side, simulated
 
 FASTEST_M_S = 2.0
 SIDES = 12
 """Of the polygon about a cylinder: it is at most 3.6 % wider."""
 MARGIN_M = 3.0
 """Free floor around the course, start and goal."""
-RAN = (0, 3)
-"""Statuses of `robotctl sim`: arrived, and not."""
 
 
 @dataclass(frozen=True)
@@ -131,17 +128,15 @@ def result(course: Course, challenge: Challenge, report: Mapping[str, Any]) -> R
     return Result(course, success, time_s, clearance_m, collisions, score)
 
 
-def command(
-    world: Path, report: Path, challenge: Challenge, robot: str, options: Sequence[str]
-) -> list[str]:
-    """Return the command that drives a course."""
+def words_of(world: Path, challenge: Challenge, robot: str) -> list[str]:
+    """Return the words of `robotctl sim` that drive a course."""
     x_m, y_m, _ = challenge.start
     goal_x_m, goal_y_m = challenge.goal_m
     return [
-        *(sys.executable, "-m", "robotctl", "sim", "--robot", robot, "--world", str(world)),
+        *("--robot", robot, "--world", str(world)),
         *("--start", f"{x_m},{y_m},{heading_deg(challenge)}", "--goal", f"{goal_x_m},{goal_y_m}"),
         *("--localiser", "none", "--lockstep", "--headless"),
-        *("--max-seconds", str(challenge.time_limit_s), "--report", str(report), *options),
+        *("--max-seconds", str(challenge.time_limit_s)),
     ]
 
 
@@ -155,12 +150,8 @@ def drive(course: Course, challenge: Challenge, options: argparse.Namespace) -> 
     """
     world, report = (options.folder / f"{course.name}.{kind}" for kind in ("toml", "json"))
     world.write_text(world_text(course, challenge), encoding="utf-8")
-    report.unlink(missing_ok=True)
-    words = command(world, report, challenge, options.robot, options.options)
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    if done.returncode not in RAN:
-        raise RuntimeError(f"{course.name}: {' '.join(words)}: {done.stderr}")
-    return result(course, challenge, json.loads(report.read_text(encoding="utf-8")))
+    words = [*words_of(world, challenge, options.robot), *options.options]
+    return result(course, challenge, simulated(words, report))
 
 
 def summary(results: Iterable[Result]) -> str:
@@ -192,11 +183,10 @@ def main() -> int:
             parser.error(f"--only: no course {min(unknown)}; there are {listed}")
         courses = [each for each in courses if each.number in numbers]
     results: list[Result] = []
-    with ThreadPoolExecutor(options.jobs) as pool:
-        runs = map(partial(pool.submit, drive, challenge=challenge, options=options), courses)
-        for run in as_completed(list(runs)):
-            results.append(run.result())
-            print(f"{results[-1].row()}   {len(results)} of {len(courses)} driven", flush=True)
+    work = partial(drive, challenge=challenge, options=options)
+    for done in side_by_side(work, courses, options.jobs):
+        results.append(done)
+        print(f"{done.row()}   {len(results)} of {len(courses)} driven", flush=True)
     print(summary(results))
     return 0
 

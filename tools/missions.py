@@ -9,14 +9,10 @@ FOLDER.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import statistics
-import subprocess
-import sys
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,6 +28,7 @@ from robotctl.config.robot_file import find_file, load_robot
 from robotctl.errors import ConfigError
 from robotctl.maps.world import find_world
 from robotctl.planning.behaviours.mission import parse_mission
+from sim_runs import side_by_side, simulated
 
 DRIVES = ("diff_drive", "tricycle", "ackermann")
 LIDAR = "simulation.lidar.beams=360"
@@ -42,8 +39,6 @@ MOST_PEOPLE = 3
 ROOM_M = 0.55
 """Around start and goal, by the map: the longest robot can turn there [m]."""
 TRIES = 200
-RAN = (0, 3)
-"""Statuses of `robotctl sim`: arrived, and not."""
 
 
 @dataclass(frozen=True)
@@ -168,17 +163,7 @@ def drive(case: Case, options: argparse.Namespace) -> Result:
         If `robotctl sim` could not run.
     """
     report = options.folder / f"mission_{case.number:03d}.json"
-    report.unlink(missing_ok=True)
-    words = [*case.words(), "--report", str(report), *options.options]
-    done = subprocess.run(
-        [sys.executable, "-m", "robotctl", "sim", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode not in RAN:
-        raise RuntimeError(f"robotctl sim {' '.join(words)}: {done.stderr}")
-    return Result(case, json.loads(report.read_text(encoding="utf-8")))
+    return Result(case, simulated([*case.words(), *options.options], report))
 
 
 def summary(name: str, results: Sequence[Result]) -> str:
@@ -234,11 +219,9 @@ def main() -> int:
             print(f"robotctl sim {' '.join(case.words())}")
         return 0
     results: list[Result] = []
-    with ThreadPoolExecutor(options.jobs) as pool:
-        runs = map(partial(pool.submit, drive, options=options), cases)
-        for run in as_completed(list(runs)):
-            results.append(run.result())
-            print(f"{results[-1].row()}   {len(results)} of {len(cases)}", flush=True)
+    for done in side_by_side(partial(drive, options=options), cases, options.jobs):
+        results.append(done)
+        print(f"{done.row()}   {len(results)} of {len(cases)}", flush=True)
     print(summaries(results))
     return 0
 

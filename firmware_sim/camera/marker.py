@@ -69,6 +69,8 @@ class MarkerPainter:
         rng
             Of the noise.
         """
+        if not self._markers:
+            return
         x, y, heading = pose
         c, s = math.cos(heading), math.sin(heading)
         east, north = c * self._ahead - s * self._left, s * self._ahead + c * self._left
@@ -100,7 +102,8 @@ class MarkerPainter:
 
 def _paper(marker: Marker) -> np.ndarray:
     """Return a marker with a white border of one of its cells, float32."""
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{marker.family}"))
+    family = getattr(cv2.aruco, f"DICT_{marker.family.upper()}")
+    dictionary = cv2.aruco.getPredefinedDictionary(family)
     cells = dictionary.markerSize + 2
     bits = cv2.aruco.generateImageMarker(dictionary, marker.number, cells, borderBits=1) > 0
     bits = np.pad(bits, 1, constant_values=True)

@@ -175,7 +175,7 @@ class Marker:
     """A square marker on something upright, with a white border of one of its cells.
 
     `at` is the middle of its foot line, `z_m` the height of its middle, and it faces `heading_deg`;
-    `side_m` is the side of the black square. `family` is a dictionary of OpenCV without `DICT_`.
+    `side_m` is the side of the black square. `family` is one of OpenCV's dictionaries.
     """
 
     at: Point
@@ -183,7 +183,7 @@ class Marker:
     heading_deg: Real = 0.0
     z_m: Positive = 0.2
     side_m: Positive = 0.12
-    family: Literal["4X4_50", "5X5_100", "6X6_250"] = "4X4_50"
+    family: Literal["4x4_50", "5x5_100", "6x6_250"] = "4x4_50"
 
 
 def _rectangle(centre: Point, size: tuple[float, float], heading_deg: float) -> list[Corner]:

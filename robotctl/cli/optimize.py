@@ -78,8 +78,10 @@ def summary(result: OptimizeResult) -> str:
     """Return what there is to say of an optimum."""
     figures = result.report()
     time_ms = figures["time_ms"]["total"]
+    count = figures["connected_components"]
+    parts = "all connected" if count == 1 else f"{count} unconnected parts"
     lines = [
-        "{vertices} variables, {edges} factors, {connected_components} connected".format(**figures),
+        "{vertices} variables, {edges} factors, ".format(**figures) + parts,
         "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in {iterations} iterations".format(**figures)
         + f", {time_ms:.1f} ms",
     ]

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robotctl.workbench.slam.result import SlamResult, alignment
+from robotctl.model.geometry.points import align, moved
+from robotctl.workbench.slam.result import SlamResult
 
 
 def save_plot(result: SlamResult, file: Path) -> None:
@@ -22,24 +23,22 @@ def save_plot(result: SlamResult, file: Path) -> None:
         if result.reference is not None and (true := result.reference.at(stamp_ns)) is not None
     ]
     if len(known) > 1 and result.reference is not None:
-        motion = alignment(
+        motion = align(
             np.array([true for _, true in known]), np.array([pose[:2] for pose, _ in known])
         )
         inside = (result.reference.stamps_ns >= result.estimate.trajectory.stamps_ns[0]) & (
             result.reference.stamps_ns <= result.estimate.trajectory.stamps_ns[-1]
         )
-        track = result.reference.poses[inside, :2].tolist()
+        track = result.reference.poses[inside, :2]
         axes.plot(
-            *np.array([motion.apply(x, y) for x, y in track]).T,
+            *moved(motion, track).T,
             color="tab:green",
             linewidth=2.5,
             label="reference, aligned",
         )
         if result.true_landmarks:
-            places = [motion.apply(x, y) for x, y in result.true_landmarks.values()]
-            axes.plot(
-                *np.array(places).T, "^", color="tab:green", markersize=7, label="their truth"
-            )
+            places = moved(motion, np.array([*result.true_landmarks.values()]))
+            axes.plot(*places.T, "^", color="tab:green", markersize=7, label="their truth")
     if result.online is not None:
         poses = result.online.trajectory.poses
         axes.plot(

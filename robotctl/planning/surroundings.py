@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.behaviours.kind import NavigatedRobot, Seen
@@ -72,8 +73,4 @@ class Surroundings:
             return None
         T_odom_then, scan, _ = self._scan
         T_odom_now = inputs.T_world_odom.inverse() @ inputs.pose
-        moved = T_odom_now.inverse() @ T_odom_then
-        c, s = math.cos(moved.theta_rad), math.sin(moved.theta_rad)
-        turn = np.array([[c, s], [-s, c]])
-        points: NDArray[np.float64] = scan.points_base() @ turn + (moved.x_m, moved.y_m)
-        return points
+        return moved(T_odom_now.inverse() @ T_odom_then, scan.points_base())

@@ -9,7 +9,7 @@ import pytest
 
 from firmware_sim.world.world import load_world
 from robotctl.maps.world import load_walls
-from tools.barn import command, metric, read, result, summary, world_text
+from tools.barn import metric, read, result, summary, words_of, world_text
 
 DATA = {
     "radius_m": 0.075,
@@ -69,7 +69,5 @@ def test_only_who_arrives_in_time_and_touches_nothing_succeeds(given):
 
 
 def test_the_command_drives_without_a_map_from_start_to_goal(given, tmp_path):
-    words = command(tmp_path / "w.toml", tmp_path / "r.json", given[0], "jackal", ["--seed", "2"])
-    text = " ".join(words)
+    text = " ".join(words_of(tmp_path / "w.toml", given[0], "jackal"))
     assert "--start -2.25,3.0,90.0 --goal -2.25,13.0 --localiser none --lockstep" in text
-    assert text.endswith("--seed 2")

@@ -79,12 +79,10 @@ class GroundWatch:
         if (height, width) != self._size:
             return _blind(stamp_ns, f"a picture of {width} x {height} px, not as calibrated")
         view = self._camera.step(image_bgr, stamp_ns)
+        markers = () if self._markers is None else self._markers.detect(image_bgr)
         took_us = (time.thread_time_ns() - begin_ns) / 1000.0
         nearest = np.interp(view.scan.angles_rad, self._bearings_rad, self._nearest_m)
-        seen = camera_view(view, nearest, took_us)
-        if self._markers is None:
-            return seen
-        return msgspec.structs.replace(seen, markers=self._markers.detect(image_bgr))
+        return msgspec.structs.replace(camera_view(view, nearest, took_us), markers=markers)
 
 
 def _rehearse() -> None:

@@ -94,7 +94,7 @@ class StoredProgress(msgspec.Struct, frozen=True):
 
     def fits(self, options: StackOptions) -> bool:
         """Return whether pose and mission item are those of this run and this mission."""
-        crc = file_crc(self.mission_file) if self.mission_file else mission_crc(options)
+        crc = mission_crc(self.mission_file or options.mission)
         return self.run == options.run and self.mission_crc == crc
 
 
@@ -172,15 +172,10 @@ def resumed(
     return options, saved, notes
 
 
-def mission_crc(options: StackOptions) -> int:
-    """Return the CRC-32 of the mission's file; 0 without one."""
-    return zlib.crc32(Path(options.mission).read_bytes()) if options.mission else 0
-
-
-def file_crc(path: str) -> int | None:
-    """Return the CRC-32 of a file; None if it cannot be read."""
+def mission_crc(file: str) -> int | None:
+    """Return the CRC-32 of a mission's file; 0 without one, None if it cannot be read."""
     try:
-        return zlib.crc32(Path(path).read_bytes())
+        return zlib.crc32(Path(file).read_bytes()) if file else 0
     except OSError:
         return None
 
@@ -234,7 +229,7 @@ class ProgressKeeper:
     ) -> None:
         self._file = file
         self._run = options.run
-        self._mission_crc = mission_crc(options)
+        self._mission_crc = mission_crc(options.mission) or 0
         self._world = WorldPose(has_localiser=localised)
         self._control: ControlState | None = None
         self._navigation: NavigationState | None = None

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from robotctl.estimation.odometry.model import Array
-from robotctl.estimation.odometry.runs import OdometryRun, align, points_at, poses_at
+from robotctl.estimation.odometry.runs import OdometryRun, points_at, poses_at
+from robotctl.model.geometry.points import align
 from robotctl.model.geometry.se2 import SE2
 from robotctl.workbench.odometry.calibrate_odometry import OdometryCalibrateResult
 

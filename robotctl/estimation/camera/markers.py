@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robotctl.errors import InvalidValue
 from robotctl.estimation.camera.calibration.pattern import MARKERS
 from robotctl.messages.estimation import SeenMarker
 from robotctl.model.sensors.camera import MarkerConfig
@@ -31,18 +30,9 @@ class MarkerDetector:
         Lens and mount.
     config
         Family and size.
-
-    Raises
-    ------
-    InvalidValue
-        If there is no such family.
     """
 
     def __init__(self, geometry: CameraGeometry, config: MarkerConfig) -> None:
-        if config.family not in MARKERS:
-            allowed = ", ".join(MARKERS)
-            rule = f"{config.family} found; allowed are {allowed}"
-            raise InvalidValue("markers.family", rule, config.family)
         self._geometry = geometry
         self._matrix = camera_matrix(geometry.intrinsics)
         self._distortion = np.array(geometry.intrinsics.distortion)

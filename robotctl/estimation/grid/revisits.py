@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
+from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 
@@ -63,5 +64,4 @@ def _echoes(scan: RangeScan, pose: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the positions of a scan's echoes in world, (n, 2) [m]."""
     points = scan.points_base()
     points = points[np.hypot(points[:, 0], points[:, 1]) < _SEEN_M]
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.asarray(points @ np.array([[c, s], [-s, c]]) + pose[:2])
+    return moved(SE2(*pose.tolist()), points)

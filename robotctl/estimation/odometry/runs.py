@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.model.drives.motion import arc
+from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
 
 Array: TypeAlias = NDArray[np.float64]
@@ -142,18 +143,6 @@ def points_at(poses: Array, lever_m: Array) -> Array:
     return np.stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y], axis=1)
 
 
-def align(points: Array, wanted: Array) -> SE2:
-    """Return the rigid motion that brings points (k, 2) nearest to others, in the mean square.
-
-    Source: Horn, closed-form solution of absolute orientation (1987), in the plane.
-    """
-    centre, aim = points.mean(axis=0), wanted.mean(axis=0)
-    p, q = points - centre, wanted - aim
-    theta = math.atan2(float(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])), float(np.sum(p * q)))
-    x, y = SE2(0.0, 0.0, theta).apply(float(centre[0]), float(centre[1]))
-    return SE2(float(aim[0]) - x, float(aim[1]) - y, theta)
-
-
 def guess_start(run: OdometryRun, arcs: Array) -> SE2:
     """Return a run's approximate start: its first metres fitted to the reference."""
     if not math.isnan(run.reference[0, 2]):
@@ -177,9 +166,7 @@ def dead_reckoning_error_m(run: OdometryRun, arcs: Array, lever_m: Array, delay_
         points = points_at(poses_at(run, arcs, run.start, times_s), lever_m)
     else:
         points = points_at(poses_at(run, arcs, SE2(), times_s), lever_m)
-        T = align(points, run.reference[:, :2])
-        c, s = math.cos(T.theta_rad), math.sin(T.theta_rad)
-        points = points @ np.array([[c, s], [-s, c]]) + [T.x_m, T.y_m]
+        points = moved(align(points, run.reference[:, :2]), points)
     return np.asarray(np.hypot(*(points - run.reference[:, :2]).T))
 
 

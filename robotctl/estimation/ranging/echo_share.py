@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
 from robotctl.model.sensors.range_scan import RangeScan
@@ -41,9 +42,7 @@ class EchoShare:
         points = scan.points_base()
         if len(points) == 0:
             return None
-        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-        world = points @ np.array([[c, s], [-s, c]]) + (pose.x_m, pose.y_m)
-        near = self._grid.cell_of(world)[:, None] + self._off
+        near = self._grid.cell_of(moved(pose, points))[:, None] + self._off
         cells = self._grid.cells
         inside = np.all((near >= 0) & (near < cells.shape), axis=2)
         near = np.where(inside[:, :, None], near, 0)

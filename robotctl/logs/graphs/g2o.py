@@ -6,7 +6,6 @@ residuals of the factors are g2o's, so chi2 is what g2o reports.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -24,7 +23,13 @@ from robotctl.estimation.slam.factors.prior import (
 from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.factor import FactorBlock, FactorKind
 from robotctl.estimation.slam.graph.variables import POINT2, POINT3, SE2, SE3, Floats
-from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat, GraphFormatError
+from robotctl.logs.graphs.graph_format import (
+    GraphFile,
+    GraphFormat,
+    GraphFormatError,
+    factor_lines,
+    ids_of,
+)
 from robotctl.logs.graphs.tagged_text import (
     Rows,
     Tag,
@@ -120,16 +125,6 @@ _FACTORS: Final = {
 _WITH_OFFSET: Final = (PRIOR_3D, SEEN_3D)
 
 
-def ids_of(file: GraphFile, block: FactorBlock) -> np.ndarray:
-    """Return the ids of the variables of each factor, (n, variables)."""
-    return np.column_stack(
-        [
-            file.graph.ids[kind][rows]
-            for kind, rows in zip(block.kind.variables, block.variables, strict=True)
-        ]
-    )
-
-
 def _read(path: Path) -> GraphFile:
     file = read_tagged(path, TAGS, "FIX")
     ids = list(file.graph.ids.values())
@@ -137,25 +132,6 @@ def _read(path: Path) -> GraphFile:
     if len(twice):
         raise GraphFormatError(f"{path}: {twice[0]} is both a pose and a point")
     return file
-
-
-def write_factors(
-    path: Path, file: GraphFile, name: str, lines: Callable[[FactorBlock], list[str] | None]
-) -> list[str]:
-    """Return the lines of all factors.
-
-    Raises
-    ------
-    GraphFormatError
-        If the format `name` has none for a kind.
-    """
-    result = []
-    for block in file.graph.blocks:
-        own = lines(block)
-        if own is None:
-            raise GraphFormatError(f"{path}: {name} has no factors {block.kind.name!r}")
-        result += own
-    return result
 
 
 def _write(path: Path, file: GraphFile) -> None:
@@ -175,7 +151,7 @@ def _write(path: Path, file: GraphFile) -> None:
         numbers = np.hstack([block.measurements, upper(block.information)])
         return lines_of(_FACTORS[block.kind], ids, numbers)
 
-    text += write_factors(path, file, "g2o", lines)
+    text += factor_lines(path, file, "g2o", lines)
     path.write_text("\n".join(text) + "\n", encoding="ascii")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.errors import RobotctlError
-from robotctl.estimation.slam.graph.factor import Ints
+from robotctl.estimation.slam.graph.factor import FactorBlock, Ints
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values
 from robotctl.estimation.slam.graph.variables import VariableKind
 
@@ -63,3 +63,32 @@ class GraphFormat:
     matches: Callable[[Path], bool]
     read: Callable[[Path], GraphFile]
     write: Callable[[Path, GraphFile], None]
+
+
+def ids_of(file: GraphFile, block: FactorBlock) -> np.ndarray:
+    """Return the ids of the variables of each factor, (n, variables)."""
+    return np.column_stack(
+        [
+            file.graph.ids[kind][rows]
+            for kind, rows in zip(block.kind.variables, block.variables, strict=True)
+        ]
+    )
+
+
+def factor_lines(
+    path: Path, file: GraphFile, name: str, lines: Callable[[FactorBlock], list[str] | None]
+) -> list[str]:
+    """Return the lines of all factors.
+
+    Raises
+    ------
+    GraphFormatError
+        If the format `name` has none for a kind.
+    """
+    result = []
+    for block in file.graph.blocks:
+        own = lines(block)
+        if own is None:
+            raise GraphFormatError(f"{path}: {name} has no factors {block.kind.name!r}")
+        result += own
+    return result

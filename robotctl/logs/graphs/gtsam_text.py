@@ -16,10 +16,15 @@ import numpy as np
 
 from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.factors.landmarks import RANGE_BEARING, SEEN_2D
-from robotctl.estimation.slam.graph.factor import FactorBlock
+from robotctl.estimation.slam.graph.factor import FactorBlock, inverses
 from robotctl.estimation.slam.graph.variables import SE2, Floats
-from robotctl.logs.graphs.g2o import ids_of, write_factors
-from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat, GraphFormatError
+from robotctl.logs.graphs.graph_format import (
+    GraphFile,
+    GraphFormat,
+    GraphFormatError,
+    factor_lines,
+    ids_of,
+)
 from robotctl.logs.graphs.tagged_text import (
     Rows,
     Tag,
@@ -35,11 +40,6 @@ from robotctl.logs.graphs.tagged_text import (
 from robotctl.logs.graphs.toro import EDGE2, VERTEX2
 
 _OWN: Final = frozenset({"ODOMETRY", "LANDMARK", "BR"})
-
-
-def inverses(matrices: Floats) -> Floats:
-    """Return the inverse of each matrix, (n, size, size)."""
-    return np.linalg.inv(matrices).astype(np.float64)
 
 
 def _odometry(rows: Rows) -> tuple[Floats, Floats]:
@@ -89,7 +89,7 @@ def _write(path: Path, file: GraphFile) -> None:
             text += lines_of("VERTEX2", ids[:, None], file.values[kind])
         elif kind.is_pose:
             raise GraphFormatError(f"{path}: GTSAM's text has no poses in space")
-    text += write_factors(path, file, "GTSAM's text", lambda block: _lines(file, block))
+    text += factor_lines(path, file, "GTSAM's text", lambda block: _lines(file, block))
     path.write_text("\n".join(text) + "\n", encoding="ascii")
 
 

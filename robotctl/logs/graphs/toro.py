@@ -15,8 +15,13 @@ import numpy as np
 from robotctl.estimation.slam.factors.between import BETWEEN_2D, BETWEEN_3D
 from robotctl.estimation.slam.graph.factor import FactorBlock
 from robotctl.estimation.slam.graph.variables import SE2, SE3, Floats
-from robotctl.logs.graphs.g2o import ids_of, write_factors
-from robotctl.logs.graphs.graph_format import GraphFile, GraphFormat, GraphFormatError
+from robotctl.logs.graphs.graph_format import (
+    GraphFile,
+    GraphFormat,
+    GraphFormatError,
+    factor_lines,
+    ids_of,
+)
 from robotctl.logs.graphs.tagged_text import (
     Rows,
     Tag,
@@ -113,7 +118,7 @@ def _write(path: Path, file: GraphFile) -> None:
             text += lines_of("VERTEX3", ids[:, None], euler_poses(file.values[kind]))
         else:
             raise GraphFormatError(f"{path}: TORO has no points")
-    text += write_factors(path, file, "TORO", lambda block: _lines(file, block))
+    text += factor_lines(path, file, "TORO", lambda block: _lines(file, block))
     path.write_text("\n".join(text) + "\n", encoding="ascii")
 
 

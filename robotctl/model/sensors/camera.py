@@ -9,8 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from robotctl.errors import InvalidValue
+
+MarkerFamily: TypeAlias = Literal[
+    "4x4_50", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11"
+]
 
 MAX_SIDE_PX = 10_000
 SIMULATED = "sim"
@@ -125,7 +130,7 @@ class MarkerConfig:
     Parameters
     ----------
     family
-        As of `robotctl camera pattern`.
+        Which markers: ArUco or AprilTag, as `robotctl camera pattern` draws them.
     side_m
         Side of the black square, > 0 [m].
 
@@ -136,7 +141,7 @@ class MarkerConfig:
     """
 
     side_m: float
-    family: str = "4x4_50"
+    family: MarkerFamily = "4x4_50"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.side_m < math.inf:

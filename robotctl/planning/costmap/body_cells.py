@@ -2,18 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
-
-
-def placed(body: NDArray[np.float64], pose: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Return the points (n, 2) of a body at a pose x, y, heading [cells, cells, rad]."""
-    x, y, theta = pose
-    c, s = math.cos(theta), math.sin(theta)
-    points: NDArray[np.float64] = body @ np.array([[c, s], [-s, c]]) + (x, y)
-    return points
 
 
 def cells_at(

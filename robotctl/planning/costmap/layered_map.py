@@ -21,12 +21,13 @@ from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.errors import InvalidValue
 from robotctl.model.footprint import Footprint
+from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import OCCUPIED, UNKNOWN, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.costmap import marks
-from robotctl.planning.costmap.body_cells import cells_at, placed, shrunk
+from robotctl.planning.costmap.body_cells import cells_at, shrunk
 from robotctl.planning.costmap.clearance import Clearance
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.zone import Zone
@@ -353,8 +354,8 @@ class LayeredMap:
         """Note that the floor under the robot is free, whatever echoes from its own edge say."""
         here = self._space.to_cells(T_world_base)
         pose = here.x_m, here.y_m, here.theta_rad
-        marks.learn_free(self._cells, placed(self._space.samples, pose))
-        rows, columns = cells_at(placed(self._inner, pose), self._space.shape)
+        marks.learn_free(self._cells, moved(SE2(*pose), self._space.samples))
+        rows, columns = cells_at(moved(SE2(*pose), self._inner), self._space.shape)
         wrong = np.argwhere(self._cells.marks[rows, columns])[:, 0]
         for row, column in zip(rows[wrong].tolist(), columns[wrong].tolist(), strict=True):
             for layer in self._layers:
@@ -363,7 +364,7 @@ class LayeredMap:
     def is_known(self, poses_world: NDArray[np.float64]) -> bool:
         """Return whether all under the body at poses (n, 3) of `base` in `world` is known."""
         for pose in self._space.poses_to_cells(poses_world).tolist():
-            under = placed(self._space.samples, pose)
+            under = moved(SE2(*pose), self._space.samples)
             rows, columns = cells_at(under, self._space.shape)
             if len(rows) < len(under) or (self._cells.live[rows, columns] < 0).any():
                 return False

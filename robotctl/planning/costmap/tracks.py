@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
+from robotctl.model.geometry.points import moved, rotation
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.planning.costmap.segments import (
@@ -134,11 +135,10 @@ class MovingObstacles:
     def moving(self, T_world_odom: SE2) -> NDArray[np.float64]:
         """Return what moves, (k, 5): x, y, vx, vy in `world` and its radius [m, m/s]."""
         tracks = self._tracks[is_moving(self._tracks)]
-        c, s = math.cos(T_world_odom.theta_rad), math.sin(T_world_odom.theta_rad)
-        turn = np.array([[c, s], [-s, c]])
-        places = tracks[:, [X, Y]] @ turn + (T_world_odom.x_m, T_world_odom.y_m)
+        places = moved(T_world_odom, tracks[:, [X, Y]])
+        speeds = tracks[:, [VX, VY]] @ rotation(T_world_odom.theta_rad)
         radii = np.maximum(tracks[:, SIZE], _LEAST_RADIUS_M)
-        return np.column_stack([places, tracks[:, [VX, VY]] @ turn, radii])
+        return np.column_stack([places, speeds, radii])
 
     def _keep(
         self, sensor: SE2, bearings: NDArray[np.float64], scan: RangeScan, now_ns: int

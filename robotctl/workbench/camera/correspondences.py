@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from robotctl.errors import CalibrationError, ConfigError
 from robotctl.estimation.camera.calibration.pattern import Board, find_corners, find_markers
+from robotctl.model.geometry.points import moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.workbench.camera.points import PIXELS, PLACES, read_columns
 
@@ -110,7 +110,6 @@ def board_seen(picture: NDArray[np.uint8], file: Path, board: Board, at: SE2) ->
             f"{file}: no chessboard of {board.columns} x {board.rows} inner corners is fully "
             "visible; is --board right, is there white around it, does it lie flat?"
         )
-    cos, sin = math.cos(at.theta_rad), math.sin(at.theta_rad)
-    ground = board.corners() @ np.array([[cos, sin], [-sin, cos]]) + [at.x_m, at.y_m]
+    ground = moved(at, board.corners())
     names = tuple(f"corner {k}" for k in range(1, len(ground) + 1))
     return [FloorPoints(names, ground, order) for order in board.turned(corners)]

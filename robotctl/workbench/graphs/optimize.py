@@ -158,7 +158,7 @@ def optimize(
     Raises
     ------
     ConfigError
-        If a file or a name is wrong.
+        If a file or a name is wrong, or the solver has no robust kernels.
     GraphError
         If the factors do not determine all variables.
     """
@@ -169,6 +169,8 @@ def optimize(
     ):
         if name not in names:
             raise ConfigError(f"{option} {name}: unknown{nearest(name, list(names))}")
+    if options.robust and options.solver == "isam":
+        raise ConfigError("--robust is of gn, lm and dogleg; isam has no robust kernel")
     clock = _Clock(tell)
     begin_s = clock.now_s
     file = read_graph(options.graph)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.estimation.slam.ekf_slam.graph_drive import GraphDrive
+from robotctl.estimation.slam.ekf_slam.recorded import PAST_POSES
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values
 from robotctl.estimation.slam.graph.variables import POINT2, SE2
 from robotctl.estimation.slam.marginals import factored, marginals
@@ -22,7 +23,6 @@ from robotctl.workbench.slam.result import Estimated, Landmarks, SlamResult
 
 Array: TypeAlias = NDArray[np.float64]
 
-PAST_POSES = 150
 _SECOND_NS = 1_000_000_000
 _TOLD = 200
 

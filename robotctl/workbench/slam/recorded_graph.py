@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
 from robotctl.estimation.slam.ekf_slam.recorded import RecordedSlam
@@ -13,10 +14,14 @@ from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.factors.landmarks import SEEN_2D
 from robotctl.estimation.slam.factors.prior import PRIOR_2D
 from robotctl.estimation.slam.graph.builder import GraphBuilder
+from robotctl.estimation.slam.graph.factor import inverses
 from robotctl.estimation.slam.graph.variables import POINT2, SE2
 from robotctl.logs.graphs.graph_format import GraphFile
-from robotctl.logs.graphs.gtsam_text import inverses
+from robotctl.model.geometry.points import rotation
 from robotctl.model.geometry.pose_estimate import PoseEstimate
+
+_LEAST = 1e-10 * np.eye(3)
+"""Of a robot that stands."""
 
 
 def graph_of_recording(
@@ -34,9 +39,7 @@ def graph_of_recording(
     for row, (begin_ns, end_ns) in enumerate(pairwise(stamps_ns), 1):
         made = drive.motion(begin_ns, end_ns)
         deltas[row] = made.x[:3]
-        c, s = np.cos(made.x[2]), np.sin(made.x[2])
-        G = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # into the frame of the end
-        noises[row] = G @ (made.Q[:3, :3] + _LEAST) @ G.T
+        noises[row] = _in_own_frame(made.Q[:3, :3] + _LEAST, made.x[2])
     build = GraphBuilder()
     kept = [rows[stamp_ns] for stamp_ns in drive.past_ns]
     known = [drive.run.slam.past(stamp_ns)[0] for stamp_ns in drive.past_ns]
@@ -46,14 +49,10 @@ def graph_of_recording(
     numbers = [drive.run.slam.names.index(name) for name in names]
     build.variables(POINT2, count + np.arange(len(names)), features[numbers])
     first = np.array([[start.pose.x_m, start.pose.y_m, start.pose.theta_rad]])
-    c, s = np.cos(first[0, 2]), np.sin(first[0, 2])
-    G = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    build.factors(
-        PRIOR_2D, ids[:1, np.newaxis], first, np.linalg.inv(G @ start.covariance @ G.T)[np.newaxis]
-    )
-    build.factors(
-        BETWEEN_2D, np.stack([ids[:-1], ids[1:]], axis=1), deltas[1:], inverses(noises[1:])
-    )
+    doubt = _in_own_frame(start.covariance, start.pose.theta_rad)
+    build.factors(PRIOR_2D, ids[:1, np.newaxis], first, inverses(doubt[np.newaxis]))
+    steps = np.stack([ids[:-1], ids[1:]], axis=1)
+    build.factors(BETWEEN_2D, steps, deltas[1:], inverses(noises[1:]))
     places = {name: count + number for number, name in enumerate(names)}
     seen = [each for each in drive.seen if each[1] in places]
     x = drive.run.slam.belief.x_v.copy()
@@ -61,7 +60,7 @@ def graph_of_recording(
     z = np.array([[each.range_m, each.bearing_rad] for _, _, each in seen])
     points = np.array([CAMERA_POINT.initial(x, row) for row in z])
     _, _, by_point = CAMERA_POINT.expected(x, points)
-    R = np.linalg.inv(drive.run.noise(z))
+    R = inverses(drive.run.noise(z))
     build.factors(
         SEEN_2D,
         np.array([[rows[stamp_ns], places[name]] for stamp_ns, name, _ in seen]),
@@ -72,5 +71,8 @@ def graph_of_recording(
     return GraphFile(graph, values, found, np.empty(0, np.int64)), stamps_ns
 
 
-_LEAST = 1e-10 * np.eye(3)
-"""Of a robot that stands."""
+def _in_own_frame(covariance: NDArray[np.float64], theta_rad: float) -> NDArray[np.float64]:
+    """Return a covariance (3, 3) of a pose with axes as those of a pose at this heading."""
+    G = np.eye(3)
+    G[:2, :2] = rotation(theta_rad)
+    return G @ covariance @ G.T

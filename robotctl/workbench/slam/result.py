@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robotctl.estimation.kalman.consistency import share_inside
 from robotctl.estimation.slam.ekf_slam.filter import tangent_nees
 from robotctl.logs.graphs.graph_format import GraphFile
+from robotctl.model.geometry.points import align, moved
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.trajectory import Trajectory
 
@@ -72,7 +73,7 @@ class Estimated:
         rows = [row for row, _ in pairs]
         own = self.trajectory.poses[rows]
         true = np.array([[pose.x_m, pose.y_m] for _, pose in pairs])
-        off = np.hypot(*(aligned(own[:, :2], true) - true).T)
+        off = np.hypot(*(moved(align(own[:, :2], true), own[:, :2]) - true).T)
         result: dict[str, Any] = {
             "poses": len(rows),
             "rmse_m": math.sqrt(float(np.mean(off**2))),
@@ -144,24 +145,6 @@ class SlamResult:
         if len(rows) < 3 or len(rows) < len(self.landmarks.names):
             return None
         true = np.array([self.true_landmarks[int(self.landmarks.names[row])] for row in rows])
-        off = aligned(self.landmarks.positions[rows], true) - true
+        points = self.landmarks.positions[rows]
+        off = moved(align(points, true), points) - true
         return math.sqrt(float(np.mean(np.sum(off**2, axis=1))))
-
-
-def alignment(points: Array, true: Array) -> SE2:
-    """Return the motion that takes points (n, 2) nearest to others, by least squares.
-
-    Source: Umeyama, IEEE Trans. Pattern Analysis and Machine Intelligence 13(4), 1991, in the
-    plane and without scale.
-    """
-    middle, to = points.mean(axis=0), true.mean(axis=0)
-    u, v = points - middle, true - to
-    turn = math.atan2(float(np.sum(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])), float(np.sum(u * v)))
-    x, y = SE2(0.0, 0.0, turn).apply(*middle.tolist())
-    return SE2(float(to[0]) - x, float(to[1]) - y, turn)
-
-
-def aligned(points: Array, true: Array) -> Array:
-    """Return points (n, 2), turned and shifted as near to others as they go."""
-    motion = alignment(points, true)
-    return np.array([motion.apply(x, y) for x, y in points.tolist()])

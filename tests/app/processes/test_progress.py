@@ -359,7 +359,7 @@ def write_progress(options: StackOptions, **changes: object) -> Path:
         "x_m": 1.0,
         "y_m": 1.0,
         "theta_rad": 0.0,
-        "mission_crc": mission_crc(options),
+        "mission_crc": mission_crc(options.mission),
         "item": 1,
         "item_s_m": 0.0,
     }

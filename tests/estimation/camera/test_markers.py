@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -13,11 +14,11 @@ from firmware_sim.config.config import load_robot as load_simulated
 from firmware_sim.world.shapes import Marker
 from firmware_sim.world.world import load_world
 from robotctl.config.robot_file import config_directory, find_file, load_robot
-from robotctl.errors import InvalidValue
+from robotctl.estimation.camera.calibration.pattern import MARKERS
 from robotctl.estimation.camera.markers import MarkerDetector
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.sensors.camera import MarkerConfig
+from robotctl.model.sensors.camera import MarkerConfig, MarkerFamily
 from robotctl.model.sensors.camera_geometry import CameraGeometry
 
 GEOMETRY = CameraGeometry.of(load_robot(find_file("diff_drive")).camera)
@@ -52,10 +53,12 @@ def test_place_and_direction_are_those_of_the_projection(at, into_deg):
     assert abs(math.degrees(wrap_angle(seen.theta_rad - math.radians(into_deg)))) < 6.0
 
 
-def test_a_picture_without_markers_has_none_and_a_family_that_there_is_not_is_refused():
+def test_a_picture_without_markers_has_none():
     assert DETECTOR.detect(np.full((480, 640, 3), 128, np.uint8)) == ()
-    with pytest.raises(InvalidValue, match="allowed are 4x4_50"):
-        MarkerDetector(GEOMETRY, MarkerConfig(SIDE_M, "4x5"))
+
+
+def test_the_families_of_a_robots_file_are_those_that_can_be_printed():
+    assert set(get_args(MarkerFamily)) == set(MARKERS)
 
 
 @pytest.mark.timeout(400)  # the first picture compiles

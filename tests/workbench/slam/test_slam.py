@@ -8,7 +8,7 @@ from robotctl.estimation.landmarks.models import sighting
 from robotctl.estimation.slam.ekf_slam.camera_points import CAMERA_POINT
 from robotctl.logs.formats.mrclam_log import read_mrclam
 from robotctl.model.trajectory import Trajectory
-from robotctl.workbench.slam.result import Estimated, aligned
+from robotctl.workbench.slam.result import Estimated
 from robotctl.workbench.slam.slam import SlamOptions, slam_of_recording
 from tests.estimation.landmarks.landmark_drives import simulated_drive
 
@@ -40,17 +40,6 @@ def test_a_drive_and_its_map_are_found_with_and_without_names(association):
     assert report["trajectory"]["rmse_m"] < 0.15
     assert report["trajectory"]["nees_inside_95"] > 0.8
     assert report["online"]["nees_inside_95"] > 0.8
-
-
-def test_alignment_takes_away_turn_and_shift_and_nothing_else():
-    rng = np.random.default_rng(0)
-    points = rng.uniform(-3.0, 3.0, (20, 2))
-    c, s = np.cos(2.0), np.sin(2.0)
-    moved = points @ np.array([[c, s], [-s, c]]) + [4.0, -1.0]
-    assert aligned(points, moved) == pytest.approx(moved)
-    off = aligned(1.1 * points, moved) - moved
-    spread = np.sum((points - points.mean(axis=0)) ** 2)
-    assert np.sum(off**2) == pytest.approx(0.01 * spread)
 
 
 def test_without_a_reference_at_its_time_nothing_is_compared():

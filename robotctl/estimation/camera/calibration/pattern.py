@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-MARKERS: Final = {
+MARKERS: Final[dict[str, int]] = {
     "4x4_50": cv2.aruco.DICT_4X4_50,
     "5x5_100": cv2.aruco.DICT_5X5_100,
     "6x6_250": cv2.aruco.DICT_6X6_250,

@@ -133,3 +133,8 @@ def numerical_jacobians(
                 moved[slot] = variable.retract(values[slot], step)
                 ends.append(kind.residual(*moved, block.measurements))
             jacobian[:, :, column] = (ends[0] - ends[1]) / (2.0 * _STEP)
+
+
+def inverses(matrices: Floats) -> Floats:
+    """Return the inverse of each matrix (n, size, size): informations of covariances, or back."""
+    return np.linalg.inv(matrices).astype(np.float64)

@@ -217,7 +217,7 @@ class IncrementalSmoother:
         self.weigh(factor, 0.0)
 
     def update(self) -> int:
-        """Take in what was added; return how many variables were eliminated anew."""
+        """Take in what was added; return how often a change touched a variable."""
         self._relinearise()
         if not self._touched:
             return 0

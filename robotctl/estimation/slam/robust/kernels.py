@@ -23,13 +23,10 @@ class RobustKernel:
 
     Parameters
     ----------
-    name
-        As options call it.
     cost, weight
         Of squares s (n,) and the scale c^2, (n,).
     """
 
-    name: str
     cost: Callable[[Floats, float], Floats]
     weight: Callable[[Floats, float], Floats]
 
@@ -79,10 +76,10 @@ def _truncated_weight(s: Floats, c2: float) -> Floats:
 
 
 KERNELS: Final[dict[str, RobustKernel]] = {
-    "huber": RobustKernel("huber", _huber_cost, _huber_weight),
-    "cauchy": RobustKernel("cauchy", _cauchy_cost, _cauchy_weight),
-    "geman-mcclure": RobustKernel("geman-mcclure", _geman_mcclure_cost, _geman_mcclure_weight),
-    "dcs": RobustKernel("dcs", _dcs_cost, _dcs_weight),
-    "gnc": RobustKernel("gnc", _truncated_cost, _truncated_weight),
+    "huber": RobustKernel(_huber_cost, _huber_weight),
+    "cauchy": RobustKernel(_cauchy_cost, _cauchy_weight),
+    "geman-mcclure": RobustKernel(_geman_mcclure_cost, _geman_mcclure_weight),
+    "dcs": RobustKernel(_dcs_cost, _dcs_weight),
+    "gnc": RobustKernel(_truncated_cost, _truncated_weight),
 }
 """By name; `gnc`, truncated least squares, needs graduated non-convexity to get anywhere."""

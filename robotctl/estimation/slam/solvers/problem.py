@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -65,7 +65,6 @@ class Solution:
     chi2: list[float]
     weights: list[Floats]
     is_converged: bool
-    notes: list[str] = field(default_factory=list)
 
 
 Solver: TypeAlias = Callable[[Problem, Tell], Solution]
