@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from firmware_sim.world.people import RADIUS_M
 from firmware_sim.world.world import World
 from robotctl.app.simulation.best_path import Best, best_path
+from robotctl.app.simulation.outline import outline_distance
 from robotctl.app.simulation.score import StampedPose
 from robotctl.app.simulation.sim_options import SimOptions, simulated_robot
 from robotctl.config.robot_file import RobotConfig
@@ -55,8 +56,7 @@ class JourneyScore:
         sides: NDArray[np.float64],
         best: Callable[[], Best | None] = lambda: None,
     ) -> None:
-        self._body = body
-        self._sides = sides
+        self._body, self._sides = np.ascontiguousarray(body), np.ascontiguousarray(sides)
         self._best = best
         self._reach_m = float(np.hypot(*body.T).max()) + _LOOK_M
         self.min_clearance_m = math.inf
@@ -101,26 +101,13 @@ class JourneyScore:
 
     def _clearance_m(self, pose: StampedPose, people_m: Sequence[tuple[float, float]]) -> float:
         """Return the distance of the outline from the nearest thing or person [m]."""
-        return min(self._from_sides_m(pose), self._from_people_m(pose, people_m))
-
-    def _from_people_m(self, pose: StampedPose, people_m: Sequence[tuple[float, float]]) -> float:
-        """Return the distance of the outline from the nearest person [m]; inf without people."""
-        if not people_m:
-            return math.inf
-        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-        middles = (np.array(people_m) - (pose.x_m, pose.y_m)) @ np.array([[c, -s], [s, c]])
-        ends = np.repeat(middles[:, np.newaxis], 2, axis=1)
-        return max(outline_distance(self._body, ends) - RADIUS_M, 0.0)
-
-    def _from_sides_m(self, pose: StampedPose) -> float:
-        """Return the distance of the outline from the nearest side [m]; inf if none is near."""
-        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-        ends = self._sides.reshape(-1, 2, 2) - (pose.x_m, pose.y_m)
-        near = _from_origin(ends[:, 0], ends[:, 1]) < self._reach_m
-        if not near.any():
-            return math.inf
-        ends = ends[near] @ np.array([[c, -s], [s, c]])
-        return outline_distance(self._body, ends)
+        at = (pose.x_m, pose.y_m, pose.theta_rad)
+        clearance_m = outline_distance(self._body, self._sides, *at, self._reach_m)
+        if people_m:
+            middles = np.hstack([people_m, people_m])
+            apart_m = outline_distance(self._body, middles, *at, self._reach_m) - RADIUS_M
+            clearance_m = min(clearance_m, max(apart_m, 0.0))
+        return clearance_m
 
 
 def journey_score(
@@ -139,47 +126,3 @@ def journey_score(
         body = body[::-1]
     start = options.start_of(mission).pose
     return JourneyScore(body, room.touchable, lambda: best_path(robot, room, start, mission))
-
-
-def outline_distance(body: NDArray[np.float64], ends: NDArray[np.float64]) -> float:
-    """Return the distance of a convex outline (k, 2) from segments (n, 2, 2); 0 if they meet."""
-    a, b = ends[:, 0], ends[:, 1]
-    after = np.roll(body, -1, axis=0)
-    if _meet(body, after, a, b):
-        return 0.0
-    corner = min(float(_from_origin(a - each, b - each).min()) for each in body)
-    end = min(
-        float(_from_origin(p - points, q - points).min())
-        for p, q in zip(body, after, strict=True)
-        for points in (a, b)
-    )
-    return min(corner, end)
-
-
-def _meet(
-    body: NDArray[np.float64],
-    after: NDArray[np.float64],
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
-) -> bool:
-    """Return whether a part of a segment lies inside of the outline (Cyrus and Beck 1978)."""
-    enters, leaves = np.zeros(len(a)), np.ones(len(a))
-    outside = np.zeros(len(a), np.bool_)
-    for p, q in zip(body, after, strict=True):
-        inward = np.array([p[1] - q[1], q[0] - p[0]])  # of a counter-clockwise outline
-        depth, change = (a - p) @ inward, (b - a) @ inward
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = -depth / change
-        enters = np.where(change > 0.0, np.maximum(enters, at), enters)
-        leaves = np.where(change < 0.0, np.minimum(leaves, at), leaves)
-        outside |= (change == 0.0) & (depth < 0.0)
-    return bool((~outside & (enters < leaves)).any())
-
-
-def _from_origin(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance of the origin from segments whose ends are (n, 2)."""
-    along = b - a
-    squares = np.maximum((along**2).sum(axis=-1), 1e-18)
-    share = np.clip(-(a * along).sum(axis=-1) / squares, 0.0, 1.0)
-    distance: NDArray[np.float64] = np.hypot(*(a + share[..., np.newaxis] * along).T)
-    return distance
