@@ -25,6 +25,9 @@ R = TypeVar("R")
 
 _NUMBA: Any = numba.config
 _FUNCTION_CACHE: Any = caching.FunctionCache
+_RESULTS: Any = caching.CompileResultCacheImpl
+_LOCATOR: Any = caching._CacheLocator
+_SOURCE_FILE: Any = caching._SourceFileBackedLocatorMixin
 _PACKAGE = Path(__file__).parent
 
 
@@ -100,8 +103,28 @@ NOT_KEPT = (
 """Message for the user if compiled code is not kept for the next start, otherwise empty."""
 
 
-class _Cache(_FUNCTION_CACHE):  # type: ignore[misc] # numba has no types
+class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no types
+    """Place of a function's code: a folder named after its module."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file, self._lineno = file, function.__code__.co_firstlineno
+        self._folder = str(Path(_FOLDER, function.__module__))
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return self._folder
+
+
+class _Files(_RESULTS):  # type: ignore[misc]
+    """Files of a function's code."""
+
+    _locator_classes = (_Locator,)
+
+
+class _Cache(_FUNCTION_CACHE):  # type: ignore[misc]
     """Compiled code of one function; a truncated file or a full disk only costs time."""
+
+    _impl_class = _Files
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Compiled function of a signature; None if there is none, or none whole."""
@@ -122,12 +145,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function to machine code at its first call, IEEE arithmetic, no checks of zero."""
     dispatcher: Any = numba.njit(error_model="numpy")(function)
     if _FOLDER:
-        before = _NUMBA.CACHE_DIR
-        _NUMBA.CACHE_DIR = _FOLDER
-        try:
-            dispatcher._cache = _Cache(function)  # as its `enable_caching` does
-        finally:
-            _NUMBA.CACHE_DIR = before
+        dispatcher._cache = _Cache(function)  # as its `enable_caching` does
     result: Callable[P, R] = dispatcher
     return result
 

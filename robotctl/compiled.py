@@ -1,13 +1,15 @@
 """Compilation of inner loops with numba, cached on disk where one takes it.
 
 Numba renews a cached function when its own file changes, not when a function that it calls in
-another file does. So the cache has a folder of its own for each state of the sources.
+another file does. So the cache has a folder of its own for each state of the sources, wherever they
+are: copies of the same sources may share it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -23,7 +25,12 @@ R = TypeVar("R")
 
 _NUMBA: Any = numba.config
 _FUNCTION_CACHE: Any = caching.FunctionCache
+_RESULTS: Any = caching.CompileResultCacheImpl
+_LOCATOR: Any = caching._CacheLocator
+_SOURCE_FILE: Any = caching._SourceFileBackedLocatorMixin
 _PACKAGE = Path(__file__).parent
+_IMPORT = re.compile(rb"^from robotctl\.([\w.]+) import ([^(\n]+|\([^)]*\))", re.MULTILINE)
+_CONSTANT = re.compile(rb"\b[A-Z][A-Z0-9_]+\b")
 _KEPT = 4
 """Folders of earlier sources that stay: another checkout or process may still use them."""
 
@@ -54,13 +61,28 @@ def _is_made_private(folder: Path) -> bool:
     return status.st_uid == os.geteuid() and not status.st_mode & 0o022 and not folder.is_symlink()
 
 
+def _sources() -> dict[Path, bytes]:
+    """Return the sources of compiled code: of the functions, and of constants that they import."""
+    found = {
+        path: text
+        for path in sorted(_PACKAGE.rglob("*.py"))
+        if b"@compiled" in (text := path.read_bytes())
+    }
+    new = list(found.values())
+    while new:
+        for module, names in _IMPORT.findall(new.pop()):
+            path = _PACKAGE.joinpath(*module.decode().split(".")).with_suffix(".py")
+            if _CONSTANT.search(names) and path not in found:
+                found[path] = path.read_bytes()
+                new.append(found[path])
+    return found
+
+
 def _cache_folder() -> str:
     """Return the folder for compiled code of exactly these sources; "" where none takes it."""
     digest = hashlib.sha256()
-    for source in sorted(_PACKAGE.rglob("*.py")):
-        text = source.read_bytes()
-        if b"@compiled" in text:
-            digest.update(text)
+    for text in _sources().values():
+        digest.update(text)
     with suppress(FileNotFoundError):  # no temporary folder at all
         for parent in _parents():
             folder = parent / f"compiled-{digest.hexdigest()[:12]}"
@@ -107,8 +129,28 @@ def cache_is_cold() -> bool:
     return not _FOLDER or not any(Path(_FOLDER).rglob("*.nbi"))
 
 
-class _Cache(_FUNCTION_CACHE):  # type: ignore[misc] # numba has no types
+class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no types
+    """Where the code of a function is, by its module."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file, self._lineno = file, function.__code__.co_firstlineno
+        self._folder = str(Path(_FOLDER, function.__module__))
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return self._folder
+
+
+class _Files(_RESULTS):  # type: ignore[misc]
+    """The files of a function's code."""
+
+    _locator_classes = (_Locator,)
+
+
+class _Cache(_FUNCTION_CACHE):  # type: ignore[misc]
     """What is compiled of one function; a file that is cut or a full disk only costs time."""
+
+    _impl_class = _Files
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function of a signature; None if there is none, or none whole."""
@@ -129,11 +171,6 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function to machine code at its first call; division by zero gives inf or nan."""
     dispatcher: Any = numba.njit(error_model="numpy")(function)
     if _FOLDER:
-        before = _NUMBA.CACHE_DIR
-        _NUMBA.CACHE_DIR = _FOLDER
-        try:
-            dispatcher._cache = _Cache(function)  # as its `enable_caching` does
-        finally:
-            _NUMBA.CACHE_DIR = before
+        dispatcher._cache = _Cache(function)  # as its `enable_caching` does
     result: Callable[P, R] = dispatcher
     return result

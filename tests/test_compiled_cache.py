@@ -3,12 +3,18 @@
 Copies of the packages have a file where their cache would be: not even root can write there.
 """
 
+import importlib
+import multiprocessing
 import os
+import resource
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from typing import Any
 
+import numba
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -21,14 +27,6 @@ def half(x):
     return 0.5 * x
 """
 """A module with one compiled function: what is tested here is where that is kept."""
-
-CALL = """
-from {package}.kernel import half as function
-assert function(3.0) == 1.5
-"""
-SAY = """
-print(sum(function.stats.cache_hits.values()), function.stats.cache_path)
-"""
 
 
 @pytest.fixture(params=PACKAGES)
@@ -65,22 +63,49 @@ def home(tmp_path: Path) -> Path:
     return tmp_path / "home"
 
 
+FORKS = multiprocessing.get_context("forkserver")
+FORKS.set_forkserver_preload(["tests.numba_ready"])  # else a new process takes seconds
+
+
+def call(
+    answers: Any, installed: Path, package: str, full: bool, environment: dict[str, str],
+    temporary: str,
+) -> None:  # fmt: skip
+    """Be a new process that calls a compiled function."""
+    os.environ.clear()
+    os.environ.update(environment)
+    tempfile.tempdir = temporary
+    numba.config.reload_config()
+    if full:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+    sys.path.insert(0, str(installed))
+    sys.dont_write_bytecode = True
+    half = importlib.import_module(f"{package}.kernel").half
+    assert half(3.0) == 1.5
+    answers.send((sum(half.stats.cache_hits.values()), str(half.stats.cache_path)))
+
+
 def start(
-    installed: Path, package: str, *, before: str = "", home: Path | str, temporary: Path | str
+    installed: Path,
+    package: str,
+    *,
+    home: Path | str,
+    temporary: Path | str,
+    named: str = "",
+    full: bool = False,
 ) -> tuple[int, str]:
     """Call a compiled function in a new process; return how often the cache had it, and where."""
-    code = (
-        f"import tempfile\ntempfile.tempdir = {str(temporary)!r}\n{before}\n"
-        f"{CALL.format(package=package)}{SAY}"
+    environment = {"HOME": str(home), "PATH": os.environ["PATH"], "NUMBA_CACHE_DIR": named}
+    answer, answers = FORKS.Pipe(duplex=False)
+    process = FORKS.Process(
+        target=call, args=(answers, installed, package, full, environment, str(temporary))
     )
-    environment = {"HOME": str(home), "PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=installed, env=environment,
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-    hits, _, place = done.stdout.strip().partition(" ")
-    return int(hits), place
+    process.start()
+    answers.close()
+    found: tuple[int, str] = answer.recv()
+    process.join()
+    assert process.exitcode == 0
+    return found
 
 
 def test_it_is_kept_in_the_users_cache(
@@ -137,8 +162,8 @@ def test_nothing_is_kept_where_nothing_can_be_written(installed: Path, package: 
 def test_a_folder_that_the_user_names_comes_first(
     installed: Path, package: str, home: Path, tmp_path: Path
 ) -> None:
-    before = f"import os; os.environ['NUMBA_CACHE_DIR'] = {str(tmp_path / 'mine')!r}"
-    _, place = start(installed, package, before=before, home=home, temporary=tmp_path)
+    named = str(tmp_path / "mine")
+    _, place = start(installed, package, home=home, temporary=tmp_path, named=named)
     assert Path(place).is_relative_to(tmp_path / "mine")
 
 
@@ -153,11 +178,30 @@ def test_a_file_that_was_cut_is_compiled_anew(
     assert hits == [0, 1]
 
 
+def test_a_constant_that_another_file_defines_is_part_of_the_code(
+    installed: Path, package: str, home: Path, tmp_path: Path
+) -> None:
+    constants, kernel = (installed / package / f"{name}.py" for name in ("constants", "kernel"))
+    constants.write_text("from typing import Final\n\nHALF: Final = 0.5\n")
+    text = kernel.read_text().replace("0.5 *", "HALF *")
+    kernel.write_text(f"from {package}.constants import HALF\n{text}")
+    hits = [start(installed, package, home=home, temporary=tmp_path)[0] for _ in range(2)]
+    constants.write_text(f"{constants.read_text()}# edited\n")
+    assert [*hits, start(installed, package, home=home, temporary=tmp_path)[0]] == [0, 1, 0]
+
+
+def test_a_copy_of_the_same_sources_shares_it(
+    installed: Path, package: str, home: Path, tmp_path: Path
+) -> None:
+    copy = shutil.copytree(installed, tmp_path / "copy")
+    hits = [start(each, package, home=home, temporary=tmp_path)[0] for each in (installed, copy)]
+    assert hits == [0, 1]
+
+
 def test_a_disk_that_is_full_only_costs_time(
     installed: Path, package: str, home: Path, tmp_path: Path
 ) -> None:
-    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))"
-    hits, _ = start(installed, package, before=full, home=home, temporary=tmp_path)
+    hits, _ = start(installed, package, home=home, temporary=tmp_path, full=True)
     assert hits == 0
 
 

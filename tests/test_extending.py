@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.compiled_code import copied_code
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "extending.md"
 CHECKS = sorted((ROOT / "tests" / "extending").glob("*.py"))
@@ -63,15 +65,22 @@ def extended(tmp_path_factory):
     return folder
 
 
-def run(folder, *command):
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    return copied_code(tmp_path_factory.mktemp("code"))
+
+
+def run(folder, *command, env=None):
     return subprocess.run(
-        [sys.executable, "-m", *command], cwd=folder, capture_output=True, text=True, check=False
-    )
+        [sys.executable, "-m", *command], cwd=folder, env=env, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda path: path.stem)
-def test_a_part_works_in_a_robotctl_to_which_the_page_was_applied(extended, check):
-    done = run(extended, "pytest", "-q", "-p", "no:cacheprovider", f"tests/extending/{check.name}")
+def test_a_part_works_in_a_robotctl_to_which_the_page_was_applied(extended, environment, check):
+    words = ("-q", "-p", "no:cacheprovider", f"tests/extending/{check.name}")
+    done = run(extended, "pytest", *words, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.compiled_code import copied_code
+
 ROOT = Path(__file__).parents[2]
 SCRIPT = """
 from pathlib import Path
@@ -73,8 +75,8 @@ def test_a_users_script_runs(site: Path, tmp_path: Path) -> None:
     script = SCRIPT.replace("    reveal_type(load_robot(file))\n", "")
     (tmp_path / "script.py").write_text(script)
     done = subprocess.run(
-        [site / "bin" / "python", "script.py"], cwd=tmp_path, capture_output=True, text=True,
-        check=True,
+        [site / "bin" / "python", "script.py"], cwd=tmp_path, env=copied_code(tmp_path / "code"),
+        capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stdout.splitlines()[-1].startswith("2.0 1.08")
 
