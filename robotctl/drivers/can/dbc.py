@@ -14,9 +14,6 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-import cantools.database
-from cantools.database.errors import Error as CantoolsError
-
 from robotctl.errors import ConfigError
 
 HOST = "HOST"
@@ -155,6 +152,10 @@ def load_dbc(path: Path) -> Dbc:
     ConfigError
         One line for each error: `FILE: MESSAGE: what is wrong; did you mean "..."?`
     """
+    # The recorder needs this module, but no DBC.
+    import cantools.database  # noqa: PLC0415 - it takes 0.1 s
+    from cantools.database.errors import Error as CantoolsError  # noqa: PLC0415
+
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv  # type: ignore[import-untyped]
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.pose_estimate import PoseEstimate
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 
 def chi2_quantile(probability: float, dof: float) -> float:
     """Return below which value a chi-squared variable of `dof` degrees of freedom stays."""
+    from scipy.special import gammaincinv  # type: ignore[import-untyped] # noqa: PLC0415 - slow
+
     return float(2.0 * gammaincinv(0.5 * dof, probability))
 
 
