@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import datetime as dt
 import difflib
-import functools
 import json
 import re
 import reprlib
@@ -125,10 +124,14 @@ def _near_file(path: Path) -> str:
     return nearest(path.name, [p.name for p in path.parent.glob("*.toml")])
 
 
-@functools.lru_cache(maxsize=16)
+_ADAPTERS: dict[type[Any], pydantic.TypeAdapter[Any]] = {}
+
+
 def _adapter(kind: type[T]) -> pydantic.TypeAdapter[T]:
     """Return pydantic's validator of a dataclass; a robot's takes 50 ms to build."""
-    return pydantic.TypeAdapter(kind)
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = pydantic.TypeAdapter(kind)
+    return _ADAPTERS[kind]
 
 
 def _invalid_values(data: dict[str, Any], kind: type[Any]) -> Iterator[tuple[Key, str]]:
