@@ -3,18 +3,15 @@
 Copies of the packages have a file where their cache would be: not even root can write there.
 """
 
-import importlib
-import multiprocessing
+import json
 import os
-import resource
 import shutil
 import subprocess
 import sys
-import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
-import numba
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -27,6 +24,9 @@ def half(x):
     return 0.5 * x
 """
 """A module with one compiled function: what is tested here is where that is kept."""
+
+
+Start: TypeAlias = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(params=PACKAGES)
@@ -63,66 +63,58 @@ def home(tmp_path: Path) -> Path:
     return tmp_path / "home"
 
 
-FORKS = multiprocessing.get_context("forkserver")
-FORKS.set_forkserver_preload(["tests.numba_ready"])  # else a new process takes seconds
+@pytest.fixture(scope="module")
+def calls() -> Iterator[subprocess.Popen[str]]:
+    """New processes that call a compiled function."""
+    command = [sys.executable, "-I", ROOT / "tests" / "compiled_calls.py"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+        process.stdin.close()
 
 
-def call(
-    answers: Any, installed: Path, package: str, full: bool, environment: dict[str, str],
-    temporary: str,
-) -> None:  # fmt: skip
-    """Be a new process that calls a compiled function."""
-    os.environ.clear()
-    os.environ.update(environment)
-    tempfile.tempdir = temporary
-    numba.config.reload_config()
-    if full:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
-    sys.path.insert(0, str(installed))
-    sys.dont_write_bytecode = True
-    half = importlib.import_module(f"{package}.kernel").half
-    assert half(3.0) == 1.5
-    answers.send((sum(half.stats.cache_hits.values()), str(half.stats.cache_path)))
+@pytest.fixture
+def start(calls: subprocess.Popen[str], installed: Path, package: str) -> Start:
+    """Return what calls a function in a new process: how often the cache had it, and where."""
 
+    def started(
+        *,
+        home: Path | str,
+        temporary: Path | str,
+        named: str = "",
+        full: bool = False,
+        sources: Path = installed,
+    ) -> tuple[int, str]:
+        order = {
+            "installed": str(sources),
+            "package": package,
+            "environment": {"HOME": str(home), "NUMBA_CACHE_DIR": named},
+            "temporary": str(temporary),
+            "full": full,
+        }
+        print(json.dumps(order), file=calls.stdin, flush=True)
+        hits, place = json.loads(calls.stdout.readline())
+        return hits, place
 
-def start(
-    installed: Path,
-    package: str,
-    *,
-    home: Path | str,
-    temporary: Path | str,
-    named: str = "",
-    full: bool = False,
-) -> tuple[int, str]:
-    """Call a compiled function in a new process; return how often the cache had it, and where."""
-    environment = {"HOME": str(home), "PATH": os.environ["PATH"], "NUMBA_CACHE_DIR": named}
-    answer, answers = FORKS.Pipe(duplex=False)
-    process = FORKS.Process(
-        target=call, args=(answers, installed, package, full, environment, str(temporary))
-    )
-    process.start()
-    answers.close()
-    found: tuple[int, str] = answer.recv()
-    process.join()
-    assert process.exitcode == 0
-    return found
+    return started
 
 
 def test_it_is_kept_in_the_users_cache(
-    installed: Path, package: str, home: Path, tmp_path: Path
+    start: Start, package: str, home: Path, tmp_path: Path
 ) -> None:
-    first = start(installed, package, home=home, temporary=tmp_path)
-    second = start(installed, package, home=home, temporary=tmp_path)
+    first = start(home=home, temporary=tmp_path)
+    second = start(home=home, temporary=tmp_path)
     assert (first[0], second[0]) == (0, 1)
     assert Path(first[1]).is_relative_to(home / ".cache" / "robotctl" / package.rpartition(".")[2])
 
 
 @pytest.mark.parametrize("home", ["/proc", "relative"])
 def test_it_is_kept_in_a_private_temporary_folder_of_a_user_without_a_home(
-    installed: Path, package: str, home: str, tmp_path: Path
+    start: Start, home: str, tmp_path: Path
 ) -> None:
-    first = start(installed, package, home=home, temporary=tmp_path)
-    second = start(installed, package, home=home, temporary=tmp_path)
+    first = start(home=home, temporary=tmp_path)
+    second = start(home=home, temporary=tmp_path)
     assert (first[0], second[0]) == (0, 1)
     folder = tmp_path / f"robotctl-cache-{os.geteuid()}"
     assert Path(first[1]).is_relative_to(folder)
@@ -131,7 +123,7 @@ def test_it_is_kept_in_a_private_temporary_folder_of_a_user_without_a_home(
 
 @pytest.mark.parametrize("trap", ["open to others", "link"])
 def test_a_temporary_folder_that_others_could_write_to_is_not_trusted(
-    installed: Path, package: str, tmp_path: Path, trap: str
+    start: Start, tmp_path: Path, trap: str
 ) -> None:
     folder = tmp_path / f"robotctl-cache-{os.geteuid()}"
     target = tmp_path / "elsewhere"
@@ -141,67 +133,61 @@ def test_a_temporary_folder_that_others_could_write_to_is_not_trusted(
         folder.chmod(0o777)
     else:
         folder.symlink_to(target)
-    assert start(installed, package, home="/proc", temporary=tmp_path) == (0, "None")
+    assert start(home="/proc", temporary=tmp_path) == (0, "None")
     assert not list(target.iterdir())
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give folders away")
-def test_a_temporary_folder_of_another_user_is_not_trusted(
-    installed: Path, package: str, tmp_path: Path
-) -> None:
+def test_a_temporary_folder_of_another_user_is_not_trusted(start: Start, tmp_path: Path) -> None:
     folder = tmp_path / f"robotctl-cache-{os.geteuid()}"
     folder.mkdir(mode=0o700)
     os.chown(folder, 1234, 1234)
-    assert start(installed, package, home="/proc", temporary=tmp_path) == (0, "None")
+    assert start(home="/proc", temporary=tmp_path) == (0, "None")
 
 
-def test_nothing_is_kept_where_nothing_can_be_written(installed: Path, package: str) -> None:
-    assert start(installed, package, home="/proc", temporary="/proc") == (0, "None")
+def test_nothing_is_kept_where_nothing_can_be_written(start: Start) -> None:
+    assert start(home="/proc", temporary="/proc") == (0, "None")
 
 
-def test_a_folder_that_the_user_names_comes_first(
-    installed: Path, package: str, home: Path, tmp_path: Path
-) -> None:
+def test_a_folder_that_the_user_names_comes_first(start: Start, home: Path, tmp_path: Path) -> None:
     named = str(tmp_path / "mine")
-    _, place = start(installed, package, home=home, temporary=tmp_path, named=named)
+    _, place = start(home=home, temporary=tmp_path, named=named)
     assert Path(place).is_relative_to(tmp_path / "mine")
 
 
 @pytest.mark.parametrize(("suffix", "left"), [(".nbi", 0), (".nbi", 40), (".nbc", 200)])
 def test_a_file_that_was_cut_is_compiled_anew(
-    installed: Path, package: str, home: Path, tmp_path: Path, suffix: str, left: int
+    start: Start, home: Path, tmp_path: Path, suffix: str, left: int
 ) -> None:
-    _, place = start(installed, package, home=home, temporary=tmp_path)
+    _, place = start(home=home, temporary=tmp_path)
     for file in Path(place).glob(f"*{suffix}"):
         file.write_bytes(file.read_bytes()[:left])
-    hits = [start(installed, package, home=home, temporary=tmp_path)[0] for _ in range(2)]
+    hits = [start(home=home, temporary=tmp_path)[0] for _ in range(2)]
     assert hits == [0, 1]
 
 
 def test_a_constant_that_another_file_defines_is_part_of_the_code(
-    installed: Path, package: str, home: Path, tmp_path: Path
+    start: Start, installed: Path, package: str, home: Path, tmp_path: Path
 ) -> None:
     constants, kernel = (installed / package / f"{name}.py" for name in ("constants", "kernel"))
     constants.write_text("from typing import Final\n\nHALF: Final = 0.5\n")
     text = kernel.read_text().replace("0.5 *", "HALF *")
     kernel.write_text(f"from {package}.constants import HALF\n{text}")
-    hits = [start(installed, package, home=home, temporary=tmp_path)[0] for _ in range(2)]
+    hits = [start(home=home, temporary=tmp_path)[0] for _ in range(2)]
     constants.write_text(f"{constants.read_text()}# edited\n")
-    assert [*hits, start(installed, package, home=home, temporary=tmp_path)[0]] == [0, 1, 0]
+    assert [*hits, start(home=home, temporary=tmp_path)[0]] == [0, 1, 0]
 
 
 def test_a_copy_of_the_same_sources_shares_it(
-    installed: Path, package: str, home: Path, tmp_path: Path
+    start: Start, installed: Path, home: Path, tmp_path: Path
 ) -> None:
     copy = shutil.copytree(installed, tmp_path / "copy")
-    hits = [start(each, package, home=home, temporary=tmp_path)[0] for each in (installed, copy)]
+    hits = [start(home=home, temporary=tmp_path, sources=each)[0] for each in (installed, copy)]
     assert hits == [0, 1]
 
 
-def test_a_disk_that_is_full_only_costs_time(
-    installed: Path, package: str, home: Path, tmp_path: Path
-) -> None:
-    hits, _ = start(installed, package, home=home, temporary=tmp_path, full=True)
+def test_a_disk_that_is_full_only_costs_time(start: Start, home: Path, tmp_path: Path) -> None:
+    hits, _ = start(home=home, temporary=tmp_path, full=True)
     assert hits == 0
 
 
