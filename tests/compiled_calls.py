@@ -44,5 +44,6 @@ if __name__ == "__main__":
             sys.stdout.write("null\n" if status else "\n")
         else:
             sys.stdout.write(json.dumps(call(**json.loads(line))))
-            sys.exit()
+            sys.stdout.flush()
+            os._exit(0)
         sys.stdout.flush()
