@@ -1,5 +1,7 @@
 """Driving a running robot from beside it: its other end is played here, in step with the clock."""
 
+import time
+
 import msgspec
 import pytest
 import zmq
@@ -53,12 +55,21 @@ class Robot:
         self.obeys, self.began_mission = True, False
         self.after_goal = []
         """States that follow once there is a goal or a mission under way, as changes."""
+        self.listener = None
+        """Who must have heard a state before the next one follows, and before time passes."""
 
     def now_ns(self):
         return self.time_ns
 
     def sleep_until(self, _deadline_ns):
-        self.time_ns += 1_000_000  # so that sockets have time to connect
+        time.sleep(0.001)  # sockets connect and carry in real time
+        if self.listener.control is not None and self.listener.navigation == self.state:
+            self.time_ns += 2_000_000
+            self._answer()
+        for publisher, message in zip(self.publishers, (self.control, self.state), strict=True):
+            publisher.send(message)
+
+    def _answer(self):
         for request in self.requests.receive():
             self.heard.append(request)
             if not self.obeys:
@@ -79,11 +90,17 @@ class Robot:
         is_begun = self.state.goals or self.began_mission
         if is_begun and self.after_goal:
             self.change(**self.after_goal.pop(0))
-        for publisher, message in zip(self.publishers, (self.control, self.state), strict=True):
-            publisher.send(message)
 
     def change(self, **what):
         self.state = msgspec.structs.replace(self.state, **what)
+
+
+class Beside(RemoteRobot):
+    """What is tested, beside a robot that waits until it was heard."""
+
+    def __init__(self, robot):
+        super().__init__(clock=robot)
+        robot.listener = self
 
 
 @pytest.fixture
@@ -107,7 +124,7 @@ def test_a_goal_is_asked_for_in_guided_and_followed_to_its_end(make_robot):
         {"message": "1.0 m to go"},
         {"goal_reached": True, "message": "arrived"},
     ]
-    with RemoteRobot(clock=robot) as remote:
+    with Beside(robot) as remote:
         states = list(remote.goto(1.0, -2.0, 0.5))
     mode, goal = robot.heard
     assert mode.mode is Mode.GUIDED
@@ -119,7 +136,7 @@ def test_a_goal_is_asked_for_in_guided_and_followed_to_its_end(make_robot):
 def test_a_robot_that_gives_up_says_why(make_robot):
     robot = make_robot()
     robot.after_goal = [{"goal_reached": False, "message": "gave up after 5 tries: closed"}]
-    with RemoteRobot(clock=robot) as remote:
+    with Beside(robot) as remote:
         *_, last = remote.goto(1.0, -2.0)
     assert last.goal_reached is False
     assert last.message == "gave up after 5 tries: closed"
@@ -130,7 +147,7 @@ def test_a_robot_that_somebody_else_takes_over_is_left_to_him(make_robot, other)
     robot = make_robot()
     robot.after_goal = [{}, {"message": "taken", **other}]
     with (
-        RemoteRobot(clock=robot) as remote,
+        Beside(robot) as remote,
         pytest.raises(RefusedError, match="given up for something else: taken"),
     ):
         list(remote.goto(1.0, -2.0))
@@ -140,7 +157,7 @@ def test_a_robot_that_somebody_else_takes_over_is_left_to_him(make_robot, other)
 def test_an_unarmed_robot_is_asked_for_nothing(make_robot):
     robot = make_robot(STANDBY)
     with (
-        RemoteRobot(clock=robot) as remote,
+        Beside(robot) as remote,
         pytest.raises(RefusedError, match=r"not armed \(.*\); arm it first"),
     ):
         list(remote.goto(1.0, -2.0))
@@ -151,7 +168,7 @@ def test_a_refusal_is_told_in_the_robots_words(make_robot):
     robot = make_robot()
     robot.obeys = False
     with (
-        RemoteRobot(clock=robot) as remote,
+        Beside(robot) as remote,
         pytest.raises(RefusedError, match="refused: no"),
     ):
         list(remote.goto(1.0, -2.0))
@@ -160,7 +177,7 @@ def test_a_refusal_is_told_in_the_robots_words(make_robot):
 def test_hold_is_waited_for(make_robot):
     robot = make_robot()
     robot.change(mode=Mode.GUIDED)
-    with RemoteRobot(clock=robot) as remote:
+    with Beside(robot) as remote:
         remote.hold()
         assert remote.navigation.mode is Mode.HOLD
     assert [each.mode for each in robot.heard] == [Mode.HOLD]
@@ -176,7 +193,7 @@ def test_without_a_name_it_is_the_only_one_that_runs(make_robot):
 def test_exploring_is_followed_as_a_goal_is(make_robot):
     robot = make_robot()
     robot.after_goal = [{}, {"goal_reached": True, "message": "the map is complete"}]
-    with RemoteRobot(clock=robot) as remote:
+    with Beside(robot) as remote:
         *_, last = remote.explore()
     assert [type(each) for each in robot.heard] == [SetMode, ExploreTarget]
     assert last.goal_reached
@@ -190,7 +207,7 @@ def test_a_mission_is_loaded_driven_and_followed_through_a_pause_to_its_end(make
         {"mode": Mode.AUTO},
         {"mission_completed": True},
     ]
-    with RemoteRobot(clock=robot) as remote:
+    with Beside(robot) as remote:
         *_, last = remote.run_mission("/tmp/m.toml", b"name = 1")
     load, mode = robot.heard
     assert (load.file, load.content) == ("/tmp/m.toml", b"name = 1")
@@ -209,13 +226,13 @@ def test_a_mission_is_loaded_driven_and_followed_through_a_pause_to_its_end(make
 def test_a_mission_that_somebody_else_ends_is_left_to_him(make_robot, other, told):
     robot = make_robot()
     robot.after_goal = [{}, other]
-    with RemoteRobot(clock=robot) as remote, pytest.raises(RefusedError, match=told):
+    with Beside(robot) as remote, pytest.raises(RefusedError, match=told):
         list(remote.run_mission("/tmp/m.toml", b""))
 
 
 def test_resuming_is_what_the_mission_needs(make_robot):
     robot = make_robot()
-    with RemoteRobot(clock=robot) as remote:
+    with Beside(robot) as remote:
 
         def see(**what):
             robot.change(**what)
