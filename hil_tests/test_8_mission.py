@@ -72,8 +72,6 @@ def test_a_robot_that_is_not_told_its_place_finds_it_and_maps_on_its_way(
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("robot", ["diff_drive", "tricycle", "ackermann"])
 def test_patrol_is_completed_without_collision(bus: str, robot: str, tmp_path: Path) -> None:
-    if bus != "simcan" and robot == "tricycle":
-        pytest.skip("its nodes and their frames are those of the car: on simcan alone")
     score = patrol(bus, robot, tmp_path)
     assert score["distance_m"] > 15
     assert score["pose_error"]["max_m"] < 0.02 * score["distance_m"]

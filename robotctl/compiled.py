@@ -136,6 +136,11 @@ class _Locator(_SOURCE_FILE, _LOCATOR):  # type: ignore[misc] # numba has no typ
         self._py_file, self._lineno = file, function.__code__.co_firstlineno
         self._folder = str(Path(_FOLDER, function.__module__))
 
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> _Locator:
+        """Return where it is kept; the folder is made when there is something to keep."""
+        return cls(function, file)
+
     def get_cache_path(self) -> str:
         """Return the folder."""
         return self._folder

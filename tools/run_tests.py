@@ -2,9 +2,9 @@
 
 The vcan part runs on this kernel where it has vcan and rights allow, else in the guest of
 `tools/vcan-guest`: the whole under virtual time, a short smoke in real time. Missions on simcan run
-beside nothing: their navigation has no priority, and holds the robot when others leave it no
-processor for half a second. Every stage runs even if one before it failed; the
-last lines say what ran and what did not. Environment: VCAN=off leaves the vcan part out.
+alone: their navigation has no priority, and holds the robot when others leave it no processor for
+half a second. Every stage runs even if one before it failed; the last lines say what ran and what
+did not. Environment: VCAN=off leaves the vcan part out.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ GRAPHS = tuple(
     f"tests/estimation/slam/{name}"
     for name in ("test_batch.py", "test_incremental.py", "ekf_slam/test_ekf_slam.py")
 )
-"""They call all that is compiled for graphs."""
+"""Between them they call every compiled function of the graphs."""
 INTERFACE = "vcan0"
 # Also the tests of drivers that need SocketCAN, which the unit stage names as skipped.
 DRIVERS = ("tests/vcan", "tests/drivers/can/test_can_port_contract.py")

@@ -79,7 +79,7 @@ def summary(result: OptimizeResult) -> str:
     figures = result.report()
     time_ms = figures["time_ms"]["total"]
     count = figures["connected_components"]
-    parts = "all connected" if count == 1 else f"{count} unconnected parts"
+    parts = "all connected" if count == 1 else f"in {count} separate parts"
     lines = [
         "{vertices} variables, {edges} factors, ".format(**figures) + parts,
         "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in {iterations} iterations".format(**figures)

@@ -55,7 +55,7 @@ def test_it_writes_optimum_report_and_picture(square, tmp_path):
     [
         (("--solver", "lmm"), 'did you mean "lm"'),
         (("--robust", "hubert"), 'did you mean "huber"'),
-        (("--robust", "huber", "--solver", "isam"), "isam has no robust kernel"),
+        (("--robust", "huber", "--solver", "isam"), "isam has no robust kernels"),
         (("--init", "cordal"), 'did you mean "chordal"'),
         (("--marginals", "12"), "--marginals 12: there is no such variable; ids go from 0 to 9"),
         (("--out", "x.csv"), "the suffix says the format"),

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Final
 
 from robotctl.model.drives.drives import Drive
-from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.docking import (
     NEAR_M,
@@ -101,12 +100,11 @@ class DockAtMarker(Behaviour):
 
     def _approach(self, here: SE2, left_m: float, text: str) -> BehaviourOutput:
         """Steer to a point of the axis ahead; `here` is `base` seen from the marker."""
-        aside_rad = wrap_angle(math.atan2(-here.y_m, _AHEAD_M) - here.theta_rad)
+        x_m, y_m = here.inverse().apply(here.x_m + _AHEAD_M, 0.0)
+        aside_rad = math.atan2(y_m, x_m)
         if self._turns and abs(aside_rad) > _TURN_RAD:
             return turn(aside_rad, text)
         v = approach_speed(left_m, self._speed_m_s)
-        away_m = math.hypot(_AHEAD_M, here.y_m)
-        x_m, y_m = away_m * math.cos(aside_rad), away_m * math.sin(aside_rad)
         curvature = reachable_curvature(x_m, y_m, self._curvature_max)
         return BehaviourOutput(v, curvature * v, text=text)
 

@@ -353,9 +353,8 @@ class LayeredMap:
     def stand_at(self, T_world_base: SE2) -> None:
         """Note that the floor under the robot is free, whatever echoes from its own edge say."""
         here = self._space.to_cells(T_world_base)
-        pose = here.x_m, here.y_m, here.theta_rad
-        marks.learn_free(self._cells, moved(SE2(*pose), self._space.samples))
-        rows, columns = cells_at(moved(SE2(*pose), self._inner), self._space.shape)
+        marks.learn_free(self._cells, moved(here, self._space.samples))
+        rows, columns = cells_at(moved(here, self._inner), self._space.shape)
         wrong = np.argwhere(self._cells.marks[rows, columns])[:, 0]
         for row, column in zip(rows[wrong].tolist(), columns[wrong].tolist(), strict=True):
             for layer in self._layers:

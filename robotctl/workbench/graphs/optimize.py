@@ -170,7 +170,7 @@ def optimize(
         if name not in names:
             raise ConfigError(f"{option} {name}: unknown{nearest(name, list(names))}")
     if options.robust and options.solver == "isam":
-        raise ConfigError("--robust is of gn, lm and dogleg; isam has no robust kernel")
+        raise ConfigError("--robust works with gn, lm and dogleg; isam has no robust kernels")
     clock = _Clock(tell)
     begin_s = clock.now_s
     file = read_graph(options.graph)

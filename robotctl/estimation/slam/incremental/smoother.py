@@ -216,11 +216,11 @@ class IncrementalSmoother:
         """Take a factor out again, from the next update on."""
         self.weigh(factor, 0.0)
 
-    def update(self) -> int:
-        """Take in what was added; return how often a change touched a variable."""
+    def update(self) -> bool:
+        """Take in what was added; return whether anything changed."""
         self._relinearise()
         if not self._touched:
-            return 0
+            return False
         self._linearise(np.unique(np.array(self._fresh, np.int64)))
         links = Links(
             self._offsets.view, self._dof.view, self._owner.view, self._first.view,
@@ -235,13 +235,13 @@ class IncrementalSmoother:
         self._touched, self._new, self._fresh = [], [], []
         if self._cliques.used[2] > _WASTE and len(self._cliques.pool) > 4 * self._live():
             self._cliques = compact(self._cliques, self._clique_of.view)
-        return len(touched)
+        return True
 
     def refine(self, most: int = 10) -> None:
         """Linearise anew until nothing changes that matters, in so many updates at most."""
         config, self.config = self.config, SmootherConfig(_EXACT, 0.0)
         for _ in range(most):
-            if self.update() == 0:
+            if not self.update():
                 break
         self.config = config
 
