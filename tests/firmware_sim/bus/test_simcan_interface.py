@@ -204,10 +204,12 @@ def test_a_notifier_hands_messages_to_its_listeners(pair):
 
 def test_periodic_messages_keep_their_rate_on_the_bus(pair):
     a, b = pair
+    begin_s = time.time()
     task = a.send_periodic(frame(0x80), 0.02)
     stamps = [b.recv(5.0).timestamp for _ in range(6)]
     task.stop()
-    assert 0.08 <= stamps[-1] - stamps[0] <= 1.0
+    # Counted from the start: a first frame that is late is made up for by the next ones.
+    assert 0.099 <= stamps[-1] - begin_s <= 1.0
 
 
 def test_the_interface_needs_nothing_of_the_simulator():
