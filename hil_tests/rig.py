@@ -25,7 +25,7 @@ import zmq
 from firmware_sim.nodes import wire
 from firmware_sim.nodes.e2e import crc8, data_id_crc
 from hil_tests.firmware import Firmware
-from robotctl.app.simulation.sim import BEST_EFFORT, PATIENCE, Truth
+from robotctl.app.simulation.run_status import BEST_EFFORT, PATIENCE, Truth
 from robotctl.app.supervision.child_process import start_child
 from robotctl.app.supervision.stack import CONTROL, NAVIGATION, RECORDER, TELEMETRY
 from robotctl.config.options import StackOptions

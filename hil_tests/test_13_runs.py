@@ -15,7 +15,8 @@ from typing import Any, cast
 import pytest
 from pymavlink import mavutil
 
-from robotctl.app.simulation.sim import RunStatus, SimRun
+from robotctl.app.simulation.run_status import RunStatus
+from robotctl.app.simulation.sim import SimRun
 from robotctl.app.simulation.sim_options import SimOptions
 from robotctl.app.supervision.stack import NAVIGATION
 from robotctl.config.robot_file import find_file

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from robotctl.core.plan_view import PlanViews
 from robotctl.errors import ConfigError
 from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.ranging.scan_messages import lidar_scan
@@ -25,7 +26,7 @@ from robotctl.messages.control import (
     VelocityCommand,
     VelocityTarget,
 )
-from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState
+from robotctl.messages.estimation import CameraView, LidarScan, LocalisationState, PlanView
 from robotctl.messages.mission import (
     AbortMission,
     ExploreTarget,
@@ -149,6 +150,7 @@ class NavigationAdapter:
         self._armings: int | None = None
         """The count in the last state, None if that was not enabled."""
         self._needs_station = needs_station
+        self._views = PlanViews(navigator.outlook)
         self._station_ns: int | None = None
         """When a ground station was there last."""
 
@@ -256,6 +258,10 @@ class NavigationAdapter:
             return None
         self._offer = _Offer(mission, message.file, zlib.crc32(message.content))
         return LoadRequest(mission)
+
+    def views(self, now_ns: int) -> list[PlanView]:
+        """Return what the robot drives by, if it is time for people to see it."""
+        return self._views.of(now_ns)
 
     def take_notices(self) -> list[str]:
         """Return sentences for people since the last call."""

@@ -115,6 +115,8 @@ class NavigationTick:
                 tell(picture)
             for text in estimators.take_notices():
                 tell(Notice(now_ns, Severity.NOTICE, text))
+        for view in self._adapter.views(now_ns):
+            tell(view)
         for text in self._adapter.take_notices():
             tell(Notice(now_ns, Severity.WARNING, text))
         if self.state is not None:

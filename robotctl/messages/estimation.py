@@ -130,6 +130,24 @@ class LiveMap(msgspec.Struct, frozen=True, tag=True):
     theta_rad: float = 0.0
 
 
+class PlanView(msgspec.Struct, frozen=True, tag=True):
+    """What the robot drives by and sees around, for people; all of it in `world`.
+
+    `path` holds the rest of the planned path and `arc` what the present velocity leads through:
+    poses of `base`, x, y and heading as little-endian float32 [m, m, rad]; both are empty while it
+    drives by no plan. `obstacles` holds x and y of what the sensors have seen that is on no map,
+    `moving` what moves by itself: x, y, vx, vy and radius [m, m/s]. `costs` is the map around the
+    robot: 100 where the body touches something however it is turned, 0 where it has room.
+    """
+
+    stamp_ns: int
+    path: bytes
+    arc: bytes
+    obstacles: bytes
+    moving: tuple[tuple[float, float, float, float, float], ...]
+    costs: LiveMap
+
+
 class GivenMap(msgspec.Struct, frozen=True, tag=True):
     """The localiser's map, repeated for late subscribers."""
 

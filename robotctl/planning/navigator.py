@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from robotctl.control.limiter import LimitsConfig
 from robotctl.errors import MissionError
@@ -37,6 +38,9 @@ from robotctl.planning.mission.auto import Auto, needs_pilot
 from robotctl.planning.navigation_step import LoadRequest, NavigationInputs, NavigationOutputs
 from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
 from robotctl.planning.surroundings import Surroundings
+
+if TYPE_CHECKING:
+    from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
 
 _LONGEST_STEP_NS = 500_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
@@ -165,6 +169,11 @@ class Navigator:
     def take_pilot(self, pilot: Pilot) -> None:
         """Let a pilot plan what is driven to a goal."""
         self._robot.pilot = pilot
+
+    def outlook(self) -> Outlook | None:
+        """Return what the pilot drives by and sees; None: there is none."""
+        pilot = self._robot.pilot
+        return None if pilot is None else pilot.outlook()
 
     @property
     def drives_by_plan(self) -> bool:

@@ -17,7 +17,7 @@ from robotctl.app.localisation.localiser import (
     LocaliserInput,
     sensed_robot,
 )
-from robotctl.app.localisation.mapper import Mapper, live_map
+from robotctl.app.localisation.mapper import Mapper
 from robotctl.app.localisation.mcl_localiser import make_mcl
 from robotctl.config.robot_file import RobotConfig
 from robotctl.estimation.grid.occupancy_grid import OccupancyGrid
@@ -35,6 +35,7 @@ from robotctl.messages.estimation import (
     ParticleCloud,
     SensorMessage,
 )
+from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
@@ -109,7 +110,7 @@ class Estimators:
         self._state: LocalisationState | None = None
         self.world_map = given
         """The map that the robot localises itself in, where there is one."""
-        self._given = None if given is None else live_map(given, 0)
+        self._given = None if given is None else map_message(given, 0)
         self._given_ns = -_GIVEN_NS
         self._pictured_ns = 0
         self._status: LocalisationStatus | None = None

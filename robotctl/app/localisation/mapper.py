@@ -12,10 +12,10 @@ from robotctl.estimation.odometry.odometry_history import OdometryHistory
 from robotctl.estimation.sensors.registry import load_sensors
 from robotctl.estimation.sensors.sensor import Detail, Measured, SensedRobot, Sensor
 from robotctl.messages.estimation import LiveMap, LocalisationState
+from robotctl.messages.map_message import map_message
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
-from robotctl.model.grid_map import GridMap
 
 _LEAST_M: Final = 0.05
 _LEAST_RAD: Final = 0.05
@@ -78,22 +78,7 @@ class Mapper:
         """Return the map for people and for the score; None if nothing has been seen yet."""
         if not self._last:
             return None
-        return live_map(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
-
-
-def live_map(grid: GridMap, now_ns: int) -> LiveMap:
-    """Return a map as a message."""
-    rows, columns = grid.cells.shape
-    return LiveMap(
-        stamp_ns=now_ns,
-        rows=rows,
-        columns=columns,
-        resolution_m=grid.resolution_m,
-        x_m=grid.origin.x_m,
-        y_m=grid.origin.y_m,
-        cells=grid.cells.tobytes(),
-        theta_rad=grid.origin.theta_rad,
-    )
+        return map_message(self.grid.to_map(_OCCUPIED_ABOVE), now_ns)
 
 
 def _moved(before: SE2 | None, after: SE2) -> bool:

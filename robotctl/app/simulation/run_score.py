@@ -23,6 +23,7 @@ from robotctl.logs.formats.tum import write_tum
 from robotctl.maps.map_file import save_map
 from robotctl.messages.control import ControlState
 from robotctl.messages.estimation import CameraView, LiveMap, LocalisationState
+from robotctl.messages.map_message import grid_of
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.grid_map import GridMap
@@ -155,12 +156,6 @@ class RunScore:
             _write(folder / f"truth-{run:04d}.tum", lambda path: write_tum(path, way))
         if grid is not None:
             _write(folder / f"map-{run:04d}", lambda path: save_map(path, grid))
-
-
-def grid_of(message: LiveMap) -> GridMap:
-    """Return a message as a map."""
-    cells = np.frombuffer(message.cells, np.int8).reshape(message.rows, message.columns)
-    return GridMap(cells, message.resolution_m, SE2(message.x_m, message.y_m, message.theta_rad))
 
 
 def _write(path: Path, write: Callable[[Path], object]) -> None:

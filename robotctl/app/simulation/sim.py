@@ -10,10 +10,8 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
-import msgspec
 import zmq
 
 from firmware_sim.faults.scenario import not_begun
@@ -24,6 +22,7 @@ from robotctl.app.simulation.journey_score import journey_score
 from robotctl.app.simulation.operator import MissionOperator
 from robotctl.app.simulation.room import arrived, goals, load_furnished
 from robotctl.app.simulation.run_score import RunScore
+from robotctl.app.simulation.run_status import BEST_EFFORT, PATIENCE, RunStatus, Truth
 from robotctl.app.simulation.score import (
     Report,
     StampedPose,
@@ -59,9 +58,9 @@ from robotctl.messages.estimation import (
     LiveMap,
     LocalisationState,
     ParticleCloud,
+    PlanView,
 )
 from robotctl.messages.ports import Clock
-from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.camera import SIMULATED
 from robotctl.model.sensors.lidar import SOCKET
 from robotctl.model.wall_map import WallMap
@@ -74,12 +73,6 @@ from robotctl.runtime.ipc.topics import (
     ring_path,
 )
 from robotctl.runtime.storage.log_folder import LogFolder
-
-PATIENCE = "safety.feedback_timeout_periods=10"
-"""A simulated drive is a process of an ordinary computer, whose pauses are no fault of a robot."""
-
-BEST_EFFORT = "runtime.allow_best_effort=true"
-"""A simulated robot is harmless without real-time rights."""
 
 _READY_S = 180.0
 _BELOW_CONTROL = 10
@@ -94,45 +87,11 @@ _Heard: TypeAlias = (
     | NavigationState
     | LocalisationState
     | ParticleCloud
+    | PlanView
     | LiveMap
     | CameraView
     | Notice
 )
-
-
-class Truth(msgspec.Struct, frozen=True):
-    """The part of firmware_sim's published truth that scores a run."""
-
-    stamp_ns: int
-    x_m: float
-    y_m: float
-    theta_rad: float
-    distance_m: float
-    collisions: int
-    power_off_ns: int
-    unsafe_motions: int
-    unsafe_reason: str
-    late_max_ns: int
-    ran_into: int
-    people: tuple[tuple[float, float], ...]
-
-
-@dataclass(slots=True)
-class RunStatus:
-    """State of a run in progress."""
-
-    elapsed_s: float = 0.0
-    control: ControlState | None = None
-    navigation: NavigationState | None = None
-    truth: Truth | None = None
-    localisation: LocalisationState | None = None
-    cloud: ParticleCloud | None = None
-    map: LiveMap | None = None
-    view: CameraView | None = None
-    pose: SE2 | None = None
-    """`base` in `world`; None if that is unknown."""
-    lines: list[str] = field(default_factory=list)
-    real_time_factor: float = 1.0
 
 
 class SimRun:
@@ -417,11 +376,11 @@ class SimRun:
                 case LocalisationState():
                     progress.localisation = message
                     self._score.localisation(message)
-                case ParticleCloud():
-                    progress.cloud = message
                 case LiveMap():
                     progress.map = message
                     self._score.map(message)
+                case ParticleCloud() | PlanView():
+                    progress.picture(message)
                 case CameraView():
                     progress.view = message
                     self._score.view(message)

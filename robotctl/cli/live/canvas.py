@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable
+from collections.abc import Iterator
+
+from rich.text import Text
 
 _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 
 
 class Canvas:
     """Draws in metres, x to the right and y up.
+
+    A character has one style, that of what was drawn in it last.
 
     Parameters
     ----------
@@ -28,6 +32,8 @@ class Canvas:
         self._x_min, self._y_min = x_min, y_min
         self._cells = [[0] * columns for _ in range(rows)]
         self._marks: dict[tuple[int, int], str] = {}
+        self._styles: dict[tuple[int, int], str] = {}
+        self._shades: dict[tuple[int, int], str] = {}
 
     @classmethod
     def fitting(cls, columns: int, rows: int, bounds: tuple[float, float, float, float]) -> Canvas:
@@ -43,33 +49,45 @@ class Canvas:
         other = copy.copy(self)
         other._cells = [list(row) for row in self._cells]
         other._marks = dict(self._marks)
+        other._styles = dict(self._styles)
+        other._shades = dict(self._shades)
         return other
 
-    def point(self, x_m: float, y_m: float) -> None:
+    def point(self, x_m: float, y_m: float, style: str = "") -> None:
         """Set the dot at a point; outside nothing happens."""
         column, row = self._dot(x_m, y_m)
         if 0 <= column < 2 * self.columns and 0 <= row < 4 * self.rows:
             self._cells[row // 4][column // 2] |= _DOTS[row % 4][column % 2]
+            self._styles[row // 4, column // 2] = style
 
-    def line(self, x1_m: float, y1_m: float, x2_m: float, y2_m: float) -> None:
+    def line(self, x1_m: float, y1_m: float, x2_m: float, y2_m: float, style: str = "") -> None:
         """Draw a segment."""
         steps = max(1, math.ceil(math.hypot(x2_m - x1_m, y2_m - y1_m) * self._scale * 1.5))
         for step in range(steps + 1):
             share = step / steps
-            self.point(x1_m + share * (x2_m - x1_m), y1_m + share * (y2_m - y1_m))
+            self.point(x1_m + share * (x2_m - x1_m), y1_m + share * (y2_m - y1_m), style)
 
-    def mark(self, x_m: float, y_m: float, character: str) -> None:
+    def mark(self, x_m: float, y_m: float, character: str, style: str = "") -> None:
         """Put one character over the point."""
         column, row = self._dot(x_m, y_m)
         self._marks[row // 4, column // 2] = character
+        self._styles[row // 4, column // 2] = style
 
-    def lines(self) -> Iterable[str]:
+    def shade(self, x_m: float, y_m: float, style: str) -> None:
+        """Colour the ground of the character at a point."""
+        column, row = self._dot(x_m, y_m)
+        self._shades[row // 4, column // 2] = style
+
+    def lines(self) -> Iterator[Text]:
         """Yield the rows from the top."""
         for row, cells in enumerate(self._cells):
-            yield "".join(
-                self._marks.get((row, column), chr(0x2800 + cell) if cell else " ")
-                for column, cell in enumerate(cells)
-            )
+            line = Text()
+            for column, cell in enumerate(cells):
+                at = row, column
+                character = self._marks.get(at, chr(0x2800 + cell) if cell else " ")
+                style = f"{self._styles.get(at, '')} {self._shades.get(at, '')}"
+                line.append(character, style.strip())
+            yield line
 
     def _dot(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return the dot (column, row from the top) of a point."""

@@ -7,18 +7,17 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-import numpy as np
 from rich.console import Console, Group
 from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from robotctl.app.simulation.run_score import grid_of
+from robotctl.app.simulation.run_status import RunStatus
 from robotctl.app.simulation.score import run_message
-from robotctl.app.simulation.sim import RunStatus, SimRun
+from robotctl.app.simulation.sim import SimRun
 from robotctl.cli.console import plain_console
-from robotctl.cli.live.canvas import Canvas
+from robotctl.cli.live.map_view import RunMap, legend, title
 from robotctl.cli.live.sim_keys import BRIEF, HELP, what_now
 from robotctl.config.robot_file import RobotConfig
 from robotctl.messages.control import ControlState, SafetyState
@@ -40,7 +39,6 @@ _LOW = 30
 """A terminal of fewer lines is low."""
 _SLOW = 0.99
 """Below this real-time factor it is shown."""
-_ARROWS = "→↗↑↖←↙↓↘"
 _STATE_STYLE = {
     SafetyState.BOOT: "dim",
     SafetyState.STANDBY: "yellow",
@@ -182,13 +180,11 @@ class LiveView:
     ) -> None:
         self._console = console
         self._config = config
-        self._walls = walls
+        self._map = RunMap(walls)
         self._connections = connections
         self._keys = keys
         self._helps = False
         self._notices: deque[str] = deque(maxlen=_NOTICES)
-        self._trail: deque[tuple[float, float]] = deque(maxlen=2000)
-        self._drawn_walls = Canvas(0, 0, walls.bounds)
         self._shown_s = -math.inf
         self._live = Live(console=console, auto_refresh=False, screen=False)
 
@@ -228,8 +224,6 @@ class LiveView:
         if self._helps:
             parts += [_line(each) for each in HELP]
         elif control is not None and rows - _FRAME >= _FEWEST_MAP_ROWS:
-            if progress.pose is not None:
-                self._trail.append((progress.pose.x_m, progress.pose.y_m))
             parts.append(self._map_and_figures(progress, control, width, rows))
         return Group(*parts, *bottom)  # type: ignore[arg-type]
 
@@ -270,9 +264,14 @@ class LiveView:
         """Lay out the map in so many lines, with figures beside it where they fit."""
         most = max(width - _FIGURES_COLUMNS, _MAP_COLUMNS)
         columns = min(most, width) - 2 * _FRAME
-        canvas = self._canvas(progress, columns, min(rows - _FRAME, _MOST_MAP_ROWS))
+        canvas = self._map.draw(progress, columns, min(rows - _FRAME, _MOST_MAP_ROWS))
         panel_columns = canvas.columns + 2 * _FRAME
-        panel = Panel("\n".join(canvas.lines()), title=_map_title(progress), width=panel_columns)
+        panel = Panel(
+            Text("\n").join(canvas.lines()),
+            title=title(progress),
+            subtitle=legend(progress),
+            width=panel_columns,
+        )
         both = Table.grid(padding=(0, 1))
         both.add_column(width=panel_columns)
         if width - panel_columns < _FEWEST_COLUMNS:
@@ -282,40 +281,6 @@ class LiveView:
         longest = max(len(name) for name, _ in figures)
         both.add_row(panel, Group(*(_line(f"{name:{longest}}  {text}") for name, text in figures)))
         return both
-
-    def _canvas(self, progress: RunStatus, columns: int, rows: int) -> Canvas:
-        """Draw walls or the growing map, trail, particles, what the camera sees, and the truth."""
-        empty = Canvas.fitting(columns, rows, self._walls.bounds)
-        if progress.map is None:
-            canvas = self._walls_on(empty)
-        else:
-            canvas = empty
-            grid = grid_of(progress.map)
-            for x_m, y_m in grid.centre_of(np.argwhere(grid.occupied())):
-                canvas.point(x_m, y_m)
-        for x_m, y_m in self._trail:
-            canvas.point(x_m, y_m)
-        if progress.cloud is not None:
-            for x_m, y_m, _ in np.frombuffer(progress.cloud.poses, "<f4").reshape(-1, 3):
-                canvas.point(x_m, y_m)
-        if progress.truth is not None:
-            canvas.mark(progress.truth.x_m, progress.truth.y_m, "o")
-        here = progress.pose
-        if here is not None:
-            for thing in progress.view.obstacles if progress.view is not None else ():
-                canvas.mark(*here.apply(thing.x_m, thing.y_m), "x")
-            arrow = _ARROWS[round(here.theta_rad / (math.pi / 4)) % 8]
-            canvas.mark(here.x_m, here.y_m, arrow)
-        return canvas
-
-    def _walls_on(self, empty: Canvas) -> Canvas:
-        """Return the walls on a canvas, drawn once for each size: a map has thousands."""
-        drawn = self._drawn_walls
-        if (drawn.columns, drawn.rows) != (empty.columns, empty.rows):
-            drawn = self._drawn_walls = empty
-            for x1_m, y1_m, x2_m, y2_m in self._walls.segments:
-                drawn.line(x1_m, y1_m, x2_m, y2_m)
-        return drawn.copy()
 
     def _motion(self, control: ControlState) -> Iterator[tuple[str, str]]:
         """Yield velocity, each wheel and the distance."""
@@ -395,13 +360,3 @@ def _place(pose: SE2 | None, gap: str) -> str:
 def _measured(value: float) -> str:
     """Write a measured value; nan: not measured now."""
     return "-" if math.isnan(value) else f"{value:.2f}"
-
-
-def _map_title(progress: RunStatus) -> str:
-    """Say what the map shows, and how well the robot knows its place."""
-    state = progress.localisation
-    if state is None:
-        return "map" if progress.map is None else "map as it grows"
-    sigma_m = math.sqrt(max(0.0, state.covariance[0] + state.covariance[3]))
-    particles = f", {state.particles} particles" if state.particles else ""
-    return f"{state.method}: {state.status.name.lower()}, ±{sigma_m:.2f} m{particles}"

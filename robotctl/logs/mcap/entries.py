@@ -37,6 +37,7 @@ from robotctl.messages.estimation import (
     LiveMap,
     LocalisationState,
     ParticleCloud,
+    PlanView,
 )
 
 Published: TypeAlias = (
@@ -47,6 +48,7 @@ Published: TypeAlias = (
     | CameraView
     | Notice
     | ParticleCloud
+    | PlanView
     | LiveMap
     | GivenMap
 )
@@ -81,6 +83,8 @@ TOPICS: Final[dict[str, tuple[str, JsonSchema]]] = {
     "map": _well_known(Grid),
     "live_map": _well_known(Grid),
     "particles": _well_known(PointCloud),
+    "path": _well_known(PointCloud),
+    "costs": _well_known(Grid),
 }
 """Name and schema of the messages of each topic."""
 
@@ -134,10 +138,18 @@ class LogEntries:
                 yield "navigation", wall_ns, plain(message)
             case CameraView():
                 yield "camera", wall_ns, camera_content(message)
-            case ParticleCloud():
-                yield "particles", wall_ns, point_cloud(wall_ns, message)
             case Notice():
                 yield "notice", wall_ns, log_line(wall_ns, message, self._name)
+            case ParticleCloud() | PlanView():
+                yield from self._of_picture(wall_ns, message)
+
+    def _of_picture(self, wall_ns: int, message: ParticleCloud | PlanView) -> Iterator[Entry]:
+        """Yield what is for people to look at."""
+        if isinstance(message, ParticleCloud):
+            yield "particles", wall_ns, point_cloud(wall_ns, message.poses)
+            return
+        yield "path", wall_ns, point_cloud(wall_ns, message.path)
+        yield from self._of_map("costs", message.costs)
 
     def newest_maps(self) -> Iterator[Entry]:
         """Yield the maps that changed since they were last logged, for the end of the file."""

@@ -16,7 +16,7 @@ from typing import Final
 import msgspec
 
 from robotctl.messages.control import Notice
-from robotctl.messages.estimation import LidarScan, LiveMap, ParticleCloud
+from robotctl.messages.estimation import LidarScan, LiveMap
 from robotctl.model.geometry.se2 import SE2
 
 WORLD: Final = "world"
@@ -157,7 +157,7 @@ class Log(msgspec.Struct, frozen=True):
 
 _UPRIGHT: Final = Quaternion(0.0, 0.0, 0.0, 1.0)
 _AT_ORIGIN: Final = Pose(Vector3(0.0, 0.0), _UPRIGHT)
-_PARTICLE: Final = (
+_POSE: Final = (
     PackedElementField("x", 0, _FLOAT32),
     PackedElementField("y", 4, _FLOAT32),
     PackedElementField("theta", 8, _FLOAT32),
@@ -265,9 +265,9 @@ def grid(wall_ns: int, world_map: LiveMap) -> Grid:
     )
 
 
-def point_cloud(wall_ns: int, cloud: ParticleCloud) -> PointCloud:
-    """Return particles in `world`."""
-    return PointCloud(time_of(wall_ns), WORLD, _AT_ORIGIN, 12, _PARTICLE, cloud.poses)
+def point_cloud(wall_ns: int, poses: bytes) -> PointCloud:
+    """Return poses of `world`, packed as those of `ParticleCloud`."""
+    return PointCloud(time_of(wall_ns), WORLD, _AT_ORIGIN, 12, _POSE, poses)
 
 
 def log_line(wall_ns: int, notice: Notice, name: str) -> Log:

@@ -17,6 +17,7 @@ from robotctl.planning.local.path import Point
 
 if TYPE_CHECKING:
     from robotctl.model.sensors.range_scan import RangeScan  # which loads numpy
+    from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
     from robotctl.planning.config import NavigationConfig  # which has settings of behaviours
 
 
@@ -78,6 +79,9 @@ class Pilot(Protocol):
 
     def exploration(self, speed_m_s: float) -> Behaviour:
         """Return the behaviour that drives to what is unknown."""
+
+    def outlook(self) -> Outlook:
+        """Return what it drives by and sees now, for people."""
 
 
 class Abilities(NamedTuple):

@@ -134,6 +134,7 @@ class Journey(Behaviour):
                 return found
             route = found
         motion = self._looked_at(pose, self._follow(situation, route.plan))
+        self._pilot.show(route.rest, motion.ahead)
         if motion.arrived or self._is_there(pose):
             return done()
         if self._is_stuck(situation, motion, now_ns):

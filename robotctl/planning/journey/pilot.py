@@ -20,7 +20,9 @@ from robotctl.model.grid_map import OCCUPIED, GridMap
 from robotctl.model.sensors.range_scan import RangeScan
 from robotctl.model.sensors.sonar import SonarMount
 from robotctl.planning.behaviours.kind import Goal, Seen
+from robotctl.planning.behaviours.outlook import NOWHERE, Outlook
 from robotctl.planning.config import NavigationConfig
+from robotctl.planning.costmap.costs import costs_of
 from robotctl.planning.costmap.layered_map import NOTHING_MOVES, LayeredMap, LayersConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.tracks import MovingObstacles
@@ -152,6 +154,9 @@ class MapPilot:
         self._tracks = MovingObstacles()
         self._scan_ns = -1
         self._now_ns = 0
+        self._here = home
+        self._shown = NOWHERE, NOWHERE
+        self._shown_ns = -1
         self._done = (0, 0)
         self._journey: Journey | None = None
 
@@ -208,7 +213,7 @@ class MapPilot:
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
-        self._now_ns, self._goes_on = now_ns, self._budget()
+        self._here, self._now_ns, self._goes_on = pose, now_ns, self._budget()
         self._map.stand_at(pose)
         for T_odom_base, scan in seen.scans:
             if scan.stamp_ns > self._scan_ns:
@@ -245,6 +250,21 @@ class MapPilot:
         self._tracks.step(T_odom_base, scan, scan.stamp_ns, ~self._map.explained(ends))
         self.moving = self._tracks.moving(T_world_odom)
         self._map.see_scan(where, scan, scan.stamp_ns, self.moving)
+
+    def show(self, path: NDArray[np.float64], arc: NDArray[np.float64]) -> None:
+        """Note what the robot drives by in this step, for `outlook`."""
+        self._shown, self._shown_ns = (path, arc), self._now_ns
+
+    def outlook(self) -> Outlook:
+        """Return what it drives by and sees now."""
+        path, arc = self._shown if self._shown_ns == self._now_ns else (NOWHERE, NOWHERE)
+        return Outlook(
+            path,
+            arc,
+            self._map.marked_world(),
+            self.moving,
+            costs_of(self._map.space_around(self._here, _LOOK_M), self.config.comfort_m),
+        )
 
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""

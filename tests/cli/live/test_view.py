@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from robotctl.app.processes.robot import make_core
-from robotctl.app.simulation.sim import RunStatus
+from robotctl.app.simulation.run_status import RunStatus
 from robotctl.cli.live.view import LineView, LiveView
 from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot

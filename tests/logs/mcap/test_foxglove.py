@@ -15,7 +15,6 @@ from robotctl.messages.estimation import (
     LidarScan,
     LiveMap,
     LocalisationState,
-    ParticleCloud,
 )
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
@@ -161,9 +160,9 @@ def test_a_map_lies_in_world_with_grey_cells_and_their_percentages():
     assert found.pose.orientation.z == pytest.approx(math.sin(math.pi / 4))
 
 
-def test_particles_are_points_of_world():
+def test_poses_are_points_of_world():
     poses = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, -0.5]], "<f4")
-    found = point_cloud(0, ParticleCloud(0, poses.tobytes()))
+    found = point_cloud(0, poses.tobytes())
     assert [(field.name, field.offset, field.type) for field in found.fields] == [
         ("x", 0, 7),
         ("y", 4, 7),

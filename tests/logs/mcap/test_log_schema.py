@@ -41,6 +41,7 @@ from robotctl.messages.estimation import (
     LiveMap,
     LocalisationState,
     ParticleCloud,
+    PlanView,
     SeenObstacle,
 )
 from tests.logs.mcap.schema_check import checked_topics
@@ -111,7 +112,9 @@ def everything() -> list[msgspec.Struct]:
     )
     return [
         FULL, nowhere, CONTROL, NAVIGATION, view, belief, scan, chart, GivenMap(8, chart),
-        ParticleCloud(9, _float32(1.0, 2.0, 3.0)), Notice(10, 2, "stopped"),
+        ParticleCloud(9, _float32(1.0, 2.0, 3.0)),
+        PlanView(9, _float32(1.0, 2.0, 3.0), b"", _float32(1.0, 2.0), (), chart),
+        Notice(10, 2, "stopped"),
     ]  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from robotctl.model.geometry.angles import wrap_angle
 from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.kind import Seen
 from robotctl.planning.config import NavigationConfig, PilotConfig
 from robotctl.planning.global_planning.plan import PlanFailure, Reason
 from robotctl.planning.guard.behaviour import Status
@@ -185,3 +186,28 @@ def test_no_path_is_no_trouble_yet_while_somebody_is_near():
 
     bench.drive(5.0, 2.0, seconds=8.0, each=watches)
     assert 6.0 <= began[0] <= 6.8
+
+
+def test_people_can_see_what_it_drives_by_while_it_drives():
+    world = room()
+    world[28:52, 55:63] = 100
+    bench = Bench(world, room())
+    seen = []
+    step = bench.pilot.show
+
+    def show(path, arc):
+        step(path, arc)
+        seen.append((bench.pose, bench.pilot.outlook()))
+
+    bench.pilot.show = show
+    assert bench.drive(5.0, 2.0).status is Status.DONE
+    for pose, outlook in seen[:: len(seen) // 8]:
+        assert math.dist(outlook.path[0, :2], (pose.x_m, pose.y_m)) < 0.2
+        assert math.dist(outlook.path[-1, :2], (5.0, 2.0)) < 0.06
+        assert math.dist(outlook.arc[0, :2], (pose.x_m, pose.y_m)) < 0.15  # a step on
+    # The box, which is on no map; its front is two metres ahead of the start.
+    _, outlook = seen[20]
+    assert np.abs(outlook.obstacles[:, 0].min() - 2.75) < 0.06
+    assert set(outlook.costs.cells.ravel().tolist()) >= {0, 100}
+    bench.pilot.see(bench.pose, Seen(), bench.now_ns + 1)
+    assert len(bench.pilot.outlook().path) == 0

@@ -1,0 +1,28 @@
+"""What a pilot is about to drive, and what it sees around: for people to look at."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotctl.model.grid_map import GridMap
+
+NOWHERE: Final = np.empty((0, 3))
+
+
+class Outlook(NamedTuple):
+    """All of it is in `world`."""
+
+    path: NDArray[np.float64]
+    """(n, 3) poses of `base`, the rest of the planned path [m, m, rad]; n = 0: it drives by none.
+    """
+    arc: NDArray[np.float64]
+    """(m, 3) poses of `base` that the present velocity leads through [m, m, rad]."""
+    obstacles: NDArray[np.float64]
+    """(k, 2) what the sensors have seen that is not on the map [m]."""
+    moving: NDArray[np.float64]
+    """(j, 5) what moves by itself, as `LocalSituation.moving`."""
+    costs: GridMap
+    """What a place for the middle of the body costs, around the robot: see `costs_of`."""
