@@ -202,7 +202,7 @@ def test_people_can_see_what_it_drives_by_while_it_drives():
     bench.pilot.show = show
     assert bench.drive(5.0, 2.0).status is Status.DONE
     for pose, outlook in seen[:: len(seen) // 8]:
-        assert math.dist(outlook.path[0, :2], (pose.x_m, pose.y_m)) < 0.2
+        assert math.dist(outlook.path[0, :2], (pose.x_m, pose.y_m)) < 0.4  # else it plans anew
         assert math.dist(outlook.path[-1, :2], (5.0, 2.0)) < 0.06
         assert math.dist(outlook.arc[0, :2], (pose.x_m, pose.y_m)) < 0.15  # a step on
     # The box, which is on no map; its front is two metres ahead of the start.
