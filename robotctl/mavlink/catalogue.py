@@ -26,7 +26,7 @@ class Stream(NamedTuple):
     build
         Makes it.
     rate_hz
-        How often it goes out on each link until a ground station asks for another rate [Hz]; 0 is
+        How often it goes out to each peer until that asks for another rate [Hz]; 0 is
         off, None a message without a rate.
     """
 

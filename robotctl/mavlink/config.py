@@ -15,7 +15,7 @@ MAX_RATE_HZ = 100.0
 
 @dataclass(frozen=True, slots=True)
 class StreamRates:
-    """Rate of each message on every link, until a peer requests other rates.
+    """Rate of each message to every peer, until that requests other rates.
 
     0 switches a message off; others are 0.001 to 100. HEARTBEAT goes out once a second, always.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -25,7 +26,7 @@ from robotctl.messages.control import (
     Severity,
 )
 from robotctl.messages.estimation import LocalisationState
-from robotctl.messages.mavlink_port import MavlinkPort
+from robotctl.messages.mavlink_port import MavlinkPort, Peer, Received
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
@@ -88,7 +89,8 @@ class GroundStation:
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
-    `catalogue` is the sum of them, known once all are made. `ground_stations` are those alive, by
+    `catalogue` is the sum of them, known once all are made. `peers` are served on the links now,
+    `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive, by
     address, the longest known first. `acks` are those of this step. `texts` wait for the STATUSTEXT
     service, `notices` for the process, which may publish them; they must not come back as input,
     they are sent already.
@@ -101,6 +103,8 @@ class Context:
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)
     catalogue: Catalogue = field(default_factory=Catalogue)
+    peers: tuple[Peer, ...] = ()
+    heard_ns: dict[Peer, int] = field(default_factory=dict)
     ground_stations: dict[tuple[int, int], GroundStation] = field(default_factory=dict)
     held_back: HeldBack = field(default_factory=HeldBack)
     acks: list[Ack] = field(default_factory=list)
@@ -111,6 +115,13 @@ class Context:
     def __post_init__(self) -> None:
         """Wait for the localiser, where the robot has one."""
         self.world = WorldPose(has_localiser=self.robot.has_localiser)
+
+    def hear(self, received: Sequence[Received], now_ns: int) -> None:
+        """Note who is at the links, and who of them has sent something."""
+        self.peers = self.links.peers()
+        self.heard_ns.update((each.peer, now_ns) for each in received)
+        for gone in self.heard_ns.keys() - self.peers:
+            del self.heard_ns[gone]
 
     def take(self, state: State) -> None:
         """Take one message of another process."""

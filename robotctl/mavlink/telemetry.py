@@ -59,7 +59,9 @@ class Telemetry:
         context.acks.clear()
         for state in received:
             context.take(state)
-        for message in context.links.poll(now_ns):
+        messages = context.links.poll(now_ns)
+        context.hear(messages, now_ns)
+        for message in messages:
             self._router.route(message, now_ns)
         self._router.step(now_ns)
         context.links.flush()

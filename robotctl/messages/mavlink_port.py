@@ -162,8 +162,11 @@ class MavlinkPort(Protocol):
     def poll(self, now_ns: int, timeout_s: float = 0.0) -> list[Received]:
         """Keep the links alive and return what came, after waiting at most `timeout_s` for it."""
 
-    def broadcast(self, message: Message, links: Collection[int] | None = None) -> None:
-        """Queue `message` for every peer of `links` (None: all); dropped first where room ends."""
+    def peers(self) -> tuple[Peer, ...]:
+        """Return who is served now: who of a server's clients has a place, who is at a line."""
+
+    def broadcast(self, message: Message, peers: Collection[Peer] | None = None) -> None:
+        """Queue `message` for all of `peers` (None: everybody); dropped first where room ends."""
 
     def reply(self, message: Message, peer: Peer) -> None:
         """Queue `message` for one peer; ignored if the peer is gone."""

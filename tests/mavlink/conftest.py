@@ -95,6 +95,7 @@ class FakeLinks:
 
     def __init__(self, count=1):
         self.count = count
+        self.clients = tuple(Peer(link, 0) for link in range(count))
         self.incoming = []
         self.sent = []
         self._codec = common.MAVLink(None, 1, 1)
@@ -103,9 +104,12 @@ class FakeLinks:
         received, self.incoming = self.incoming, []
         return received
 
-    def broadcast(self, message, links=None):
-        for link in range(self.count) if links is None else links:
-            self.sent.append((self._over_the_wire(message), link))
+    def peers(self):
+        return self.clients
+
+    def broadcast(self, message, peers=None):
+        for peer in self.clients if peers is None else peers:
+            self.sent.append((self._over_the_wire(message), peer))
 
     def reply(self, message, peer):
         self.sent.append((self._over_the_wire(message), peer))

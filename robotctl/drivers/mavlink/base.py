@@ -5,13 +5,14 @@ from __future__ import annotations
 import errno
 import selectors
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 from pymavlink.dialects.v10 import common as v1
 from pymavlink.dialects.v20 import common
 
+from robotctl.drivers.mavlink.admission import Standing
 from robotctl.drivers.mavlink.frames import FrameReader
 from robotctl.messages.mavlink_port import LinkConfig, LinkStatus, Message, Peer, Received
 
@@ -35,7 +36,7 @@ class LinkContext(NamedTuple):
 
 
 class Channel:
-    """One peer of a link: its parser and its sequence numbers.
+    """One peer of a link: its parser, its sequence numbers and its standing.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ class Channel:
         self._codec = common.MAVLink(None, hub.system_id, hub.component_id)
         self._codec_v1 = v1.MAVLink(None, hub.system_id, hub.component_id)
         self.reader = FrameReader(self._codec)
-        self.heard_ns = 0
+        self.standing = Standing()
         self._seq = 0
 
     def encode(self, message: Message) -> bytes | None:
@@ -173,9 +174,8 @@ class Link(ABC):
         self.counters.bad_bytes += reader.bad_bytes
         self.counters.received += len(messages) + reader.unknown
         reader.bad_bytes = reader.unknown = 0
-        if messages:
-            channel.heard_ns = now_ns
-            self.hub.inbox.extend(Received(message, channel.peer) for message in messages)
+        channel.standing.hear(messages, now_ns)
+        self.hub.inbox.extend(Received(message, channel.peer) for message in messages)
 
     def status(self) -> LinkStatus:
         """Return the link's counters."""
@@ -183,7 +183,7 @@ class Link(ABC):
         return LinkStatus(
             url=self.url,
             open=self.is_open(),
-            peers=self.peer_count(),
+            peers=len(self.peers()),
             port=self.bound_port(),
             received=counters.received,
             sent=counters.sent,
@@ -215,12 +215,12 @@ class Link(ABC):
         """See to time-outs of an open link."""
 
     @abstractmethod
-    def peer_count(self) -> int:
-        """Return how many peers would get a broadcast."""
+    def peers(self) -> list[Peer]:
+        """Return the peers that would get a broadcast."""
 
     @abstractmethod
-    def broadcast(self, message: Message) -> None:
-        """Queue for all peers."""
+    def broadcast(self, message: Message, peers: Collection[Peer] | None) -> None:
+        """Queue for all peers, or for those of `peers` that are there."""
 
     @abstractmethod
     def reply(self, message: Message, number: int) -> None:

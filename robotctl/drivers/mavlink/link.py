@@ -80,11 +80,14 @@ class MavlinkLinks:
         self._inbox.clear()
         return received
 
-    def broadcast(self, message: Message, links: Collection[int] | None = None) -> None:
-        """Queue `message` for every peer of `links` (None: all)."""
+    def peers(self) -> tuple[Peer, ...]:
+        """Return who is served now."""
+        return tuple(peer for link in self._links for peer in link.peers())
+
+    def broadcast(self, message: Message, peers: Collection[Peer] | None = None) -> None:
+        """Queue `message` for all of `peers` that are there (None: everybody)."""
         for link in self._links:
-            if links is None or link.number in links:
-                link.broadcast(message)
+            link.broadcast(message, peers)
 
     def reply(self, message: Message, peer: Peer) -> None:
         """Queue `message` for one peer; ignored if the peer is gone."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import termios
+from collections.abc import Collection
 
 import serial
 
 from robotctl.drivers.mavlink.base import Link, LinkContext
 from robotctl.drivers.mavlink.stream import Stream
-from robotctl.messages.mavlink_port import LinkConfig, Message
+from robotctl.messages.mavlink_port import LinkConfig, Message, Peer
 
 QUEUE_S = 0.5
 """Maximum queue of telemetry, as time on the line [s]; older telemetry is useless."""
@@ -43,9 +44,9 @@ class SerialLink(Link):
         if self._stream is not None:
             self._stream.watch(now_ns)
 
-    def broadcast(self, message: Message) -> None:
+    def broadcast(self, message: Message, peers: Collection[Peer] | None) -> None:
         """Queue for the line."""
-        if self._stream is not None:
+        if self._stream is not None and (peers is None or self._stream.channel.peer in peers):
             self._stream.send(message, answer=False)
 
     def reply(self, message: Message, number: int) -> None:  # noqa: ARG002
@@ -58,9 +59,9 @@ class SerialLink(Link):
         if self._stream is not None:
             self._stream.flush()
 
-    def peer_count(self) -> int:
-        """Return 1 while the device is open."""
-        return int(self._stream is not None)
+    def peers(self) -> list[Peer]:
+        """Return one peer while the device is open."""
+        return [] if self._stream is None else [self._stream.channel.peer]
 
     def close(self) -> None:
         """Close the device."""

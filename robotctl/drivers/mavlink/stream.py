@@ -46,9 +46,13 @@ class Stream:
         self._lost = lost
         self._events = selectors.EVENT_READ
         self._write_error: OSError | None = None
+        self._closed = False
         link.hub.selector.register(descriptor, self._events, self._ready)
 
     def _ready(self, mask: int, now_ns: int) -> None:
+        # Closed by what another stream received in the same poll; the number may be another's now.
+        if self._closed:
+            return
         if mask & selectors.EVENT_READ:
             try:
                 data = os.read(self._descriptor, READ_SIZE)
@@ -103,6 +107,7 @@ class Stream:
 
     def close(self) -> None:
         """Leave the selector."""
+        self._closed = True
         self._link.hub.selector.unregister(self._descriptor)
 
 

@@ -6,25 +6,34 @@ import errno
 import os
 import selectors
 import socket
+from collections.abc import Collection
 
-from robotctl.drivers.mavlink.base import Link, LinkContext
+from robotctl.drivers.mavlink.admission import MAX_PEERS, SILENT_NS, displaced
+from robotctl.drivers.mavlink.base import Channel, Link, LinkContext
 from robotctl.drivers.mavlink.lookup import HostLookup
 from robotctl.drivers.mavlink.stream import TCP_QUEUE, Stream, prepare_tcp
-from robotctl.messages.mavlink_port import LinkConfig, Message
+from robotctl.messages.mavlink_port import LinkConfig, Message, Peer
 
-MAX_CLIENTS = 8
+MAX_CLIENTS = 2 * MAX_PEERS
+"""Open connections, those served and those that wait for a place."""
 CONNECT_NS = 5_000_000_000
 """Time after which an unfinished connection attempt is repeated [ns]."""
 
 
 class TcpServer(Link):
-    """Listens, and serves up to 8 clients."""
+    """Listens, and serves up to 8 clients; `admission` says which.
+
+    As many more may be connected: they get nothing until they have a place, and all but their
+    heartbeats is dropped. A client that sends no frame for 10 s is dropped.
+    """
 
     def __init__(self, number: int, config: LinkConfig, hub: LinkContext) -> None:
         super().__init__(number, config, hub)
         self._listener: socket.socket | None = None
         self._lookup: HostLookup | None = None
         self._clients: dict[Stream, socket.socket] = {}
+        self._served: dict[int, Stream] = {}
+        """By the number of the peer."""
 
     def is_open(self) -> bool:
         """Return whether the server listens."""
@@ -79,39 +88,62 @@ class TcpServer(Link):
             self._drop(stream)
 
         stream = Stream(self, connection.fileno(), TCP_QUEUE, lost)
-        stream.channel.heard_ns = now_ns
+        stream.channel.standing.heard_ns = now_ns
         self._clients[stream] = connection
+        self._serve(stream.channel, now_ns)
 
     def _drop(self, stream: Stream) -> None:
         connection = self._clients.pop(stream, None)
         if connection is not None:
+            self._served.pop(stream.channel.peer.number, None)
             stream.close()
             connection.close()
 
+    def deliver(self, messages: list[Message], channel: Channel, now_ns: int) -> None:
+        """Hand on what a client with a place has sent; the others may get one by it."""
+        channel.standing.hear(messages, now_ns)
+        has_place = channel.peer.number in self._served or self._serve(channel, now_ns)
+        super().deliver(messages if has_place else [], channel, now_ns)
+
+    def _serve(self, channel: Channel, now_ns: int) -> bool:
+        """Give a waiting client a place, if there is one or it has precedence over another."""
+        if len(self._served) >= MAX_PEERS:
+            served = {each: each.channel.standing for each in self._served.values()}
+            loser = displaced(channel.standing, served, now_ns)
+            if loser is None:
+                return False
+            self._drop(loser)
+        number = channel.peer.number
+        waiting = (each for each in self._clients if each.channel.peer.number == number)
+        self._served.update((number, stream) for stream in waiting)
+        return True
+
     def watch(self, now_ns: int) -> None:
-        """See to the streams of the clients."""
+        """See to the streams of the clients, and drop the silent."""
         for stream in list(self._clients):
             stream.watch(now_ns)
+            if stream.channel.standing.silent_ns(now_ns) > SILENT_NS:
+                self._drop(stream)
 
-    def broadcast(self, message: Message) -> None:
-        """Queue for all clients."""
-        for stream in self._clients:
-            stream.send(message, answer=False)
+    def broadcast(self, message: Message, peers: Collection[Peer] | None) -> None:
+        """Queue for the clients with a place."""
+        for stream in self._served.values():
+            if peers is None or stream.channel.peer in peers:
+                stream.send(message, answer=False)
 
     def reply(self, message: Message, number: int) -> None:
         """Queue for one client."""
-        for stream in self._clients:
-            if stream.channel.peer.number == number:
-                stream.send(message, answer=True)
+        if (stream := self._served.get(number)) is not None:
+            stream.send(message, answer=True)
 
     def flush(self) -> None:
         """Write to all clients."""
-        for stream in self._clients:
+        for stream in self._served.values():
             stream.flush()
 
-    def peer_count(self) -> int:
-        """Return the number of clients."""
-        return len(self._clients)
+    def peers(self) -> list[Peer]:
+        """Return the clients with a place."""
+        return [stream.channel.peer for stream in self._served.values()]
 
     def bound_port(self) -> int:
         """Return the port on which the server listens, 0 if it does not."""
@@ -182,9 +214,9 @@ class TcpClient(Link):
         elif now_ns > self._deadline_ns:
             self.fail("no answer to the attempt to connect", now_ns)
 
-    def broadcast(self, message: Message) -> None:
+    def broadcast(self, message: Message, peers: Collection[Peer] | None) -> None:
         """Queue for the server."""
-        if self._stream is not None:
+        if self._stream is not None and (peers is None or self._stream.channel.peer in peers):
             self._stream.send(message, answer=False)
 
     def reply(self, message: Message, number: int) -> None:
@@ -197,9 +229,9 @@ class TcpClient(Link):
         if self._stream is not None:
             self._stream.flush()
 
-    def peer_count(self) -> int:
-        """Return 1 while connected."""
-        return int(self._stream is not None)
+    def peers(self) -> list[Peer]:
+        """Return one peer while connected."""
+        return [] if self._stream is None else [self._stream.channel.peer]
 
     def close(self) -> None:
         """Close the connection."""

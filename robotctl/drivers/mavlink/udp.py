@@ -5,16 +5,15 @@ from __future__ import annotations
 import errno
 import selectors
 import socket
+from collections.abc import Collection
 from typing import Any, TypeAlias
 
+from robotctl.drivers.mavlink.admission import MAX_PEERS, SILENT_NS, displaced
 from robotctl.drivers.mavlink.base import READ_SIZE, Channel, Link, LinkContext
 from robotctl.drivers.mavlink.lookup import HostLookup
 from robotctl.messages.mavlink_port import LinkConfig, Message, Peer
 
 MAX_DATAGRAM = 2048
-MAX_PEERS = 8
-SILENT_NS = 10_000_000_000
-"""Silence after which a server forgets a peer [ns]; ground stations send every second."""
 MAX_FORMER = 64
 """Number of forgotten peers that a server recognises again."""
 
@@ -26,11 +25,10 @@ _Sender: TypeAlias = Any  # what recvfrom returns and sendto takes; it depends o
 class UdpLink(Link):
     """One datagram socket.
 
-    A client sends to one ground station and takes datagrams from its address alone. A server
-    learns its peers from valid frames, at most 8, and forgets them after 10 s of silence: they get
-    nothing any more, but who comes again is the peer of before. More peers are ignored rather than
-    pushing out one of the eight: whoever can send from many addresses must not be able to cut off
-    the ground station.
+    A client sends to one ground station and takes datagrams from its address alone; where nobody
+    has that port any more, the next who has it is another peer. A server learns its peers from
+    valid frames and forgets them after 10 s of silence: they get nothing any more, but who comes
+    again is the peer of before. It serves 8; `admission` says which.
     """
 
     def __init__(self, number: int, config: LinkConfig, hub: LinkContext) -> None:
@@ -76,7 +74,7 @@ class UdpLink(Link):
             return
         for sender, channel in list(self._peers.items()):
             self.deliver(channel.reader.expire(now_ns), channel, now_ns)
-            if self._server and now_ns - channel.heard_ns > SILENT_NS:
+            if self._server and channel.standing.silent_ns(now_ns) > SILENT_NS:
                 self._forget(sender)
 
     def _forget(self, sender: _Sender) -> None:
@@ -100,6 +98,8 @@ class UdpLink(Link):
             except OSError as error:
                 if error.errno not in _NOBODY:
                     self.fail(error, now_ns)
+                else:
+                    self._nobody()
                 return
             taken += len(data) + 1
             self._receive(data, sender, now_ns)
@@ -108,17 +108,35 @@ class UdpLink(Link):
         channel = self._peers.get(sender) or self._channel(sender)
         messages = channel.reader.feed_datagram(data, now_ns)
         if sender not in self._peers:
-            if not messages or len(self._peers) >= MAX_PEERS:
+            channel.standing.hear(messages, now_ns)
+            if not messages or not self._has_room(channel, now_ns):
                 self.counters.bad_bytes += len(data)
                 return
             self._peers[sender] = channel
             self._former.pop(sender, None)
         self.deliver(messages, channel, now_ns)
 
-    def broadcast(self, message: Message) -> None:
-        """Send to all peers at once; a datagram that finds no room is dropped."""
+    def _has_room(self, newcomer: Channel, now_ns: int) -> bool:
+        """Say whether a peer can be served, after making room for it where it has precedence."""
+        if len(self._peers) < MAX_PEERS:
+            return True
+        served = {sender: channel.standing for sender, channel in self._peers.items()}
+        loser = displaced(newcomer.standing, served, now_ns)
+        if loser is not None:
+            self._forget(loser)
+        return loser is not None
+
+    def _nobody(self) -> None:
+        """Take down that the peer that was heard has closed its port."""
         for sender, channel in self._peers.items():
-            self._send(channel.encode(message), sender)
+            if not self._server and channel.standing.heard_ns is not None:
+                self._peers[sender] = self.new_channel()
+
+    def broadcast(self, message: Message, peers: Collection[Peer] | None) -> None:
+        """Send to peers at once; a datagram that finds no room is dropped."""
+        for sender, channel in self._peers.items():
+            if peers is None or channel.peer in peers:
+                self._send(channel.encode(message), sender)
 
     def reply(self, message: Message, number: int) -> None:
         """Send to the peer of this number."""
@@ -138,7 +156,9 @@ class UdpLink(Link):
             self.counters.dropped += 1
         except OSError as error:
             self.counters.dropped += 1
-            if error.errno not in _NOBODY:
+            if error.errno in _NOBODY:
+                self._nobody()
+            else:
                 self.count_error(error)
                 self._broken = not self._server
         else:
@@ -147,9 +167,9 @@ class UdpLink(Link):
     def flush(self) -> None:
         """Do nothing: no datagram waits."""
 
-    def peer_count(self) -> int:
-        """Return how many peers are known."""
-        return len(self._peers)
+    def peers(self) -> list[Peer]:
+        """Return the known peers."""
+        return [channel.peer for channel in self._peers.values()]
 
     def bound_port(self) -> int:
         """Return the port of a server, else 0."""

@@ -1,9 +1,14 @@
-"""Periodic messages: each at its own rate on each link."""
+"""Periodic messages: each at its own rate for each peer.
+
+A rate that a peer has asked for holds for that peer alone, and ends with it: when its connection is
+closed, its port is, or nothing has come from it for `SILENT_NS`.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
 from pymavlink.dialects.v20 import common
 
@@ -12,11 +17,16 @@ from robotctl.mavlink.command import ACCEPTED, DENIED, Command
 from robotctl.mavlink.config import MAX_RATE_HZ
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.service import Microservice
+from robotctl.mavlink.services.heartbeat import INTERVAL_NS as BEAT_NS
+from robotctl.messages.mavlink_port import Peer
 
 SET_INTERVAL: int = common.MAV_CMD_SET_MESSAGE_INTERVAL
 GET_INTERVAL: int = common.MAV_CMD_GET_MESSAGE_INTERVAL
 MAX_INTERVAL_US = 0x7FFF_FFFF
 """MESSAGE_INTERVAL carries a signed 32 bit number [us]: 36 minutes at most."""
+
+SILENT_NS: Final = 10_000_000_000
+"""A peer that has been silent for longer has gone [ns]; ground stations send every second."""
 
 OFF = -1
 SHORTEST_NS = round(1e9 / MAX_RATE_HZ)
@@ -24,88 +34,117 @@ PHASE_NS = 20_000_000
 """The streams start one after the other by this [ns], so that they do not fall into one step."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """When one stream is due; the lists are by link [ns]."""
+@dataclass(slots=True)
+class _Rate:
+    """Interval of one stream to one peer, and when it is due [ns]."""
 
-    stream: Stream
-    default_ns: int
-    interval_ns: list[int]
-    due_ns: list[int]
+    interval_ns: int
+    due_ns: int
+
+    def take(self, now_ns: int) -> bool:
+        """Return whether it is due, once; a late step does not cause a burst."""
+        if self.interval_ns == OFF or now_ns < self.due_ns:
+            return False
+        following = self.due_ns + self.interval_ns
+        self.due_ns = following if following > now_ns else now_ns + self.interval_ns
+        return True
+
+
+@dataclass(slots=True)
+class _Plan:
+    """What one peer gets: the rates by message, and whether it has asked for other ones."""
+
+    rates: dict[int, _Rate] = field(default_factory=dict)
+    is_asked_for: bool = False
 
 
 class Streams(Microservice):
-    """Sends the streams of all services; ground stations may change the rates on their own link."""
+    """Sends the streams of all services; a peer may change its own rates."""
 
     commands = frozenset({SET_INTERVAL, GET_INTERVAL})
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._plans: dict[int, _Plan] = {}
+        self._plans: dict[Peer, _Plan] = {}
 
     def on_command(self, command: Command, now_ns: int) -> int:
         """Take SET_ and GET_MESSAGE_INTERVAL; DENIED where the message is not ours to send."""
         message_id = command.whole(0)
         if message_id is None:
             return DENIED
-        plan = self._planned(now_ns).get(message_id)
         if command.number == GET_INTERVAL:
-            return self._tell_interval(message_id, plan, command)
-        if plan is None:
-            return DENIED
-        return self._set_interval(plan, command, now_ns)
+            return self._tell_interval(message_id, command, now_ns)
+        return self._set_interval(message_id, command, now_ns)
 
-    def _set_interval(self, plan: _Plan, command: Command, now_ns: int) -> int:
-        """Change the interval on the link of `command`: 0 is the default, -1 is off."""
-        interval_us, link = command.params[1], command.peer.link
-        if not -1.0 <= interval_us <= MAX_INTERVAL_US:
+    def _set_interval(self, message_id: int, command: Command, now_ns: int) -> int:
+        """Change the interval for the sender: 0 is the default, -1 is off.
+
+        HEARTBEAT has one rate, because others judge the robot by it.
+        """
+        interval_us = command.params[1]
+        if message_id == common.MAVLINK_MSG_ID_HEARTBEAT:
+            return ACCEPTED if interval_us in (0.0, BEAT_NS / 1e3) else DENIED
+        plan = self._plan(command.peer, now_ns)
+        if message_id not in plan.rates or not -1.0 <= interval_us <= MAX_INTERVAL_US:
             return DENIED
+        interval_ns = max(math.ceil(interval_us * 1000.0), SHORTEST_NS)
         if interval_us < 0.0:
-            plan.interval_ns[link] = OFF
+            interval_ns = OFF
         elif interval_us == 0.0:
-            plan.interval_ns[link] = plan.default_ns
-        else:
-            plan.interval_ns[link] = max(math.ceil(interval_us * 1000.0), SHORTEST_NS)
-        plan.due_ns[link] = now_ns
+            interval_ns = _default_ns(self._context.catalogue.streams[message_id])
+        plan.rates[message_id] = _Rate(interval_ns, now_ns)
+        plan.is_asked_for = True
         return ACCEPTED
 
-    def _tell_interval(self, message_id: int, plan: _Plan | None, command: Command) -> int:
-        """Answer with MESSAGE_INTERVAL [us]: 0 is no periodic message, -1 is off."""
+    def _tell_interval(self, message_id: int, command: Command, now_ns: int) -> int:
+        """Answer with MESSAGE_INTERVAL [us]: 0 is not available, -1 is off."""
         if not 0 <= message_id <= 0xFFFF:
             return DENIED
+        rate = self._plan(command.peer, now_ns).rates.get(message_id)
         interval_us = 0
-        if plan is not None:
-            interval_ns = plan.interval_ns[command.peer.link]
-            interval_us = OFF if interval_ns == OFF else interval_ns // 1000
+        if message_id == common.MAVLINK_MSG_ID_HEARTBEAT:
+            interval_us = BEAT_NS // 1000
+        elif rate is not None:
+            interval_us = OFF if rate.interval_ns == OFF else rate.interval_ns // 1000
+        elif message_id in self._context.catalogue.streams:
+            interval_us = OFF
         answer = common.MAVLink_message_interval_message(message_id, interval_us)
         self._context.links.reply(answer, command.peer)
         return ACCEPTED
 
     def step(self, now_ns: int) -> None:
-        """Send due messages; a late step does not cause a burst."""
-        for plan in self._planned(now_ns).values():
-            due, intervals = plan.due_ns, plan.interval_ns
-            links = [
-                link
-                for link, due_ns in enumerate(due)
-                if now_ns >= due_ns and intervals[link] != OFF
-            ]
-            if not links:
+        """Send due messages, each made once for all peers that get it now."""
+        peers = self._context.peers
+        self._forget(now_ns)
+        plans = [(peer, self._plan(peer, now_ns)) for peer in peers]
+        for message_id, stream in self._context.catalogue.streams.items():
+            if stream.rate_hz is None:
                 continue
-            for link in links:
-                following = due[link] + intervals[link]
-                due[link] = following if following > now_ns else now_ns + intervals[link]
-            for message in plan.stream.build(now_ns):
-                self._context.links.broadcast(message, links)
+            due = [peer for peer, plan in plans if plan.rates[message_id].take(now_ns)]
+            for message in stream.build(now_ns) if due else ():
+                self._context.links.broadcast(message, due)
 
-    def _planned(self, now_ns: int) -> dict[int, _Plan]:
-        """Return the plan of each stream, made when it is first asked for."""
-        if not self._plans:
-            links = self._context.links.count
-            for stream in self._context.catalogue.streams.values():
-                if stream.rate_hz is not None:
-                    default_ns = round(1e9 / stream.rate_hz) if stream.rate_hz > 0.0 else OFF
-                    first_ns = now_ns + len(self._plans) * PHASE_NS
-                    plan = _Plan(stream, default_ns, [default_ns] * links, [first_ns] * links)
-                    self._plans[stream.message_id] = plan
-        return self._plans
+    def _forget(self, now_ns: int) -> None:
+        """Drop the plans of peers that have gone."""
+        context = self._context
+        for peer, plan in list(self._plans.items()):
+            silent_ns = now_ns - context.heard_ns.get(peer, 0)
+            if peer not in context.peers or (plan.is_asked_for and silent_ns > SILENT_NS):
+                del self._plans[peer]
+
+    def _plan(self, peer: Peer, now_ns: int) -> _Plan:
+        """Return what a peer gets; a new one the default rates."""
+        plan = self._plans.get(peer)
+        if plan is None:
+            streams = self._context.catalogue.streams.values()
+            periodic = [stream for stream in streams if stream.rate_hz is not None]
+            plan = self._plans[peer] = _Plan()
+            for place, stream in enumerate(periodic):
+                first_ns = now_ns + place * PHASE_NS
+                plan.rates[stream.message_id] = _Rate(_default_ns(stream), first_ns)
+        return plan
+
+
+def _default_ns(stream: Stream) -> int:
+    """Return the configured interval of a periodic stream [ns]."""
+    return round(1e9 / stream.rate_hz) if stream.rate_hz else OFF

@@ -30,7 +30,7 @@ from robotctl.messages.control import (
     SetMode,
 )
 from robotctl.messages.estimation import LocalisationState
-from robotctl.messages.mavlink_port import Message
+from robotctl.messages.mavlink_port import Message, Peer
 from robotctl.model.geometry.localisation import LocalisationStatus
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.wall_map import WallMap
@@ -66,7 +66,11 @@ class Links:
         """Bring nothing."""
         return []
 
-    def broadcast(self, message: Message, _links: object = None) -> None:
+    def peers(self) -> tuple[Peer, ...]:
+        """Name one ground station."""
+        return (Peer(0, 0),)
+
+    def broadcast(self, message: Message, _peers: object = None) -> None:
         """Keep the position, in our axes."""
         if message.get_type() == "LOCAL_POSITION_NED":
             self.position = message.y, message.x

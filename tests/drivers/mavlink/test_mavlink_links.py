@@ -13,6 +13,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from robotctl.drivers.mavlink import udp as mavlink_link_udp
+from robotctl.drivers.mavlink.admission import MAX_PEERS
 from robotctl.drivers.mavlink.link import MavlinkLinks
 from robotctl.drivers.mavlink.lookup import HostLookup
 
@@ -191,25 +192,129 @@ def test_strangers_that_come_and_go_do_not_fill_the_memory(party, udp, eventuall
     robot = party("udpin:127.0.0.1:0")
     robot.step()
     (link,) = robot.links._links
-    for _ in range(mavlink_link_udp.MAX_FORMER // mavlink_link_udp.MAX_PEERS + 2):
+    for _ in range(mavlink_link_udp.MAX_FORMER // MAX_PEERS + 2):
         robot.received.clear()
-        for _ in range(mavlink_link_udp.MAX_PEERS):
+        for _ in range(MAX_PEERS):
             udp().sendto(frame(), ("127.0.0.1", robot.status().port))
-        eventually(lambda: len(robot.received) == mavlink_link_udp.MAX_PEERS, robot.step)
+        eventually(lambda: len(robot.received) == MAX_PEERS, robot.step)
         robot.offset_ns += mavlink_link_udp.SILENT_NS + 1_000_000_000
         robot.step()
     assert len(link._former) == mavlink_link_udp.MAX_FORMER
     assert robot.status().peers == 0
 
 
-def test_a_full_udp_server_ignores_more_peers_instead_of_dropping_one(party, udp, eventually):
-    robot = party("udpin:127.0.0.1:0")
+@pytest.fixture(params=["udpin", "tcpin"])
+def server(request, party, udp, tcp):
+    """Return a server, and a function that makes a client whose `send` reaches it."""
+    robot = party(f"{request.param}:127.0.0.1:0")
     robot.step()
-    for _ in range(mavlink_link_udp.MAX_PEERS + 2):
-        udp().sendto(frame(), ("127.0.0.1", robot.status().port))
-    eventually(lambda: robot.status().bad_bytes == 2 * len(frame()), robot.step)
-    assert robot.status().peers == mavlink_link_udp.MAX_PEERS
-    assert len(robot.received) == mavlink_link_udp.MAX_PEERS
+
+    def call():
+        if request.param == "tcpin":
+            return tcp(robot.status().port)
+        made = udp()
+        made.connect(("127.0.0.1", robot.status().port))
+        return made
+
+    return robot, call
+
+
+def beat(robot, eventually, client):
+    """Let the heartbeat of a ground station arrive."""
+    before = len(robot.received)
+    client.send(frame())
+    eventually(lambda: len(robot.received) > before, robot.step)
+
+
+def answered(robot, eventually, client):
+    """Say whether a client gets what is sent to everybody, after all that it got before."""
+    eventually(lambda: not readable(client) or not client.recv(4096), robot.step)
+    robot.send()
+    robot.step()
+    time.sleep(0.02)
+    return readable(client)
+
+
+def test_clients_that_come_and_go_do_not_lock_out_the_next_ground_station(server, eventually):
+    robot, call = server
+    passing = [call() for _ in range(MAX_PEERS)]
+    for client in passing:
+        beat(robot, eventually, client)
+    last = call()
+    beat(robot, eventually, last)
+    assert answered(robot, eventually, last)
+    assert robot.status().peers == MAX_PEERS
+
+
+def test_silent_clients_of_a_tcp_server_do_not_lock_out_a_ground_station(party, tcp, eventually):
+    robot = party("tcpin:127.0.0.1:0")
+    robot.step()
+    silent = [tcp(robot.status().port) for _ in range(MAX_PEERS)]
+    eventually(lambda: robot.status().peers == MAX_PEERS, robot.step)
+    station = tcp(robot.status().port)
+    beat(robot, eventually, station)
+    assert answered(robot, eventually, station)
+    assert sum(readable(each) and each.recv(99) == b"" for each in silent) == 1
+
+
+def test_a_ground_station_that_stays_in_touch_keeps_its_place(server, eventually):
+    robot, call = server
+    stations = [call() for _ in range(MAX_PEERS)]
+    for _ in range(3):
+        for station in stations:
+            beat(robot, eventually, station)
+        robot.offset_ns += 1_000_000_000
+    known = set(robot.links.peers())
+    ninth = call()
+    for _ in range(2):
+        ninth.send(frame())
+        robot.step()
+        time.sleep(0.01)
+    robot.step()
+    assert set(robot.links.peers()) == known
+    for station in stations[1:]:
+        beat(robot, eventually, station)
+    robot.offset_ns += 2_500_000_000
+    for station in stations[1:]:
+        beat(robot, eventually, station)
+    beat(robot, eventually, ninth)
+    assert len(set(robot.links.peers()) & known) == MAX_PEERS - 1
+
+
+def test_a_tcp_client_that_sends_nothing_for_ten_seconds_is_dropped(party, tcp, eventually):
+    robot = party("tcpin:127.0.0.1:0")
+    robot.step()
+    silent, alive = tcp(robot.status().port), tcp(robot.status().port)
+    eventually(lambda: robot.status().peers == 2, robot.step)
+    robot.offset_ns += 9_000_000_000
+    robot.step()
+    assert robot.status().peers == 2
+    beat(robot, eventually, alive)
+    robot.offset_ns += 2_000_000_000
+    robot.step()
+    assert robot.status().peers == 1
+    eventually(lambda: readable(silent), robot.step)
+    assert silent.recv(99) == b""
+
+
+def test_the_next_program_at_the_port_of_a_udp_client_is_another_peer(party, eventually):
+    port = free_port()
+    robot = party(f"udpout:127.0.0.1:{port}")
+    peers = []
+    for _ in range(2):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+            station.bind(("127.0.0.1", port))
+            eventually(
+                lambda station=station: readable(station), lambda: robot.send() or robot.step()
+            )
+            _, address = station.recvfrom(2048)
+            station.sendto(frame(), address)
+            eventually(lambda: robot.received, robot.step)
+        peers.append(robot.received.pop().peer)
+        eventually(
+            lambda: peers[-1] not in robot.links.peers(), lambda: robot.send() or robot.step()
+        )
+    assert peers[0] != peers[1]
 
 
 def test_a_reply_goes_to_the_peer_that_asked_alone(party, udp, eventually):
@@ -285,10 +390,10 @@ def test_a_command_behind_half_a_frame_gets_through_without_more_bytes(
     assert bytes(robot.received[-1].message.get_msgbuf()) == frame()
 
 
-def test_a_tcp_server_accepts_at_most_eight_clients(party, tcp, eventually):
+def test_a_tcp_server_serves_eight_clients_and_lets_as_many_wait(party, tcp, eventually):
     robot = party("tcpin:127.0.0.1:0")
     robot.step()
-    for _ in range(9):
+    for _ in range(17):
         tcp(robot.status().port)
     eventually(lambda: robot.status().errors == 1, robot.step)
     assert robot.status().peers == 8

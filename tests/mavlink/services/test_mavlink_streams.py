@@ -322,14 +322,64 @@ def test_no_state_can_stop_telemetry(make_bench, numbers, counts):
     assert bench.messages("SYS_STATUS")
 
 
-def test_an_interval_holds_on_the_link_that_asked_for_it(make_bench):
-    bench = make_bench(links=2)
-    bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 30, 50_000, peer=Peer(1, 0))
+ONE, OTHER = Peer(0, 0), Peer(0, 1)
+HEARTBEAT = common.MAVLink_heartbeat_message(common.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
+
+
+def interval_of(bench, message_id, peer=ONE):
+    """Return the interval that a peer is told [us]."""
+    bench.command(common.MAV_CMD_GET_MESSAGE_INTERVAL, message_id, peer=peer)
+    bench.step()
+    (told,) = bench.messages("MESSAGE_INTERVAL")
+    return told.interval_us
+
+
+@pytest.mark.parametrize("other", [OTHER, Peer(1, 0)], ids=["of its link", "of another link"])
+def test_an_interval_holds_for_the_peer_that_asked_for_it_alone(make_bench, other):
+    bench = make_bench()
+    bench.links.clients = (ONE, other)
+    bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 30, 50_000, peer=other)
     bench.run(1.0)
     assert bench.messages("COMMAND_ACK")[0].result == common.MAV_RESULT_ACCEPTED
-    bench.run(10.0)
-    links = [target for _, target in bench.take("ATTITUDE")]
-    assert (links.count(0), links.count(1)) == (100, 200)
+    bench.run(8.0)
+    peers = [target for _, target in bench.take("ATTITUDE")]
+    assert (peers.count(ONE), peers.count(other)) == (80, 160)
+    assert (interval_of(bench, 30, ONE), interval_of(bench, 30, other)) == (100_000, 50_000)
+
+
+def test_a_rate_ends_with_the_connection_of_the_peer_that_asked_for_it(bench):
+    bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 30, -1)
+    bench.run(1.0)
+    assert bench.messages("ATTITUDE") == []
+    bench.links.clients = ()
+    bench.run(0.1)
+    bench.links.clients = (OTHER,)
+    bench.run(1.0)
+    assert len(bench.messages("ATTITUDE")) == 10
+
+
+def test_a_rate_ends_when_its_peer_falls_silent_and_lasts_while_it_does_not(bench):
+    bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 30, -1)
+    for _ in range(12):
+        bench.receive(HEARTBEAT)
+        bench.run(1.0)
+    assert bench.messages("ATTITUDE") == []
+    bench.run(8.9)
+    assert bench.messages("ATTITUDE") == []
+    bench.run(1.2)
+    assert len(bench.messages("ATTITUDE")) >= 9
+
+
+def test_the_interval_of_the_heartbeat_is_told_and_is_one_second(bench):
+    assert interval_of(bench, 0) == 1_000_000
+    for asked_us, result in ((1_000_000, 0), (0, 0), (500_000, 2), (-1, 2)):
+        bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 0, asked_us)
+        bench.step()
+        assert bench.messages("COMMAND_ACK")[0].result == result
+
+
+def test_the_interval_of_a_message_that_comes_only_on_request_is_off(bench):
+    assert interval_of(bench, common.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == -1
 
 
 @pytest.mark.parametrize(
@@ -339,6 +389,7 @@ def test_intervals_may_be_off_default_or_clamped_to_what_steps_allow(bench, inte
     bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 30, interval_us)
     bench.run(1.0)
     bench.take()
+    bench.receive(HEARTBEAT)
     bench.run(10.0)
     assert len(bench.messages("ATTITUDE")) == count
 
