@@ -169,6 +169,8 @@ class Navigator:
     def take_pilot(self, pilot: Pilot) -> None:
         """Let a pilot plan what is driven to a goal."""
         self._robot.pilot = pilot
+        if self._auto.mission is not None:
+            pilot.use_zones(self._auto.mission.zone)
 
     def outlook(self) -> Outlook | None:
         """Return what the pilot drives by and sees; None: there is none."""
@@ -177,7 +179,7 @@ class Navigator:
 
     @property
     def drives_by_plan(self) -> bool:
-        """The mission has items that a pilot drives."""
+        """The mission has items that a pilot drives, or zones that only a pilot knows."""
         return self._auto.needs_pilot
 
     def refusal(self, mode: Mode) -> str:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from robotctl.model.sensors.range_scan import RangeScan  # which loads numpy
     from robotctl.planning.behaviours.outlook import Outlook  # which loads numpy
     from robotctl.planning.config import NavigationConfig  # which has settings of behaviours
+    from robotctl.planning.costmap.zone import Zone
 
 
 class Paths(Protocol):
@@ -70,6 +71,9 @@ class Pilot(Protocol):
 
     def see(self, pose: SE2, seen: Seen, now_ns: int) -> None:
         """Take in what was seen; `pose` is that of `base` in `world` now."""
+
+    def use_zones(self, zones: Sequence[Zone]) -> None:
+        """Take the zones of another mission, which count beside those of the robot's file."""
 
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""

@@ -14,7 +14,9 @@ from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.behaviours.flow import FlowItem
 from robotctl.planning.behaviours.item import require_bounded
 from robotctl.planning.behaviours.registry import BEHAVIOURS
+from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.mission.flow import flow_problems
+from robotctl.planning.mission.zones import zone_problems
 
 if TYPE_CHECKING:
     from robotctl.planning.behaviours.item import Item
@@ -54,12 +56,16 @@ class Mission:
         Pose at the start.
     item
         The steps, at least one, written as `[[item]]`.
+    zone
+        What is to be kept out of or passed slowly by all that drives by plan, beside the zones of
+        the robot's file, written as `[[zone]]`.
     """
 
     name: str
     world: str
     start: StartPose
     item: tuple[Annotated[Item, Field(discriminator="kind")], ...]
+    zone: tuple[Zone, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.item:
@@ -80,4 +86,6 @@ def parse_mission(text: str, file_name: str) -> Mission:
 def mission_rules(mission: Mission) -> Iterator[tuple[toml_source.Key, str]]:
     """Yield what is wrong between the items of a file: key, and why."""
     for index, key, why in flow_problems(mission.item):
+        yield ("item", index, key), why
+    for index, key, why in zone_problems(mission.item, mission.zone):
         yield ("item", index, key), why

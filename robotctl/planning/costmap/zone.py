@@ -1,8 +1,9 @@
-"""A zone of the world, as a robot's file has it."""
+"""A zone of the world, as a robot's or a mission's file has it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -50,3 +51,30 @@ class Zone:
                 f"{self.speed_m_s} found, 0 to {FASTEST_M_S:g} allowed",
                 self.speed_m_s,
             )
+
+    def contains(self, point: Point) -> bool:
+        """Return whether a point lies inside."""
+        x_m, y_m = point  # a line from there crosses the sides an odd number of times
+        inside = False
+        for (ax, ay), (bx, by) in self._sides():
+            if (ay > y_m) != (by > y_m):
+                inside ^= ax + (y_m - ay) / (by - ay) * (bx - ax) > x_m
+        return inside
+
+    def is_entered(self, begin: Point, end: Point) -> bool:
+        """Return whether a straight way to a point leads into the zone or ends there."""
+        if self.contains(end):
+            return True
+        return any(
+            _left_of(a, b, begin) != _left_of(a, b, end)
+            and _left_of(begin, end, a) != _left_of(begin, end, b)
+            for a, b in self._sides()
+        )
+
+    def _sides(self) -> Iterator[tuple[Point, Point]]:
+        return zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True)
+
+
+def _left_of(a: Point, b: Point, point: Point) -> bool:
+    """Return whether a point lies to the left of the line from `a` to `b`."""
+    return (b[0] - a[0]) * (point[1] - a[1]) > (b[1] - a[1]) * (point[0] - a[0])

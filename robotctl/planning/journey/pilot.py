@@ -26,6 +26,7 @@ from robotctl.planning.costmap.costs import costs_of
 from robotctl.planning.costmap.layered_map import NOTHING_MOVES, LayeredMap, LayersConfig
 from robotctl.planning.costmap.planning_map import PlanningMap
 from robotctl.planning.costmap.tracks import MovingObstacles
+from robotctl.planning.costmap.zone import Zone
 from robotctl.planning.global_planning.plan import (
     GoesOn,
     Plan,
@@ -127,7 +128,7 @@ class MapPilot:
                 allowed = ", ".join(names)
                 raise InvalidValue(key, f"{name} found; allowed are {allowed}", name)
         self.steered = drive.steered
-        self._zones = wanted.zone
+        self._own_zones = self._zones = wanted.zone
         self._footprint = footprint
         self._mounts = mounts
         self._grid = grid
@@ -265,6 +266,17 @@ class MapPilot:
             self.moving,
             costs_of(self._map.space_around(self._here, _LOOK_M), self.config.comfort_m),
         )
+
+    def use_zones(self, zones: Sequence[Zone]) -> None:
+        """Take the zones of another mission; what was seen is forgotten where they differ."""
+        wanted = (*self._own_zones, *zones)
+        if wanted == self._zones:
+            return
+        self._zones = wanted
+        grid = self._grid
+        self._map = self._around(self._here, self._here) if grid is None else self._with_map(grid)
+        self._given = self._map.space()
+        self.forget()
 
     def forget(self) -> None:
         """Forget what was seen: the robot's pose in `world` has jumped."""

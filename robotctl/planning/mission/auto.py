@@ -64,7 +64,7 @@ class Auto:
 
     @property
     def needs_pilot(self) -> bool:
-        """The mission has items that a pilot drives."""
+        """The mission has items that a pilot drives, or zones that only a pilot knows."""
         return self.mission is not None and needs_pilot(self.mission)
 
     @property
@@ -107,6 +107,8 @@ class Auto:
             If the robot cannot drive it.
         """
         self._runner = MissionRunner(mission, self._robot)
+        if self._robot.pilot is not None:
+            self._robot.pilot.use_zones(mission.zone)
         self.runs += 1
 
     def command(self, request: GoAheadRequest | JumpRequest | AbortRequest) -> None:
@@ -161,5 +163,7 @@ class Auto:
 
 
 def needs_pilot(mission: Mission) -> bool:
-    """Say whether a mission has items that a pilot drives."""
-    return any(kind is not None and kind.piloted for kind in map(kind_of, mission.item))
+    """Say whether a mission has items that a pilot drives, or zones that only a pilot knows."""
+    return bool(mission.zone) or any(
+        kind is not None and kind.piloted for kind in map(kind_of, mission.item)
+    )

@@ -1,0 +1,108 @@
+"""Zones of a mission: where they are, what they refuse, and that what drives by plan heeds them."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from robotctl.errors import ConfigError
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.mission import parse_mission
+from robotctl.planning.costmap.zone import Zone
+from robotctl.planning.guard.behaviour import Status
+from tests.planning.journey.bench import SIDE_M, Bench, room
+
+WHOLE = st.integers(-20, 20)
+POINT = st.tuples(WHOLE, WHOLE)
+
+
+@given(st.lists(POINT, min_size=3, max_size=7, unique=True), POINT)
+def test_a_point_is_inside_as_opencv_finds_it(corners, point):
+    polygon = np.array(corners, np.float32)
+    side = cv2.pointPolygonTest(polygon, (float(point[0]), float(point[1])), measureDist=False)
+    assume(side != 0)  # on a side: either will do
+    assert Zone("a", tuple(corners)).contains(point) == (side > 0)
+
+
+@given(st.lists(POINT, min_size=3, max_size=3, unique=True), POINT, POINT)
+def test_a_way_enters_a_triangle_where_a_point_of_it_is_inside(corners, begin, end):
+    (ax, ay), (bx, by), (cx, cy) = corners
+    assume((bx - ax) * (cy - ay) != (by - ay) * (cx - ax))
+    zone = Zone("a", tuple(corners))
+    assume(not zone.contains(begin))
+    shares = np.linspace(0.0, 1.0, 501)
+    places = np.outer(1.0 - shares, begin) + np.outer(shares, end)
+    if any(zone.contains(tuple(place)) for place in places):
+        assert zone.is_entered(begin, end)
+    grown = 1.05 * (np.array(corners) - np.mean(corners, axis=0)) + np.mean(corners, axis=0)
+    if not any(Zone("b", tuple(map(tuple, grown))).contains(tuple(place)) for place in places):
+        assert not zone.is_entered(begin, end)
+
+
+MISSION = """
+name = "rounds"
+world = "flat"
+start = { x_m = 1.0, y_m = 1.0 }
+
+[[zone]]
+name = "stairs"
+corners = [[2.0, 0.5], [3.0, 0.5], [3.0, 1.5], [2.0, 1.5]]
+SPEED
+
+[[item]]
+kind = "drive"
+waypoints = [[1.0, 1.0], [4.0, 1.0]]
+
+[[item]]
+kind = "goto"
+x_m = 2.5
+y_m = 1.0
+"""
+
+
+def test_what_leads_into_a_keep_out_zone_is_refused_with_the_zone():
+    with pytest.raises(ConfigError) as refused:
+        parse_mission(MISSION.replace("SPEED", ""), "rounds.toml")
+    first, second = str(refused.value).splitlines()
+    assert "item[0].waypoints: lead through the keep-out zone stairs" in first
+    assert "item[1].x_m: the goal is in the keep-out zone stairs" in second
+
+
+def test_a_slow_zone_may_be_driven_through():
+    (zone,) = parse_mission(MISSION.replace("SPEED", "speed_m_s = 0.2"), "rounds.toml").zone
+    assert zone.speed_m_s == 0.2
+
+
+@pytest.mark.parametrize("grid", [room(), None], ids=["map", "no map"])
+def test_a_robot_keeps_out_of_a_zone_only_while_its_mission_is_loaded(grid):
+    zone = Zone("carpet", ((2.5, 1.2), (3.5, 1.2), (3.5, 2.8), (2.5, 2.8)))
+    least = []
+    for zones in ((zone,), ()):
+        bench = Bench(room(), grid)
+        bench.pilot.use_zones(zones)
+        places = []
+        see = bench.pilot.see
+
+        def note(pose, seen, now_ns, *, see=see, places=places):
+            places.append((pose.x_m, pose.y_m))
+            see(pose, seen, now_ns)
+
+        bench.pilot.see = note
+        assert bench.drive(5.0, 2.0).status is Status.DONE
+        away = [math.dist(place, (3.0, 2.0)) for place in places]
+        least.append(min(away))
+        if zones:
+            assert not any(zone.contains(place) for place in places)
+    assert least[0] > 0.8
+    assert least[1] < 2 * SIDE_M
+
+
+def test_a_slow_zone_is_driven_at_its_speed():
+    bench = Bench(room(), room())
+    bench.pilot.use_zones([Zone("all", ((0, 0), (6, 0), (6, 4), (0, 4)), 0.2)])
+    assert bench.pilot.speed_limit(SE2(3.0, 2.0, 0.0)) == pytest.approx(0.2)
+    bench.pilot.use_zones([])
+    assert bench.pilot.speed_limit(SE2(3.0, 2.0, 0.0)) == math.inf
