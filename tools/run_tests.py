@@ -42,7 +42,7 @@ DRIVERS = ("tests/vcan", "tests/drivers/can/test_can_port_contract.py")
 HIL = tuple(sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("hil_tests/test_*.py")))
 LONG = tuple(
     f"hil_tests/test_{name}.py"
-    for name in ("8_mission", "11_emergency_stop_faults", "12_robot_faults")
+    for name in ("8_mission", "11_emergency_stop_faults", "12_robot_faults", "13_runs")
 )
 """As long as all other HIL tests together, in a guest."""
 
