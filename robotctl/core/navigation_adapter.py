@@ -86,7 +86,7 @@ _UNSEEN: Final = (
     "the camera has seen what lies right before it; back it up a little by hand"
 )
 
-_COMMAND: Final = frozenset({"v_m_s", "omega_rad_s"})
+_COMMAND: Final = frozenset({"v_m_s", "omega_rad_s", "expires_ns"})
 """What of a step is no part of the state."""
 
 _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
@@ -178,9 +178,11 @@ class NavigationAdapter:
         offer, self._offer = self._offer, None
         if offer is not None and self.navigator.mission is offer.mission:
             self._file, self._crc = offer.file, offer.crc
-        command = VelocityCommand(
-            now_ns, now_ns + COMMAND_LIFE_PERIODS * self.period_ns, out.v_m_s, out.omega_rad_s
-        )
+        until_ns = now_ns + COMMAND_LIFE_PERIODS * self.period_ns
+        if out.expires_ns is not None:
+            # Control brakes in the tick in which a set-point is void, not at the next step here.
+            until_ns = min(until_ns, max(now_ns, out.expires_ns))
+        command = VelocityCommand(now_ns, until_ns, out.v_m_s, out.omega_rad_s)
         if out.message != self._message and inputs.enabled and out.held:
             self._notices.append(out.message)
         self._message = out.message

@@ -36,6 +36,10 @@ FRESH_NS = 1_000_000_000
 
 MAX_TEXTS = 64
 
+TRANSPORT_NS = 20_000_000
+"""What a set-point may wait for this process, and its end for control [ns]: it is void so much
+earlier, so that the robot brakes in time."""
+
 Request: TypeAlias = ControlRequest | NavigationRequest
 State: TypeAlias = ControlState | NavigationState | LocalisationState | Notice
 
@@ -181,16 +185,26 @@ class Context:
         is_sure = control is not None and self.world.is_sure(control)
         return believed if is_sure else None
 
-    def heading_rad(self, now_ns: int) -> float | None:
-        """Return the heading in `world` [rad], None if the robot does not know it."""
+    def known_pose(self, now_ns: int) -> SE2 | None:
+        """Return `base` in `world`, None if the robot does not know where it is."""
         found = self.fresh_pose(now_ns)
-        if found is None or not math.isfinite(found[1].theta_rad):
+        if found is None or not _is_finite(found[1]):
             return None
         if self.robot.has_localiser and self.fresh_fix(now_ns) is None:
             return None
-        return found[1].theta_rad
+        return found[1]
+
+    @property
+    def setpoint_life_ns(self) -> int:
+        """How long velocities and sticks count from when they were sent [ns]."""
+        return round(self.config.setpoint_timeout_s * 1e9) - TRANSPORT_NS
 
     def mode(self, now_ns: int) -> Mode:
         """Return the active mode; None if the navigation process is silent."""
         navigation = self.fresh_navigation(now_ns)
         return Mode.HOLD if navigation is None else navigation.mode
+
+
+def _is_finite(pose: SE2) -> bool:
+    """Say whether all of a pose is known."""
+    return math.isfinite(pose.x_m + pose.y_m + pose.theta_rad)

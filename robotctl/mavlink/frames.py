@@ -50,6 +50,11 @@ def enu_from_ned(north: float, east: float) -> East:
     return East(x=east, y=north)
 
 
+def base_from_frd(forward: float, right: float) -> tuple[float, float]:
+    """Turn the horizontal part of a vector of body FRD into (x, y) of `base` [same unit]."""
+    return forward, -right
+
+
 def yaw_ned_from_theta(theta_rad: float) -> float:
     """Return the NED yaw of a heading in `world` [rad], in (-pi, pi]."""
     return wrap_angle(math.pi / 2.0 - theta_rad)

@@ -64,6 +64,8 @@ class NavigationOutputs(NamedTuple):
 
     v_m_s: float
     omega_rad_s: float
+    expires_ns: int | None
+    """When a velocity of sticks or a set-point is void [ns]; None: it is neither."""
     mode: Mode
     message: str
     held: bool

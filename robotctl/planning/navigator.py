@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 _LONGEST_STEP_NS = 500_000_000
 """Gap between steps after which a user may think the mission has ended [ns]."""
 
-
 _STOPPED = "the robot was stopped"
 
 _BY_HAND = frozenset({Mode.HOLD, Mode.MANUAL})
@@ -359,12 +358,18 @@ class Navigator:
             return guided_velocity(self._velocity, heading_rad, self._drive, self._guard, now_ns)
         return BehaviourOutput(0.0, 0.0, text=self._ended)
 
+    def _expires_ns(self) -> int | None:
+        """Return when the sticks or the velocity of GUIDED are void [ns], None if none steer."""
+        remote = {Mode.MANUAL: self._sticks, Mode.GUIDED: self._velocity}.get(self._mode)
+        return remote and remote.expires_ns
+
     def _outputs(self, step: BehaviourOutput) -> NavigationOutputs:
         """Return a step as outputs."""
         pilot = self._robot.pilot
         return NavigationOutputs(
             step.v_m_s,
             step.omega_rad_s,
+            self._expires_ns(),
             self._mode,
             f"refused: {self._refused}" if self._refused else step.text,
             self._held and not self._refused and step.text == self._ended,

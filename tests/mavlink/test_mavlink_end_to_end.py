@@ -30,11 +30,11 @@ def test_a_ground_station_arms_changes_mode_drives_and_stops(pair, eventually):
     gcs.mav.set_position_target_local_ned_send(
         0, 1, 1, mavlink.MAV_FRAME_BODY_NED, mask, 0, 0, 0, 0.5, 0, 0, 0, 0, 0, 0, -0.25
     )
-    gcs.mav.manual_control_send(1, 500, 0, 0, 0, 0)
+    gcs.mav.manual_control_send(1, 0, 0, 500, 0, 0)
     eventually(lambda: isinstance(robot.requests[-1], ManualControl), robot.step)
     target = next(r for r in robot.requests if isinstance(r, VelocityTarget))
     assert (target.v_m_s, target.omega_rad_s) == (0.5, 0.25)
-    assert target.expires_ns - target.stamp_ns == 500_000_000
+    assert target.expires_ns - target.stamp_ns == 480_000_000
 
     gcs.mav.command_long_send(1, 1, mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 0, 1, 0, 0, 0, 0, 0, 0)
     assert hear(eventually, robot, gcs, "COMMAND_ACK", command=185).result == 0

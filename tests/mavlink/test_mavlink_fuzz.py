@@ -15,7 +15,7 @@ ACTING = [
     common.MAVLink_command_long_message(1, 1, 185, 0, 1, 0, 0, 0, 0, 0, 0),
     common.MAVLink_command_int_message(1, 1, 0, 176, 0, 0, 1, 15, 0, 0, 0, 0, 0),
     common.MAVLink_set_mode_message(1, 1, 10),
-    common.MAVLink_manual_control_message(1, 500, 0, 0, 0, 0),
+    common.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0),
     common.MAVLink_vision_position_estimate_message(1, 2.0, 3.0, 0, 0, 0, 0.5),
     common.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, 8, 0x5C7, 0, 0, 0, 0.5, 0, 0, 0, 0, 0, 0, 0.1

@@ -1,10 +1,9 @@
-"""MANUAL_CONTROL: the sticks of a ground station.
+"""MANUAL_CONTROL: the sticks of a ground station, with ArduRover's axes.
 
-x drives (positive forward); y or r turns, whichever is deflected more. Both are taken as positive
-to the right: ground stations and autopilots do so for r too, and the definition was corrected to
-it in 2025 (mavlink pull request 2398), though older dialect files say the opposite. An axis at
-32767 is not given: as one at rest. z (throttle) is not used: some ground stations send 500 for a
-stick at rest, which must not drive the robot.
+z (throttle) drives, positive forward, and y turns, positive to the right; x and r are ignored, as
+ArduRover ignores them (`handle_manual_control_axes` in Rover/GCS_MAVLink_Rover.cpp). Of both axes
+-1000 to 1000 is the whole travel and 0 is rest. An axis at 32767 is not given: as one at rest. A
+throttle of 500 is half ahead, as on ArduRover, whatever lever a ground station shows for it.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class ManualControls(Microservice):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._timeout_ns = round(context.config.setpoint_timeout_s * 1e9)
+        self._life_ns = context.setpoint_life_ns
         self.refused = 0
         self._say_ns = 0
 
@@ -37,19 +36,19 @@ class ManualControls(Microservice):
         """Take one position of the sticks; the message names its target in a field of its own."""
         if message.target not in (0, self._context.config.system_id):
             return
-        forward, *turns = (
-            0 if axis == NO_AXIS else axis for axis in (message.x, message.y, message.r)
-        )
-        if any(abs(axis) > FULL for axis in (forward, *turns)):
+        throttle, steering = (0 if axis == NO_AXIS else axis for axis in (message.z, message.y))
+        if max(abs(throttle), abs(steering)) > FULL:
             self.refused += 1
             if now_ns >= self._say_ns:
                 self._say_ns = now_ns + SAY_AGAIN_NS
-                found = f"x {message.x}, y {message.y}, r {message.r}"
+                found = f"z {message.z}, y {message.y}"
                 self._context.say(now_ns, f"Sticks: {found}: allowed -{FULL} to {FULL}")
             return
-        turn = max(turns, key=abs)
         self._context.requests.append(
             ManualControl(
-                now_ns, now_ns + self._timeout_ns, forward / FULL, frames.stick_turn(turn)
+                now_ns,
+                now_ns + self._life_ns,
+                throttle / FULL,
+                frames.stick_turn(steering),
             )
         )

@@ -21,9 +21,10 @@ from robotctl.mavlink.command import (
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.guards.command_dedup import LateCopies
 from robotctl.mavlink.service import Microservice
-from robotctl.messages.control import Mode, SetMode
+from robotctl.messages.control import Mode, SafetyState, SetMode
 from robotctl.messages.mavlink_port import Message, Peer, source
 from robotctl.messages.requests import REQUEST_LIFE_NS
+from robotctl.safety.state_machine import POWERED
 
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
 CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -166,9 +167,24 @@ class Modes(Microservice):
         if refusal:
             self._context.say(now_ns, refusal)
 
+    def _missing(self, now_ns: int) -> str:
+        """Return why the robot stands whatever its mode, empty if it does not or is just disarmed.
+
+        The mode is had all the same: it counts once the robot is armed.
+        """
+        control = self._context.fresh_control(now_ns)
+        if control is None:
+            return "control is silent"
+        if control.state in POWERED or control.state is SafetyState.STANDBY:
+            return ""
+        why = f": {control.reason}" if control.reason else ""
+        return f"arm to drive, the state is {control.state.name}{why}"
+
     def _answer(self, sender: tuple[int, int], result: int, now_ns: int) -> None:
         pending = self._pending.pop(sender)
         if pending.mode is not Mode.HOLD:
             self._copies.remember(sender, pending.mode, result, now_ns)
+            if result == ACCEPTED and (missing := self._missing(now_ns)):
+                self._context.say(now_ns, f"Mode {pending.mode.name}: {missing}")
         for command in pending.commands.values():
             self._context.acknowledge(command, result)

@@ -4,13 +4,18 @@
 |---|---|---|
 | vx, may use vy = 0 | BODY_NED, BODY_FRD, | drive at vx, turning at yaw_rate if used |
 |  | BODY_OFFSET_NED | |
-| vx and vy, yaw_rate | LOCAL_NED | drive at the part of the velocity along the heading, and turn |
-| vx and vy | LOCAL_NED | turn towards the velocity, or towards yaw if used, and drive along it;
+| vx and vy, yaw_rate | LOCAL_NED, | drive at the part of the velocity along the heading, and turn |
+|  | LOCAL_OFFSET_NED | |
+| vx and vy | the same | turn towards the velocity, or towards yaw if used, and drive along it;
 |  | | a drive-and-steer robot turns in a bend, forwards |
 | x and y | LOCAL_NED | drive to the point; yaw and yaw_rate do not matter |
+| x and y | LOCAL_OFFSET_NED | drive so far north and east from here |
+| x and y | BODY_NED, | drive so far ahead and to the right from here |
+|  | BODY_OFFSET_NED | |
 
-Velocities and positions count in GUIDED alone, and positions only while the robot is armed: one
-that was sent before has to be sent again.
+The frames are those of ArduRover's `handle_set_position_target_local_ned`. Velocities and positions
+count in GUIDED alone, and positions only while the robot is armed: one that was sent before has to
+be sent again. That such a one is not followed is said, with what is missing.
 
 A set-point counts from when it was sent, as far as `sender_clock` can tell from `time_boot_ms`;
 where it cannot, from its arrival. One that is void by then, or a position older than requests live,
@@ -35,9 +40,11 @@ from robotctl.mavlink import frames
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.guards.transport_delay import SenderClocks
 from robotctl.mavlink.service import Microservice
-from robotctl.messages.control import PositionTarget, VelocityTarget
+from robotctl.messages.control import Mode, PositionTarget, VelocityTarget
 from robotctl.messages.mavlink_port import Message, Peer, source
 from robotctl.messages.requests import FARTHEST_M, REQUEST_LIFE_NS
+from robotctl.model.geometry.se2 import SE2
+from robotctl.safety.state_machine import POWERED
 
 FOLLOWED: int = common.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
 BODY_FRAMES = frozenset(
@@ -45,8 +52,17 @@ BODY_FRAMES = frozenset(
 )
 """An offset is one of positions: velocities are the body's in all three."""
 LOCAL_NED: int = common.MAV_FRAME_LOCAL_NED
+OFFSET_NED: int = common.MAV_FRAME_LOCAL_OFFSET_NED
+LOCAL_FRAMES = frozenset({LOCAL_NED, OFFSET_NED})
+"""Both have the axes of `world`; an offset is one of positions."""
+POSITION_FRAMES = frozenset(
+    {LOCAL_NED, OFFSET_NED, common.MAV_FRAME_BODY_NED, common.MAV_FRAME_BODY_OFFSET_NED}
+)
 
 SAY_AGAIN_NS = 30_000_000_000
+
+UNHEEDED_NS = 300_000_000
+"""Who sends a set-point along with the request for GUIDED, or to arm, is told nothing [ns]."""
 
 
 class Used(NamedTuple):
@@ -89,10 +105,11 @@ class Setpoints(Microservice):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._timeout_ns = round(context.config.setpoint_timeout_s * 1e9)
         self._clocks = SenderClocks()
         self.refused: Counter[str] = Counter()
         self._said_ns: dict[str, int] = {}
+        self._unheeded_ns: int | None = None
+        """When a set-point came that the robot does not follow [ns]."""
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
         """Take one set-point."""
@@ -102,27 +119,52 @@ class Setpoints(Microservice):
             stream = (peer, source(message))
             late_ns = self._clocks.late_ns(stream, message.time_boot_ms, now_ns)
             self._follow(message, late_ns, now_ns)
+            if self._unheeded_ns is None and self._missing(now_ns):
+                self._unheeded_ns = now_ns
         except Refused as refused:
             reason = str(refused)
             self.refused[reason] += 1
-            if now_ns >= self._said_ns.get(reason, now_ns):
-                self._said_ns[reason] = now_ns + SAY_AGAIN_NS
-                self._context.say(now_ns, f"Setpoint: {reason}")
+            self._say(reason, now_ns)
+
+    def step(self, now_ns: int) -> None:
+        """Say what is missing where set-points move nothing."""
+        if self._unheeded_ns is None or now_ns - self._unheeded_ns < UNHEEDED_NS:
+            return
+        self._unheeded_ns = None
+        if missing := self._missing(now_ns):
+            self._say(f"not followed: {missing}", now_ns)
+
+    def _missing(self, now_ns: int) -> str:
+        """Return why set-points move nothing now, empty if they do."""
+        mode, control = self._context.mode(now_ns), self._context.fresh_control(now_ns)
+        if mode is not Mode.GUIDED:
+            return f"mode {mode.name}, not GUIDED"
+        if control is None:
+            return "control is silent"
+        if control.state not in POWERED:
+            return f"not armed ({control.state.name})"
+        return ""
+
+    def _say(self, reason: str, now_ns: int) -> None:
+        """Say something once in a while."""
+        if now_ns >= self._said_ns.get(reason, now_ns):
+            self._said_ns[reason] = now_ns + SAY_AGAIN_NS
+            self._context.say(now_ns, f"Setpoint: {reason}")
 
     def _follow(self, message: Message, late_ns: int, now_ns: int) -> None:
         used = used_parts(message.type_mask)
-        life_ns = REQUEST_LIFE_NS if used.position else self._timeout_ns
+        context = self._context
+        life_ns = REQUEST_LIFE_NS if used.position else context.setpoint_life_ns
         if late_ns >= life_ns:
             raise Refused(f"came {life_ns / 1e9:g} s late or later")
         sent_ns = now_ns - late_ns
+        pose = context.known_pose(now_ns)
         if used.position:
-            self._context.requests.append(position_target(message, used, sent_ns))
+            context.requests.append(position_target(message, pose, sent_ns))
             return
-        context = self._context
-        heading_rad = context.heading_rad(now_ns)
-        wanted = wanted_velocity(message, used, heading_rad)
-        expires_ns = sent_ns + self._timeout_ns
-        self._context.requests.append(VelocityTarget(sent_ns, expires_ns, *wanted))
+        wanted = wanted_velocity(message, used, None if pose is None else pose.theta_rad)
+        expires_ns = sent_ns + context.setpoint_life_ns
+        context.requests.append(VelocityTarget(sent_ns, expires_ns, *wanted))
 
 
 def used_parts(mask: int) -> Used:
@@ -151,21 +193,40 @@ def used_parts(mask: int) -> Used:
     return used
 
 
-def position_target(message: Message, used: Used, sent_ns: int) -> PositionTarget:  # noqa: ARG001
+def position_target(message: Message, pose: SE2 | None, sent_ns: int) -> PositionTarget:
     """Return the point of `world` to drive to.
+
+    Parameters
+    ----------
+    message : SET_POSITION_TARGET_LOCAL_NED
+        The set-point.
+    pose : SE2 or None
+        `base` in `world`; only offsets need it.
+    sent_ns : int
+        When it was sent [ns].
 
     Raises
     ------
     Refused
-        If the frame or a number is wrong, or the point is where the navigator does not go.
+        If the frame or a number is wrong, the point is where the navigator does not go, or an
+        offset is from a place that is not known.
     """
-    if message.coordinate_frame != LOCAL_NED:
-        raise Refused(f"position frame {message.coordinate_frame} is not LOCAL_NED")
+    frame = message.coordinate_frame
+    if frame not in POSITION_FRAMES:
+        allowed = ", ".join(str(each) for each in sorted(POSITION_FRAMES))
+        raise Refused(f"position frame {frame}: allowed {allowed}")
     _check_finite(message.x, message.y)
     if max(abs(message.x), abs(message.y)) >= FARTHEST_M:
         raise Refused(f"position {FARTHEST_M / 1e3:g} km away or farther")
-    point = frames.enu_from_ned(message.x, message.y)
-    return PositionTarget(sent_ns, point.x, point.y)
+    if frame == LOCAL_NED:
+        return PositionTarget(sent_ns, *frames.enu_from_ned(message.x, message.y))
+    if pose is None:
+        raise Refused("an offset, but the place is not known")
+    if frame == OFFSET_NED:
+        east, north = frames.enu_from_ned(message.x, message.y)
+        return PositionTarget(sent_ns, pose.x_m + east, pose.y_m + north)
+    point = pose @ SE2(*frames.base_from_frd(message.x, message.y))
+    return PositionTarget(sent_ns, point.x_m, point.y_m)
 
 
 def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wanted:
@@ -178,7 +239,7 @@ def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wa
     used : Used
         Its type_mask.
     theta_rad : float or None
-        Present heading in `world` [rad]; only a velocity in LOCAL_NED other than zero needs it.
+        Present heading in `world` [rad]; only a local velocity other than zero needs it.
 
     Raises
     ------
@@ -191,7 +252,7 @@ def wanted_velocity(message: Message, used: Used, theta_rad: float | None) -> Wa
         _check_finite(message.yaw_rate)
     if message.coordinate_frame in BODY_FRAMES:
         return _body_velocity(message, used)
-    if message.coordinate_frame != LOCAL_NED:
+    if message.coordinate_frame not in LOCAL_FRAMES:
         raise Refused(f"velocity frame {message.coordinate_frame} is not body or local")
     return _local_velocity(message, used, theta_rad)
 

@@ -212,6 +212,31 @@ def test_a_mode_is_acknowledged_when_navigation_has_taken_it(bench):
     assert results(bench) == [ACCEPTED]
 
 
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (SafetyState.FAULT, ["Mode GUIDED: arm to drive, the state is FAULT: ouch"]),
+        (
+            SafetyState.EMERGENCY_STOP,
+            ["Mode GUIDED: arm to drive, the state is EMERGENCY_STOP: ouch"],
+        ),
+        (SafetyState.STANDBY, []),
+        (SafetyState.ARMED, []),
+    ],
+)
+def test_what_a_mode_needs_before_it_drives_is_said_once(bench, state, said):
+    for _ in range(3):
+        bench.command(SET_MODE, 1, 15)
+        for _ in range(2):
+            bench.step(
+                bench.control(state=state, reason="ouch"), bench.navigation(mode=Mode.GUIDED)
+            )
+    sent = bench.take()
+    assert [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"] == [ACCEPTED] * 3
+    text = "".join(m.text for m, _ in sent if m.get_type() == "STATUSTEXT")
+    assert text == "".join(said)
+
+
 def test_a_mode_that_is_not_taken_is_rejected_with_navigations_reason(bench):
     bench.command(SET_MODE, 1, 10)
     bench.step()

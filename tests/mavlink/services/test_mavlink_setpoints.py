@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
-from robotctl.messages.control import ManualControl, PositionTarget, VelocityTarget
+from robotctl.mavlink.context import TRANSPORT_NS
+from robotctl.messages.control import (
+    ManualControl,
+    Mode,
+    PositionTarget,
+    SafetyState,
+    VelocityTarget,
+)
 from robotctl.messages.requests import FARTHEST_M
 
 BODY_NED, BODY_OFFSET_NED, BODY_FRD, LOCAL = 8, 9, 12, 1
@@ -43,7 +50,7 @@ def test_velocities_are_void_after_the_configured_time(make_bench):
     bench.receive(setpoint(mask=using(VELOCITY), vx=-0.5))
     (request,) = bench.step()
     assert request.stamp_ns == bench.now_ns
-    assert request.expires_ns - request.stamp_ns == 750_000_000
+    assert request.expires_ns - request.stamp_ns == 750_000_000 - TRANSPORT_NS
     assert request.v_m_s == -0.5
     assert bench.run(1.0) == []  # and nothing renews them
 
@@ -120,10 +127,9 @@ REFUSED = {
     "sideways alone": setpoint(mask=ALL & ~0x010, vy=1.0),
     "sideways": setpoint(mask=using(VELOCITY), vx=1.0, vy=0.1),
     "half a local velocity": setpoint(LOCAL, ALL & ~0x008, vx=1.0),
-    "position in the body": setpoint(BODY_NED, using(POSITION)),
-    "offset position": setpoint(7, using(POSITION)),
-    "offset velocity": setpoint(7, using(VELOCITY)),
     "ENU": setpoint(4, using(VELOCITY)),
+    "position in a frame that ArduRover ignores": setpoint(BODY_FRD, using(POSITION)),
+    "nan offset": setpoint(BODY_NED, using(POSITION), y=math.nan),
     "unknown frame": setpoint(255, using(VELOCITY)),
     "nan vx": setpoint(mask=using(VELOCITY), vx=math.nan),
     "nan vy": setpoint(mask=using(VELOCITY), vy=math.nan),
@@ -222,47 +228,48 @@ def test_a_set_point_that_is_whole_gives_finite_numbers_whatever_it_asks_for(mak
     assert len(taken) > 5
 
 
-def sticks(x=0, y=0, z=500, r=0, target=1):
+def sticks(x=0, y=0, z=0, r=0, target=1):
     return common.MAVLink_manual_control_message(target, x, y, z, r, 0)
+
+
+NONE = 0x7FFF
 
 
 @pytest.mark.parametrize(
     ("message", "forward", "turn"),
     [
-        (sticks(x=1000), 1.0, 0.0),
-        (sticks(x=-250), -0.25, 0.0),
+        (sticks(z=1000), 1.0, 0.0),
+        (sticks(z=-250), -0.25, 0.0),
+        (sticks(z=500), 0.5, 0.0),
         (sticks(y=500), 0.0, -0.5),  # right
-        (sticks(r=500), 0.0, -0.5),  # right
-        (sticks(r=-1000, y=200), 0.0, 1.0),  # the larger deflection counts
-        (sticks(y=0x7FFF, r=100), 0.0, -0.1),  # y is marked absent
-        (sticks(y=0x7FFF, r=0x7FFF), 0.0, 0.0),
-        (sticks(x=0x7FFF), 0.0, 0.0),
-        (sticks(x=0x7FFF, y=500), 0.0, -0.5),
-        (sticks(x=300, y=0x7FFF, r=0x7FFF), 0.3, 0.0),
-        (sticks(x=0x7FFF, y=0x7FFF, z=0x7FFF, r=0x7FFF), 0.0, 0.0),
-        (sticks(z=1000), 0.0, 0.0),  # the throttle lever does not drive
-        (sticks(x=100, target=0), 0.1, 0.0),
+        (sticks(z=300, y=-1000), 0.3, 1.0),
+        (sticks(z=NONE, y=200), 0.0, -0.2),
+        (sticks(z=300, y=NONE), 0.3, 0.0),
+        (sticks(x=NONE, y=NONE, z=NONE, r=NONE), 0.0, 0.0),
+        (sticks(x=1000, r=1000), 0.0, 0.0),  # ArduRover has no use for them
+        (sticks(x=-32768, r=1001, z=100), 0.1, 0.0),
+        (sticks(z=100, target=0), 0.1, 0.0),
     ],
 )
-def test_sticks_drive_and_turn(bench, message, forward, turn):
+def test_sticks_drive_and_turn_as_they_do_on_ardurover(bench, message, forward, turn):
     bench.receive(message)
     (request,) = bench.step()
     assert isinstance(request, ManualControl)
     assert (request.forward, request.turn) == (forward, turn)
-    assert request.expires_ns - request.stamp_ns == 500_000_000
+    assert request.expires_ns - request.stamp_ns == 500_000_000 - TRANSPORT_NS
     assert bench.texts() == []
 
 
 @pytest.mark.parametrize(
     "message",
     [
-        sticks(x=1001),
-        sticks(x=0x7FFE),
+        sticks(z=1001),
+        sticks(z=0x7FFE),
         sticks(y=-1001),
-        sticks(r=-32768),
-        sticks(x=1000, target=2),
+        sticks(y=-32768),
+        sticks(z=1000, target=2),
     ],
-    ids=["x too large", "x nearly absent", "y too small", "r too small", "other target"],
+    ids=["z too large", "z nearly absent", "y too small", "y smallest", "other target"],
 )
 def test_sticks_out_of_range_or_of_others_do_nothing(bench, message):
     bench.receive(message)
@@ -271,10 +278,73 @@ def test_sticks_out_of_range_or_of_others_do_nothing(bench, message):
 
 def test_sticks_out_of_range_are_said_once_in_a_while(bench):
     for _ in range(3):
-        bench.receive(sticks(x=1001))
+        bench.receive(sticks(z=1001))
         bench.step()
-    assert "".join(bench.texts()) == "Sticks: x 1001, y 0, r 0: allowed -1000 to 1000"
+    assert "".join(bench.texts()) == "Sticks: z 1001, y 0: allowed -1000 to 1000"
     bench.step(advance_s=30.0)
-    bench.receive(sticks(r=-1001))
+    bench.receive(sticks(y=-1001))
     bench.step()
-    assert "".join(bench.texts()) == "Sticks: x 0, y 0, r -1001: allowed -1000 to 1000"
+    assert "".join(bench.texts()) == "Sticks: z 0, y -1001: allowed -1000 to 1000"
+
+
+OFFSET = 7
+EAST, NORTH, SOUTH_WEST = 0.0, math.pi / 2, -3 * math.pi / 4
+
+
+@pytest.mark.parametrize(
+    ("frame", "theta", "x", "y", "point"),
+    [
+        (OFFSET, NORTH, 2.0, 0.5, (1.5, 4.0)),  # 2 m north, 0.5 m east, whatever the heading
+        (OFFSET, EAST, 2.0, 0.5, (1.5, 4.0)),
+        (BODY_NED, EAST, 2.0, 0.0, (3.0, 2.0)),
+        (BODY_NED, EAST, 2.0, 0.5, (3.0, 1.5)),  # to the right is south
+        (BODY_NED, NORTH, 2.0, 0.5, (1.5, 4.0)),  # to the right is east
+        (BODY_OFFSET_NED, NORTH, -1.0, 0.0, (1.0, 1.0)),
+        (BODY_OFFSET_NED, SOUTH_WEST, math.sqrt(2.0), 0.0, (0.0, 1.0)),
+    ],
+)
+def test_an_offset_position_counts_from_where_the_robot_is(bench, frame, theta, x, y, point):
+    bench.receive(setpoint(frame, using(POSITION), x=x, y=y))
+    (request,) = bench.step(bench.control(x_m=1.0, y_m=2.0, theta_rad=theta))
+    assert (request.x_m, request.y_m) == pytest.approx(point, abs=1e-6)
+
+
+def test_an_offset_from_a_place_that_is_not_known_is_refused(bench):
+    bench.receive(setpoint(BODY_NED, using(POSITION), x=1.0))
+    assert bench.step() == []
+    assert bench.texts() == ["Setpoint: an offset, but the place is not known"]
+
+
+def test_a_velocity_in_the_offset_frame_is_one_of_the_world(bench):
+    bench.receive(setpoint(OFFSET, using(VELOCITY), vx=0.5))
+    (request,) = bench.step(bench.control(theta_rad=0.0))
+    assert (request.v_m_s, request.heading_rad) == pytest.approx((0.5, NORTH))
+
+
+@pytest.mark.parametrize(
+    ("mode", "state", "text"),
+    [
+        (Mode.HOLD, SafetyState.ARMED, "not followed: mode HOLD, not GUIDED"),
+        (Mode.GUIDED, SafetyState.STANDBY, "not followed: not armed (STANDBY)"),
+        (Mode.GUIDED, SafetyState.FAULT, "not followed: not armed (FAULT)"),
+        (Mode.GUIDED, SafetyState.ARMED, None),
+        (Mode.GUIDED, SafetyState.DRIVING, None),
+    ],
+)
+@pytest.mark.parametrize(("part", "fields"), [(VELOCITY, {"vx": 0.5}), (POSITION, {"x": 1.0})])
+def test_why_set_points_move_nothing_is_said_once(bench, mode, state, text, part, fields):
+    for _ in range(50):
+        bench.receive(setpoint(mask=using(part), **fields))
+        bench.step(bench.control(state=state), bench.navigation(mode=mode))
+    said = "".join(bench.texts())
+    assert said == ("" if text is None else f"Setpoint: {text}")
+
+
+def test_a_set_point_sent_along_with_the_request_for_guided_is_no_mistake(bench):
+    bench.receive(setpoint(mask=using(VELOCITY), vx=0.5))
+    bench.step(bench.control(state=SafetyState.ARMED), bench.navigation(mode=Mode.HOLD))
+    for _ in range(50):
+        bench.receive(setpoint(mask=using(VELOCITY), vx=0.5))
+        guided = bench.navigation(mode=Mode.GUIDED)
+        bench.step(bench.control(state=SafetyState.ARMED), guided)
+    assert bench.texts() == []

@@ -1,0 +1,111 @@
+"""What a ground station sends, and where the simulated robot then truly drives."""
+
+import math
+
+import pytest
+from pymavlink.dialects.v20 import common
+
+from tests.mavlink.conftest import FakeLinks
+from tests.mavlink.driven_robot import DrivenRobot
+
+MANUAL, GUIDED = 0, 15
+VELOCITY, VELOCITY_AND_RATE, POSITION = 0xFC7, 0x7C7, 0xDF8
+NORTH_EAST = math.pi / 4
+
+
+def sticks(z=0, y=0, x=0, r=0):
+    return common.MAVLink_manual_control_message(1, x, y, z, r, 0)
+
+
+def setpoint(frame, mask, **fields):
+    names = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
+    values = [fields.get(name, 0.0) for name in names]
+    return common.MAVLink_set_position_target_local_ned_message(0, 1, 0, frame, mask, *values)
+
+
+def moved(robot, seconds, message):
+    """Return how far the robot drives ahead and to the left [m], and turns to the left [rad]."""
+    x, y, theta = robot.pose()
+    robot.run(seconds, message)
+    x2, y2, theta2 = robot.pose()
+    dx, dy = x2 - x, y2 - y
+    ahead = dx * math.cos(theta) + dy * math.sin(theta)
+    left = -dx * math.sin(theta) + dy * math.cos(theta)
+    return ahead, left, math.remainder(theta2 - theta, math.tau)
+
+
+@pytest.mark.parametrize("name", ["diff_drive", "ackermann"])
+def test_the_throttle_drives_and_the_stick_to_the_right_turns_right(name):
+    robot = DrivenRobot(FakeLinks(), name, (6.0, 5.0, NORTH_EAST))
+    robot.arm(MANUAL)
+    ahead, left, turn = moved(robot, 1.5, sticks(z=400))
+    assert ahead > 0.2
+    assert abs(left) < 0.05
+    assert abs(turn) < 0.05
+    ahead, _, turn = moved(robot, 1.5, sticks(z=400, y=500))
+    assert ahead > 0.1
+    assert turn < -0.2
+    robot.run(2.0)
+    ahead, _, _ = moved(robot, 1.5, sticks(z=-400))
+    assert ahead < -0.2
+    robot.run(2.0)
+    assert moved(robot, 1.0, sticks(x=1000, r=1000)) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+
+
+def test_an_offset_is_driven_from_where_the_robot_stands():
+    """It faces north-east: to its right is south-east."""
+    robot = DrivenRobot(FakeLinks(), start=(6.0, 5.0, NORTH_EAST))
+    robot.arm(GUIDED)
+    robot.send(setpoint(common.MAV_FRAME_BODY_OFFSET_NED, POSITION, y=0.5))
+    robot.run(5.0)
+    assert robot.state.goal_reached
+    side = 0.5 * math.sqrt(0.5)
+    assert robot.pose()[:2] == pytest.approx((6.0 + side, 5.0 - side), abs=0.1)
+    robot.send(setpoint(common.MAV_FRAME_BODY_NED, POSITION, x=0.5))
+    robot.run(3.0)
+    assert robot.pose()[:2] == pytest.approx((6.0 + 2 * side, 5.0 - 2 * side), abs=0.15)
+    before = robot.pose()
+    robot.send(setpoint(common.MAV_FRAME_LOCAL_OFFSET_NED, POSITION, x=0.5))
+    robot.run(6.0)
+    assert robot.pose()[:2] == pytest.approx((before[0], before[1] + 0.5), abs=0.1)
+
+
+def test_a_velocity_north_leads_north_and_a_positive_yaw_rate_to_the_right():
+    robot = DrivenRobot(FakeLinks(), start=(6.0, 5.0, NORTH_EAST))
+    robot.arm(GUIDED)
+    north = setpoint(common.MAV_FRAME_LOCAL_NED, VELOCITY, vx=0.3)
+    robot.run(4.0, north)
+    x, y, theta = robot.pose()
+    assert theta == pytest.approx(math.pi / 2, abs=0.1)
+    assert y - 5.0 > 0.3
+    assert abs(x - 6.0) < 0.3
+    body = setpoint(common.MAV_FRAME_BODY_NED, VELOCITY_AND_RATE, vx=0.2, yaw_rate=0.5)
+    ahead, left, turn = moved(robot, 2.0, body)
+    assert ahead > 0.2
+    assert left < 0.0
+    assert -1.2 < turn < -0.7
+
+
+@pytest.mark.parametrize(
+    ("mode", "message"),
+    [
+        (GUIDED, setpoint(common.MAV_FRAME_BODY_NED, VELOCITY, vx=0.3)),
+        (MANUAL, sticks(z=375)),
+    ],
+)
+def test_a_robot_that_is_told_nothing_more_brakes_within_half_a_second(mode, message):
+    """Braking takes as long as the limits say, and no longer."""
+    robot = DrivenRobot(FakeLinks())
+    robot.arm(mode)
+    robot.run(2.0, message)
+    robot.send(message)
+    silent_ns = robot.now_ns
+    while robot.tick().v_ref_m_s >= 0.299:
+        pass
+    assert 0.45e9 < robot.now_ns - silent_ns <= 0.5e9
+    while robot.tick().v_ref_m_s > 0.0:
+        pass
+    limits = robot.config.limits
+    ramp_s = 0.3 / limits.a_max_m_s2 + limits.a_max_m_s2 / limits.jerk_max_m_s3
+    periods_ns = 2 * robot.stack.period_ns
+    assert robot.now_ns - silent_ns <= 0.5e9 + ramp_s * 1e9 + periods_ns
