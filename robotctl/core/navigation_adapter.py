@@ -114,6 +114,8 @@ class NavigationAdapter:
         Whether the robot has a camera that watches the floor.
     needs_station
         Whether it drives by itself only while a ground station is there.
+    station_timeout_s
+        Silence of a ground station that was there after which it goes to HOLD [s]; inf: never.
 
     Attributes
     ----------
@@ -131,6 +133,7 @@ class NavigationAdapter:
         has_localiser: bool,
         looks: bool,
         needs_station: bool,
+        station_timeout_s: float,
     ) -> None:
         self.navigator = navigator
         self.period_ns = round(1e9 / config.rate_hz)
@@ -151,8 +154,10 @@ class NavigationAdapter:
         """The count in the last state, None if that was not enabled."""
         self._needs_station = needs_station
         self._views = PlanViews(navigator.outlook)
+        self._station_timeout_s = station_timeout_s
         self._station_ns: int | None = None
-        """When a ground station was there last."""
+        self._watched_ns = self._lost_ns = 0
+        """When a ground station was there; last heartbeats of the watched and of a lost one."""
 
     def step(
         self,
@@ -206,11 +211,11 @@ class NavigationAdapter:
             if not isinstance(each, ExternalPose | GroundStationPresence)
         ]
         taken = tuple(each for each in wanted if each is not None)
-        attended = self._attended(requests, now_ns)
+        attended, lost = self._attended(requests, now_ns), self._loses_station(now_ns)
         if control is None:
             self._armings = None
             return NavigationInputs(
-                _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, heard=False
+                _UNKNOWN, Twist(0.0, 0.0), (), (), False, taken, True, attended, lost, heard=False
             )
         floor = self._look(control, [each for each in seen if isinstance(each, CameraView)])
         known = self._world.pose(control)
@@ -230,6 +235,7 @@ class NavigationAdapter:
             enabled=enabled,
             localised=self._world.is_sure(control),
             attended=attended,
+            station_lost=lost,
             heard=fresh,
             requests=taken,
             floor_base=floor,
@@ -274,11 +280,19 @@ class NavigationAdapter:
         """Say whether a ground station is there, or need not be."""
         for each in requests:
             if isinstance(each, GroundStationPresence):
-                self._station_ns = each.stamp_ns
+                self._station_ns, self._watched_ns = each.stamp_ns, each.heard_ns
         if not self._needs_station:
             return True
         heard_ns = self._station_ns
         return heard_ns is not None and now_ns - heard_ns <= PRESENCE_MAX_AGE_NS
+
+    def _loses_station(self, now_ns: int) -> bool:
+        """Say whether a ground station that was there is lost now; once for each."""
+        silent_s = (now_ns - self._watched_ns) * 1e-9
+        if self._watched_ns in (0, self._lost_ns) or silent_s <= self._station_timeout_s:
+            return False
+        self._lost_ns = self._watched_ns
+        return True
 
     def _in_time(
         self, requests: Sequence[NavigationRequest], now_ns: int

@@ -76,6 +76,11 @@ class MavlinkConfig:
         from their sending where their `time_boot_ms` tells, all else from its arrival.
     gcs_timeout_s : float
         A ground station is lost when its heartbeat is older [s], 1 to 60.
+    gcs_system_id : int
+        System of the operator's ground station, 1 to 255: once it was heard, its loss counts, not
+        that of others.
+    hold_on_gcs_loss : bool
+        The robot goes to HOLD when a ground station that was there is lost.
     hold_without_gcs : bool
         The robot drives by itself (AUTO, RTL, GUIDED) only while a ground station is there.
 
@@ -92,10 +97,12 @@ class MavlinkConfig:
     rates: StreamRates = StreamRates()
     setpoint_timeout_s: float = 0.5
     gcs_timeout_s: float = 5.0
+    gcs_system_id: int = 255
+    hold_on_gcs_loss: bool = True
     hold_without_gcs: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("system_id", "component_id"):
+        for name in ("system_id", "component_id", "gcs_system_id"):
             if not 1 <= getattr(self, name) <= 255:
                 raise InvalidValue(
                     name, f"must be 1 to 255, not {getattr(self, name)}", getattr(self, name)

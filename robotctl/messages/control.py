@@ -344,9 +344,14 @@ class ExternalPose(msgspec.Struct, frozen=True, tag=True):
 
 
 class GroundStationPresence(msgspec.Struct, frozen=True, tag=True):
-    """A ground station was there at `stamp_ns`; for robots that go to HOLD without one."""
+    """A ground station was there at `stamp_ns`; for robots that go to HOLD without one.
+
+    `heard_ns` is the last heartbeat of the one whose loss stops a robot that drives by itself (ns);
+    0: there is none.
+    """
 
     stamp_ns: int
+    heard_ns: int = 0
 
 
 ControlRequest: TypeAlias = VelocityCommand | Arm | EmergencyStop

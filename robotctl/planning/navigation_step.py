@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from robotctl.messages.mode import Mode
-from robotctl.messages.requests import Request
+from robotctl.messages.requests import FARTHEST_M, Request
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.geometry.twist import Twist
 from robotctl.model.sensors.range_scan import RangeScan
@@ -43,6 +43,8 @@ class NavigationInputs(NamedTuple):
     """The pose is more than a guess."""
     attended: bool = True
     """Whether the required operator is present."""
+    station_lost: bool = False
+    """A ground station that was there is lost since the last step."""
     heard: bool = True
     """The control core has published recently; otherwise it is not `enabled` either."""
     floor_base: Sequence[Point] = ()
@@ -57,6 +59,12 @@ class NavigationInputs(NamedTuple):
     """Markers seen since the last step: number, and pose in `odom`, x into the marker."""
     charge: float = math.nan
     """Of the battery, in [0, 1]; nan: unknown."""
+
+    @property
+    def are_finite(self) -> bool:
+        """Whether pose and velocity are numbers."""
+        rest = self.pose.theta_rad + self.twist.v_m_s + self.twist.omega_rad_s
+        return on_earth(self.pose.x_m, self.pose.y_m) and math.isfinite(rest)
 
 
 class NavigationOutputs(NamedTuple):
@@ -99,3 +107,8 @@ class NavigationOutputs(NamedTuple):
     """The present item waits for an operator's go-ahead."""
     trouble: str
     """The last failure of an item in this run of the mission."""
+
+
+def on_earth(x_m: float, y_m: float) -> bool:
+    """Say whether a point is finite and within 1000 km of the origin."""
+    return abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M

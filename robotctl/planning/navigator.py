@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,6 @@ from robotctl.control.limiter import LimitsConfig
 from robotctl.errors import MissionError
 from robotctl.messages.mode import Mode
 from robotctl.messages.requests import (
-    FARTHEST_M,
     AbortRequest,
     ExploreRequest,
     GoAheadRequest,
@@ -35,7 +33,12 @@ from robotctl.planning.config import NavigationConfig
 from robotctl.planning.guard.behaviour import BehaviourInput, BehaviourOutput, Status
 from robotctl.planning.guard.obstacle_guard import ObstacleGuard
 from robotctl.planning.mission.auto import Auto, needs_pilot
-from robotctl.planning.navigation_step import LoadRequest, NavigationInputs, NavigationOutputs
+from robotctl.planning.navigation_step import (
+    LoadRequest,
+    NavigationInputs,
+    NavigationOutputs,
+    on_earth,
+)
 from robotctl.planning.remote_velocity import guided_velocity, stick_velocity
 from robotctl.planning.surroundings import Surroundings
 
@@ -72,7 +75,7 @@ class Navigator:
     whose navigator was held up for longer than half a second, goes to HOLD: it shall not drive
     on by itself when it is armed again or when the computer has time again. AUTO, asked for
     again, goes on where it was left. MANUAL stays: there the operator's hand is on the stick. So it
-    is while `attended` is false, when no other mode can be had.
+    is where a ground station is lost, and while `attended` is false: no other mode can be had then.
 
     Parameters
     ----------
@@ -200,7 +203,7 @@ class Navigator:
         if stopped:
             self._stopped_ns = now_ns
         self._fall_back(inputs, now_ns, stopped=stopped)
-        known = _finite(inputs)
+        known = inputs.are_finite
         if known and inputs.localised:
             self._note_way(inputs.pose)
         for request in inputs.requests:
@@ -234,7 +237,7 @@ class Navigator:
         return searching
 
     def _is_under_way(self) -> bool:
-        """Say whether there is something to drive: a robot that has done it does not set off."""
+        """Say whether there is something to drive: what is done does not set off again."""
         if self._mode is Mode.AUTO:
             return self._auto.is_under_way
         return self._mode in {Mode.RTL, Mode.GUIDED} and self._behaviour is not None
@@ -257,6 +260,8 @@ class Navigator:
         reason = ""
         if not self._attended:
             reason = "no ground station is connected"
+        elif inputs.station_lost:
+            reason = "the ground station is lost"
         elif stopped:
             reason = _STOPPED
         elif self._last_ns is not None:
@@ -292,7 +297,7 @@ class Navigator:
 
     def _guide(self, request: PositionRequest | ExploreRequest) -> None:
         """Drive to a goal in GUIDED."""
-        if isinstance(request, PositionRequest) and not _on_earth(request.x_m, request.y_m):
+        if isinstance(request, PositionRequest) and not on_earth(request.x_m, request.y_m):
             return
         self._velocity, self._ended = None, ""
         self._goals, self._goal_reached = self._goals + 1, None
@@ -383,20 +388,8 @@ class Navigator:
         )
 
 
-def _finite(inputs: NavigationInputs) -> bool:
-    """Say whether pose and velocity are numbers."""
-    pose, twist = inputs.pose, inputs.twist
-    rest = pose.theta_rad + twist.v_m_s + twist.omega_rad_s
-    return _on_earth(pose.x_m, pose.y_m) and math.isfinite(rest)
-
-
 def _interruption(inputs: NavigationInputs, gap_ns: int) -> str:
     """Return what came between this step and the one `gap_ns` ago [ns], empty if nothing did."""
     if gap_ns > _LONGEST_STEP_NS:
         return f"navigation was held up for {gap_ns / 1e9:.1f} s"
     return "" if inputs.heard else "no messages from control"
-
-
-def _on_earth(x_m: float, y_m: float) -> bool:
-    """Say whether a point is finite and within 1000 km of the origin."""
-    return abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M

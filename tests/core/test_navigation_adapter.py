@@ -22,6 +22,7 @@ from robotctl.messages.control import (
     SafetyState,
     SetMode,
     VelocityCommand,
+    VelocityTarget,
 )
 from robotctl.messages.estimation import LocalisationState
 from robotctl.messages.requests import REQUEST_LIFE_NS
@@ -269,6 +270,70 @@ def test_a_mode_chosen_before_does_not_begin_when_a_robot_is_armed_unattended(
     attended.enabled = True
     command, state = attended.step(pause_ns=PRESENCE_MAX_AGE_NS)
     assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+
+
+def hear(armed: Armed, heard_ns: int) -> GroundStationPresence:
+    return GroundStationPresence(armed.next_ns(), heard_ns)
+
+
+TIMEOUT_NS = round(CONFIG.mavlink.gcs_timeout_s * 1e9)
+
+
+@pytest.mark.parametrize("telemetry_lives", [True, False])
+def test_a_robot_holds_once_when_a_ground_station_that_was_there_is_lost(
+    armed: Armed, telemetry_lives: bool
+) -> None:
+    heard_ns = armed.next_ns()
+    armed.step(SetMode(heard_ns, Mode.AUTO), hear(armed, heard_ns))
+    while armed.next_ns() - heard_ns <= TIMEOUT_NS:
+        command, state = armed.step(*[hear(armed, heard_ns)] * telemetry_lives)
+        assert state.mode is Mode.AUTO
+    command, state = armed.step()
+    assert (command.v_m_s, state.mode) == (0.0, Mode.HOLD)
+    assert armed.adapter.take_notices() == ["hold: the ground station is lost"]
+    # Somebody else may drive on, whatever telemetry still says of the lost one.
+    command, state = armed.step(SetMode(armed.next_ns(), Mode.AUTO), hear(armed, heard_ns))
+    assert state.mode is Mode.AUTO
+    assert command.v_m_s > 0.0
+    # It comes back, and is lost again.
+    heard_ns = armed.next_ns()
+    armed.step(hear(armed, heard_ns))
+    while armed.next_ns() - heard_ns <= TIMEOUT_NS:
+        assert armed.step()[1].mode is Mode.AUTO
+    assert armed.step()[1].mode is Mode.HOLD
+
+
+def test_the_loss_of_a_station_stops_nobody_who_is_told_so_or_has_the_stick(tmp_path: Path) -> None:
+    overrides = ("mavlink.hold_on_gcs_loss=false",)
+    config = load_robot(find_file("diff_drive"), overrides)
+    for mode, robot in ((Mode.AUTO, config), (Mode.MANUAL, CONFIG)):
+        armed = Armed(tmp_path / "mission.toml", robot)
+        heard_ns = armed.next_ns()
+        armed.step(SetMode(heard_ns, mode), hear(armed, heard_ns))
+        while armed.next_ns() - heard_ns <= TIMEOUT_NS + 10**9:
+            assert armed.step()[1].mode is mode
+
+
+def test_a_robot_that_never_heard_a_ground_station_needs_none(armed: Armed) -> None:
+    begin_ns = armed.next_ns()
+    armed.step(SetMode(begin_ns, Mode.AUTO))
+    while armed.next_ns() - begin_ns <= TIMEOUT_NS + 10**9:
+        assert armed.step()[1].mode is Mode.AUTO
+
+
+def test_a_command_of_sticks_or_a_set_point_is_void_when_they_are(armed: Armed) -> None:
+    now_ns = armed.next_ns()
+    command, _ = armed.step(
+        SetMode(now_ns, Mode.MANUAL), ManualControl(now_ns, now_ns + 70_000_000, 0.5, 0.0)
+    )
+    assert command.expires_ns == now_ns + 70_000_000
+    now_ns = armed.next_ns()
+    command, _ = armed.step(
+        SetMode(now_ns, Mode.GUIDED), VelocityTarget(now_ns, now_ns + 60_000_000, 0.3, 0.0)
+    )
+    assert (command.v_m_s, command.expires_ns) == (0.3, now_ns + 60_000_000)
+    command, _ = armed.step(PositionTarget(armed.next_ns(), 3.0, 0.0))
+    assert command.expires_ns == armed.now_ns + 4 * armed.adapter.period_ns
 
 
 def test_a_reading_that_control_tells_of_twice_counts_once(armed: Armed) -> None:

@@ -109,3 +109,22 @@ def test_a_robot_that_is_told_nothing_more_brakes_within_half_a_second(mode, mes
     ramp_s = 0.3 / limits.a_max_m_s2 + limits.a_max_m_s2 / limits.jerk_max_m_s3
     periods_ns = 2 * robot.stack.period_ns
     assert robot.now_ns - silent_ns <= 0.5e9 + ramp_s * 1e9 + periods_ns
+
+
+def test_a_position_is_given_up_when_the_ground_station_is_lost():
+    links = FakeLinks()
+    robot = DrivenRobot(links)
+    robot.arm(GUIDED)
+    beat = common.MAVLink_heartbeat_message(common.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
+    robot.send(setpoint(common.MAV_FRAME_BODY_NED, POSITION, x=3.9))
+    robot.run(1.0, beat, every_s=1.0)
+    silent_ns = robot.now_ns
+    while robot.tick() and robot.state.mode == GUIDED:
+        pass
+    assert 4.0e9 <= robot.now_ns - silent_ns <= 5.1e9
+    assert robot.run(1.0).v_m_s == pytest.approx(0.0, abs=0.01)
+    x, _, _ = robot.pose()
+    assert 0.3 < x - 6.0 < 3.7
+    assert robot.state.message == "hold: the ground station is lost"
+    beats = [m.custom_mode for m, _ in links.sent if m.get_type() == "HEARTBEAT"]
+    assert beats[-1] == 4

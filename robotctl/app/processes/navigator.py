@@ -63,12 +63,15 @@ def make_navigation(config: RobotConfig, options: StackOptions) -> NavigationAda
         has_lidar=config.lidar is not None,
         sees_markers=abilities(config).sees_markers,
     )
+    mavlink = config.mavlink
+    holds_on_loss = mavlink.hold_on_gcs_loss and not mavlink.hold_without_gcs
     return NavigationAdapter(
         navigator,
         config.navigation,
         has_localiser=config.localisation.method != "none",
         looks=config.camera is not None and config.camera.enabled,
-        needs_station=config.mavlink.hold_without_gcs,
+        needs_station=mavlink.hold_without_gcs,
+        station_timeout_s=mavlink.gcs_timeout_s if holds_on_loss else math.inf,
     )
 
 

@@ -154,6 +154,26 @@ def test_navigation_is_told_that_a_station_is_there_where_it_must_be(make_bench)
 
 
 def test_it_is_not_told_where_nobody_need_be_there(make_bench):
-    bench = make_bench(link=LINK)
+    bench = make_bench(link=LINK, hold_on_gcs_loss=False)
     bench.receive(heartbeat())
     assert presences(bench.run(1.0)) == []
+
+
+def watched(bench, seconds, *systems):
+    """Return the last heartbeat that navigation is told of, while some stations send theirs [s]."""
+    begin_ns, told = bench.now_ns, []
+    for _ in range(round(seconds)):
+        for system in systems:
+            bench.receive(heartbeat(), system=system)
+        told += [each for each in bench.run(1.0) if isinstance(each, GroundStationPresence)]
+    return (told[-1].heard_ns - begin_ns) / 1e9 if told else None
+
+
+def test_the_station_whose_loss_counts_is_the_operators_once_it_was_heard(make_bench):
+    bench = make_bench(gcs_timeout_s=3.0, gcs_system_id=255)
+    assert watched(bench, 3, 42) > 1.9
+    assert watched(bench, 3, 42, 255) > 1.9
+    assert watched(bench, 2, 42) < 0.0  # that of the operator, who has been silent since
+    assert watched(bench, 3, 42) > 1.9  # after the loss the other one's
+    assert watched(bench, 5) < 0.0
+    assert watched(bench, 1) is None
