@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def optimize(
     graph: Annotated[Path, typer.Argument(help="A g2o, TORO or GTSAM file.", metavar="IN")],
-    solver: Annotated[str, typer.Option(help="gn, lm, dogleg or isam.")] = "lm",
+    solver: Annotated[str, typer.Option(help="gn, lm, dogleg, isam or gbp.")] = "lm",
     robust: Annotated[
         str, typer.Option(metavar="KERNEL", help="huber, cauchy, geman-mcclure, dcs or gnc.")
     ] = "",
@@ -85,6 +85,11 @@ def summary(result: OptimizeResult) -> str:
         "chi2 {chi2_initial:.6g} -> {chi2_final:.8g} in {iterations} iterations".format(**figures)
         + f", {time_ms:.1f} ms",
     ]
+    if "rounds" in figures:
+        lines.append(
+            "{rounds} rounds of messages; the last means are within {left_sigma:.2g} standard "
+            "deviations of the solution".format(**figures)
+        )
     if figures["switched_off"]:
         lines.append(
             f"{figures['switched_off']} factors switched off; chi2 of the rest "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,12 @@ from robotctl.estimation.slam.linear.assembly import (
     quadratic_forms,
     single_assembler,
 )
-from robotctl.estimation.slam.linear.cholesky import factorise, solve_lower, solve_upper
+from robotctl.estimation.slam.linear.cholesky import (
+    factorise,
+    multiply,
+    solve_lower,
+    solve_upper,
+)
 from robotctl.estimation.slam.linear.ordering import minimum_degree
 from robotctl.estimation.slam.linear.symbolic import Symbolic, analyse, locate
 
@@ -48,6 +54,53 @@ class Linearisation:
     def chi2(self) -> float:
         """The sum over all factors."""
         return float(sum(each.sum() for each in self.squares))
+
+
+class Equations(Protocol):
+    """H d = -g, as solvers need it; more on each part in `NormalEquations`."""
+
+    gradient: Floats
+
+    def linearise(self, values: Values, into: Linearisation | None = None) -> Linearisation:
+        """Return all factors about values."""
+        ...
+
+    def assemble(self, at: Linearisation, weights: Sequence[Floats] | None = None) -> None:
+        """Fill matrix and gradient."""
+        ...
+
+    def factorise(self, damping: Floats | None = None) -> int | None:
+        """Prepare to solve; return the number of a variable where that failed."""
+        ...
+
+    def solve(self) -> Floats:
+        """Return the increments."""
+        ...
+
+    def product(self, x: Floats) -> Floats:
+        """Return the matrix times x."""
+        ...
+
+    def retract(self, values: Values, increments: Floats) -> Values:
+        """Return values moved by increments."""
+        ...
+
+    @property
+    def diagonal(self) -> Floats:
+        """The diagonal of the matrix."""
+        ...
+
+
+def linearise(
+    graph: FactorGraph, values: Values, into: Linearisation | None = None
+) -> Linearisation:
+    """Return all factors about `values`, in the space of an earlier linearisation if given."""
+    blocks = into.blocks if into else [Linearised.empty(block) for block in graph.blocks]
+    squares = []
+    for block, linearised in zip(graph.blocks, blocks, strict=True):
+        linearised.fill(block, values_of(block, values))
+        squares.append(quadratic_forms(linearised.residuals, block.information))
+    return Linearisation(values, blocks, squares)
 
 
 class NormalEquations:
@@ -137,12 +190,7 @@ class NormalEquations:
 
     def linearise(self, values: Values, into: Linearisation | None = None) -> Linearisation:
         """Return all factors about `values`, in the space of an earlier linearisation if given."""
-        blocks = into.blocks if into else [Linearised.empty(block) for block in self.graph.blocks]
-        squares = []
-        for block, linearised in zip(self.graph.blocks, blocks, strict=True):
-            linearised.fill(block, values_of(block, values))
-            squares.append(quadratic_forms(linearised.residuals, block.information))
-        return Linearisation(values, blocks, squares)
+        return linearise(self.graph, values, into)
 
     def assemble(self, at: Linearisation, weights: Sequence[Floats] | None = None) -> None:
         """Fill matrix and gradient; `weights` are factors on the information, (n,) a block."""
@@ -189,6 +237,10 @@ class NormalEquations:
         solve_lower(self.symbolic, self.factor, x)
         solve_upper(self.symbolic, self.factor, x)
         return x
+
+    def product(self, x: Floats) -> Floats:
+        """Return the matrix times x, (columns,)."""
+        return multiply(self.symbolic, self.matrix, x)
 
     @property
     def diagonal(self) -> Floats:

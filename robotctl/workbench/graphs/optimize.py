@@ -112,6 +112,9 @@ class OptimizeResult:
             "switched_off": len(names),
             "switched_off_factors": names,
         }
+        if self.solution.rounds:
+            report["rounds"] = self.solution.rounds
+            report["left_sigma"] = self.solution.left_sigma
         if self.steps_ms:
             report["step_ms"] = {
                 "mean": round(float(np.mean(self.steps_ms)), 4),
@@ -170,7 +173,7 @@ def optimize(
         if name not in names:
             raise ConfigError(f"{option} {name}: unknown{nearest(name, list(names))}")
     if options.robust and options.solver == "isam":
-        raise ConfigError("--robust works with gn, lm and dogleg; isam has no robust kernels")
+        raise ConfigError("--robust works with gn, lm, dogleg and gbp; isam has no robust kernels")
     clock = _Clock(tell)
     begin_s = clock.now_s
     file = read_graph(options.graph)

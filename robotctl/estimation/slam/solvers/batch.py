@@ -12,9 +12,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from robotctl.estimation.slam.equations import Linearisation, NormalEquations
+from robotctl.estimation.slam.equations import Equations, Linearisation, NormalEquations
 from robotctl.estimation.slam.graph.variables import Floats
-from robotctl.estimation.slam.linear.cholesky import multiply
 from robotctl.estimation.slam.robust.graduated import Graduation
 from robotctl.estimation.slam.robust.robust_cost import RobustCost
 from robotctl.estimation.slam.solvers.problem import (
@@ -37,7 +36,7 @@ _STEPS_EACH: Final = 2
 class Descent:
     """The present values of a graph, with what steps need."""
 
-    def __init__(self, problem: Problem, equations: NormalEquations, cost: RobustCost) -> None:
+    def __init__(self, problem: Problem, equations: Equations, cost: RobustCost) -> None:
         self.problem = problem
         self.equations = equations
         self.cost = cost
@@ -168,7 +167,7 @@ class DogLeg:
         descent.assemble()
         newton = descent.gauss_newton_step()
         gradient = equations.gradient
-        curvature = float(gradient @ multiply(equations.symbolic, equations.matrix, gradient))
+        curvature = float(gradient @ equations.product(gradient))
         square = float(gradient @ gradient)
         if square == 0.0:
             return False
@@ -177,10 +176,7 @@ class DogLeg:
         self._radius = self._radius or length
         while True:
             step = _bent(newton, steepest, self._radius)
-            expected = -float(
-                2.0 * (gradient @ step)
-                + step @ multiply(equations.symbolic, equations.matrix, step)
-            )
+            expected = -float(2.0 * (gradient @ step) + step @ equations.product(step))
             if expected <= _TINY * descent.total or self._radius < _TINY * (1.0 + length):
                 return False
             there, total = descent.look(step)
@@ -220,7 +216,13 @@ def solve(problem: Problem, tell: Tell, make_rule: Callable[[], Rule]) -> Soluti
         If the factors do not determine all variables; it names them.
     """
     check_determined(problem.graph, problem.fixed)
-    equations = NormalEquations(problem.graph, problem.fixed)
+    return descend(problem, tell, NormalEquations(problem.graph, problem.fixed), make_rule)
+
+
+def descend(
+    problem: Problem, tell: Tell, equations: Equations, make_rule: Callable[[], Rule]
+) -> Solution:
+    """Return where the steps of a rule end, with any equations of the problem."""
     tell("order", 1, 1)
     suspects = doubtful(problem.graph)
     descent = Descent(problem, equations, RobustCost(problem.graph, problem.kernel, suspects))

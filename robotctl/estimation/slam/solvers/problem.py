@@ -59,12 +59,18 @@ class Solution:
         Of each block, factors on the information that a robust kernel gave at the end, (n,).
     is_converged
         Whether it ended by itself.
+    rounds
+        Of messages; 0 for a solver without.
+    left_sigma
+        How far the means of the last messages may be off, in standard deviations.
     """
 
     values: Values
     chi2: list[float]
     weights: list[Floats]
     is_converged: bool
+    rounds: int = 0
+    left_sigma: float = 0.0
 
 
 Solver: TypeAlias = Callable[[Problem, Tell], Solution]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from robotctl.estimation.slam.solvers.batch import dog_leg, gauss_newton, levenberg_marquardt
+from robotctl.estimation.slam.solvers.belief_propagation import belief_propagation
 from robotctl.estimation.slam.solvers.incremental import incremental
 from robotctl.estimation.slam.solvers.problem import Solver
 
@@ -13,4 +14,5 @@ SOLVERS: Final[dict[str, Solver]] = {
     "lm": levenberg_marquardt,
     "dogleg": dog_leg,
     "isam": incremental,
+    "gbp": belief_propagation,
 }

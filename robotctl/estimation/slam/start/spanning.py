@@ -15,7 +15,7 @@ from robotctl.model.geometry import se2
 
 
 @compiled
-def _walk(starts: Ints, edges: Ints, first: Ints, second: Ints, roots: Ints) -> tuple[Ints, Ints]:
+def walk(starts: Ints, edges: Ints, first: Ints, second: Ints, roots: Ints) -> tuple[Ints, Ints]:
     """Return edges in the order in which a breadth-first walk takes them, and its direction.
 
     Parameters
@@ -76,7 +76,7 @@ def _join(first: Ints, second: Ints, order: Ints, n: int) -> NDArray[np.bool_]:
     return is_kept
 
 
-def _incidence(first: Ints, second: Ints, n: int) -> tuple[Ints, Ints]:
+def incidence(first: Ints, second: Ints, n: int) -> tuple[Ints, Ints]:
     """Return the edges at each of n variables: where they begin, (n + 1,), and all of them."""
     ends = np.concatenate([first, second])
     order = np.argsort(ends, kind="stable")
@@ -187,9 +187,9 @@ def tree_poses(
         order = np.argsort(np.abs(second - first) != 1, kind="stable")
         keep = np.flatnonzero(_join(first, second, order, n))
         first, second, z = first[keep], second[keep], z[keep]
-    starts, edges = _incidence(first, second, n)
+    starts, edges = incidence(first, second, n)
     roots = np.argsort(~known, kind="stable")
-    taken, backward = _walk(starts, edges, first, second, roots)
+    taken, backward = walk(starts, edges, first, second, roots)
     values = poses.copy()
     propagate = _propagate_3d if values.shape[1] == SE3.size else _propagate_2d
     propagate(values, first, second, np.ascontiguousarray(z), taken, backward)

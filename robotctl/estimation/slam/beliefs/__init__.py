@@ -1,0 +1,1 @@
+"""Gaussian belief propagation: the linear graph, messages around loops, messages on trees."""
