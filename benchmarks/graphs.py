@@ -22,11 +22,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks import machine
+from robotctl.estimation.slam.beliefs.linear_graph import LinearGraph
+from robotctl.estimation.slam.beliefs.schedules import Synchronous
 from robotctl.estimation.slam.factors.between import BETWEEN_2D
 from robotctl.estimation.slam.graph.builder import GraphBuilder
 from robotctl.estimation.slam.graph.factor import FactorBlock
 from robotctl.estimation.slam.graph.factor_graph import FactorGraph, Values, chi2_of
 from robotctl.estimation.slam.graph.variables import SE2
+from robotctl.estimation.slam.marginals import factored, marginals
 from robotctl.estimation.slam.robust.kernels import KERNELS
 from robotctl.estimation.slam.solvers.problem import Problem, gauge, nobody
 from robotctl.estimation.slam.solvers.registry import SOLVERS
@@ -56,6 +59,7 @@ def run(rounds: int, _seconds: float) -> None:
         elif name != "city":
             machine.note(f"{name}: not measured, no {path}; set ROBOTCTL_DATA")
     _batch(files, rounds)
+    _messages(files)
     _incremental(files)
     _false_loops(files)
     _memory(files["city"])
@@ -149,6 +153,46 @@ def _gtsam(file: GraphFile, start: Values, fixed: int) -> Callable[[], tuple[Val
         return {kind: result}, optimizer.iterations()
 
     return work
+
+
+def _messages(files: dict[str, GraphFile]) -> None:
+    """Belief propagation: rounds, time, distance from the batch mean, and how sure beliefs are."""
+    rows = []
+    for name in ("intel", "M3500", "CSAIL", "MIT"):
+        if name not in files:
+            continue
+        graph = files[name].graph
+        start, fixed = start_of(files[name], STARTS[name])
+        problem = Problem(graph, start, fixed)
+        batch = SOLVERS["lm"](problem, nobody).values
+        SOLVERS["gbp"](Problem(graph, start, fixed, most_iterations=1), nobody)  # compiled
+        began = time.process_time()
+        found = SOLVERS["gbp"](problem, nobody)
+        spent = time.process_time() - began
+        off = np.linalg.norm((found.values[SE2] - batch[SE2])[:, :2], axis=1)
+        shares = _claimed(graph, batch, fixed)
+        rows.append((f"{name}, {STARTS[name]}", "yes" if found.is_converged else "no",
+                     str(len(found.chi2) - 1), str(found.rounds), f"{spent:.2f}",
+                     f"{100.0 * np.sqrt(np.mean(off**2)):.5f}",
+                     *(f"{np.median(each):.3f} ({each.min():.3f}-{each.max():.3f})"
+                       for each in shares)))  # fmt: skip
+    heads = ("graph, start", "converged", "iterations", "rounds", "CPU s", "rms to batch, cm",
+             "claimed / exact sigma of positions", "of rotations")  # fmt: skip
+    machine.table("Belief propagation", heads, rows)
+
+
+def _claimed(graph: FactorGraph, values: Values, fixed: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return which share of exact standard deviations beliefs claim: positions and rotations."""
+    schedule = Synchronous()
+    linear = LinearGraph(graph, fixed, schedule, 0.1)
+    linear.assemble(linear.linearise(values))
+    linear.factorise()
+    free = np.setdiff1d(np.arange(graph.size), fixed)
+    claimed = np.linalg.inv(schedule.precisions(linear)[free])
+    ones = [np.ones(len(block)) for block in graph.blocks]
+    exact = np.array(marginals(factored(graph, values, fixed, ones), free.tolist()))
+    traces = [np.trace(each[:, :2, :2], axis1=1, axis2=2) for each in (claimed, exact)]
+    return np.sqrt(traces[0] / traces[1]), np.sqrt(claimed[:, 2, 2] / exact[:, 2, 2])
 
 
 def _incremental(files: dict[str, GraphFile]) -> None:

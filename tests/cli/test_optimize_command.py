@@ -50,6 +50,18 @@ def test_it_writes_optimum_report_and_picture(square, tmp_path):
     assert "9: standard deviations" in result.output
 
 
+def test_belief_propagation_says_its_rounds_and_how_far_its_means_may_be_off(square, tmp_path):
+    report = tmp_path / "r.json"
+    exact = run(square, "--report", report)
+    chi2 = json.loads(report.read_text())["chi2_final"]
+    assert "rounds" not in exact.output
+    result = run(square, "--solver", "gbp", "--init", "odometry", "--report", report)
+    figures = json.loads(report.read_text())
+    assert figures["chi2_final"] == pytest.approx(chi2, rel=1e-6)
+    assert figures["left_sigma"] < 0.01
+    assert f"{figures['rounds']} rounds of messages" in result.output
+
+
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

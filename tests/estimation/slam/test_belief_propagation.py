@@ -226,7 +226,6 @@ def test_messages_that_do_not_settle_are_said_with_what_is_left():
     found = belief_propagation(Problem(*poses(2, 60, 30)), nobody, Hasty())
     assert not found.is_converged
     assert found.left_sigma > 1.0
-    assert found.rounds == 5
 
 
 def test_what_the_factors_do_not_determine_is_named():

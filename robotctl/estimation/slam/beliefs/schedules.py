@@ -75,7 +75,18 @@ class Synchronous:
         """The messages, (2 links, D, D + 1): precisions, and vectors as the last column."""
 
     def begin(self, graph: LinearGraph) -> None:
-        """Begin where the last linearisation ended."""
+        """Begin where the last linearisation ended; at first, with settled precisions.
+
+        These do not depend on the means. Means that begin before would come from next to nothing,
+        lie kilometres away, and take their rounds to come back.
+        """
+        if not self.said.size:
+            self.precisions(graph)
+            self.said[..., -1] = 0.0
+        self._take(graph)
+
+    def _take(self, graph: LinearGraph) -> None:
+        """Take the numbers of a graph."""
         if not self.said.size:
             self.said = np.zeros((2 * len(graph.ends), graph.D, graph.D + 1))
         self._receivers = graph.ends[:, ::-1].ravel()
@@ -101,10 +112,11 @@ class Synchronous:
 
     def precisions(self, graph: LinearGraph) -> Floats:
         """Return the precisions that variables believe in once these are settled, (n, D, D)."""
-        self.begin(graph)
+        self._take(graph)
         places, before = np.arange(graph.D), np.zeros_like(graph.scales)
         for _ in range(self.most_rounds):
             self._send(graph)
+            graph.rounds += 1
             beliefs = self.beliefs()[..., :-1]
             now = beliefs[:, places, places]
             if np.all(np.abs(now - before) <= _SETTLED * now):
@@ -122,9 +134,9 @@ class Synchronous:
 class Residual(Synchronous):
     """The variable speaks that heard the most since it spoke last."""
 
-    def begin(self, graph: LinearGraph) -> None:
-        """Begin where the last linearisation ended; all speak once."""
-        super().begin(graph)
+    def _take(self, graph: LinearGraph) -> None:
+        """Take the numbers of a graph; all speak once."""
+        super()._take(graph)
         self._residuals = np.full(graph.graph.size, np.inf)
 
     def _send(self, graph: LinearGraph) -> None:
