@@ -28,9 +28,9 @@ _DOWN: Final = np.array([0, 0, 1, -1, 1, 1, -1, -1])
 _RIGHT: Final = np.array([1, -1, 0, 0, 1, -1, 1, -1])
 _STEERINGS: Final = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """As shares of the largest curvature."""
-_REVERSE: Final = 2.0
+REVERSE: Final = 2.0
 """Cost of a unit of length in reverse, as a multiple of that forwards."""
-_GEAR_CHANGE: Final = 8.0
+GEAR_CHANGE: Final = 8.0
 """Cost of a change of gear [cells]."""
 _STEERING_CHANGE: Final = 0.2
 """Cost of steering from straight to the limit [cells]."""
@@ -257,8 +257,8 @@ def _try_curve(world: HybridMap, nodes: Nodes, node: int, path: NDArray[np.float
         if length == 0.0:
             continue
         now = 1 if length > 0.0 else -1
-        cost += abs(length) * radius * (1.0 if now > 0 else _REVERSE)
-        cost += _GEAR_CHANGE if gear not in (0, now) else 0.0
+        cost += abs(length) * radius * (1.0 if now > 0 else REVERSE)
+        cost += GEAR_CHANGE if gear not in (0, now) else 0.0
         gear = now
     if cost >= nodes.found[0]:
         return
@@ -273,7 +273,7 @@ def _try_curve(world: HybridMap, nodes: Nodes, node: int, path: NDArray[np.float
         ):  # fmt: skip
             return
         step = math.hypot(poses[i, 0] - poses[i - 1, 0], poses[i, 1] - poses[i - 1, 1])
-        extra += step * (world.prices[int(py), int(px)] - 1.0) * (1.0 if gears[i] > 0 else _REVERSE)
+        extra += step * (world.prices[int(py), int(px)] - 1.0) * (1.0 if gears[i] > 0 else REVERSE)
     if cost + extra < nodes.found[0]:
         nodes.found[0] = cost + extra
         nodes.counts[LAST] = node + 1
@@ -347,8 +347,8 @@ def _expand_node(world: HybridMap, nodes: Nodes, node: int, step: float) -> None
                 price += world.prices[int(ey), int(ex)]
             if not is_free:
                 continue
-            cost = nodes.cost[node] + step * price / checks * (1.0 if gear > 0 else _REVERSE)
+            cost = nodes.cost[node] + step * price / checks * (1.0 if gear > 0 else REVERSE)
             cost += _STEERING_CHANGE * abs(steering - before)
             if gear_before not in (0, gear):
-                cost += _GEAR_CHANGE
+                cost += GEAR_CHANGE
             _reach(world, nodes, node, ex, ey, eth, cost, steering, gear)

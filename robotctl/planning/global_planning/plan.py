@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final, Protocol, TypeAlias
+from typing import Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from robotctl.planning.global_planning.grid_search import Corners
 _STEP_RAD: Final = 0.1
 
 Point: TypeAlias = tuple[float, float]
+Steering: TypeAlias = Literal["straight", "dubins", "reeds-shepp"]
 GoesOn: TypeAlias = Callable[[], bool]
 """Asked now and then whether there is time left."""
 
@@ -41,6 +42,9 @@ class PlannerConfig:
         Whether a path over cells is straightened.
     turning_radius_m
         Of the robot's smallest circle, for planners of robots that steer [m], > 0.
+    steering
+        Motions of the random trees: straight pieces for a robot that turns on the spot, or curves
+        of one that steers, only forwards (dubins) or in both gears (reeds-shepp).
     seed
         Of planners that draw random samples.
 
@@ -56,6 +60,7 @@ class PlannerConfig:
     corners: Corners = "both"
     any_angle: bool = True
     turning_radius_m: float = 0.5
+    steering: Steering = "straight"
     seed: int = 0
 
     def __post_init__(self) -> None:

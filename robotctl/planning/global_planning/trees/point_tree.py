@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotctl.compiled import compiled
-from robotctl.planning.global_planning.heap import pop, push
 
 FOUND, GOING_ON, FULL = 2, 1, 0
 _LEAST_STEP: Final = 0.25
@@ -295,7 +294,7 @@ def grow_optimal(
         count = tree.size[0]
         # Karaman and Frazzoli 2011, theorem 38, in the plane: 2 (1 + 1/2)^(1/2) (area / pi)^(1/2).
         reach = min(longest, 2.45 * np.sqrt(area / np.pi * np.log(count + 1.0) / (count + 1.0)))
-        found = _points_near(tree, side, x, y, reach, near)
+        found = points_near(tree, side, x, y, reach, near)
         _take_parent(tree, clearance, radius, node, near[:found])
         _rewire(tree, clearance, radius, node, near[:found])
         rest = np.hypot(gx - x, gy - y)
@@ -312,7 +311,7 @@ def grow_optimal(
 
 
 @compiled
-def _points_near(
+def points_near(
     tree: Tree, side: float, x: float, y: float, reach: float, near: NDArray[np.int32]
 ) -> int:
     """Collect the points within a distance, as many as there is room for; return how many."""
@@ -374,98 +373,9 @@ def _rewire(
             tree.parent[other], tree.cost[other] = node, cost
 
 
-@compiled
-def rejoin(
-    tree: Tree,
-    side: float,
-    clearance: NDArray[np.float32],
-    radius: float,
-    goal: int,
-    reach: float,
-) -> NDArray[np.int32]:
-    """Return the points of the shortest path from point 0 to another, in any order of growth.
-
-    Points that see each other within `reach` are joined: Dijkstra's algorithm, which looks at a
-    piece only when it would make a path shorter. Empty where there is no path.
-    """
-    count = tree.size[0]
-    cost = np.full(count, np.inf)
-    came = np.full(count, -1, np.int32)
-    keys, items = np.empty(64 * count), np.empty(64 * count, np.int32)
-    near = np.empty(256, np.int32)
-    cost[0] = 0.0
-    entries = push(keys, items, 0, 0.0, 0)
-    while entries > 0:
-        key = keys[0]
-        node = pop(keys, items, entries)
-        entries -= 1
-        if node == goal:
-            break
-        if key > cost[node]:
-            continue
-        x, y = tree.xy[node, 0], tree.xy[node, 1]
-        for k in range(_points_near(tree, side, x, y, reach, near)):
-            other = near[k]
-            ox, oy = tree.xy[other, 0], tree.xy[other, 1]
-            new = key + np.hypot(ox - x, oy - y)
-            if new >= cost[other] or free_share(clearance, radius, x, y, ox, oy) < 1.0:
-                continue
-            if entries == len(keys):
-                return np.empty(0, np.int32)
-            cost[other], came[other] = new, node
-            entries = push(keys, items, entries, new, other)
-    if cost[goal] == np.inf:
-        return np.empty(0, np.int32)
-    path = [goal]
-    while path[-1] != 0:
-        path.append(came[path[-1]])
-    return np.array(path[::-1], np.int32)
-
-
 def branch(tree: Tree, node: int) -> NDArray[np.float64]:
     """Return the points from the root to a point, (n, 2)."""
     nodes = [node]
     while tree.parent[nodes[-1]] >= 0:
         nodes.append(int(tree.parent[nodes[-1]]))
     return tree.xy[nodes[::-1]].copy()
-
-
-@compiled
-def shorten(
-    points: NDArray[np.float64],
-    clearance: NDArray[np.float32],
-    radius: float,
-    rng: np.random.Generator,
-    tries: int,
-) -> NDArray[np.float64]:
-    """Return a path (n, 2) with random pieces of it replaced by straight ones, where they are free.
-
-    Geraerts and Overmars, "Creating high-quality paths for motion planning", 2007.
-    """
-    path = points.copy()
-    for _ in range(tries):
-        count = len(path)
-        if count < 3:
-            break
-        i, j = int(rng.random() * (count - 1)), int(rng.random() * (count - 1))
-        i, j = min(i, j), max(i, j)
-        s, t = rng.random(), rng.random()
-        ax, ay = path[i] + s * (path[i + 1] - path[i])
-        bx, by = path[j] + t * (path[j + 1] - path[j])
-        if i == j:
-            continue
-        old = np.hypot(path[i + 1, 0] - ax, path[i + 1, 1] - ay)
-        for k in range(i + 1, j):
-            old += np.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        old += np.hypot(bx - path[j, 0], by - path[j, 1])
-        if np.hypot(bx - ax, by - ay) > old - 1e-6:
-            continue
-        if free_share(clearance, radius, ax, ay, bx, by) < 1.0:
-            continue
-        shorter = np.empty((i + 1 + 2 + count - j - 1, 2))
-        shorter[: i + 1] = path[: i + 1]
-        shorter[i + 1, 0], shorter[i + 1, 1] = ax, ay
-        shorter[i + 2, 0], shorter[i + 2, 1] = bx, by
-        shorter[i + 3 :] = path[j + 1 :]
-        path = shorter
-    return path

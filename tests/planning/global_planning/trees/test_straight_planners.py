@@ -14,12 +14,12 @@ from robotctl.model.grid_map import GridMap
 from robotctl.planning.costmap.planning_map import PlanningMap, clearance_of
 from robotctl.planning.global_planning.plan import Plan, PlannerConfig, Reason
 from robotctl.planning.global_planning.planners import PLANNERS
-from robotctl.planning.global_planning.tree import (
+from robotctl.planning.global_planning.trees.point_paths import shorten
+from robotctl.planning.global_planning.trees.point_tree import (
     add_point,
     free_share,
     make_tree,
     nearest_point,
-    shorten,
 )
 
 TREES = ("rrt", "rrt-connect", "rrtstar")

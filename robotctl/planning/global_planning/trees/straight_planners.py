@@ -27,7 +27,8 @@ from robotctl.planning.global_planning.plan import (
     Reason,
 )
 from robotctl.planning.global_planning.straight import collisions, radii, straight_poses
-from robotctl.planning.global_planning.tree import (
+from robotctl.planning.global_planning.trees.point_paths import rejoin, shorten
+from robotctl.planning.global_planning.trees.point_tree import (
     FOUND,
     FULL,
     Tree,
@@ -38,8 +39,6 @@ from robotctl.planning.global_planning.tree import (
     grow_optimal,
     grow_single,
     make_tree,
-    rejoin,
-    shorten,
 )
 
 Point = tuple[float, float]
@@ -128,7 +127,7 @@ class _Search:
         """Whether a circle can pass from the start to the goal."""
         passable = labels == a  # a tree cannot leave the start's area
         self.free = np.argwhere(passable).astype(np.int32)
-        self.narrow = np.argwhere(_narrow(passable)).astype(np.int32)
+        self.narrow = np.argwhere(narrow_cells(passable)).astype(np.int32)
 
     def tree(self, root: Point) -> Tree:
         """Return a tree that begins at a point."""
@@ -228,7 +227,7 @@ def _dense(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     return np.concatenate(dense)
 
 
-def _narrow(passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def narrow_cells(passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the passable cells with walls on two opposite sides, near by: the bridge test.
 
     Hsu, Jiang, Reif, Sun, "The bridge test for sampling narrow passages", 2003.
