@@ -39,14 +39,14 @@ def reeds_shepp(x: float, y: float, theta: float) -> NDArray[np.float64]:
     # The start as seen from the end, mirrored along the way: the path from its end to its start.
     back_x, back_y = x * c + y * s, x * s - y * c
     for equation in range(8):
-        for symmetry in range(8):
+        # The others' words are of the same kind when driven from their end to their start.
+        for symmetry in range(8 if equation in (2, 5, 6) else 4):
             timed, mirrored, backward = symmetry & 1, symmetry & 2, symmetry & 4
-            px, py, angle = (back_x, back_y, theta) if backward else (x, y, theta)
-            if timed:
-                px, angle = -px, -angle
-            if mirrored:
-                py, angle = -py, -angle
-            if not _solve(equation, px, py, angle, word, found):
+            px, py = (back_x, back_y) if backward else (x, y)
+            px, py = -px if timed else px, -py if mirrored else py
+            turned = (timed != 0) != (mirrored != 0)
+            angle, sine = (-theta, -s) if turned else (theta, s)
+            if not _solve(equation, px, py, angle, sine, c, word, found):
                 continue
             length = 0.0
             for k in range(PIECES):
@@ -90,6 +90,8 @@ def _solve(
     x: float,
     y: float,
     theta: float,
+    sine: float,
+    cosine: float,
     word: NDArray[np.float64],
     found: NDArray[np.float64],
 ) -> bool:
@@ -97,7 +99,6 @@ def _solve(
 
     The turns of its word are written too, and a 9 behind the last.
     """
-    sine, cosine = math.sin(theta), math.cos(theta)
     # Centres of the last circle as seen from the first one: of the same hand, and of the other.
     same_x, same_y = x - sine, y - 1.0 + cosine
     other_x, other_y = x + sine, y - 1.0 - cosine

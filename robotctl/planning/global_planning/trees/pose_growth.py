@@ -40,8 +40,8 @@ _BACK_OFF: Final = 0.8
 """Of the free part of a motion, so much is driven: at an obstacle no curve leads on."""
 _NARROW_SHARE: Final = 0.3
 _GOAL_SHARE: Final = 0.05
-_TURNS: Final = 20
-"""Headings tried at a place."""
+_TRIES: Final = 100
+"""At a pose at which the body is free."""
 _NEIGHBOURS: Final = 24
 
 
@@ -54,9 +54,8 @@ def sample_pose(
 ) -> NDArray[np.float64]:
     """Return a random pose at which the body is free, if some tries find one."""
     pose = np.empty(3)
-    for attempt in range(10 * _TURNS):
-        if attempt % _TURNS == 0:
-            pose[0], pose[1] = sample(rng, free, narrow, _NARROW_SHARE)
+    for _ in range(_TRIES):
+        pose[0], pose[1] = sample(rng, free, narrow, _NARROW_SHARE)
         pose[2] = 2.0 * math.pi * rng.random()
         if not body_hits(
             course.blocked, course.clearance, course.samples, course.discs,
