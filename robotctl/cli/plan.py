@@ -31,6 +31,13 @@ def plan(
     planner: Annotated[
         str, typer.Option(help="astar, dijkstra, hybrid, rrt, rrt-connect or rrtstar.")
     ] = "astar",
+    steering: Annotated[
+        str,
+        typer.Option(
+            help="Of the rrt planners: straight, dubins (forwards only) or reeds-shepp. By "
+            "default, reeds-shepp for robots that steer and straight for others."
+        ),
+    ] = "",
     robot: Annotated[
         str, typer.Option(help="Robot file, or the name of one that comes along; for its outline.")
     ] = "",
@@ -68,6 +75,7 @@ def plan(
             start=place("--start", start),
             goal=place("--goal", goal),
             planner=planner,
+            steering=steering,
             robot=robot,
             overrides=tuple(overrides or ()),
             time_limit_s=time_limit,

@@ -31,7 +31,8 @@ def save_plot(result: PlanResult, file: Path) -> None:
         poses = answer.poses
         corners = np.array(result.space.footprint.corners)
         if len(corners):
-            for x, y, theta in poses[:: max(1, math.ceil(len(poses) / _OUTLINES))]:
+            shown = poses[:: max(1, math.ceil(len(poses) / _OUTLINES))]
+            for x, y, theta in (*shown, poses[-1]):
                 turn = np.array(
                     [[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]]
                 )

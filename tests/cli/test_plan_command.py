@@ -5,6 +5,7 @@ import gzip
 import json
 import math
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -37,6 +38,20 @@ def test_a_path_through_the_flat_with_all_its_files(tmp_path, planner):
     assert [float(each) for each in rows[-1].values()] == [6.0, 3.0, 90.0]
     assert files["png"].stat().st_size > 10_000
     assert f"{planner}: {report['length_m']:.3f} m" in result.output
+
+
+def test_trees_drive_a_robot_that_steers_on_curves_and_not_in_reverse_if_told_so(tmp_path):
+    path = tmp_path / "p.csv"
+    for more in ((), ("--steering", "dubins")):
+        result = call(
+            *FLAT, "--planner", "rrt-connect", "--robot", "ackermann", "--out", path, *more
+        )
+        assert result.exit_code == 0, result.output
+        rows = np.loadtxt(path, delimiter=",", skiprows=1)
+        assert rows[-1] == pytest.approx((6.0, 3.0, 90.0), abs=1e-3)
+        chords = np.hypot(*np.diff(rows[:, :2], axis=0).T)
+        turns = np.abs((np.radians(np.diff(rows[:, 2])) + math.pi) % math.tau - math.pi)
+        assert (turns <= 1.001 * chords / 0.497 + 1e-4).all(), "its smallest circle"
 
 
 def test_a_goal_in_a_wall_is_told_and_the_status_is_1(tmp_path):
@@ -92,6 +107,11 @@ def test_a_cell_in_a_wall_of_a_moving_ai_map(moving_ai):
     [
         ((*FLAT[:4], "--goal", "6"), "--goal 6: two or three numbers"),
         ((*FLAT, "--planner", "a-star"), 'there is no such planner; did you mean "astar"?'),
+        ((*FLAT, "--steering", "dubin"), "--steering dubin: straight, dubins, reeds-shepp are"),
+        (
+            ("--map", "{map}", "--start", "2,3", "--goal", "4,3", "--steering", "dubins"),
+            "--steering dubins: on a MovingAI map",
+        ),
         ((*FLAT, "--time-limit", "0"), "--time-limit 0"),
         ((*FLAT[:4], "--goal", "nan,1"), "--goal nan,1: two or three numbers"),
         ((*FLAT, "--report", "/nowhere/r.json"), "the folder /nowhere does not exist"),

@@ -139,6 +139,7 @@ class MapPilot:
         paths = PlannerConfig(
             margin_m=wanted.margin_m,
             turning_radius_m=_WIDER * drive.min_turning_radius_m or 2.0 * footprint.inscribed_m,
+            steering="reeds-shepp" if drive.steered else "straight",
         )
         self._planner = PLANNERS[planner](paths)
         self.config = ControllerConfig(

@@ -8,7 +8,7 @@ import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from robotctl.planning.global_planning.plan import (
     PlanFailure,
     Planner,
     PlannerConfig,
+    Steering,
     dense,
     facing,
 )
@@ -51,6 +52,8 @@ class PlanOptions:
         left.
     planner
         A name of `PLANNERS`.
+    steering
+        Motions of the random trees, one of `Steering`; empty: as the robot drives.
     robot
         The robot's file, or the name of one; empty: the small robot that comes along. On a
         MovingAI map a robot is a point.
@@ -66,6 +69,7 @@ class PlanOptions:
     start: tuple[float, ...]
     goal: tuple[float, ...]
     planner: str = "astar"
+    steering: str = ""
     robot: str = ""
     overrides: tuple[str, ...] = ()
     time_limit_s: float = 10.0
@@ -145,6 +149,7 @@ def make_plan(options: PlanOptions) -> PlanResult:
     if options.planner not in PLANNERS:
         hint = nearest(options.planner, list(PLANNERS))
         raise ConfigError(f"--planner {options.planner}: there is no such planner{hint}")
+    steering = _steering(options.steering)
     if not 0.0 < options.time_limit_s < math.inf:
         raise ConfigError(f"--time-limit {options.time_limit_s:g}: a number of seconds above 0")
     path = Path(options.map)
@@ -152,6 +157,11 @@ def make_plan(options: PlanOptions) -> PlanResult:
         grid = load_moving_ai(path)
         space = PlanningMap(grid, Footprint())
         start, goal = (_cell(grid, name, getattr(options, name)) for name in ("start", "goal"))
+        if steering not in (None, "straight"):
+            raise ConfigError(
+                f"--steering {steering}: on a MovingAI map, where the robot is a point, "
+                "straight is allowed"
+            )
         config = PlannerConfig(margin_m=0.0, comfort_m=0.0, any_angle=False, seed=options.seed)
     else:
         robot = load_robot(find_file(options.robot or DEFAULT_ROBOT), options.overrides)
@@ -161,7 +171,11 @@ def make_plan(options: PlanOptions) -> PlanResult:
         goal = goal if len(options.goal) == 3 else facing(start, goal.x_m, goal.y_m)
         # A robot that could turn on the spot, and is to drive without, turns in its own width.
         radius_m = robot.drive.min_turning_radius_m or 2.0 * space.footprint.inscribed_m
-        config = PlannerConfig(seed=options.seed, turning_radius_m=radius_m)
+        config = PlannerConfig(
+            seed=options.seed,
+            turning_radius_m=radius_m,
+            steering=steering or ("reeds-shepp" if robot.drive.steered else "straight"),
+        )
     planner = PLANNERS[options.planner](config)
     _compile(planner, space.footprint)
     begin_s = time.perf_counter()
@@ -169,6 +183,17 @@ def make_plan(options: PlanOptions) -> PlanResult:
         space, start, goal, lambda: time.perf_counter() - begin_s < options.time_limit_s
     )
     return PlanResult(options, space, answer, 1e3 * (time.perf_counter() - begin_s))
+
+
+def _steering(name: str) -> Steering | None:
+    """Return what the user asks for; None: as the robot drives."""
+    for each in get_args(Steering):
+        if name == each:
+            return cast("Steering", each)
+    if name:
+        allowed = ", ".join(get_args(Steering))
+        raise ConfigError(f"--steering {name}: {allowed} are allowed")
+    return None
 
 
 def _compile(planner: Planner, footprint: Footprint) -> None:

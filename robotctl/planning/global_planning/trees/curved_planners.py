@@ -84,12 +84,11 @@ class CurvedTreePlanner(ABC):
         if failure is not None:
             return failure
         side_m = space.grid.resolution_m
-        expanded, may_succeed = 0, False
+        expanded = 0
         for margin in dict.fromkeys((self._config.margin_m / side_m, 0.0)):
             search = _CurveSearch(space, margin, (start, goal), self._config)
             if not search.may_succeed:
                 continue
-            may_succeed = True
             path = search.direct() or self._grow(search, goes_on)
             expanded += search.expanded
             if path is not None:
@@ -98,9 +97,6 @@ class CurvedTreePlanner(ABC):
                 return Plan(space.to_world(path.poses), cost * side_m, expanded, reverse)
             if not goes_on():
                 return PlanFailure(Reason.OUT_OF_TIME, "the time was over", None, expanded)
-        if may_succeed:
-            text = "there is a way, but the trees found no curves along it that the body can take"
-            return PlanFailure(Reason.NOT_FOUND, text, None, expanded)
         return no_path(space, start, goal, expanded)
 
     @abstractmethod
@@ -126,8 +122,8 @@ class _CurveSearch:
         )  # fmt: skip
         self.rng = np.random.default_rng(config.seed)
         self.expanded = 0
-        # With less room, no robot of any heading fits.
-        labels, _ = ndimage.label(clearance >= max(space.inscribed - 1.0, 0.0))
+        # With less room, no robot of any heading fits, wherever it is in a cell.
+        labels, _ = ndimage.label(clearance >= max(space.inscribed - math.sqrt(0.5), 0.0))
         a, b = (labels[math.floor(y), math.floor(x)] for x, y, _ in (self.start, self.goal))
         self.may_succeed = bool(a == b != 0) and not self._collides()
         """Whether the body can stand at both ends, and a circle inside of it can pass."""
@@ -157,9 +153,7 @@ class _CurveSearch:
 
     def shortened(self, path: PosePath) -> tuple[PosePath, float]:
         """Return a path that costs no more, and its cost [cells]."""
-        better = PosePath(
-            *shorten_poses(*path, self.course, self.gears, self.rng, _SHORTENINGS)
-        )
+        better = PosePath(*shorten_poses(*path, self.course, self.gears, self.rng, _SHORTENINGS))
         return better, float(cost_along(*better, self.course.prices)[-1])
 
 

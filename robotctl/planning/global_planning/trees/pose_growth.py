@@ -170,10 +170,10 @@ def grow_cheapest(
     `at_goal` is the pose that is the goal, -1: none yet. Once there is one, samples that cannot lie
     on a cheaper path are left out. Return the state, and the pose that is the goal.
     """
-    near = np.empty(_NEIGHBOURS, np.int32)
+    near = np.empty(_NEIGHBOURS, np.int64)
     root = tree.pose[0].copy()
     if tree.size[0] == 1:
-        at_goal = _reach_goal(tree, course, goal, gears, 0, at_goal)
+        at_goal = _reach_goal(tree, course, goal, gears, tree.size[0] - 1, at_goal)
     for _ in range(rounds):
         best = cost_of(tree, at_goal) if at_goal >= 0 else np.inf
         if tree.size[0] + 2 > len(tree.parent):
@@ -216,7 +216,7 @@ def _may_help(
 
 @compiled
 def _take_cheapest_parent(
-    tree: PoseTree, course: Course, gears: int, node: int, near: NDArray[np.int32]
+    tree: PoseTree, course: Course, gears: int, node: int, near: NDArray[np.int64]
 ) -> None:
     """Give a new pose the parent with the cheapest path from the root."""
     pose, least = tree.pose[node], cost_of(tree, node)
@@ -240,7 +240,7 @@ def _take_cheapest_parent(
 
 @compiled
 def _rewire_poses(
-    tree: PoseTree, course: Course, gears: int, node: int, near: NDArray[np.int32]
+    tree: PoseTree, course: Course, gears: int, node: int, near: NDArray[np.int64]
 ) -> None:
     """Make a new pose the parent of neighbours that it brings closer to the root."""
     pose, before = tree.pose[node], cost_of(tree, node)

@@ -30,7 +30,7 @@ class PosePath(NamedTuple):
 
     poses: NDArray[np.float64]
     """(n, 3) [cells, cells, rad]."""
-    gears: NDArray[np.int8]
+    gears: NDArray[np.int64]
     """(n,): of the piece that leads to each, 1 or -1; 0 for the first."""
 
 
@@ -39,7 +39,7 @@ def path_from_root(tree: PoseTree, node: int, radius: float) -> PosePath:
     chain = [node]
     while tree.parent[chain[-1]] >= 0:
         chain.append(int(tree.parent[chain[-1]]))
-    poses, gears = [tree.pose[chain[-1]][np.newaxis]], [np.zeros(1, np.int8)]
+    poses, gears = [tree.pose[chain[-1]][np.newaxis]], [np.zeros(1, np.int64)]
     for parent, child in itertools.pairwise(chain[::-1]):
         piece, gear = _placed(tree.pose[parent], tree.curve[child], radius)
         piece[-1] = tree.pose[child]
@@ -50,7 +50,7 @@ def path_from_root(tree: PoseTree, node: int, radius: float) -> PosePath:
 
 def backwards(path: PosePath) -> PosePath:
     """Return the path from its end to its beginning, in the opposite gears."""
-    gears = np.concatenate([np.zeros(1, np.int8), -path.gears[:0:-1]])
+    gears = np.concatenate([np.zeros(1, np.int64), -path.gears[:0:-1]])
     return PosePath(path.poses[::-1].copy(), gears)
 
 
@@ -65,7 +65,7 @@ def joined(first: PosePath, second: PosePath) -> PosePath:
 @compiled
 def _placed(
     start: NDArray[np.float64], curve: NDArray[np.float64], radius: float
-) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the poses along a curve from a pose on, (n, 3), and the gear to each, (n,)."""
     poses, gears = along(curve, radius, _SPACING)
     c, s = math.cos(start[2]), math.sin(start[2])
@@ -73,12 +73,12 @@ def _placed(
         x, y = poses[i, 0], poses[i, 1]
         poses[i, 0], poses[i, 1] = start[0] + c * x - s * y, start[1] + s * x + c * y
         poses[i, 2] += start[2]
-    return poses, gears
+    return poses, gears.astype(np.int64)
 
 
 @compiled
 def cost_along(
-    poses: NDArray[np.float64], gears: NDArray[np.int8], prices: NDArray[np.float32]
+    poses: NDArray[np.float64], gears: NDArray[np.int64], prices: NDArray[np.float32]
 ) -> NDArray[np.float64]:
     """Return the cost from the first of poses to each, (n,)."""
     cost = np.zeros(len(poses))
@@ -99,12 +99,12 @@ def _change(before: int, after: int) -> float:
 @compiled
 def shorten_poses(
     poses: NDArray[np.float64],
-    gears: NDArray[np.int8],
+    gears: NDArray[np.int64],
     course: Course,
     gears_allowed: int,
     rng: np.random.Generator,
     tries: int,
-) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return a path with random parts of it replaced by curves that are free and cost less."""
     cost = cost_along(poses, gears, course.prices)
     for _ in range(tries):
@@ -114,7 +114,7 @@ def shorten_poses(
         if j - i < 2:
             continue
         curve = curve_between(poses[i], poses[j], course.radius, gears_allowed)
-        after = gears[j + 1] if j + 1 < count else 0
+        after = int(gears[j + 1]) if j + 1 < count else 0
         old = cost[j] - cost[i] + _change(gears[j], after)
         new = _change(gears[i], first_gear(curve)) + _change(last_gear(curve), after)
         if new >= old:

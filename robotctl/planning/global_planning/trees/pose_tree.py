@@ -24,7 +24,7 @@ class PoseTree(NamedTuple):
 
     pose: NDArray[np.float64]
     """(n, 3)."""
-    parent: NDArray[np.int32]
+    parent: NDArray[np.int64]
     curve: NDArray[np.float64]
     """(n, 2, 5): from the parent to here, in radii of the smallest turning circle."""
     cost: NDArray[np.float64]
@@ -45,7 +45,7 @@ def make_pose_tree(
     """Return a tree of one pose, (3,), for a map of (rows, columns) cells."""
     tree = PoseTree(
         np.empty((capacity, 3)),
-        np.empty(capacity, np.int32),
+        np.empty(capacity, np.int64),
         np.empty((capacity, 2, PIECES)),
         np.empty(capacity),
         np.empty(capacity, np.int32),
@@ -128,12 +128,12 @@ def nearest_pose(
 def _bound(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> float:
     """Return a length than which no curve between two poses is shorter."""
     turn = (b[2] - a[2] + math.pi) % (2.0 * math.pi) - math.pi
-    return max(math.hypot(b[0] - a[0], b[1] - a[1]), radius * abs(turn))
+    return max(math.hypot(b[0] - a[0], b[1] - a[1]), radius * abs(float(turn)))
 
 
 @compiled
 def poses_near(
-    tree: PoseTree, pose: NDArray[np.float64], reach: float, near: NDArray[np.int32]
+    tree: PoseTree, pose: NDArray[np.float64], reach: float, near: NDArray[np.int64]
 ) -> int:
     """Collect the poses within a distance, as many as there is room for; return how many."""
     rows, columns = tree.heads.shape
