@@ -29,6 +29,8 @@ from robotctl.planning.global_planning.trees.pose_tree import (
     nearest_pose,
 )
 
+pytestmark = pytest.mark.timeout(300)  # who comes first compiles
+
 TREES = ("rrt", "rrt-connect", "rrtstar")
 CURVES = {"dubins": dubins, "reeds-shepp": reeds_shepp}
 SIDE_M, RADIUS_M = 0.05, 0.6
