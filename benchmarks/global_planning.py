@@ -176,8 +176,56 @@ def _trees(title: str, space: PlanningMap, ends: list[SE2], best: float, limit_s
         rows.append(
             (name, f"{found} of {SEEDS}", machine.spread(times, 0), machine.spread(ratios, 2))
         )
+    if find_spec("ompl"):
+        rows.append(_ompl(space, ends, best, limit_s))
+    else:
+        machine.note("ompl: not measured, it is not installed")
     heads = ("planner", "found", "ms", "length / that of A*")
     machine.table(f"Random trees: {title}", heads, rows)
+
+
+def _ompl(
+    space: PlanningMap, ends: list[SE2], best: float, limit_s: float
+) -> tuple[str, str, str, str]:
+    """Return the row of OMPL's RRT-Connect with its simplification, for the same circle."""
+    ob, og, ou = (import_module(f"ompl.{name}") for name in ("base", "geometric", "util"))
+    ou.setLogLevel(ou.LOG_NONE)
+    rows, columns = space.shape
+    radius = space.circumscribed + (0.0 if best > 100 else 0.05 / space.grid.resolution_m)
+    clearance = space.clearance.tolist()  # faster to index from Python
+
+    def is_valid(state: Any) -> bool:
+        x, y = state[0], state[1]
+        return 0.0 <= x < columns and 0.0 <= y < rows and clearance[int(y)][int(x)] >= radius
+
+    times, ratios = [], []
+    for _ in range(SEEDS):
+        plane = ob.RealVectorStateSpace(2)
+        bounds = ob.RealVectorBounds(2)
+        for axis, high in enumerate((columns, rows)):
+            bounds.setLow(axis, 0.0)
+            bounds.setHigh(axis, float(high))
+        plane.setBounds(bounds)
+        plane.setLongestValidSegmentFraction(0.5 / math.hypot(rows, columns))
+        setup = og.SimpleSetup(plane)
+        setup.setStateValidityChecker(is_valid)
+        begin, goal = plane.allocState(), plane.allocState()
+        for state, end in zip((begin, goal), map(space.to_cells, ends), strict=True):
+            state[0], state[1] = end.x_m, end.y_m
+        setup.setStartAndGoalStates(begin, goal)
+        setup.setPlanner(og.RRTConnect(setup.getSpaceInformation()))
+        began = time.perf_counter()
+        found = setup.solve(limit_s) and setup.haveExactSolutionPath()
+        if found:
+            setup.simplifySolution()
+        times.append(1e3 * (time.perf_counter() - began))
+        length_m = setup.getSolutionPath().length() * space.grid.resolution_m if found else math.nan
+        ratios.append(length_m / best)
+    found = sum(not math.isnan(each) for each in ratios)
+    return (
+        "OMPL, rrt-connect", f"{found} of {SEEDS}", machine.spread(times, 0),
+        machine.spread(ratios, 2),
+    )  # fmt: skip
 
 
 def _warehouse(folder: Path, rounds: int) -> None:

@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
@@ -47,7 +46,7 @@ from robotctl.planning.global_planning.trees.pose_paths import (
     shorten_poses,
 )
 from robotctl.planning.global_planning.trees.pose_tree import PoseTree, add_pose, make_pose_tree
-from robotctl.planning.global_planning.trees.straight_planners import narrow_cells
+from robotctl.planning.global_planning.trees.sampling import cells_around, narrow_cells
 
 _CAPACITY: Final = 50_000
 """Poses of a tree at most: 8 MB."""
@@ -123,13 +122,13 @@ class _CurveSearch:
         self.rng = np.random.default_rng(config.seed)
         self.expanded = 0
         # With less room, no robot of any heading fits, wherever it is in a cell.
-        labels, _ = ndimage.label(clearance >= max(space.inscribed - math.sqrt(0.5), 0.0))
-        a, b = (labels[math.floor(y), math.floor(x)] for x, y, _ in (self.start, self.goal))
-        self.may_succeed = bool(a == b != 0) and not self._collides()
+        least = max(space.inscribed - math.sqrt(0.5), 0.0)
+        (x, y, _), (goal_x, goal_y, _) = self.start, self.goal
+        reached, self.free = cells_around(clearance, least, math.floor(y), math.floor(x))
+        is_joined = bool(reached[math.floor(goal_y), math.floor(goal_x)])
+        self.may_succeed = is_joined and not self._collides()
         """Whether the body can stand at both ends, and a circle inside of it can pass."""
-        passable = labels == a
-        self.free = np.argwhere(passable).astype(np.int32)
-        self.narrow = np.argwhere(narrow_cells(passable)).astype(np.int32)
+        self.narrow = narrow_cells(reached)
 
     def _collides(self) -> bool:
         """Return whether the body touches something at an end."""

@@ -19,6 +19,8 @@ from robotctl.compiled import compiled
 FOUND, GOING_ON, FULL = 2, 1, 0
 _LEAST_STEP: Final = 0.25
 """A piece that is shorter brings nothing [cells]."""
+_FEW: Final = 1000
+"""Points that are compared one by one faster than buckets are looked through."""
 _ROOM: Final = 0.93
 """From a point to the centre of its cell and from there, at most, beyond the clearance [cells]."""
 
@@ -45,9 +47,9 @@ def make_tree(
     buckets = tuple(math.ceil(each / side) + 1 for each in shape)
     tree = Tree(
         np.empty((capacity, 2)),
-        np.full(capacity, -1, np.int32),
-        np.zeros(capacity),
-        np.full(capacity, -1, np.int32),
+        np.empty(capacity, np.int32),
+        np.empty(capacity),
+        np.empty(capacity, np.int32),
         np.full(buckets, -1, np.int32),
         np.zeros(1, np.int64),
     )
@@ -78,9 +80,11 @@ def add_points(tree: Tree, side: float, points: NDArray[np.float64]) -> None:
 @compiled
 def nearest_point(tree: Tree, side: float, x: float, y: float) -> int:
     """Return the point nearest to a place: rings of buckets around it, until none can be nearer."""
+    if tree.size[0] < _FEW:  # most buckets are empty
+        return _nearest_of_all(tree, x, y)
     rows, columns = tree.heads.shape
-    row, column = int(y / side), int(x / side)
     best, best_squared = -1, np.inf
+    row, column = int(y / side), int(x / side)
     for ring in range(max(rows, columns)):
         if best >= 0 and ((ring - 1) * side) ** 2 > best_squared:
             break
@@ -96,6 +100,17 @@ def nearest_point(tree: Tree, side: float, x: float, y: float) -> int:
                     if squared < best_squared:
                         best, best_squared = node, squared
                     node = tree.links[node]
+    return best
+
+
+@compiled
+def _nearest_of_all(tree: Tree, x: float, y: float) -> int:
+    """Return the point nearest to a place, by looking at each."""
+    best, best_squared = 0, np.inf
+    for node in range(tree.size[0]):
+        squared = (tree.xy[node, 0] - x) ** 2 + (tree.xy[node, 1] - y) ** 2
+        if squared < best_squared:
+            best, best_squared = node, squared
     return best
 
 
@@ -245,7 +260,7 @@ def grow_both(
         one, other = (trees[0], trees[1]) if turn % 2 == 0 else (trees[1], trees[0])
         if one.size[0] + 2 > len(one.parent) or other.size[0] + 2 > len(other.parent):
             return FULL, -1, -1
-        x, y = sample(rng, free, narrow, 0.5)
+        x, y = sample(rng, free, narrow, 0.35)
         node, _ = grow(one, side, clearance, radius, x, y, longest)
         if node < 0:
             continue

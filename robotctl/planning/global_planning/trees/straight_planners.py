@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage  # type: ignore[import-untyped]
 
 from robotctl.model.geometry.se2 import SE2
 from robotctl.planning.costmap.planning_map import PlanningMap
@@ -40,6 +39,7 @@ from robotctl.planning.global_planning.trees.point_tree import (
     grow_single,
     make_tree,
 )
+from robotctl.planning.global_planning.trees.sampling import cells_around, narrow_cells
 
 Point = tuple[float, float]
 
@@ -51,8 +51,6 @@ _BUCKET: Final = 8.0
 """Side of a bucket [cells]."""
 _LONGEST: Final = 60.0
 """A tree grows by this at most [cells]: 3 m at 5 cm."""
-_NARROW: Final = 6
-"""A passage up to this wide is narrow [cells]."""
 _OPTIMAL_ROUNDS: Final = 20_000
 """Of RRT*, once a path is known."""
 _NEIGHBOURS: Final = 30
@@ -120,14 +118,11 @@ class _Search:
         self.start, self.goal = ((end.x_m, end.y_m) for end in ends)
         self.rng = np.random.default_rng(seed)
         self.expanded = 0
-        passable = clearance >= radius
-        labels, _ = ndimage.label(passable)
-        a, b = (labels[math.floor(y), math.floor(x)] for x, y in (self.start, self.goal))
-        self.may_succeed = bool(a == b != 0)
+        (x, y), (goal_x, goal_y) = self.start, self.goal
+        reached, self.free = cells_around(clearance, radius, math.floor(y), math.floor(x))
+        self.may_succeed = bool(reached[math.floor(goal_y), math.floor(goal_x)])
         """Whether a circle can pass from the start to the goal."""
-        passable = labels == a  # a tree cannot leave the start's area
-        self.free = np.argwhere(passable).astype(np.int32)
-        self.narrow = np.argwhere(narrow_cells(passable)).astype(np.int32)
+        self.narrow = narrow_cells(reached)
 
     def tree(self, root: Point) -> Tree:
         """Return a tree that begins at a point."""
@@ -225,22 +220,3 @@ def _dense(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
         count = max(1, math.ceil(math.dist(a, b) / spacing))
         dense.append(a + np.linspace(0.0, 1.0, count + 1)[1:, np.newaxis] * (b - a))
     return np.concatenate(dense)
-
-
-def narrow_cells(passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the passable cells with walls on two opposite sides, near by: the bridge test.
-
-    Hsu, Jiang, Reif, Sun, "The bridge test for sampling narrow passages", 2003.
-    """
-    padded = np.pad(passable, _NARROW)
-    rows, columns = passable.shape
-    result = np.zeros(passable.shape, np.bool_)
-    for down, right in ((0, 1), (1, 0)):
-        ahead = np.full(passable.shape, _NARROW + 1)
-        behind = ahead.copy()
-        for k in range(_NARROW, 0, -1):
-            for sign, gap in ((1, ahead), (-1, behind)):
-                row, column = _NARROW + sign * k * down, _NARROW + sign * k * right
-                gap[~padded[row : row + rows, column : column + columns]] = k
-        result |= ahead + behind - 1 <= _NARROW
-    return result & passable
