@@ -60,6 +60,7 @@ def run(rounds: int, _seconds: float) -> None:
             machine.note(f"{name}: not measured, no {path}; set ROBOTCTL_DATA")
     _batch(files, rounds)
     _messages(files)
+    _filter(files)
     _incremental(files)
     _false_loops(files)
     _memory(files["city"])
@@ -179,6 +180,30 @@ def _messages(files: dict[str, GraphFile]) -> None:
     heads = ("graph, start", "converged", "iterations", "rounds", "CPU s", "rms to batch, cm",
              "claimed / exact sigma of positions", "of rotations")  # fmt: skip
     machine.table("Belief propagation", heads, rows)
+
+
+def _filter(files: dict[str, GraphFile]) -> None:
+    """Extended Kalman filter: time of a pose, and how far off poses are."""
+    rows = []
+    for name in ("intel", "M3500", "CSAIL"):
+        if name not in files:
+            continue
+        graph = files[name].graph
+        start, fixed = start_of(files[name], "odometry")
+        problem = Problem(graph, start, fixed)
+        batch, marks = SOLVERS["lm"](problem, nobody).values[SE2], []
+        SOLVERS["ekf"](problem, nobody)  # compiled
+        found = SOLVERS["ekf"](problem, lambda *_, m=marks: m.append(time.process_time())).values
+        times = 1e3 * np.diff(marks)
+        off, before = (np.linalg.norm((each - batch)[:, :2], axis=1)
+                       for each in (found[SE2], start[SE2]))  # fmt: skip
+        rms = [float(np.sqrt(np.mean(each**2))) for each in (off, before)]
+        rows.append((name, f"{np.mean(times):.2f}", f"{np.percentile(times, 99):.1f}",
+                     f"{max(times):.1f}", f"{off[-1]:.4f} ({before[-1]:.2f})",
+                     f"{rms[0]:.2f} ({rms[1]:.2f})"))  # fmt: skip
+    heads = ("graph", "mean, CPU ms a pose", "p99", "max",
+             "last pose to batch (odometry), m", "all, when they left, rms")  # fmt: skip
+    machine.table("Extended Kalman filter", heads, rows)
 
 
 def _claimed(graph: FactorGraph, values: Values, fixed: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def optimize(
     graph: Annotated[Path, typer.Argument(help="A g2o, TORO or GTSAM file.", metavar="IN")],
-    solver: Annotated[str, typer.Option(help="gn, lm, dogleg, isam or gbp.")] = "lm",
+    solver: Annotated[str, typer.Option(help="gn, lm, dogleg, isam, gbp or ekf.")] = "lm",
     robust: Annotated[
         str, typer.Option(metavar="KERNEL", help="huber, cauchy, geman-mcclure, dcs or gnc.")
     ] = "",
@@ -32,13 +32,14 @@ def optimize(
 ) -> None:
     """Find the poses and points that fit the measurements of a graph best.
 
-    Without --init the start is the chordal relaxation, with --robust or isam the odometry. The
-    status is 1 if the solver did not converge.
+    Without --init the start is the chordal relaxation, with --robust, isam or ekf the odometry.
+    The status is 1 if the solver did not converge.
     """
     check_files(out, report, plot=plot)
     # It loads numba, which other subcommands can do without.
     from robotctl.cli.progress import progress_bar  # noqa: PLC0415
     from robotctl.compiled import COMPILING, cache_is_cold  # noqa: PLC0415
+    from robotctl.estimation.slam.solvers.registry import IN_ORDER  # noqa: PLC0415
     from robotctl.logs.graphs.graph_files import format_of  # noqa: PLC0415
     from robotctl.workbench.graphs.optimize import (  # noqa: PLC0415
         OptimizeOptions,
@@ -56,7 +57,7 @@ def optimize(
         graph,
         solver,
         robust,
-        init or ("odometry" if robust or solver == "isam" else "chordal"),
+        init or ("odometry" if robust or solver in IN_ORDER else "chordal"),
         tuple(filter(None, marginals.replace(" ", "").split(","))),
     )
     with progress_bar(console, graph.name, "optimising") as tell:

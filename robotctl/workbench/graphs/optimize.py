@@ -18,7 +18,7 @@ from robotctl.estimation.slam.marginals import factored, marginals
 from robotctl.estimation.slam.robust.kernels import KERNELS
 from robotctl.estimation.slam.robust.robust_cost import OFF
 from robotctl.estimation.slam.solvers.problem import Problem, Solution, gauge
-from robotctl.estimation.slam.solvers.registry import SOLVERS
+from robotctl.estimation.slam.solvers.registry import IN_ORDER, SOLVERS
 from robotctl.estimation.slam.start.registry import STARTS, start_values
 from robotctl.logs.graphs.graph_files import format_of, read_graph
 from robotctl.logs.graphs.graph_format import GraphFile
@@ -172,8 +172,9 @@ def optimize(
     ):
         if name not in names:
             raise ConfigError(f"{option} {name}: unknown{nearest(name, list(names))}")
-    if options.robust and options.solver == "isam":
-        raise ConfigError("--robust works with gn, lm, dogleg and gbp; isam has no robust kernels")
+    if options.robust and options.solver in IN_ORDER:
+        robust = ", ".join(name for name in SOLVERS if name not in IN_ORDER)
+        raise ConfigError(f"--robust works with {robust}; {options.solver} has no robust kernels")
     clock = _Clock(tell)
     begin_s = clock.now_s
     file = read_graph(options.graph)

@@ -6,6 +6,7 @@ from typing import Final
 
 from robotctl.estimation.slam.solvers.batch import dog_leg, gauss_newton, levenberg_marquardt
 from robotctl.estimation.slam.solvers.belief_propagation import belief_propagation
+from robotctl.estimation.slam.solvers.filtering import extended_kalman
 from robotctl.estimation.slam.solvers.incremental import incremental
 from robotctl.estimation.slam.solvers.problem import Solver
 
@@ -15,4 +16,7 @@ SOLVERS: Final[dict[str, Solver]] = {
     "dogleg": dog_leg,
     "isam": incremental,
     "gbp": belief_propagation,
+    "ekf": extended_kalman,
 }
+IN_ORDER: Final = ("isam", "ekf")
+"""Solvers that go pose by pose: from odometry, without robust kernels."""

@@ -1,0 +1,306 @@
+"""EKF-style filtering as a solver: one joint Gaussian, that forgets what no factor returns to.
+
+The extended Kalman filter over poses and points in the order of the poses (Smith, Self and
+Cheeseman 1990; with earlier poses in the state: Leonard and Rikoski 2001). A pose or point is
+marginalised out, and keeps its last estimate, once no later factor mentions it.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotctl.compiled import compiled
+from robotctl.estimation.slam.equations import GraphError
+from robotctl.estimation.slam.graph.factor import Ints, Linearised, inverses
+from robotctl.estimation.slam.graph.factor_graph import FactorGraph, chi2_of, values_of
+from robotctl.estimation.slam.graph.variables import SE3, Floats, VariableKind
+from robotctl.estimation.slam.solvers.incremental import arrivals, carried
+from robotctl.estimation.slam.solvers.problem import Problem, Solution, Tell, check_determined
+from robotctl.estimation.slam.start.chordal import matrices
+
+MOST_NUMBERS: Final = 6000
+"""In the state; its covariance then takes 288 MB."""
+_LOST_M: Final = 100.0
+_LOST_RAD: Final = 3.0
+"""Standard deviations of what is known of a variable that no single factor places."""
+_SINGULAR: Final = 1e8
+_PLACING: Final = 10
+
+
+@compiled
+def _downdate(P: Floats, W: Floats, n: int) -> None:
+    """Take W^T W, of W (size, n), from the first n rows and columns of P."""
+    for i in range(n):
+        for k in range(len(W)):
+            factor = W[k, i]
+            for j in range(n):
+                P[i, j] -= factor * W[k, j]
+
+
+def _in_space(kind: VariableKind, values: Floats) -> tuple[Floats, Floats]:
+    """Return positions (n, 3) and rotation matrices (n, 3, 3) of poses, those of the plane too."""
+    if kind is SE3:
+        return values[:, :3], matrices(values[:, 3:])
+    R, c, s = np.tile(np.eye(3), (len(values), 1, 1)), np.cos(values[:, 2]), np.sin(values[:, 2])
+    R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1] = c, -s, s, c
+    return np.column_stack([values[:, :2], np.zeros(len(values))]), R
+
+
+def _local(kind: VariableKind, value: Floats) -> Floats:
+    """Return the increment of a pose by its error, (dof, dof): the adjoint of its inverse."""
+    t, R = (each[0] for each in _in_space(kind, value[None]))
+    result = np.zeros((6, 6))
+    result[:3, :3] = result[3:, 3:] = R.T
+    result[:3, 3:] = np.cross(t, R.T)
+    return result if kind is SE3 else result[np.ix_([0, 1, 5], [0, 1, 5])]
+
+
+def moved(kind: VariableKind, values: Floats, errors: Floats) -> Floats:
+    """Return poses (n, size) moved by errors (n, dof): Exp(error) T."""
+    t, R = _in_space(kind, values)
+    twists = np.zeros((len(values), 6))
+    twists[:, range(6) if kind is SE3 else [0, 1, 5]] = errors
+    u, w = twists[:, :3], twists[:, 3:]
+    angle = np.maximum(np.linalg.norm(w, axis=1), 1e-6)[:, None]
+    a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
+    wu, wt = np.cross(w, u), np.cross(w, t)
+    away = u + b * wu + (1.0 - a) / angle**2 * np.cross(w, wu) + a * wt + b * np.cross(w, wt)
+    local = np.einsum("nji,nkj->nki", R, np.stack([away, w], axis=1)).reshape(-1, 6)
+    return kind.retract(values, local if kind is SE3 else np.ascontiguousarray(local[:, [0, 1, 5]]))
+
+
+def departures(graph: FactorGraph, steps: list[list[tuple[int, int]]]) -> Ints:
+    """Return after which step no factor mentions a variable any more, (n,); -1: none ever does."""
+    last = np.full(graph.size, -1, np.int64)
+    numbers = [np.column_stack(graph.numbers(block)) for block in graph.blocks]
+    for step, factors in enumerate(steps):
+        for index, row in factors:
+            last[numbers[index][row]] = step
+    return last
+
+
+class GraphFilter:
+    """The state: estimates of all variables, and the covariance of those that are in it.
+
+    The error of a pose is a twist in the world, Exp(error) T: x, y, z [m] of what is at the origin,
+    then the rotation [rad]. So a turned drive turns as a whole, whatever it looks like now (Barrau
+    and Bonnabel, The invariant extended Kalman filter, IEEE Trans. Automatic Control 62, 2017).
+
+    Parameters
+    ----------
+    problem
+        Its start is used for fixed variables, and where no single factor places one.
+    capacity
+        Variables in the state at most.
+    """
+
+    def __init__(self, problem: Problem, capacity: int) -> None:
+        self.graph = problem.graph
+        self.start = problem.start
+        self.values = {kind: each.copy() for kind, each in problem.start.items()}
+        self.members: list[int] = []
+        """Numbers of the variables in the state."""
+        self._dof = self.graph.dof()
+        self._D = int(self._dof.max(initial=1))
+        self._P = np.zeros((capacity * self._D, capacity * self._D))
+        self._is_known = np.zeros(self.graph.size, np.bool_)
+        self._is_known[problem.fixed] = True
+        self._kinds = {kind: self.graph.first(kind) for kind in self.graph.ids}
+        self._of = np.repeat(np.arange(len(self._kinds)), [len(x) for x in self.graph.ids.values()])
+
+    def covariance(self, number: int) -> Floats:
+        """Return the covariance (dof, dof) of a variable in the state, in its tangent space."""
+        own, (kind, row) = self._slot(number), self._place(number)
+        P = self._P[own, own][: kind.dof, : kind.dof]
+        if not kind.is_pose:
+            return P.copy()
+        G = _local(kind, self.values[kind][row])
+        return G @ P @ G.T
+
+    def _place(self, number: int) -> tuple[VariableKind, int]:
+        """Return the kind of a variable, and its row among the values of that kind."""
+        kind = list(self._kinds)[self._of[number]]
+        return kind, number - self._kinds[kind]
+
+    def _slot(self, number: int) -> slice:
+        """Return where a variable is in the state."""
+        at = self.members.index(number) * self._D
+        return slice(at, at + self._D)
+
+    def step(self, factors: list[tuple[int, int]]) -> None:
+        """Take in factors: block and row of each; those first that place something."""
+        waiting, count = list(factors), -1
+        while len(waiting) != count:
+            count = len(waiting)
+            waiting = [each for each in waiting if not self._is_placed_by(*each)]
+        for index, row in waiting:
+            for numbers in self.graph.numbers(self.graph.blocks[index]):
+                if not self._is_known[numbers[row]]:
+                    self._guess(int(numbers[row]))
+            self._update(index, row)
+
+    def _linearised(self, index: int, row: int) -> tuple[Floats, list[Floats], Floats]:
+        """Return residual (size,), Jacobians (size, D) by errors, and covariance of a factor."""
+        block = self.graph.blocks[index].take(np.array([row]))
+        at = Linearised.empty(block)
+        values = values_of(block, self.values)
+        at.fill(block, values)
+        jacobians = []
+        for kind, value, own in zip(block.kind.variables, values, at.jacobians, strict=True):
+            J = np.zeros((block.kind.size, self._D))
+            J[:, : kind.dof] = own[0] @ _local(kind, value[0]) if kind.is_pose else own[0]
+            jacobians.append(J)
+        return at.residuals[0], jacobians, inverses(block.information)[0]
+
+    def _is_placed_by(self, index: int, row: int) -> bool:
+        """Place the only unknown variable of a factor, if it says all of it; return whether."""
+        block = self.graph.blocks[index]
+        ends = [int(numbers[row]) for numbers in self.graph.numbers(block)]
+        unknown = [slot for slot, number in enumerate(ends) if not self._is_known[number]]
+        if len(unknown) != 1 or block.kind.size != self._dof[ends[unknown[0]]]:
+            return False
+        (new,) = unknown
+        kind, at = self._place(ends[new])
+        others = [each for slot, each in enumerate(ends) if slot != new]
+        self._carry(ends[new], others)
+        for _ in range(_PLACING):
+            r, jacobians, R = self._linearised(index, row)
+            J = jacobians[new][:, : kind.dof]
+            if np.linalg.cond(J) > _SINGULAR:
+                return False
+            error = np.zeros((1, kind.dof))
+            error[0] = -np.linalg.solve(J, r)
+            if np.max(np.abs(error)) < 1e-12:
+                break
+            self._move(kind, np.array([at]), error)
+        inverse = np.linalg.inv(J).astype(np.float64)
+        A = -inverse @ jacobians[1 - new] if others else np.zeros((kind.dof, self._D))
+        self._add(ends[new], A, others, inverse @ R @ inverse.T)
+        return True
+
+    def _carry(self, number: int, others: list[int]) -> None:
+        """Begin a variable where its start is as seen from another one, if that is a pose."""
+        kind, row = self._place(number)
+        for other in others:
+            anchor, at = self._place(other)
+            if anchor.is_pose:
+                before, now = self.start[anchor][at], self.values[anchor][at]
+                self.values[kind][row] = carried(kind, self.start[kind][row], anchor, before, now)
+
+    def _add(self, number: int, A: Floats, others: list[int], own: Floats) -> None:
+        """Add a variable with an error of A (dof, D) times that of another one, plus its own."""
+        n, D, width = len(self.members) * self._D, self._D, len(own)
+        new = slice(n, n + width)
+        self._P[n : n + D, : n + D], self._P[:n, n : n + D] = 0.0, 0.0
+        self._P[new, new] = own
+        if others and others[0] in self.members:
+            slot = self._slot(others[0])
+            self._P[new, :n] = A @ self._P[slot, :n]
+            self._P[:n, new] = self._P[new, :n].T
+            self._P[new, new] += A @ self._P[slot, slot] @ A.T
+        self.members.append(number)
+        self._is_known[number] = True
+
+    def _guess(self, number: int) -> None:
+        """Add a variable of which next to nothing is known, at its start."""
+        kind, _ = self._place(number)
+        sigma = np.where(np.arange(kind.dof) < kind.positions, _LOST_M, _LOST_RAD)
+        self._carry(number, self.members[-1:])
+        self._add(number, np.zeros((kind.dof, self._D)), [], np.diag(sigma**2))
+
+    def _update(self, index: int, row: int) -> None:
+        """Correct the whole state by a factor of variables that are known."""
+        n, D = len(self.members) * self._D, self._D
+        r, jacobians, S = self._linearised(index, row)
+        PJ = np.zeros((n, len(r)))
+        ends = [int(numbers[row]) for numbers in self.graph.numbers(self.graph.blocks[index])]
+        there = [(self._slot(e), J) for e, J in zip(ends, jacobians, strict=True)
+                 if e in self.members]  # fmt: skip
+        for slot, J in there:
+            PJ += self._P[:n, slot] @ J.T
+        for slot, J in there:
+            S = S + J @ PJ[slot]
+        try:
+            L = np.linalg.cholesky(S)
+        except np.linalg.LinAlgError:
+            raise GraphError(
+                f"the filter is no Gaussian any more at {self.graph.names(ends)}: measurements "
+                "that differ too much in precision, or positions too far from 0; use another solver"
+            ) from None
+        W = np.ascontiguousarray(np.linalg.solve(L, PJ.T))
+        error = (-np.linalg.solve(L, r) @ W).reshape(-1, D)
+        _downdate(self._P, W, n)
+        members = np.array(self.members)
+        for kind, first in self._kinds.items():
+            chosen = (members >= first) & (members < first + len(self.graph.ids[kind]))
+            self._move(kind, members[chosen] - first, error[chosen, : kind.dof])
+
+    def _move(self, kind: VariableKind, rows: Ints, errors: Floats) -> None:
+        """Move values of a kind by errors, (n, dof)."""
+        values = self.values[kind][rows]
+        self.values[kind][rows] = moved(kind, values, errors) if kind.is_pose else values + errors
+
+    def forget(self, numbers: list[int]) -> None:
+        """Marginalise variables out: of a Gaussian in moments, their rows and columns."""
+        D = self._D
+        for number in numbers:
+            n = len(self.members) * D
+            slot, last = self._slot(number), slice(n - D, n)
+            self._P[slot, :n] = self._P[last, :n]
+            self._P[:n, slot] = self._P[:n, last]
+            self.members[self.members.index(number)] = self.members[-1]
+            self.members.pop()
+
+
+def most_at_once(steps: list[list[tuple[int, int]]], last: Ints, graph: FactorGraph) -> int:
+    """Return how many variables are in the state at once."""
+    numbers = [np.column_stack(graph.numbers(block)) for block in graph.blocks]
+    seen, count, most = np.zeros(graph.size, np.bool_), 0, 0
+    leaving = np.bincount(last[last >= 0], minlength=len(steps))
+    for step, factors in enumerate(steps):
+        for index, row in factors:
+            for number in numbers[index][row]:
+                count += not seen[number]
+                seen[number] = True
+        most = max(most, count)
+        count -= int(leaving[step])
+    return most
+
+
+def extended_kalman(problem: Problem, tell: Tell) -> Solution:
+    """Solve by an extended Kalman filter, in the order of the poses.
+
+    What it says of a variable is the estimate when that left the state: of the last ones it is
+    that of all measurements, of the others that of the measurements up to then.
+
+    Raises
+    ------
+    GraphError
+        If too many variables would be in the state at once, or some have too few measurements.
+    """
+    graph = problem.graph
+    check_determined(graph, problem.fixed)
+    steps = arrivals(graph)
+    last = departures(graph, steps)
+    most = most_at_once(steps, last, graph)
+    allowed = MOST_NUMBERS // int(graph.dof().max(initial=1))
+    if most > allowed:
+        raise GraphError(
+            f"the filter would hold {most} variables at once, as later factors return to them; "
+            f"at most {allowed} are allowed; use another solver"
+        )
+    own = GraphFilter(problem, most)
+    leaving: list[list[int]] = [[] for _ in steps]
+    for number in np.flatnonzero(last >= 0).tolist():
+        leaving[last[number]].append(number)
+    tell("order", 1, 1)
+    for step, factors in enumerate(steps):
+        own.step(factors)
+        if step < len(steps) - 1:
+            own.forget([each for each in leaving[step] if each in own.members])
+        tell("step", step + 1, len(steps))
+    history = [chi2_of(graph, each) for each in (problem.start, own.values)]
+    weights = [np.ones(len(block)) for block in graph.blocks]
+    return Solution(own.values, history, weights, True)
