@@ -94,9 +94,9 @@ _UNKNOWN: Final = SE2(math.nan, math.nan, math.nan)
 
 
 class _Offer(NamedTuple):
-    """A mission with the file that it is from, and the CRC-32 of that."""
+    """A mission, or none, with the file that it is from, and the CRC-32 of that."""
 
-    mission: Mission
+    mission: Mission | None
     file: str
     crc: int
 
@@ -259,6 +259,9 @@ class NavigationAdapter:
 
     def _loaded(self, message: LoadMission) -> LoadRequest | None:
         """Return the request for a mission; None if it is none, which its sender should know."""
+        if not message.content:
+            self._offer = _Offer(None, "", 0)
+            return LoadRequest(None)
         try:
             mission = parse_mission(message.content.decode("utf-8-sig"), message.file)
         except (ConfigError, UnicodeDecodeError) as error:

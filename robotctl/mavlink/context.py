@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from pymavlink.dialects.v20 import common
 
@@ -14,6 +14,7 @@ from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.mavlink.catalogue import Catalogue
 from robotctl.mavlink.command import Command
 from robotctl.mavlink.config import MavlinkConfig
+from robotctl.mavlink.globe import Origin
 from robotctl.mavlink.guards.stale_link import HeldBack
 from robotctl.messages.control import (
     Ack,
@@ -64,6 +65,10 @@ class TelemetryRobot:
         Its navigation has a localiser, which must be ready before the robot is armed.
     arm_timeout_s : float
         How long the control process tries to arm before it refuses [s].
+    home : SE2
+        `base` in `world` at the start.
+    plans : bool
+        It plans its way to a goal; else it drives straight.
     """
 
     name: str = "robot"
@@ -73,6 +78,30 @@ class TelemetryRobot:
     has_imu: bool = False
     has_localiser: bool = False
     arm_timeout_s: float = 1.0
+    home: SE2 = field(default_factory=SE2)
+    plans: bool = True
+
+
+class MissionStore(Protocol):
+    """Where a mission that came over MAVLink outlives a power cut."""
+
+    def load(self) -> bytes:
+        """Return what was saved; empty: nothing."""
+
+    def save(self, content: bytes) -> str:
+        """Save a mission file, or that there is none; return its path, empty: it is not kept."""
+
+
+class NoStore:
+    """Keeps nothing."""
+
+    def load(self) -> bytes:
+        """Return nothing."""
+        return b""
+
+    def save(self, content: bytes) -> str:  # noqa: ARG002
+        """Save nothing."""
+        return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +122,7 @@ class GroundStation:
 class Context:
     """The present state and the outputs of a step, shared by all microservices.
 
+    `missions` keeps the mission, `origin` says where `world` is on the globe once that is known.
     `catalogue` is the sum of them, known once all are made. `peers` are served on the links now,
     `heard_ns` says when each of them was heard last [ns]. `ground_stations` are those alive, by
     address, the longest known first. `acks` are those of this step. `texts` wait for the STATUSTEXT
@@ -103,6 +133,8 @@ class Context:
     config: MavlinkConfig
     robot: TelemetryRobot
     links: MavlinkPort
+    missions: MissionStore = field(default_factory=NoStore)
+    origin: Origin | None = None
     control: ControlState | None = None
     navigation: NavigationState | None = None
     world: WorldPose = field(init=False)

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robotctl.mavlink.config import MavlinkConfig
-from robotctl.mavlink.context import Context, GroundStation, Request, State, TelemetryRobot
+from robotctl.mavlink.context import (
+    Context,
+    GroundStation,
+    MissionStore,
+    NoStore,
+    Request,
+    State,
+    TelemetryRobot,
+)
 from robotctl.mavlink.service import Microservice, Router, catalogue_of
 from robotctl.mavlink.services.registry import SERVICES
 from robotctl.messages.control import Notice, Severity
@@ -25,6 +33,8 @@ class Telemetry:
         Made with the same addresses and links as `config`; the caller closes them.
     services : sequence of Microservice classes
         The services, stepped in this order.
+    missions : MissionStore
+        Keeps the mission of a ground station; None: it is lost with this process.
     """
 
     def __init__(
@@ -33,8 +43,10 @@ class Telemetry:
         robot: TelemetryRobot,
         links: MavlinkPort,
         services: Sequence[type[Microservice]] = SERVICES,
+        *,
+        missions: MissionStore | None = None,
     ) -> None:
-        context = Context(config, robot, links)
+        context = Context(config, robot, links, missions or NoStore())
         members = tuple(make(context) for make in services)
         context.catalogue = catalogue_of(members)
         self._context = context

@@ -10,7 +10,8 @@ import msgspec
 class LoadMission(msgspec.Struct, frozen=True, tag=True):
     """Take another mission in place of the present one; mode AUTO then drives it.
 
-    `content` is that of the file, whose absolute path is `file`.
+    `content` is that of the file, whose absolute path is `file`, empty if it is in none; without
+    content the robot has no mission any more.
     """
 
     stamp_ns: int

@@ -16,9 +16,9 @@ from robotctl.planning.guard.obstacle_guard import Point
 
 
 class LoadRequest(NamedTuple):
-    """Take another mission in place of the present one."""
+    """Take another mission in place of the present one, or none."""
 
-    mission: Mission
+    mission: Mission | None
 
 
 class NavigationInputs(NamedTuple):

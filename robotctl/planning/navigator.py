@@ -309,9 +309,10 @@ class Navigator:
         if isinstance(request, LoadRequest):
             if drives and self._auto.is_under_way:
                 raise MissionError("a mission is under way; pause or abort it first")
-            if needs_pilot(request.mission) and self._robot.pilot is None:
-                raise MissionError(f"{request.mission.name}: {NO_PILOT}")
-            self._auto.load(request.mission)
+            wanted = request.mission
+            if wanted is not None and needs_pilot(wanted) and self._robot.pilot is None:
+                raise MissionError(f"{wanted.name}: {NO_PILOT}")
+            self._auto.load(wanted)
         elif isinstance(request, GoAheadRequest) and not drives:
             raise MissionError("the mission is not under way")
         else:

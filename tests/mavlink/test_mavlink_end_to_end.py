@@ -31,7 +31,7 @@ def test_a_ground_station_arms_changes_mode_drives_and_stops(pair, eventually):
         0, 1, 1, mavlink.MAV_FRAME_BODY_NED, mask, 0, 0, 0, 0.5, 0, 0, 0, 0, 0, 0, -0.25
     )
     gcs.mav.manual_control_send(1, 0, 0, 500, 0, 0)
-    eventually(lambda: isinstance(robot.requests[-1], ManualControl), robot.step)
+    eventually(lambda: any(isinstance(r, ManualControl) for r in robot.requests), robot.step)
     target = next(r for r in robot.requests if isinstance(r, VelocityTarget))
     assert (target.v_m_s, target.omega_rad_s) == (0.5, 0.25)
     assert target.expires_ns - target.stamp_ns == 480_000_000

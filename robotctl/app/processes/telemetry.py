@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Final
 
 import zmq
@@ -21,6 +22,7 @@ from robotctl.messages.control import (
     ControlRequest,
     EmergencyStop,
 )
+from robotctl.model.geometry.se2 import SE2
 from robotctl.runtime.ipc.heartbeat import ProcessHeartbeat
 from robotctl.runtime.ipc.topics import (
     Endpoints,
@@ -29,6 +31,7 @@ from robotctl.runtime.ipc.topics import (
     Subscriber,
     endpoint_directory,
 )
+from robotctl.runtime.storage.atomic_file import write_whole
 
 RATE_HZ: Final = 100
 
@@ -37,7 +40,44 @@ FAREWELL_NS: Final = 200_000_000
 """
 
 
-def described(config: RobotConfig) -> TelemetryRobot:
+MISSION: Final = "mavlink-mission.toml"
+"""File of the mission that came over MAVLink, in the folder of what survives restarts."""
+
+
+class MissionFile:
+    """Keeps a mission in a folder; "": nowhere.
+
+    Parameters
+    ----------
+    directory
+        The folder.
+    """
+
+    def __init__(self, directory: str) -> None:
+        self._file = Path(directory).resolve() / MISSION if directory else None
+
+    def load(self) -> bytes:
+        """Return what was saved; empty: nothing."""
+        try:
+            return b"" if self._file is None else self._file.read_bytes()
+        except OSError:
+            return b""
+
+    def save(self, content: bytes) -> str:
+        """Save a mission file, or that there is none; return its path, empty: it is not kept."""
+        if self._file is None:
+            return ""
+        try:
+            if content:
+                write_whole(self._file, content)
+                return str(self._file)
+            self._file.unlink(missing_ok=True)
+        except OSError:  # a full disk: the robot drives it all the same, until it is restarted
+            pass
+        return ""
+
+
+def described(config: RobotConfig, options: StackOptions) -> TelemetryRobot:
     """Return telemetry's knowledge of the robot before any message."""
     return TelemetryRobot(
         name=config.robot.name,
@@ -47,6 +87,8 @@ def described(config: RobotConfig) -> TelemetryRobot:
         has_imu=config.imu.enabled,
         has_localiser=config.localisation.method != "none",
         arm_timeout_s=config.safety.arm_timeout_ms / 1e3,
+        home=SE2(options.x_m, options.y_m, options.theta_rad),
+        plans=config.lidar is not None or config.localisation.method != "none",
     )
 
 
@@ -69,7 +111,9 @@ def run(config: RobotConfig, options: StackOptions) -> None:
         links = stack.enter_context(
             MavlinkLinks(mavlink.link, mavlink.system_id, mavlink.component_id)
         )
-        telemetry = Telemetry(mavlink, described(config), links)
+        telemetry = Telemetry(
+            mavlink, described(config, options), links, missions=MissionFile(options.state)
+        )
         heartbeat = ProcessHeartbeat(os.environ)
         # The one request that is kept for a control process that is not there yet.
         stop: EmergencyStop | None = None

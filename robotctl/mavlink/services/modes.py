@@ -27,6 +27,7 @@ from robotctl.messages.requests import REQUEST_LIFE_NS
 from robotctl.safety.state_machine import POWERED
 
 DO_SET_MODE: int = common.MAV_CMD_DO_SET_MODE
+MISSION_START: int = common.MAV_CMD_MISSION_START
 CUSTOM: int = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 TIMEOUT_NS = REQUEST_LIFE_NS + 100_000_000
 """Maximum time of the navigation process's answer [ns].
@@ -49,7 +50,7 @@ class Modes(Microservice):
     """Asks for modes; the command is accepted when the navigation process is in the mode."""
 
     handles = frozenset({common.MAVLINK_MSG_ID_SET_MODE})
-    commands = frozenset({DO_SET_MODE})
+    commands = frozenset({DO_SET_MODE, MISSION_START})
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -69,8 +70,14 @@ class Modes(Microservice):
             self._ask(sender, mode, now_ns)
 
     def on_command(self, command: Command, now_ns: int) -> int | None:
-        """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number."""
-        mode = self._wanted(command.params[0], command.params[1], now_ns)
+        """Take DO_SET_MODE: param1 flags with CUSTOM_MODE_ENABLED, param2 ArduRover's number.
+
+        MISSION_START asks for AUTO, which begins with arming where the robot is not armed.
+        """
+        if command.number == MISSION_START:
+            mode: Mode | None = Mode.AUTO
+        else:
+            mode = self._wanted(command.params[0], command.params[1], now_ns)
         if mode is None:
             return DENIED
         if self._is_repeated(command.sender, mode, now_ns):

@@ -10,12 +10,14 @@ from robotctl.mavlink.services.autopilot_version import AutopilotVersion
 from robotctl.mavlink.services.battery import Battery
 from robotctl.mavlink.services.commands import Commands
 from robotctl.mavlink.services.external_pose import ExternalPoses
+from robotctl.mavlink.services.global_position import GlobalPosition
 from robotctl.mavlink.services.ground_stations import GroundStations
 from robotctl.mavlink.services.heartbeat import Heartbeat
 from robotctl.mavlink.services.inertial import Inertial
 from robotctl.mavlink.services.link_watch import LinkWatch
 from robotctl.mavlink.services.manual_control import ManualControls
 from robotctl.mavlink.services.message_requests import MessageRequests
+from robotctl.mavlink.services.missions import Missions
 from robotctl.mavlink.services.modes import Modes
 from robotctl.mavlink.services.pose import Poses
 from robotctl.mavlink.services.setpoints import Setpoints
@@ -46,6 +48,8 @@ SERVICES: Final[tuple[type[Microservice], ...]] = (
     Inertial,
     Battery,
     SystemStatus,
+    GlobalPosition,
+    Missions,
     Streams,
     LinkWatch,
     StatusText,

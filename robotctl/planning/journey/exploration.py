@@ -28,13 +28,17 @@ _COMPARED: Final = 4
 """Of the nearest frontiers, whose paths are compared."""
 _SAME_M: Final = 0.5
 """Frontiers this near to each other are one [m]."""
+_PATIENT_NS: Final = 20_000_000_000
+_SLOWER: Final = 3.0
+"""A frontier may take so many times the time of its path at full speed, and a while more [ns]."""
 
 
 class Exploration(Behaviour):
     """Drives to the frontier with the shortest path until there is none (Yamauchi 1997).
 
-    A frontier that stays when the robot has been there, or that it cannot reach, is left out from
-    then on.
+    A frontier that stays when the robot has been there, that it cannot reach, or that it has not
+    reached in several times the time that the path took, is left out from then on: where a gap is
+    as wide as the robot, paths through it come and go.
 
     Parameters
     ----------
@@ -61,6 +65,8 @@ class Exploration(Behaviour):
         self._target: Frontier | None = None
         self._journey: Journey | None = None
         self._looked_ns = 0
+        self._end_ns = 0
+        """When the present frontier is given up."""
 
     def step(self, situation: BehaviourInput, now_ns: int) -> BehaviourOutput:
         """Return the next velocity; done when the map is complete."""
@@ -94,20 +100,29 @@ class Exploration(Behaviour):
         old, journey = self._target, self._journey
         others = [each for each in there if old is None or not _are_same(old, each)]
         if old is not None and journey is not None and len(others) < len(there):
-            target = self._nearest(pose, others) if journey.is_in_trouble else None
-            if target is None:
+            is_late = now_ns > self._end_ns
+            target, path_m = None, math.inf
+            if journey.is_in_trouble or is_late:
+                target, path_m = self._nearest(pose, others)
+            if target is None and not is_late:
                 return
             self._left_out.append(old.middle)
         else:
-            target = self._nearest(pose, there) or min(
-                there, key=lambda each: math.dist((pose.x_m, pose.y_m), each.place), default=None
-            )
+            target, path_m = self._nearest(pose, there)
+            if target is None and there:
+                here = pose.x_m, pose.y_m
+                target = min(there, key=lambda each: math.dist(here, each.place))
+                path_m = math.dist(here, target.place)
         self._target, self._journey = target, None
         if target is not None:
             self._journey = self._pilot.journey(Goal(*target.place), self._speed_m_s)
+            self._end_ns = now_ns + _PATIENT_NS + round(1e9 * _SLOWER * path_m / self._speed_m_s)
 
-    def _nearest(self, pose: SE2, found: list[Frontier]) -> Frontier | None:
-        """Return the one with the shortest path of the nearest frontiers; None: none has a path."""
+    def _nearest(self, pose: SE2, found: list[Frontier]) -> tuple[Frontier | None, float]:
+        """Return the one with the shortest path of the nearest frontiers, and that path's length.
+
+        None: none of them has a path.
+        """
         here = pose.x_m, pose.y_m
         best, best_m = None, math.inf
         for each in sorted(found, key=lambda each: math.dist(here, each.place))[:_COMPARED]:
@@ -116,7 +131,7 @@ class Exploration(Behaviour):
             plan = self._pilot.plan(pose, Goal(*each.place))
             if isinstance(plan, Plan) and plan.length_m < best_m:
                 best, best_m = each, plan.length_m
-        return best
+        return best, best_m
 
 
 def _are_same(one: Frontier, other: Frontier) -> bool:

@@ -98,17 +98,17 @@ class Auto:
             runner.trouble,
         )
 
-    def load(self, mission: Mission) -> None:
-        """Take another mission.
+    def load(self, mission: Mission | None) -> None:
+        """Take another mission, or none.
 
         Raises
         ------
         MissionError
             If the robot cannot drive it.
         """
-        self._runner = MissionRunner(mission, self._robot)
+        self._runner = None if mission is None else MissionRunner(mission, self._robot)
         if self._robot.pilot is not None:
-            self._robot.pilot.use_zones(mission.zone)
+            self._robot.pilot.use_zones(() if mission is None else mission.zone)
         self.runs += 1
 
     def command(self, request: GoAheadRequest | JumpRequest | AbortRequest) -> None:

@@ -1,13 +1,29 @@
 """The telemetry process tells what stands in the robot's file."""
 
-from robotctl.app.processes.telemetry import described
+from pathlib import Path
+
+from robotctl.app.processes.telemetry import MISSION, MissionFile, described
+from robotctl.config.options import StackOptions
 from robotctl.config.robot_file import find_file, load_robot
+from robotctl.model.geometry.se2 import SE2
 
 
 def test_the_robot_is_described_as_its_file_does() -> None:
     settings = ("localisation.sonar.max_range_m=2.5", "localisation.sonar.beam_deg=15.0")
     config = load_robot(find_file("tricycle"), settings)
-    robot = described(config)
+    robot = described(config, StackOptions("x", "", x_m=1.0, y_m=2.0))
     assert (robot.sonar.max_range_m, robot.sonar.beam_deg) == (2.5, 15.0)
     assert [mount.name for mount in robot.sonars] == [mount.name for mount in config.sonar]
-    assert (robot.name, robot.has_localiser) == ("tricycle", False)
+    assert (robot.name, robot.has_localiser, robot.plans) == ("tricycle", False, False)
+    assert robot.home == SE2(1.0, 2.0, 0.0)
+
+
+def test_a_mission_is_kept_in_its_folder_and_nowhere_without_one(tmp_path: Path) -> None:
+    file = MissionFile(str(tmp_path))
+    assert file.load() == b""
+    assert file.save(b"a mission") == str(tmp_path / MISSION)
+    assert MissionFile(str(tmp_path)).load() == b"a mission"
+    assert file.save(b"") == ""
+    assert file.load() == b""
+    assert MissionFile("").save(b"a mission") == ""
+    assert MissionFile(str(tmp_path / "gone")).save(b"a mission") == ""

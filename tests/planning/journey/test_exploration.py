@@ -71,3 +71,20 @@ def test_a_frontier_behind_a_wall_counts_only_for_a_robot_there():
     space = PlanningMap(GridMap(cells, 0.05), Footprint(), through_unknown=True)
     assert frontiers(space, (1.0, 2.0), 0.05) == []
     assert len(frontiers(space, (4.0, 2.0), 0.05)) == 1
+
+
+def test_a_frontier_whose_path_comes_and_goes_is_given_up():
+    """A gap in a wall that is open from afar and closed from near by."""
+    open_cells, closed = two_rooms(0.8), two_rooms(0.0)
+    bench = Bench(open_cells)
+    look = bench.look
+
+    def deceived():
+        bench.world = closed if 2.0 < bench.pose.x_m else open_cells
+        look()
+
+    bench.look = deceived
+    end = explore(bench, 240.0)
+    assert end is not None
+    assert end.status is Status.DONE
+    assert bench.pose.x_m < 3.0

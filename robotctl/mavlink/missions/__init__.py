@@ -1,0 +1,1 @@
+"""MAVLink missions: their items, and what they mean as a mission of ours."""

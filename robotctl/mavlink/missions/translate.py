@@ -1,0 +1,232 @@
+"""A MAVLink mission as a mission file of ours.
+
+The first item is home, as ArduPilot has it, and no item of the mission.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.frames import enu_from_ned, theta_from_yaw_ned
+from robotctl.mavlink.globe import Origin
+from robotctl.mavlink.missions.item import MissionItem
+from robotctl.messages.requests import FARTHEST_M
+from robotctl.model.geometry.se2 import SE2
+
+HOME: Final = 1
+"""Items before the mission's own."""
+_PLACES: Final = frozenset({common.MAV_CMD_NAV_WAYPOINT, common.MAV_CMD_NAV_LOITER_TIME})
+_DELAYS: Final = frozenset({common.MAV_CMD_NAV_DELAY, common.MAV_CMD_CONDITION_DELAY})
+_LOOKS: Final = frozenset(
+    {
+        common.MAV_CMD_DO_SET_ROI,
+        common.MAV_CMD_DO_SET_ROI_LOCATION,
+        common.MAV_CMD_DO_SET_ROI_NONE,
+    }
+)
+"""Where to point a camera: the robot's does not turn."""
+_LONGEST_S: Final = 86_400.0
+_FASTEST_M_S: Final = 100.0
+_MOST_TIMES: Final = 32_767
+_UNSUPPORTED: Final[int] = common.MAV_MISSION_UNSUPPORTED
+_FRAME: Final[int] = common.MAV_MISSION_UNSUPPORTED_FRAME
+
+
+class BadItem(Exception):  # noqa: N818 - what it is, not that it went wrong
+    """An item that the robot cannot drive: its number, MAV_MISSION_RESULT, and why."""
+
+    def __init__(self, seq: int, result: int, why: str) -> None:
+        super().__init__(f"item {seq}: {why}")
+        self.seq = seq
+        self.result = result
+
+
+class Surroundings(NamedTuple):
+    """What the meaning of an item depends on."""
+
+    home: SE2
+    """Where the robot started, in `world`."""
+    origin: Origin | None
+    """Of `world` on the globe; None: global frames mean nothing."""
+    plans: bool
+    """Whether the robot plans its way; else it drives straight to a place."""
+
+
+@dataclass(slots=True)
+class Translation:
+    """A mission of ours.
+
+    Parameters
+    ----------
+    items
+        Tables of the mission file.
+    sources
+        Of each of them, the number of the MAVLink item that it is from.
+    notes
+        What is left out, for people.
+    """
+
+    items: list[dict[str, Any]] = field(default_factory=list)
+    sources: list[int] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def first_from(sources: Sequence[int], seq: int) -> int | None:
+    """Return the index of the first item that is from a MAVLink item or a later one."""
+    return next((k for k, source in enumerate(sources) if source >= seq), None)
+
+
+def check_item(item: MissionItem, seq: int, around: Surroundings) -> None:
+    """Check one item by itself.
+
+    Raises
+    ------
+    BadItem
+        If the robot cannot drive it.
+    """
+    _Translator(around).add(item, seq)
+
+
+def translate(items: Sequence[MissionItem], around: Surroundings) -> Translation:
+    """Return what the items after home mean.
+
+    Raises
+    ------
+    BadItem
+        If the robot cannot drive one of them.
+    """
+    translator = _Translator(around)
+    for seq, item in enumerate(items[HOME:], HOME):
+        translator.add(item, seq)
+    done = translator.done
+    for seq, index, target in translator.jumps:
+        to = first_from(done.sources, target)
+        if to is None or not HOME <= target < len(items):
+            last = len(items) - 1
+            raise BadItem(
+                seq,
+                common.MAV_MISSION_INVALID_PARAM1,
+                f"jumps to {target}, {HOME} to {last} allowed, and something to drive there",
+            )
+        done.items[index]["to"] = to + 1
+    if not done.items:
+        raise BadItem(HOME, common.MAV_MISSION_INVALID, "nothing to drive")
+    return done
+
+
+class _Translator:
+    """Goes through the items; a change of speed counts for those after it."""
+
+    def __init__(self, around: Surroundings) -> None:
+        self.done = Translation()
+        self.jumps: list[tuple[int, int, int]] = []
+        """Of each jump its number, its index among the items of ours, and its target's number."""
+        self._around = around
+        self._speed_m_s: float | None = None
+
+    def add(self, item: MissionItem, seq: int) -> None:
+        """Translate one item."""
+        if not all(math.isfinite(each) or math.isnan(each) for each in item.params):
+            raise BadItem(seq, common.MAV_MISSION_INVALID, "an infinite parameter")
+        command = item.command
+        if command in _PLACES:
+            self._drive_to(seq, *self._place(item, seq), self._heading_deg(item))
+            self._wait(seq, item.params[0])
+        elif command == common.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            home = self._around.home
+            self._drive_to(seq, home.x_m, home.y_m, None)
+        elif command in _DELAYS:
+            self._wait(seq, item.params[0])
+        elif command == common.MAV_CMD_DO_CHANGE_SPEED:
+            self._change_speed(seq, item.params[1])
+        elif command == common.MAV_CMD_DO_JUMP:
+            self._jump(seq, item.params)
+        elif command in _LOOKS:
+            self.done.notes.append(f"item {seq}: the camera does not turn, ignored")
+        else:
+            raise BadItem(seq, _UNSUPPORTED, f"command {command} is not supported")
+
+    def _append(self, seq: int, **table: object) -> None:
+        self.done.items.append(table)
+        self.done.sources.append(seq)
+
+    def _drive_to(self, seq: int, x_m: float, y_m: float, heading_deg: float | None) -> None:
+        kind = "goto" if self._around.plans else "straight_to"
+        table: dict[str, object] = {"kind": kind, "x_m": x_m, "y_m": y_m}
+        if heading_deg is not None and self._around.plans:
+            table["heading_deg"] = heading_deg
+        if self._speed_m_s is not None:
+            table["speed_m_s"] = self._speed_m_s
+        self._append(seq, **table)
+
+    def _wait(self, seq: int, seconds: float) -> None:
+        """Stand for a while; 0 and no number: not at all."""
+        if math.isnan(seconds) or seconds == 0.0:
+            return
+        if not 0.0 < seconds <= _LONGEST_S:
+            why = f"{seconds:g} s found, 0 to {_LONGEST_S:g} allowed"
+            raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM1, why)
+        self._append(seq, kind="wait", duration_s=seconds)
+
+    def _change_speed(self, seq: int, speed_m_s: float) -> None:
+        """Take another speed; -1 is the robot's own again, -2 no change."""
+        if speed_m_s == -2.0:
+            return
+        if speed_m_s == -1.0:
+            self._speed_m_s = None
+        elif 0.0 < speed_m_s <= _FASTEST_M_S:
+            self._speed_m_s = speed_m_s
+        else:
+            why = f"{speed_m_s:g} m/s found, above 0 to {_FASTEST_M_S:g} allowed, or -1, -2"
+            raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM2, why)
+
+    def _jump(self, seq: int, params: tuple[float, float, float, float]) -> None:
+        target, times = params[:2]
+        if math.isnan(target) or target != int(target):
+            why = f"jumps to {target:g}, a whole number allowed"
+            raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM1, why)
+        if math.isnan(times) or not -1.0 <= times <= _MOST_TIMES or times != int(times):
+            why = f"jumps {times:g} times, -1 to {_MOST_TIMES} allowed"
+            raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM2, why)
+        if times == 0.0:
+            return
+        self.jumps.append((seq, len(self.done.items), int(target)))
+        table: dict[str, object] = {"kind": "jump", "to": 0}
+        if times > 0.0:
+            table["times"] = int(times)
+        self._append(seq, **table)
+
+    def _place(self, item: MissionItem, seq: int) -> tuple[float, float]:
+        """Return x and y in `world` [m]."""
+        if item.is_global:
+            if self._around.origin is None:
+                raise BadItem(seq, _FRAME, "a global frame, but the robot has no origin there")
+            if not (abs(item.x) <= 90.0 and abs(item.y) <= 180.0):
+                raise BadItem(seq, common.MAV_MISSION_INVALID_PARAM5_X, "not on the globe")
+            x_m, y_m = self._around.origin.to_world(item.x, item.y)
+        elif item.frame == common.MAV_FRAME_LOCAL_NED:
+            x_m, y_m = enu_from_ned(item.x, item.y)
+        elif item.frame == common.MAV_FRAME_LOCAL_ENU:
+            x_m, y_m = item.x, item.y
+        else:
+            raise BadItem(seq, _FRAME, f"frame {item.frame} is not supported")
+        for value, result in (
+            (x_m, common.MAV_MISSION_INVALID_PARAM5_X),
+            (y_m, common.MAV_MISSION_INVALID_PARAM6_Y),
+        ):
+            if not abs(value) < FARTHEST_M:
+                raise BadItem(seq, result, f"{value:.0f} m away, less than {FARTHEST_M:g} allowed")
+        return x_m, y_m
+
+    @staticmethod
+    def _heading_deg(item: MissionItem) -> float | None:
+        """Return the heading in `world` [deg]; 0 and no number are any, as for ArduPilot."""
+        yaw_deg = item.params[3]
+        if math.isnan(yaw_deg) or yaw_deg == 0.0:
+            return None
+        return math.degrees(theta_from_yaw_ned(math.radians(yaw_deg)))

@@ -1,0 +1,63 @@
+"""The upload of a mission: asks for one item after the other until it has all."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotctl.mavlink.missions.item import MissionItem
+from robotctl.messages.mavlink_port import Peer
+
+AGAIN_NS: Final = 1_000_000_000
+"""An item that does not come is asked for again after this [ns]."""
+MOST_TRIES: Final = 8
+"""So often; then the upload is given up, and the robot keeps the mission that it has."""
+
+
+class Upload:
+    """The items that one ground station sends.
+
+    Parameters
+    ----------
+    partner, peer
+        Address of the sender, and its connection.
+    count
+        Of all items, at least 1.
+    now_ns
+        Time of the first request [ns].
+    """
+
+    def __init__(self, partner: tuple[int, int], peer: Peer, count: int, now_ns: int) -> None:
+        self.partner = partner
+        self.peer = peer
+        self.count = count
+        self.items: list[MissionItem] = []
+        self._asked_ns = now_ns
+        self._tries = 1
+
+    @property
+    def wanted(self) -> int:
+        """Number of the next item."""
+        return len(self.items)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all have come."""
+        return len(self.items) == self.count
+
+    def take(self, item: MissionItem, now_ns: int) -> None:
+        """Take the next item."""
+        self.items.append(item)
+        self._asked_ns, self._tries = now_ns, 1
+
+    def asks_again(self, now_ns: int) -> bool:
+        """Return whether the wanted item is to be asked for again; note that it is."""
+        if now_ns - self._asked_ns < AGAIN_NS:
+            return False
+        self._asked_ns = now_ns
+        self._tries += 1
+        return True
+
+    @property
+    def is_given_up(self) -> bool:
+        """Whether the sender has been silent for too long."""
+        return self._tries > MOST_TRIES

@@ -1,0 +1,115 @@
+"""The robot on the globe, once a ground station has said where the origin of `world` is."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from pymavlink.dialects.v20 import common
+
+from robotctl.mavlink.catalogue import Stream
+from robotctl.mavlink.frames import (
+    boot_ms,
+    ned_from_enu,
+    quaternion_from_yaw_ned,
+    velocity_ned,
+    yaw_ned_from_theta,
+)
+from robotctl.mavlink.globe import SCALE, Origin
+from robotctl.mavlink.service import Microservice
+from robotctl.messages.control import Severity
+from robotctl.messages.mavlink_port import Message, Peer
+from robotctl.safety.state_machine import POWERED
+
+RATE_HZ: Final = 2.0
+_MILLI: Final = 1e3
+_CENTI: Final = 1e2
+
+
+class GlobalPosition(Microservice):
+    """Takes SET_GPS_GLOBAL_ORIGIN; sends GLOBAL_POSITION_INT, GPS_GLOBAL_ORIGIN, HOME_POSITION."""
+
+    handles = frozenset({common.MAVLINK_MSG_ID_SET_GPS_GLOBAL_ORIGIN})
+
+    def streams(self) -> tuple[Stream, ...]:
+        """Return the position at 2 Hz, and origin and home on request."""
+        return (
+            Stream(common.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, self._position, RATE_HZ),
+            Stream(common.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, self._origin, None),
+            Stream(common.MAVLINK_MSG_ID_HOME_POSITION, self._home, None),
+        )
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
+        """Take the origin and tell all; not while armed: all goals of missions would move."""
+        context = self._context
+        control = context.fresh_control(now_ns)
+        if control is not None and control.state in POWERED:
+            context.say(now_ns, "Origin: not while armed")
+            return
+        try:
+            origin = Origin(
+                message.latitude / SCALE, message.longitude / SCALE, message.altitude / _MILLI
+            )
+        except ValueError as error:
+            context.say(now_ns, f"Origin: {error}")
+            return
+        if origin != context.origin:
+            context.origin = origin
+            where = f"{origin.latitude_deg:.7f}, {origin.longitude_deg:.7f}"
+            context.say(now_ns, f"Origin of the map at {where}", Severity.NOTICE)
+        for answer in (*self._origin(now_ns), *self._home(now_ns)):
+            context.links.broadcast(answer)
+
+    def _position(self, now_ns: int) -> list[Message]:
+        """Return GLOBAL_POSITION_INT: mm, cm/s, and the heading in cdeg."""
+        origin, found = self._context.origin, self._context.fresh_pose(now_ns)
+        if origin is None or found is None or self._context.known_pose(now_ns) is None:
+            return []
+        control, pose = found
+        latitude_deg, longitude_deg = origin.from_world(pose.x_m, pose.y_m)
+        velocity = velocity_ned(control.v_m_s, pose.theta_rad)
+        heading_deg = math.degrees(yaw_ned_from_theta(pose.theta_rad)) % 360.0
+        return [
+            common.MAVLink_global_position_int_message(
+                boot_ms(control.stamp_ns),
+                round(latitude_deg * SCALE),
+                round(longitude_deg * SCALE),
+                round(origin.altitude_m * _MILLI),
+                0,
+                round(velocity.north * _CENTI),
+                round(velocity.east * _CENTI),
+                0,
+                round(heading_deg * _CENTI) % 36_000,
+            )
+        ]
+
+    def _origin(self, now_ns: int) -> list[Message]:  # noqa: ARG002
+        origin = self._context.origin
+        if origin is None:
+            return []
+        place = _place(origin.latitude_deg, origin.longitude_deg)
+        return [common.MAVLink_gps_global_origin_message(*place, round(origin.altitude_m * _MILLI))]
+
+    def _home(self, now_ns: int) -> list[Message]:  # noqa: ARG002
+        """Return HOME_POSITION: where the robot started."""
+        origin, home = self._context.origin, self._context.robot.home
+        if origin is None:
+            return []
+        north, east = ned_from_enu(home.x_m, home.y_m)
+        return [
+            common.MAVLink_home_position_message(
+                *_place(*origin.from_world(home.x_m, home.y_m)),
+                round(origin.altitude_m * _MILLI),
+                north,
+                east,
+                0.0,
+                quaternion_from_yaw_ned(yaw_ned_from_theta(home.theta_rad)),
+                0.0,
+                0.0,
+                0.0,
+            )
+        ]
+
+
+def _place(latitude_deg: float, longitude_deg: float) -> tuple[int, int]:
+    return round(latitude_deg * SCALE), round(longitude_deg * SCALE)

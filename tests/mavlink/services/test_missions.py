@@ -1,0 +1,413 @@
+"""Missions: a ground station's side of the protocol, over links that lose, repeat and reorder."""
+
+import math
+import random
+import tomllib
+import zlib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common as m
+
+from robotctl.mavlink.context import TelemetryRobot
+from robotctl.mavlink.globe import Origin
+from robotctl.mavlink.telemetry import Telemetry
+from robotctl.messages.control import Mode, SetMode
+from robotctl.messages.mission import JumpToItem, LoadMission
+from robotctl.model.geometry.se2 import SE2
+from robotctl.planning.behaviours.mission import parse_mission
+from tests.mavlink.conftest import Bench
+
+ACCEPTED, DENIED = m.MAV_MISSION_ACCEPTED, m.MAV_MISSION_DENIED
+WAYPOINT, JUMP = m.MAV_CMD_NAV_WAYPOINT, m.MAV_CMD_DO_JUMP
+NED = m.MAV_FRAME_LOCAL_NED
+NAN = math.nan
+
+
+def item(seq, command=WAYPOINT, params=(0, 0, 0, NAN), x=0.0, y=0.0, frame=NED, **kw):
+    """Return MISSION_ITEM_INT; x and y in metres, or degrees in a global frame."""
+    scale = 1e4 if frame in (NED, m.MAV_FRAME_LOCAL_ENU) else 1e7
+    params = [float(each) for each in (*params, 0, 0, 0, 0)[:4]]
+    place = round(x * scale), round(y * scale)
+    return m.MAVLink_mission_item_int_message(
+        1, 1, seq, frame, command, kw.get("current", 0), 1, *params, *place, 0.0
+    )
+
+
+HOME = item(0)
+PLAN = [
+    HOME,
+    item(1, x=3.0, y=1.5),
+    item(2, m.MAV_CMD_DO_CHANGE_SPEED, (1, 0.3, -1)),
+    item(3, params=(5, 0, 0, 90), x=-2.0, y=4.0),
+    item(4, JUMP, (1, 2)),
+    item(5, m.MAV_CMD_NAV_RETURN_TO_LAUNCH),
+]
+
+
+class Navigation:
+    """The navigation process, as far as its missions go."""
+
+    def __init__(self, bench, refuses=""):
+        self.bench, self.refuses = bench, refuses
+        self.state = {}
+        self.offered = []
+
+    def step(self, advance_s=0.02, **changes):
+        """Step telemetry with a state; take what it asks for; return the other requests."""
+        state = self.bench.navigation(**(self.state | changes))
+        others = []
+        for request in self.bench.step(state, self.bench.control(), advance_s=advance_s):
+            if not isinstance(request, LoadMission):
+                others.append(request)
+                continue
+            self.offered.append(request)
+            if self.refuses:
+                self.state["message"] = self.refuses
+            elif request.content:
+                mission = parse_mission(request.content.decode(), "uploaded")
+                items, crc = len(mission.item), zlib.crc32(request.content)
+                self.state |= {"items": items, "mission_crc": crc, "mission": mission.name}
+            else:
+                self.state |= {"items": 0, "mission_crc": 0, "mission": ""}
+        return others
+
+    @property
+    def mission(self):
+        return tomllib.loads(self.offered[-1].content.decode())
+
+
+@pytest.fixture
+def navigation(bench):
+    found = Navigation(bench)
+    found.step()
+    bench.take()
+    return found
+
+
+def upload(navigation, plan, **source):
+    """Upload as a ground station does; return the acknowledgement."""
+    bench = navigation.bench
+    bench.receive(m.MAVLink_mission_count_message(1, 1, len(plan)), **source)
+    for _ in range(3 * len(plan) + 10):
+        navigation.step()
+        for message, _ in bench.take():
+            if message.get_type() == "MISSION_ACK":
+                return message.type
+            if message.get_type() == "MISSION_REQUEST_INT":
+                bench.receive(plan[message.seq], **source)
+    raise AssertionError("no answer")
+
+
+def download(navigation):
+    """Return the items that the robot has, as MISSION_ITEM_INT."""
+    bench = navigation.bench
+    bench.receive(m.MAVLink_mission_request_list_message(1, 1))
+    navigation.step()
+    (count,) = bench.messages("MISSION_COUNT")
+    found = []
+    for seq in range(count.count):
+        bench.receive(m.MAVLink_mission_request_int_message(1, 1, seq))
+        navigation.step()
+        found += bench.messages("MISSION_ITEM_INT")
+    return found
+
+
+def numbers(message):
+    return (
+        message.seq, message.command, message.frame, round(message.param1, 5),
+        round(message.param2, 5), message.x, message.y,
+    )  # fmt: skip
+
+
+def test_a_mission_is_taken_means_what_it_says_and_comes_back_as_it_was(navigation):
+    assert upload(navigation, PLAN) == ACCEPTED
+    items = navigation.mission["item"]
+    assert [each["kind"] for each in items] == ["goto", "goto", "wait", "jump", "goto"]
+    first, second, wait, jump, home = items
+    assert (first["x_m"], first["y_m"]) == (1.5, 3.0)  # x is east, y is north
+    assert "speed_m_s" not in first
+    assert (second["x_m"], second["y_m"]) == (4.0, -2.0)
+    assert second["speed_m_s"] == pytest.approx(0.3)
+    assert second["heading_deg"] == pytest.approx(0.0, abs=1e-9)  # yaw 90 is east
+    assert wait["duration_s"] == 5.0
+    assert (jump["to"], jump["times"]) == (1, 2)
+    assert (home["x_m"], home["y_m"]) == (0.0, 0.0)
+    back = download(navigation)
+    assert [numbers(each) for each in back[1:]] == [numbers(each) for each in PLAN[1:]]
+    assert back[0].command == WAYPOINT
+
+
+def test_what_went_wrong_leaves_the_old_mission_and_is_said(navigation):
+    assert upload(navigation, PLAN) == ACCEPTED
+    before = navigation.mission
+    for bad, result, word in (
+        (item(2, m.MAV_CMD_NAV_TAKEOFF), m.MAV_MISSION_UNSUPPORTED, "22"),
+        (item(2, frame=m.MAV_FRAME_GLOBAL), m.MAV_MISSION_UNSUPPORTED_FRAME, "origin"),
+        (item(2, frame=m.MAV_FRAME_BODY_NED), m.MAV_MISSION_UNSUPPORTED_FRAME, "frame 8"),
+        (item(2, m.MAV_CMD_NAV_DELAY, (-3,)), m.MAV_MISSION_INVALID_PARAM1, "-3 s"),
+        (item(2, m.MAV_CMD_DO_CHANGE_SPEED, (1, 0)), m.MAV_MISSION_INVALID_PARAM2, "0 m/s"),
+        (item(2, JUMP, (9, 1)), m.MAV_MISSION_INVALID_PARAM1, "jumps to 9"),
+        (item(2, JUMP, (1, -2)), m.MAV_MISSION_INVALID_PARAM2, "-2 times"),
+        (item(2, params=(math.inf,)), m.MAV_MISSION_INVALID, "infinite"),
+    ):
+        navigation.bench.run(2.0)
+        navigation.bench.take()
+        bench = navigation.bench
+        bench.receive(m.MAVLink_mission_count_message(1, 1, 3))
+        answers = []
+        for _ in range(10):
+            navigation.step()
+            for message, _ in bench.take():
+                if message.get_type() == "MISSION_REQUEST_INT":
+                    bench.receive([HOME, item(1, x=1.0), bad][message.seq])
+                elif message.get_type() in {"MISSION_ACK", "STATUSTEXT"}:
+                    answers.append(message)
+        (ack,) = [each for each in answers if each.get_type() == "MISSION_ACK"]
+        assert ack.type == result, bad
+        said = "".join(each.text for each in answers if each.get_type() == "STATUSTEXT")
+        assert "item 2" in said, (bad, said)
+        assert word in said, (bad, said)
+    assert navigation.mission == before
+    assert len(download(navigation)) == len(PLAN)
+
+
+def test_a_mission_that_navigation_refuses_is_denied_with_its_reason(bench):
+    navigation = Navigation(bench, refuses="a mission is under way; pause or abort it first")
+    navigation.step()
+    bench.receive(m.MAVLink_mission_count_message(1, 1, 2))
+    seen = []
+    for _ in range(120):
+        navigation.step()
+        for message, _ in bench.take():
+            if message.get_type() == "MISSION_REQUEST_INT":
+                bench.receive([HOME, item(1, x=1.0)][message.seq])
+            seen.append(message)
+    (ack,) = [each for each in seen if each.get_type() == "MISSION_ACK"]
+    assert ack.type == DENIED
+    texts = [each.text for each in seen if each.get_type() == "STATUSTEXT"]
+    assert any("under way" in text for text in texts)
+    assert download(navigation) == []
+
+
+def test_an_upload_that_ends_early_is_given_up_and_another_station_may_begin(navigation):
+    bench = navigation.bench
+    bench.receive(m.MAVLink_mission_count_message(1, 1, 3))
+    navigation.step()
+    bench.receive(m.MAVLink_mission_count_message(1, 1, 3), system=254)
+    navigation.step()
+    sent = bench.take()
+    assert [x.type for x, _ in sent if x.get_type() == "MISSION_ACK"] == [DENIED]
+    requests = 0
+    for _ in range(600):
+        navigation.step()
+        sent = bench.take()
+        requests += sum(x.get_type() == "MISSION_REQUEST_INT" for x, _ in sent)
+        acks = [x.type for x, _ in sent if x.get_type() == "MISSION_ACK"]
+        if acks:
+            break
+    assert acks == [m.MAV_MISSION_OPERATION_CANCELLED]
+    assert requests == 7  # and one at the start
+    assert upload(navigation, PLAN, system=254) == ACCEPTED
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1))
+def test_a_fifth_lost_and_some_repeated_and_late_both_ways_still_gives_the_same_mission(seed):
+    rng = random.Random(seed)
+    navigation = Navigation(Bench())
+    bench = navigation.bench
+    plan = [HOME, *(item(k, x=0.1 * k, y=-0.2 * k) for k in range(1, 12))]
+    count = m.MAVLink_mission_count_message(1, 1, len(plan))
+    late, told, last_s = [count], None, 0.0
+    for _ in range(3000):
+        navigation.step(advance_s=0.05)
+        last_s += 0.05
+        for message, _ in bench.take():
+            if rng.random() < 0.2:
+                continue
+            if message.get_type() == "MISSION_ACK":
+                told = message.type
+            elif message.get_type() == "MISSION_REQUEST_INT":
+                late += [plan[message.seq]] * (2 if rng.random() < 0.2 else 1)
+                last_s = 0.0
+        if told is not None:
+            break
+        if last_s > 1.6:  # as ground stations do
+            late.append(count if not navigation.offered else plan[-1])
+            last_s = 0.0
+        rng.shuffle(late)
+        while late and rng.random() < 0.7:
+            message = late.pop()
+            if rng.random() >= 0.2:
+                bench.receive(message)
+    assert told == ACCEPTED
+    assert [numbers(each) for each in download(navigation)[1:]] == [numbers(x) for x in plan[1:]]
+
+
+def test_clearing_and_an_empty_list_leave_no_mission(navigation):
+    for clear in (
+        m.MAVLink_mission_clear_all_message(1, 1),
+        m.MAVLink_mission_clear_all_message(1, 1, m.MAV_MISSION_TYPE_ALL),
+        m.MAVLink_mission_count_message(1, 1, 0),
+    ):
+        assert upload(navigation, PLAN) == ACCEPTED
+        navigation.bench.receive(clear)
+        navigation.step()
+        navigation.step()
+        assert [x.type for x in navigation.bench.messages("MISSION_ACK")] == [ACCEPTED]
+        assert navigation.offered[-1].content == b""
+        assert download(navigation) == []
+
+
+@pytest.mark.parametrize("kind", [m.MAV_MISSION_TYPE_FENCE, m.MAV_MISSION_TYPE_RALLY])
+def test_fences_and_rally_points_are_kept_apart_and_refused(navigation, kind):
+    assert upload(navigation, PLAN) == ACCEPTED
+    for message in (
+        m.MAVLink_mission_count_message(1, 1, 2, kind),
+        m.MAVLink_mission_request_list_message(1, 1, kind),
+        m.MAVLink_mission_clear_all_message(1, 1, kind),
+    ):
+        navigation.bench.receive(message)
+        navigation.step()
+        (ack,) = navigation.bench.messages("MISSION_ACK")
+        assert (ack.type, ack.mission_type) == (m.MAV_MISSION_UNSUPPORTED, kind)
+    assert len(download(navigation)) == len(PLAN)
+
+
+def test_old_messages_are_answered_in_kind(navigation):
+    bench = navigation.bench
+    old = [
+        m.MAVLink_mission_item_message(1, 1, k, NED, WAYPOINT, 0, 1, 0, 0, 0, 0, 1.5 * k, 2.0, 0)
+        for k in range(2)
+    ]
+    assert upload(navigation, old) == ACCEPTED
+    assert navigation.mission["item"][0]["y_m"] == 1.5
+    bench.receive(m.MAVLink_mission_request_message(1, 1, 1))
+    navigation.step()
+    (answer,) = bench.messages("MISSION_ITEM")
+    assert (answer.x, answer.y) == (1.5, 2.0)
+    bench.receive(m.MAVLink_mission_request_int_message(1, 1, 2))
+    navigation.step()
+    assert [x.type for x in bench.messages("MISSION_ACK")] == [m.MAV_MISSION_INVALID_SEQUENCE]
+
+
+def test_progress_is_told_in_the_numbers_of_the_station(navigation):
+    assert upload(navigation, PLAN) == ACCEPTED
+    bench = navigation.bench
+
+    def current(**changes):
+        bench.command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_MISSION_CURRENT)
+        navigation.step(**changes)
+        sent = bench.take()
+        reached = [x.seq for x, _ in sent if x.get_type() == "MISSION_ITEM_REACHED"]
+        (found, *_) = [x for x, _ in sent if x.get_type() == "MISSION_CURRENT"]
+        return found.seq, found.total, found.mission_state, reached
+
+    current(item=0)
+    assert current(item=0) == (1, 5, m.MISSION_STATE_NOT_STARTED, [])
+    auto = {"mode": Mode.AUTO}
+    assert current(item=1, **auto) == (3, 5, m.MISSION_STATE_ACTIVE, [1])
+    assert current(item=2, **auto)[3] == []  # it waits: item 3 goes on
+    assert current(item=3, **auto)[3] == [3]
+    assert current(item=0, **auto)[3] == []  # it jumped
+    done = {"item": 5, "mission_completed": True}
+    assert current(**done, **auto)[2:] == (m.MISSION_STATE_COMPLETE, [1, 3, 4, 5])
+
+
+def test_an_item_can_be_chosen_and_the_mission_started(navigation):
+    assert upload(navigation, PLAN) == ACCEPTED
+    bench = navigation.bench
+    bench.command(m.MAV_CMD_DO_SET_MISSION_CURRENT, 3)
+    assert [x.item for x in navigation.step() if isinstance(x, JumpToItem)] == [2]
+    bench.receive(m.MAVLink_mission_set_current_message(1, 1, 5))
+    assert [x.item for x in navigation.step() if isinstance(x, JumpToItem)] == [5]
+    bench.command(m.MAV_CMD_DO_SET_MISSION_CURRENT, 6)
+    assert navigation.step() == []
+    results = [x.result for x in bench.messages("COMMAND_ACK")]
+    assert results == [m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_DENIED]
+    bench.command(m.MAV_CMD_MISSION_START)
+    (request,) = navigation.step()
+    assert isinstance(request, SetMode)
+    assert request.mode is Mode.AUTO
+    navigation.step(mode=Mode.AUTO)
+    assert [x.result for x in bench.messages("COMMAND_ACK")] == [m.MAV_RESULT_ACCEPTED]
+
+
+def test_with_an_origin_degrees_are_places(navigation):
+    bench = navigation.bench
+    bench.receive(m.MAVLink_set_gps_global_origin_message(1, 480_000_000, 110_000_000, 500_000))
+    navigation.step()
+    (told,) = bench.messages("GPS_GLOBAL_ORIGIN")
+    assert (told.latitude, told.longitude, told.altitude) == (480_000_000, 110_000_000, 500_000)
+    latitude, longitude = Origin(48.0, 11.0).from_world(12.0, -7.0)
+    there = item(1, x=latitude, y=longitude, frame=m.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+    assert upload(navigation, [HOME, there]) == ACCEPTED
+    (goal,) = navigation.mission["item"]
+    assert (goal["x_m"], goal["y_m"]) == pytest.approx((12.0, -7.0), abs=0.02)
+    bench.command(m.MAV_CMD_REQUEST_MESSAGE, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    navigation.step()
+    (position,) = bench.messages("GLOBAL_POSITION_INT")
+    found = Origin(48.0, 11.0).to_world(position.lat / 1e7, position.lon / 1e7)
+    assert found == pytest.approx((1.0, 2.0), abs=0.02)  # where the bench's robot stands
+    assert position.hdg == 9000  # it looks east
+
+
+class Store:
+    def __init__(self, content=b""):
+        self.content = content
+
+    def load(self):
+        return self.content
+
+    def save(self, content):
+        self.content = content
+        return "/state/mavlink-mission.toml"
+
+
+def test_a_mission_outlives_a_power_cut_and_a_new_telemetry(make_bench):
+    store = Store()
+
+    def started(**state):
+        bench = make_bench()
+        robot = TelemetryRobot("tester", "1.2.3", home=SE2(0.5, 0.25, 0.0))
+        bench.telemetry = Telemetry(bench.config, robot, bench.links, missions=store)
+        navigation = Navigation(bench)
+        navigation.state |= state
+        navigation.step()
+        return navigation
+
+    first = started()
+    assert upload(first, PLAN) == ACCEPTED
+    assert first.offered[-1].file == "/state/mavlink-mission.toml"
+    for state in ({}, first.state):  # all of the robot is new; only telemetry is
+        again = started(**state)
+        again.step()
+        assert len(again.offered) == (0 if state else 1)
+        assert [numbers(x) for x in download(again)[1:]] == [numbers(x) for x in PLAN[1:]]
+    other = started(items=4, mission_crc=77)  # one of the operator's on this computer
+    assert other.offered == []
+    assert download(other) == []
+    store.content = b"# MAVLink: {damaged\n"
+    assert download(started()) == []
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([16, 19, 20, 93, 112, 177, 178, 195, 22, 9999]),
+            st.integers(0, 12),
+            *[st.floats(width=32)] * 6,
+        ),
+        min_size=1,
+        max_size=4,
+    )
+)
+def test_whatever_floats_an_item_has_it_is_refused_or_comes_back(found):
+    navigation = Navigation(Bench())
+    plan = [HOME]
+    for seq, (command, frame, *numbers_) in enumerate(found, 1):
+        plan.append(m.MAVLink_mission_item_message(1, 1, seq, frame, command, 0, 1, *numbers_, 0.0))
+    if upload(navigation, plan) == ACCEPTED:
+        assert [each.command for each in download(navigation)[1:]] == [x.command for x in plan[1:]]
