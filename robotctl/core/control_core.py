@@ -272,7 +272,7 @@ class ControlCore:
         if self.machine.powered:
             arming.answer_waiting()
             return False
-        refusals = self._refusals(now_ns)
+        refusals = self._refusals(now_ns, self._objections)
         if not refusals and self._on(Event.ARM, "", now_ns):
             arming.answer_waiting()
             self._take_over(now_ns)
@@ -288,9 +288,9 @@ class ControlCore:
             return True
         return False
 
-    def _refusals(self, now_ns: int) -> tuple[Fault, ...]:
+    def _refusals(self, now_ns: int, objections: tuple[Fault, ...]) -> tuple[Fault, ...]:
         """Return all reasons against arming now."""
-        refusals = self._objections + self._powerless
+        refusals = objections + self._powerless
         refusals += self._supervision.refusals(
             now_ns, self.motion.speeds_rad_s, self.motion.imu, enabled=self._command_before.enable
         )
@@ -349,8 +349,10 @@ class ControlCore:
             self._notices.append(Notice(now_ns, Severity.WARNING, f"not ready: {why}"))
         return changed
 
-    def snapshot(self, now_ns: int, loop: LoopStatistics) -> ControlState:
-        """Return the state for other processes."""
+    def snapshot(
+        self, now_ns: int, loop: LoopStatistics, objections: tuple[Fault, ...] = ()
+    ) -> ControlState:
+        """Return the state for other processes; `objections` are the host's to arming."""
         health, motion, wheels = self._health, self.motion, self._wheels
         pose, reference = motion.pose_odom_base, self._driving.reference
         motor, drive = health.fresh_motor(now_ns), health.fresh_drive(now_ns)
@@ -395,6 +397,7 @@ class ControlCore:
             fault_part=fault.part if fault else "",
             odom_epoch_ns=motion.epoch_ns,
             imu=motion.imu if health.is_fresh("gyro", now_ns) else None,
+            against_arming=() if self.machine.powered else self._refusals(now_ns, objections),
         )
 
 

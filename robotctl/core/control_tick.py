@@ -37,6 +37,11 @@ class ControlTick:
         self.outputs = Outputs(WheelCommand())
         self._operator = operator
 
+    @property
+    def objections(self) -> tuple[Fault, ...]:
+        """Objections of the host computer to arming."""
+        return self._operator.objections
+
     def receive(self, now_ns: int) -> None:
         """Take frames and requests."""
         requests = tuple(self._operator.ask())

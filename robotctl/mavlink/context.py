@@ -31,6 +31,7 @@ from robotctl.messages.mavlink_port import MavlinkPort, Peer, Received
 from robotctl.messages.world_pose import WorldPose
 from robotctl.model.geometry.se2 import SE2
 from robotctl.model.sensors.sonar import SonarMount
+from robotctl.safety.state_machine import POWERED
 
 FRESH_NS = 1_000_000_000
 """Age beyond which a state is meaningless [ns]."""
@@ -40,6 +41,8 @@ MAX_TEXTS = 64
 TRANSPORT_NS = 20_000_000
 """What a set-point may wait for this process, and its end for control [ns]: it is void so much
 earlier, so that the robot brakes in time."""
+
+LOCALISER_NOT_READY = "the localiser is not ready"
 
 Request: TypeAlias = ControlRequest | NavigationRequest
 State: TypeAlias = ControlState | NavigationState | LocalisationState | Notice
@@ -230,6 +233,20 @@ class Context:
     def setpoint_life_ns(self) -> int:
         """How long velocities and sticks count from when they were sent [ns]."""
         return round(self.config.setpoint_timeout_s * 1e9) - TRANSPORT_NS
+
+    def has_localiser_ready(self, now_ns: int) -> bool:
+        """Say whether the localiser works, where the robot has one."""
+        return not self.robot.has_localiser or self.fresh_localisation(now_ns) is not None
+
+    def against_arming(self, now_ns: int) -> tuple[str, ...] | None:
+        """Return all that speaks against arming now; None while the robot is armed."""
+        control = self.fresh_control(now_ns)
+        if control is None:
+            return ("control is silent",)
+        if control.state in POWERED:
+            return None
+        reasons = tuple(str(each) for each in control.against_arming)
+        return reasons if self.has_localiser_ready(now_ns) else (*reasons, LOCALISER_NOT_READY)
 
     def mode(self, now_ns: int) -> Mode:
         """Return the active mode; None if the navigation process is silent."""

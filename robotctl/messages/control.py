@@ -408,7 +408,8 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     armed since the start of the process: a stop and an arming between two states show in it alone.
     `imu` is None on a robot without one, and while it is too old.
     `fault` is the kind of what `reason` says, NONE if that is no fault; `fault_part` names the
-    node, wheel or sonar it is about.
+    node, wheel or sonar it is about. `against_arming` are all reasons for which a request to arm
+    would be refused now, empty while the robot is powered.
     """
 
     stamp_ns: int
@@ -444,6 +445,7 @@ class ControlState(msgspec.Struct, frozen=True, tag=True):
     fault_part: str = ""
     odom_epoch_ns: int = 0
     imu: ImuFeedback | None = None
+    against_arming: tuple[Fault, ...] = ()
 
     @property
     def T_odom_base(self) -> SE2:

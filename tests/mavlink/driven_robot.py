@@ -14,7 +14,7 @@ from robotctl.messages.mavlink_port import Peer, Received
 from robotctl.safety.state_machine import POWERED
 
 ARM, SET_MODE = common.MAV_CMD_COMPONENT_ARM_DISARM, common.MAV_CMD_DO_SET_MODE
-SILENT = StreamRates(**dict.fromkeys(StreamRates.__dataclass_fields__, 0.0))
+SILENT = dict.fromkeys(StreamRates.__dataclass_fields__, 0.0)
 TELEMETRY_TICKS = 2
 """Telemetry steps at 100 Hz, control at 200 Hz."""
 
@@ -22,7 +22,9 @@ TELEMETRY_TICKS = 2
 class DrivenRobot:
     """Firmware, control, navigation and telemetry tick by tick; `start` is (x, y, heading)."""
 
-    def __init__(self, links, robot="diff_drive", start=(6.0, 5.0, 0.0), mission="", overrides=()):
+    def __init__(
+        self, links, robot="diff_drive", start=(6.0, 5.0, 0.0), mission="", overrides=(), **rates
+    ):
         path = find_file(robot)
         options = StackOptions(
             "lockstep",
@@ -41,7 +43,8 @@ class DrivenRobot:
         )
         self.navigation = make_navigation(self.config, options)
         self.links = links
-        self.telemetry = Telemetry(MavlinkConfig(rates=SILENT), TelemetryRobot("driven"), links)
+        mavlink = MavlinkConfig(rates=StreamRates(**{**SILENT, **rates}))
+        self.telemetry = Telemetry(mavlink, TelemetryRobot("driven"), links)
         self._every = round(self.navigation.period_ns / self.stack.period_ns)
         self._to_control: list[ControlRequest] = []
         self._to_navigation = []

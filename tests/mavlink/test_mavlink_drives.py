@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from tests.mavlink.conftest import FakeLinks
-from tests.mavlink.driven_robot import DrivenRobot
+from tests.mavlink.driven_robot import ARM, DrivenRobot
 
 MANUAL, GUIDED = 0, 15
 VELOCITY, VELOCITY_AND_RATE, POSITION = 0xFC7, 0x7C7, 0xDF8
@@ -128,3 +128,18 @@ def test_a_position_is_given_up_when_the_ground_station_is_lost():
     assert robot.state.message == "hold: the ground station is lost"
     beats = [m.custom_mode for m, _ in links.sent if m.get_type() == "HEARTBEAT"]
     assert beats[-1] == 4
+
+
+@pytest.mark.parametrize(("charge", "ready"), [(0.9, True), (0.04, False)])
+def test_the_pre_arm_bit_keeps_its_word(charge, ready):
+    links = FakeLinks()
+    robot = DrivenRobot(links, overrides=(f"simulation.battery.charge={charge}",), status_hz=10.0)
+    robot.run(2.0)
+    status = [m for m, _ in links.sent if m.get_type() == "SYS_STATUS"][-1]
+    health = status.onboard_control_sensors_health
+    assert bool(health & common.MAV_SYS_STATUS_PREARM_CHECK) is ready
+    links.sent.clear()
+    robot.command(ARM, 1)
+    robot.run(1.5)
+    acks = [m.result for m, _ in links.sent if m.get_type() == "COMMAND_ACK"]
+    assert acks == [common.MAV_RESULT_ACCEPTED if ready else common.MAV_RESULT_DENIED]

@@ -36,7 +36,9 @@ def test_every_microservice_has_its_row_with_all_that_it_says():
     header, _, *rows = (line.split("|")[1:-1] for line in microservices().splitlines())
     assert [row[0].strip() for row in rows] == [service.__name__ for service in SERVICES]
     by_name = {row[0].strip(): dict(zip(header, row, strict=True)) for row in rows}
-    assert by_name["Arming"][" answers "] == " DO_FLIGHTTERMINATION, COMPONENT_ARM_DISARM "
+    assert by_name["Arming"][" answers "] == (
+        " DO_FLIGHTTERMINATION, COMPONENT_ARM_DISARM, RUN_PREARM_CHECKS "
+    )
     assert by_name["Poses"][" sends "] == " ATTITUDE, LOCAL_POSITION_NED, ODOMETRY "
     assert by_name["GroundStations"][" takes "] == " HEARTBEAT "
     assert by_name["AutopilotVersion"][" capability "] == " MAVLINK2 "

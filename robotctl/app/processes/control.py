@@ -94,7 +94,8 @@ class ControlTicker:
         if now_ns - self._published_ns >= self._publish_period_ns:
             self._published_ns = now_ns
             loop.refresh()
-            self._publisher.send(tick.core.snapshot(now_ns, loop.statistics()))
+            figures = loop.statistics()
+            self._publisher.send(tick.core.snapshot(now_ns, figures, tick.objections))
 
 
 def continued(options: StackOptions) -> tuple[StackOptions, float, tuple[str, ...]]:

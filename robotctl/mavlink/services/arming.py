@@ -5,6 +5,7 @@
 | COMPONENT_ARM_DISARM, param1 1 | arm; param2 21196 ("force") does not get round any check |
 | COMPONENT_ARM_DISARM, param1 0 | disarm |
 | COMPONENT_ARM_DISARM, param1 0, param2 21196 | emergency stop |
+| RUN_PREARM_CHECKS | say what speaks against arming |
 | DO_FLIGHTTERMINATION, param1 1 | emergency stop |
 | DO_FLIGHTTERMINATION, param1 0 | denied: only arming ends an emergency stop |
 
@@ -28,7 +29,7 @@ from robotctl.mavlink.command import (
     TEMPORARILY_REJECTED,
     Command,
 )
-from robotctl.mavlink.context import Context
+from robotctl.mavlink.context import LOCALISER_NOT_READY, Context
 from robotctl.mavlink.guards.command_dedup import LateCopies
 from robotctl.mavlink.service import Microservice
 from robotctl.messages.control import Ack, Arm, EmergencyStop, EmergencyStopSource
@@ -37,6 +38,7 @@ from robotctl.safety.state_machine import POWERED
 
 ARM_DISARM: int = common.MAV_CMD_COMPONENT_ARM_DISARM
 FLIGHT_TERMINATION: int = common.MAV_CMD_DO_FLIGHTTERMINATION
+RUN_CHECKS: int = common.MAV_CMD_RUN_PREARM_CHECKS
 FORCE = 21196.0
 
 ANSWER_NS = 1_000_000_000
@@ -56,7 +58,7 @@ class _Pending:
 class Arming(Microservice):
     """Turns the commands of the table above into requests and the answers into COMMAND_ACK."""
 
-    commands = frozenset({ARM_DISARM, FLIGHT_TERMINATION})
+    commands = frozenset({ARM_DISARM, FLIGHT_TERMINATION, RUN_CHECKS})
     capabilities: ClassVar[int] = common.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
 
     def __init__(self, context: Context) -> None:
@@ -70,6 +72,8 @@ class Arming(Microservice):
         """Carry out one command of the table."""
         if command.number == FLIGHT_TERMINATION:
             return self._terminate(command, now_ns)
+        if command.number == RUN_CHECKS:
+            return self._check(now_ns)
         if command.params[0] == 1.0:
             return self._arm(command, now_ns)
         if command.params[0] == 0.0:
@@ -82,6 +86,15 @@ class Arming(Microservice):
             return self._stop(now_ns)
         self._context.say(now_ns, "Emergency stop: only arming ends it")
         return DENIED
+
+    def _check(self, now_ns: int) -> int:
+        """Say what speaks against arming; refused while the robot is armed, as ArduPilot does."""
+        reasons = self._context.against_arming(now_ns)
+        if reasons is None:
+            return TEMPORARILY_REJECTED
+        for reason in reasons:
+            self._context.say(now_ns, f"PreArm: {reason}")
+        return ACCEPTED
 
     def _stop(self, now_ns: int) -> int:
         source = EmergencyStopSource.GROUND_STATION
@@ -108,8 +121,8 @@ class Arming(Microservice):
             if copy == TEMPORARILY_REJECTED:
                 self._context.say(now_ns, "Arm: asked for a moment ago, ask again")
             return copy
-        if self._context.robot.has_localiser and self._context.fresh_localisation(now_ns) is None:
-            self._context.say(now_ns, "Arm: the localiser is not ready")
+        if not self._context.has_localiser_ready(now_ns):
+            self._context.say(now_ns, f"Arm: {LOCALISER_NOT_READY}")
             return TEMPORARILY_REJECTED
         return self._ask(command, {}, now_ns, arm=True)
 

@@ -212,6 +212,21 @@ def test_a_mode_is_acknowledged_when_navigation_has_taken_it(bench):
     assert results(bench) == [ACCEPTED]
 
 
+def test_the_pre_arm_checks_say_all_that_speaks_against_arming(bench):
+    against = (
+        Fault(FaultCode.BATTERY_LOW, "the battery is low (10.1 V)"),
+        Fault(FaultCode.BUS_PASSIVE, "the CAN bus is error passive"),
+    )
+    for state, result in ((SafetyState.STANDBY, ACCEPTED), (SafetyState.ARMED, BUSY)):
+        bench.command(common.MAV_CMD_RUN_PREARM_CHECKS)
+        assert bench.step(bench.control(state=state, against_arming=against)) == []
+        sent = bench.take()
+        assert [m.result for m, _ in sent if m.get_type() == "COMMAND_ACK"] == [result]
+        texts = [m.text for m, _ in sent if m.get_type() == "STATUSTEXT"]
+        said = [f"PreArm: {each}" for each in against] if result == ACCEPTED else []
+        assert texts == said
+
+
 @pytest.mark.parametrize(
     ("state", "said"),
     [

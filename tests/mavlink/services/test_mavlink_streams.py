@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from robotctl.estimation.ranging.sonar_config import SonarModelConfig
 from robotctl.mavlink.config import StreamRates
 from robotctl.mavlink.context import TelemetryRobot
-from robotctl.mavlink.services.system_status import system_status
+from robotctl.mavlink.services.system_status import Found, system_status
 from robotctl.messages.control import (
     BatteryFeedback,
     BusStatus,
@@ -21,6 +21,7 @@ from robotctl.messages.control import (
     Notice,
     SafetyState,
 )
+from robotctl.messages.faults import Fault, FaultCode
 from robotctl.messages.mavlink_port import Peer
 from robotctl.model.sensors.sonar import SonarMount
 from tests.mavlink.conftest import control_state
@@ -104,7 +105,7 @@ def test_when_control_falls_silent_the_state_is_critical_disarmed_and_the_pose_s
     names = {message.get_type() for message, _ in sent}
     assert names == {"HEARTBEAT", "SYS_STATUS"}
     status = next(message for message, _ in sent if message.get_type() == "SYS_STATUS")
-    assert status.onboard_control_sensors_health == 0
+    assert status.onboard_control_sensors_health == common.MAV_SYS_STATUS_GEOFENCE
 
 
 def test_when_navigation_falls_silent_the_mode_is_hold(bench):
@@ -286,13 +287,53 @@ def test_a_fault_makes_the_motors_unhealthy(bench):
     assert not bench.messages("SYS_STATUS")[-1].onboard_control_sensors_health & motors
 
 
-def test_system_status_makes_no_promise_that_the_robot_can_be_armed(bench):
-    """What speaks against arming is known only once somebody asks for it."""
-    prearm = common.MAV_SYS_STATUS_PREARM_CHECK
-    bench.run(1.5, state=SafetyState.STANDBY)
+def sensors(bench, bit, **control):
+    """Return whether a part is present, enabled and healthy after a second."""
+    bench.run(1.02, **control)
     status = bench.messages("SYS_STATUS")[-1]
-    bits = status.onboard_control_sensors_present, status.onboard_control_sensors_health
-    assert not any(each & prearm for each in bits)
+    names = ("present", "enabled", "health")
+    return tuple(bool(getattr(status, f"onboard_control_sensors_{name}") & bit) for name in names)
+
+
+LOW = Fault(FaultCode.BATTERY_LOW, "the battery is low")
+
+
+@pytest.mark.parametrize(
+    ("state", "against", "healthy"),
+    [
+        (SafetyState.STANDBY, (), True),
+        (SafetyState.STANDBY, (LOW,), False),
+        (SafetyState.FAULT, (LOW,), False),
+        (SafetyState.ARMED, (), True),
+        (SafetyState.DRIVING, (), True),
+    ],
+)
+def test_the_pre_arm_bit_says_whether_arming_would_succeed(bench, state, against, healthy):
+    prearm = common.MAV_SYS_STATUS_PREARM_CHECK
+    found = sensors(bench, prearm, state=state, against_arming=against)
+    assert found == (True, True, healthy)
+
+
+def test_no_fence_is_breached_where_there_is_none(bench):
+    assert sensors(bench, common.MAV_SYS_STATUS_GEOFENCE) == (False, False, True)
+
+
+def test_the_pose_is_healthy_while_it_is_known(bench):
+    ahrs = common.MAV_SYS_STATUS_AHRS
+    assert sensors(bench, ahrs) == (True, True, True)
+    assert sensors(bench, ahrs, theta_rad=math.nan) == (True, True, False)
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_the_guard_is_enabled_in_the_modes_in_which_it_slows_the_robot(bench, mode):
+    guard = common.MAV_SYS_STATUS_OBSTACLE_AVOIDANCE
+    for _ in range(60):
+        bench.step(bench.control(), bench.navigation(mode=mode))
+    status = bench.messages("SYS_STATUS")[-1]
+    is_enabled = bool(status.onboard_control_sensors_enabled & guard)
+    assert is_enabled == (mode not in {Mode.HOLD, Mode.MANUAL})
+    deaf = (math.nan, *[1.0] * 7)
+    assert sensors(bench, guard, sonar_m=deaf)[2] is False
 
 
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
@@ -516,7 +557,7 @@ def test_gyro_and_accelerometer_are_present_where_the_robot_has_them(imu, health
     bits = common.MAV_SYS_STATUS_SENSOR_3D_GYRO | common.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     for has_imu in (False, True):
         robot = TelemetryRobot(has_imu=has_imu)
-        (message,) = system_status(control_state(0, imu=imu), robot)
+        (message,) = system_status(control_state(0, imu=imu), robot, Found(True, True, True))
         assert message.onboard_control_sensors_present & bits == (bits if has_imu else 0)
         expected = bits if has_imu and healthy else 0
         assert message.onboard_control_sensors_health & bits == expected
