@@ -28,11 +28,15 @@ class Stream(NamedTuple):
     rate_hz
         How often it goes out to each peer until that asks for another rate [Hz]; 0 is
         off, None a message without a rate.
+    group
+        MAV_DATA_STREAM with which ArduPilot sends it, for the older REQUEST_DATA_STREAM; None: it
+        is in no group.
     """
 
     message_id: int
     build: Builder
     rate_hz: float | None
+    group: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

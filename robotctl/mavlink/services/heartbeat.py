@@ -1,10 +1,12 @@
-"""HEARTBEAT: once a second, the robot's type, mode and state.
+"""HEARTBEAT: the robot's type, mode and state, once a second and at once when they change.
 
 The robot claims to be an ArduPilot rover with its mode numbers, since that is what makes ground
 stations offer the functions of a rover.
 """
 
 from __future__ import annotations
+
+from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import common
 
@@ -15,6 +17,9 @@ from robotctl.messages.control import Mode, SafetyState
 from robotctl.messages.mavlink_port import Message
 
 INTERVAL_NS = 1_000_000_000
+
+SILENT_NS: Final = 500_000_000
+"""Silence of the control process after which nobody can say how the robot is [ns]."""
 
 MAV_STATES = {
     SafetyState.BOOT: common.MAV_STATE_BOOT,
@@ -36,49 +41,67 @@ MODE_FLAGS = {
 }
 
 
+class Condition(NamedTuple):
+    """What a HEARTBEAT says: MAV_MODE_FLAG bits, mode, MAV_STATE."""
+
+    flags: int
+    mode: Mode
+    state: int
+
+
 class Heartbeat(Microservice):
     """Sends HEARTBEAT to all peers of all links."""
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._next_ns = 0
+        self._told: Condition | None = None
 
     def streams(self) -> tuple[Stream, ...]:
         """Return HEARTBEAT, whose rate is fixed."""
         return (Stream(common.MAVLINK_MSG_ID_HEARTBEAT, self._build, None),)
 
     def step(self, now_ns: int) -> None:
-        """Send when a second is over; a late step does not lead to a burst."""
-        if now_ns >= self._next_ns:
+        """Send when a second is over, or what is to be said has changed.
+
+        A late step does not lead to a burst.
+        """
+        now = self.condition(now_ns)
+        is_due = now_ns >= self._next_ns
+        if is_due:
             following = self._next_ns + INTERVAL_NS
             self._next_ns = following if following > now_ns else now_ns + INTERVAL_NS
-            self._context.links.broadcast(self.message(now_ns))
+        if is_due or now != self._told:
+            self._told = now
+            self._context.links.broadcast(heartbeat(now))
 
     def _build(self, now_ns: int) -> list[Message]:
-        return [self.message(now_ns)]
+        return [heartbeat(self.condition(now_ns))]
 
-    def message(self, now_ns: int) -> Message:
-        """Return the present HEARTBEAT.
+    def condition(self, now_ns: int) -> Condition:
+        """Return the robot's present condition.
 
         Before the control process was heard the state is BOOT, after it fell silent CRITICAL and
         not armed: the motor controllers stop by themselves then.
         """
-        control = self._context.fresh_control(now_ns)
-        mode = self._context.mode(now_ns)
+        control, mode = self._context.control, self._context.mode(now_ns)
         flags = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | MODE_FLAGS[mode]
-        if control is not None:
-            state = MAV_STATES[control.state]
-            if control.state in ARMED_STATES:
-                flags |= common.MAV_MODE_FLAG_SAFETY_ARMED
-        elif self._context.control is None:
-            state = common.MAV_STATE_BOOT
-        else:
-            state = common.MAV_STATE_CRITICAL
-        return common.MAVLink_heartbeat_message(
-            common.MAV_TYPE_GROUND_ROVER,
-            common.MAV_AUTOPILOT_ARDUPILOTMEGA,
-            flags,
-            int(mode),
-            state,
-            3,  # mavlink_version, the value of both protocol versions
-        )
+        if control is None:
+            return Condition(flags, mode, common.MAV_STATE_BOOT)
+        if now_ns - control.stamp_ns > SILENT_NS:
+            return Condition(flags, mode, common.MAV_STATE_CRITICAL)
+        if control.state in ARMED_STATES:
+            flags |= common.MAV_MODE_FLAG_SAFETY_ARMED
+        return Condition(flags, mode, MAV_STATES[control.state])
+
+
+def heartbeat(condition: Condition) -> Message:
+    """Return a HEARTBEAT."""
+    return common.MAVLink_heartbeat_message(
+        common.MAV_TYPE_GROUND_ROVER,
+        common.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        condition.flags,
+        int(condition.mode),
+        condition.state,
+        3,  # mavlink_version, the value of both protocol versions
+    )

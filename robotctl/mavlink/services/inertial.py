@@ -20,7 +20,14 @@ class Inertial(Microservice):
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""
         rate_hz = self._context.config.rates.imu_hz
-        return (Stream(common.MAVLINK_MSG_ID_SCALED_IMU, self._build, rate_hz),)
+        return (
+            Stream(
+                common.MAVLINK_MSG_ID_SCALED_IMU,
+                self._build,
+                rate_hz,
+                common.MAV_DATA_STREAM_RAW_SENSORS,
+            ),
+        )
 
     def _build(self, now_ns: int) -> list[Message]:
         control = self._context.fresh_control(now_ns)

@@ -33,8 +33,18 @@ class Poses(Microservice):
         """Return the three messages, each with its configured rate."""
         rates = self._context.config.rates
         return (
-            Stream(common.MAVLINK_MSG_ID_ATTITUDE, self._attitude, rates.attitude_hz),
-            Stream(common.MAVLINK_MSG_ID_LOCAL_POSITION_NED, self._position, rates.position_hz),
+            Stream(
+                common.MAVLINK_MSG_ID_ATTITUDE,
+                self._attitude,
+                rates.attitude_hz,
+                common.MAV_DATA_STREAM_EXTRA1,
+            ),
+            Stream(
+                common.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+                self._position,
+                rates.position_hz,
+                common.MAV_DATA_STREAM_POSITION,
+            ),
             Stream(common.MAVLINK_MSG_ID_ODOMETRY, self._odometry, rates.odometry_hz),
         )
 

@@ -20,7 +20,14 @@ class Sonars(Microservice):
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""
         rate_hz = self._context.config.rates.sonar_hz
-        return (Stream(common.MAVLINK_MSG_ID_DISTANCE_SENSOR, self._build, rate_hz),)
+        return (
+            Stream(
+                common.MAVLINK_MSG_ID_DISTANCE_SENSOR,
+                self._build,
+                rate_hz,
+                common.MAV_DATA_STREAM_EXTRA3,
+            ),
+        )
 
     def _build(self, now_ns: int) -> list[Message]:
         control = self._context.fresh_control(now_ns)

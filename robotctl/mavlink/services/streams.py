@@ -1,7 +1,8 @@
 """Periodic messages: each at its own rate for each peer.
 
-A rate that a peer has asked for holds for that peer alone, and ends with it: when its connection is
-closed, its port is, or nothing has come from it for `SILENT_NS`.
+SET_MESSAGE_INTERVAL changes one, the older REQUEST_DATA_STREAM those of a group, as ArduPilot has
+them, or of all groups. A rate that a peer has asked for holds for that peer alone, and ends with
+it: when its connection is closed, its port is, or nothing has come from it for `SILENT_NS`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from robotctl.mavlink.config import MAX_RATE_HZ
 from robotctl.mavlink.context import Context
 from robotctl.mavlink.service import Microservice
 from robotctl.mavlink.services.heartbeat import INTERVAL_NS as BEAT_NS
-from robotctl.messages.mavlink_port import Peer
+from robotctl.messages.mavlink_port import Message, Peer
 
 SET_INTERVAL: int = common.MAV_CMD_SET_MESSAGE_INTERVAL
 GET_INTERVAL: int = common.MAV_CMD_GET_MESSAGE_INTERVAL
@@ -61,11 +62,26 @@ class _Plan:
 class Streams(Microservice):
     """Sends the streams of all services; a peer may change its own rates."""
 
+    handles = frozenset({common.MAVLINK_MSG_ID_REQUEST_DATA_STREAM})
     commands = frozenset({SET_INTERVAL, GET_INTERVAL})
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._plans: dict[Peer, _Plan] = {}
+
+    def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:
+        """Take REQUEST_DATA_STREAM, which has no answer."""
+        rate_hz = message.req_message_rate
+        is_off = not message.start_stop or not rate_hz
+        interval_ns = OFF if is_off else max(round(1e9 / rate_hz), SHORTEST_NS)
+        plan, streams = self._plan(peer, now_ns), self._context.catalogue.streams
+        for place, (message_id, rate) in enumerate(list(plan.rates.items())):
+            group = streams[message_id].group
+            is_wanted = message.req_stream_id in (group, common.MAV_DATA_STREAM_ALL)
+            # One that repeats its request, as many do, gets no more for it.
+            if group is not None and is_wanted and rate.interval_ns != interval_ns:
+                plan.rates[message_id] = _Rate(interval_ns, now_ns + place * PHASE_NS)
+                plan.is_asked_for = True
 
     def on_command(self, command: Command, now_ns: int) -> int:
         """Take SET_ and GET_MESSAGE_INTERVAL; DENIED where the message is not ours to send."""

@@ -43,7 +43,14 @@ class SystemStatus(Microservice):
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""
         rate_hz = self._context.config.rates.status_hz
-        return (Stream(common.MAVLINK_MSG_ID_SYS_STATUS, self._build, rate_hz),)
+        return (
+            Stream(
+                common.MAVLINK_MSG_ID_SYS_STATUS,
+                self._build,
+                rate_hz,
+                common.MAV_DATA_STREAM_EXTENDED_STATUS,
+            ),
+        )
 
     def _build(self, now_ns: int) -> list[Message]:
         context = self._context

@@ -19,7 +19,14 @@ class Wheels(Microservice):
     def streams(self) -> tuple[Stream, ...]:
         """Return the message with its configured rate."""
         rate_hz = self._context.config.rates.wheel_distance_hz
-        return (Stream(common.MAVLINK_MSG_ID_WHEEL_DISTANCE, self._build, rate_hz),)
+        return (
+            Stream(
+                common.MAVLINK_MSG_ID_WHEEL_DISTANCE,
+                self._build,
+                rate_hz,
+                common.MAV_DATA_STREAM_EXTRA3,
+            ),
+        )
 
     def _build(self, now_ns: int) -> list[Message]:
         control = self._context.fresh_control(now_ns)

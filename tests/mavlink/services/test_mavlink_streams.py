@@ -74,6 +74,34 @@ def test_each_safety_state_has_its_mav_state_and_armed_flag(bench, state, mav_st
     assert bool(beat.base_mode & common.MAV_MODE_FLAG_SAFETY_ARMED) == armed
 
 
+def test_a_heartbeat_goes_out_at_once_when_the_robot_is_armed_or_changes_its_mode(bench):
+    bench.step(bench.control(state=SafetyState.STANDBY), bench.navigation(mode=Mode.HOLD))
+    bench.take()
+    for state, mode in (
+        (SafetyState.ARMED, Mode.HOLD),
+        (SafetyState.ARMED, Mode.AUTO),
+        (SafetyState.FAULT, Mode.HOLD),
+    ):
+        for count in (1, 0, 0):
+            bench.step(bench.control(state=state), bench.navigation(mode=mode))
+            beats = bench.messages("HEARTBEAT")
+            assert len(beats) == count
+            armed = [bool(beat.base_mode & common.MAV_MODE_FLAG_SAFETY_ARMED) for beat in beats]
+            assert armed == [state is SafetyState.ARMED] * count
+            assert [beat.custom_mode for beat in beats] == [mode] * count
+
+
+def test_half_a_second_after_the_last_word_of_control_the_state_is_critical(bench):
+    bench.run(1.5, state=SafetyState.DRIVING)
+    bench.take()
+    silent_ns, beats = bench.now_ns, []
+    while not (beats and beats[-1].system_status == common.MAV_STATE_CRITICAL):
+        bench.step()
+        beats += bench.messages("HEARTBEAT")
+    assert 0.5e9 < bench.now_ns - silent_ns <= 0.54e9
+    assert not beats[-1].base_mode & common.MAV_MODE_FLAG_SAFETY_ARMED
+
+
 @pytest.mark.parametrize(
     ("mode", "number"),
     [(Mode.MANUAL, 0), (Mode.HOLD, 4), (Mode.AUTO, 10), (Mode.RTL, 11), (Mode.GUIDED, 15)],
@@ -417,6 +445,44 @@ def test_the_interval_of_the_heartbeat_is_told_and_is_one_second(bench):
         bench.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, 0, asked_us)
         bench.step()
         assert bench.messages("COMMAND_ACK")[0].result == result
+
+
+def ask_for_group(bench, group, rate_hz, start=1, peer=ONE):
+    bench.receive(
+        common.MAVLink_request_data_stream_message(1, 1, group, rate_hz, start), peer=peer
+    )
+
+
+def counts_of(bench, seconds):
+    """Return how often each stream comes."""
+    bench.take()
+    bench.receive(HEARTBEAT)
+    bench.run(seconds)
+    names = [message.get_type() for message, _ in bench.take()]
+    return {name: names.count(name) for name in STREAMS}
+
+
+def test_a_data_stream_is_the_group_of_messages_that_ardupilot_has_in_it(bench):
+    before = counts_of(bench, 5.0)
+    ask_for_group(bench, common.MAV_DATA_STREAM_EXTRA1, 20)
+    assert counts_of(bench, 5.0) == before | {"ATTITUDE": 100}
+    ask_for_group(bench, common.MAV_DATA_STREAM_POSITION, 2)
+    ask_for_group(bench, common.MAV_DATA_STREAM_EXTENDED_STATUS, 0)
+    now = before | {"ATTITUDE": 100, "LOCAL_POSITION_NED": 10, "SYS_STATUS": 0}
+    assert counts_of(bench, 5.0) == now
+    ask_for_group(bench, common.MAV_DATA_STREAM_ALL, 4)
+    in_groups = dict.fromkeys(STREAMS, 20) | {"DISTANCE_SENSOR": 160}
+    assert counts_of(bench, 5.0) == in_groups | {"ODOMETRY": before["ODOMETRY"]}
+    ask_for_group(bench, common.MAV_DATA_STREAM_ALL, 4, start=0)
+    stopped = dict.fromkeys(STREAMS, 0)
+    assert counts_of(bench, 5.0) == stopped | {"ODOMETRY": before["ODOMETRY"]}
+
+
+def test_a_data_stream_asked_for_again_and_again_comes_no_more_often(bench):
+    for _ in range(100):
+        ask_for_group(bench, common.MAV_DATA_STREAM_ALL, 4)
+        bench.step(bench.control())
+    assert len(bench.messages("ATTITUDE")) <= 9
 
 
 def test_the_interval_of_a_message_that_comes_only_on_request_is_off(bench):
