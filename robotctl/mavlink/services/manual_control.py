@@ -1,12 +1,18 @@
-"""MANUAL_CONTROL: the sticks of a ground station, with ArduRover's axes.
+"""MANUAL_CONTROL and RC_CHANNELS_OVERRIDE: the sticks of a ground station, as ArduRover's.
 
 z (throttle) drives, positive forward, and y turns, positive to the right; x and r are ignored, as
 ArduRover ignores them (`handle_manual_control_axes` in Rover/GCS_MAVLink_Rover.cpp). Of both axes
 -1000 to 1000 is the whole travel and 0 is rest. An axis at 32767 is not given: as one at rest. A
 throttle of 500 is half ahead, as on ArduRover, whatever lever a ground station shows for it.
+
+Of RC_CHANNELS_OVERRIDE channel 1 turns and channel 3 drives, by ArduPilot's default calibration:
+1100 to 1900 us with rest within 30 us of 1500. A channel at 0 (released) or 65535 (ignored) is one
+at rest; where both are, the message says nothing about sticks.
 """
 
 from __future__ import annotations
+
+import math
 
 from pymavlink.dialects.v20 import common
 
@@ -20,11 +26,17 @@ from robotctl.messages.mavlink_port import Message, Peer
 NO_AXIS = frames.INT16_MAX
 FULL = 1000
 
+PULSES_US = range(800, 2201)
+"""Pulses that a receiver gives [us]; others are mistakes."""
+REST_US, DEAD_US, TRAVEL_US = 1500, 30, 400
+_NO_CHANNEL = (0, frames.UINT16_MAX)
+_OVERRIDE = common.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE
+
 
 class ManualControls(Microservice):
     """Turns sticks into requests that expire; `refused` counts messages out of range."""
 
-    handles = frozenset({common.MAVLINK_MSG_ID_MANUAL_CONTROL})
+    handles = frozenset({common.MAVLINK_MSG_ID_MANUAL_CONTROL, _OVERRIDE})
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -33,22 +45,47 @@ class ManualControls(Microservice):
         self._say_ns = 0
 
     def on_message(self, message: Message, peer: Peer, now_ns: int) -> None:  # noqa: ARG002
-        """Take one position of the sticks; the message names its target in a field of its own."""
+        """Take one position of the sticks."""
+        if message.get_msgId() == _OVERRIDE:
+            self._take_channels(message.chan3_raw, message.chan1_raw, now_ns)
+            return
+        # MANUAL_CONTROL names its target in a field of its own.
         if message.target not in (0, self._context.config.system_id):
             return
         throttle, steering = (0 if axis == NO_AXIS else axis for axis in (message.z, message.y))
         if max(abs(throttle), abs(steering)) > FULL:
-            self.refused += 1
-            if now_ns >= self._say_ns:
-                self._say_ns = now_ns + SAY_AGAIN_NS
-                found = f"z {message.z}, y {message.y}"
-                self._context.say(now_ns, f"Sticks: {found}: allowed -{FULL} to {FULL}")
+            found = f"z {message.z}, y {message.y}"
+            self._refuse(f"{found}: allowed -{FULL} to {FULL}", now_ns)
             return
-        self._context.requests.append(
-            ManualControl(
-                now_ns,
-                now_ns + self._life_ns,
-                throttle / FULL,
-                frames.stick_turn(steering),
-            )
-        )
+        self._drive(throttle, steering, now_ns)
+
+    def _take_channels(self, throttle_us: int, steering_us: int, now_ns: int) -> None:
+        """Take the pulses of two channels [us]."""
+        given = [each for each in (throttle_us, steering_us) if each not in _NO_CHANNEL]
+        if any(each not in PULSES_US for each in given):
+            found = f"channels 3 {throttle_us}, 1 {steering_us}"
+            self._refuse(f"{found}: allowed {PULSES_US[0]} to {PULSES_US[-1]}", now_ns)
+        elif given:
+            self._drive(_axis(throttle_us), _axis(steering_us), now_ns)
+
+    def _refuse(self, why: str, now_ns: int) -> None:
+        """Count sticks that are no sticks, and say so once in a while."""
+        self.refused += 1
+        if now_ns >= self._say_ns:
+            self._say_ns = now_ns + SAY_AGAIN_NS
+            self._context.say(now_ns, f"Sticks: {why}")
+
+    def _drive(self, throttle: int, steering: int, now_ns: int) -> None:
+        """Ask for what both axes say, each -1000 to 1000: ahead, and to the right."""
+        expires_ns, turn = now_ns + self._life_ns, frames.stick_turn(steering)
+        self._context.requests.append(ManualControl(now_ns, expires_ns, throttle / FULL, turn))
+
+
+def _axis(pulse_us: int) -> int:
+    """Return a channel as an axis of MANUAL_CONTROL."""
+    if pulse_us in _NO_CHANNEL:
+        return 0
+    off_us = pulse_us - REST_US
+    beyond_us = min(max(abs(off_us) - DEAD_US, 0), TRAVEL_US - DEAD_US)
+    share = beyond_us / (TRAVEL_US - DEAD_US)
+    return round(math.copysign(share * FULL, off_us))

@@ -287,6 +287,52 @@ def test_sticks_out_of_range_are_said_once_in_a_while(bench):
     assert "".join(bench.texts()) == "Sticks: z 0, y -1001: allowed -1000 to 1000"
 
 
+def channels(steering=0, throttle=0, target=1):
+    return common.MAVLink_rc_channels_override_message(
+        target, 1, steering, 1900, throttle, 1900, 0, 0, 0, 0
+    )
+
+
+@pytest.mark.parametrize(
+    ("message", "forward", "turn"),
+    [
+        (channels(1500, 1900), 1.0, 0.0),
+        (channels(1500, 1100), -1.0, 0.0),
+        (channels(1900, 1500), 0.0, -1.0),  # right
+        (channels(1500, 2000), 1.0, 0.0),
+        (channels(1530, 1470), 0.0, 0.0),
+        (channels(0, 1715), 0.5, 0.0),
+        (channels(65535, 1285), -0.5, 0.0),
+        (channels(1285, 0), 0.0, 0.5),
+    ],
+)
+def test_the_channels_of_a_remote_control_drive_and_turn_as_on_ardurover(
+    bench, message, forward, turn
+):
+    bench.receive(message)
+    (request,) = bench.step()
+    assert (request.forward, request.turn) == pytest.approx((forward, turn))
+    assert request.expires_ns - request.stamp_ns == 500_000_000 - TRANSPORT_NS
+
+
+@pytest.mark.parametrize(
+    "message",
+    [channels(0, 0), channels(65535, 0), channels(1500, 1900, target=2)],
+    ids=["released", "ignored and released", "other target"],
+)
+def test_channels_that_are_not_given_say_nothing(bench, message):
+    bench.receive(message)
+    assert bench.step() == []
+    assert bench.texts() == []
+
+
+def test_channels_out_of_range_are_refused(bench):
+    bench.receive(channels(1500, 2201))
+    bench.receive(channels(1, 1900))
+    assert bench.step() == []
+    assert "".join(bench.texts()) == "Sticks: channels 3 2201, 1 1500: allowed 800 to 2200"
+
+
 OFFSET = 7
 EAST, NORTH, SOUTH_WEST = 0.0, math.pi / 2, -3 * math.pi / 4
 
